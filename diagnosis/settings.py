@@ -59,6 +59,10 @@ class Settings:
         0.025, "of the mean", "further error of that spread", "judged",
         "opened cases of a foreign engine",
     )  # fmt: skip
+    odd_spread: float = constant(
+        0.1, "probability", "that a spread is off by a factor of e, whatever the cause", "judged",
+        "few shifts of a distribution with two modes are often all of one",
+    )  # fmt: skip
     late_known: float = constant(
         24.0, "shifts", "number of shifts that a simulated share of late or engaged ones counts as",
         "judged", "opened cases of a foreign engine",
@@ -100,7 +104,7 @@ class Settings:
         0.7, "of the variance", "share of it that neighbouring points have in common", "judged", ""
     )
     unlisted_lengths: tuple[float, ...] = constant(
-        (0.5, 1.5), "of ln force and ln mismatch", "lengths over which that is alike", "judged",
+        (1.0,), "of ln force and ln mismatch", "lengths over which that is alike", "judged",
         "from a neighbour to the whole table",
     )  # fmt: skip
     reversed_known: float = constant(

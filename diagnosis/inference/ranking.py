@@ -13,6 +13,7 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
@@ -32,11 +33,11 @@ HOPELESS = 60.0  #: nats below the best, from which no simulation is tried
 JOINT_WITHIN = 7.0  #: nats below the best, in which sets are simulated together
 #: Sets of effects and draws of each that are simulated together, round by round: many sets at few
 #: draws, so that none is excluded unseen, then those that stay plausible.
-JOINT_ROUNDS = ((6, 2), (2, 5))
-DOUBT = 1.0  #: of a point's own errors, emulation from which a set is simulated
+JOINT_ROUNDS = {2: ((4, 2), (1, 4)), 3: ((2, 2), (1, 3))}
+DOUBT = 0.7  #: of a point's own errors, emulation from which a set is simulated
 OPTIMISTIC = 2.5  #: stated errors of effects together within which a mean may lie
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
-OPEN = 96  #: draws of a hypothesis on which something unlisted is put
+OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 
 
 @dataclass(frozen=True)
@@ -124,25 +125,24 @@ class _Search:
             )
 
     def distance(self, p: Predicted) -> Array:
-        """Compute squared distances of predicted means from the data, (m,)."""
+        """Compute squared distances of predicted means from the data, optimistic, (m,)."""
         some, seen = self.likelihood.having, self.likelihood.seen
-        simulated = (p.mean - p.delay)[:, some]
-        gaps = (seen.mean[some] - p.mean[:, some]) / np.maximum(simulated, 1e-3)
-        return np.asarray(((gaps @ self._white) ** 2).sum(axis=1))
+        gap = seen.mean[some] - p.mean[:, some]
+        wide = OPTIMISTIC * np.hypot(p.common, p.emulated)[:, some]
+        simulated = np.maximum((p.mean - p.delay)[:, some], 1e-3)
+        scaled = (gap - np.clip(gap, -wide, wide)) / simulated
+        return np.asarray(((scaled @ self._white) ** 2).sum(axis=1))
 
-    @property
+    @cached_property
     def _white(self) -> Array:
-        if not hasattr(self, "_whitening"):
-            like, some = self.likelihood, self.likelihood.having
-            base = like.model.predict(NONE, np.zeros((1, 0)))
-            simulated = (base.mean - base.delay)[0, some]
-            own = base.sd[0, some] ** 2 / np.maximum(like.seen.count[some], 1.0)
-            relative = own / simulated**2 + 0.02**2
-            columns = np.hstack([like.settings.discrepancy * like.smooth, like.shared])[some]
-            self._whitening = np.linalg.inv(
-                np.linalg.cholesky(np.diag(relative) + columns @ columns.T)
-            ).T
-        return self._whitening
+        """Matrix that whitens relative gaps, (c, c)."""
+        like, some = self.likelihood, self.likelihood.having
+        base = like.model.predict(NONE, np.zeros((1, 0)))
+        simulated = (base.mean - base.delay)[0, some]
+        own = base.sd[0, some] ** 2 / np.maximum(like.seen.count[some], 1.0)
+        columns = np.hstack([like.settings.discrepancy * like.smooth, like.shared])[some]
+        whole = np.diag(own / simulated**2 + 0.02**2) + columns @ columns.T
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)).T)
 
     def value(self, h: Hypothesis) -> float:
         return self.samples[h].log_evidence + self.priors[h]
@@ -163,9 +163,9 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, ROUNDS[step], self.generator
             )
 
-    def join(self) -> None:
-        """Simulate plausible sets of several effects together, and sample them again."""
-        for sets, draws in JOINT_ROUNDS:
+    def join(self, size: int) -> None:
+        """Simulate plausible sets of so many effects or fewer, and sample them again."""
+        for sets, draws in JOINT_ROUNDS[size]:
             model = self.likelihood.model
             chosen = self.waiting(draws)[:sets]
             if not chosen:
@@ -179,13 +179,20 @@ class _Search:
                 columns = model.acting_columns(model.space(h))
                 model = model.with_joint(acting, shares[:, columns], np.array(times))
             self.likelihood = replace(self.likelihood, model=model)
-            known = {model.acting(h) for h in chosen}
-            changed = [h for h in self.samples if model.acting(h) in known and REVERSED not in h]
+            changed = [h for h in self.samples if self.touched(h, chosen)]
             self.screen(changed)
             for h in changed:
                 self.samples[h] = refined(
                     self.likelihood, self.samples[h], self.more, ROUNDS[1], self.generator
                 )
+
+    def touched(self, h: Hypothesis, simulated: Sequence[Hypothesis]) -> bool:
+        """Check that a set is predicted by effects that were simulated, and is not hopeless."""
+        acting = self.likelihood.model.acting(h)
+        every = {self.likelihood.model.acting(one) for one in simulated}
+        single = {one[0] for one in every if len(one) == 1}
+        near = self.value(h) > max(map(self.value, self.samples)) - 0.5 * HOPELESS
+        return REVERSED not in h and (acting in every or (near and bool(single & set(acting))))
 
     def waiting(self, draws: int) -> list[Hypothesis]:
         """List the sets to simulate together, the most promising first; one of equal acting sets."""
@@ -204,20 +211,21 @@ class _Search:
             hopes[acting] = max(hopes.get(acting, (-np.inf, h)), (hope, h))
         return [h for _, h in sorted(hopes.values(), reverse=True)]
 
-    def optimistic(self, one: Sample) -> Array:
-        """Compute log likelihoods as if effects together had the means that suit the data, (n,)."""
-        wide = OPTIMISTIC * np.hypot(one.predicted.common, one.predicted.emulated)
-        seen = self.likelihood.seen
-        gap = np.where(seen.having, seen.mean - one.predicted.mean, 0.0)
-        moved = replace(one.predicted, mean=one.predicted.mean + np.clip(gap, -wide, wide))
-        log = self.likelihood.terms(moved).log + self.more(one.hypothesis, one.shares)
-        return np.where(np.isfinite(one.log), log, -np.inf)
+    def optimistic(self, one: Sample) -> tuple[Array, Array]:
+        """Compute log likelihoods as if emulated means suited the data: places and logs, (k,)."""
+        places = one.log.argsort()[::-1][:OPEN]
+        p, seen = one.predicted.only(places), self.likelihood.seen
+        wide = OPTIMISTIC * np.hypot(p.common, p.emulated)
+        gap = np.where(seen.having, seen.mean - p.mean, 0.0)
+        moved = replace(p, mean=p.mean + np.clip(gap, -wide, wide))
+        log = self.likelihood.terms(moved).log + self.more(one.hypothesis, one.shares[places])
+        return places, np.where(np.isfinite(one.log[places]), log, -np.inf)
 
     def hope(self, h: Hypothesis) -> float:
         """Estimate what evidence and prior may come to once effects are simulated together."""
         one = self.samples[h]
         spent = 1.5 * one.shares.shape[1]
-        return max(self.value(h), float(self.optimistic(one).max()) - spent + self.priors[h])
+        return max(self.value(h), float(self.optimistic(one)[1].max()) - spent + self.priors[h])
 
     def uncertain(self, h: Hypothesis) -> bool:
         """Check that emulation errs by more than scatter and other errors of a point."""
@@ -230,10 +238,10 @@ class _Search:
     def promising(self, h: Hypothesis, draws: int) -> Array:
         """Choose draws with much likelihood that lie apart, (K, p)."""
         one = self.samples[h]
-        log = self.optimistic(one)
+        near, log = self.optimistic(one)
         best = log.argsort()[::-1][: 8 * draws]
         best = best[log[best] > log[best[0]] - 10.0]
-        places = one.shares[best]
+        places = one.shares[near[best]]
         chosen = [0]
         near = np.linalg.norm(places - places[0], axis=1)
         while len(chosen) < min(draws, len(places)):
@@ -275,14 +283,14 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     search.refine(0)
     compiled = likelihood.bench.clutch.solver.engine == "planar"
     if compiled:
-        search.join()
+        search.join(2)
     search.refine(1)
     if likelihood.settings.most > 2:
         thirds = search.thirds()
         search.screen(thirds)
         search.refine(1, thirds)
         if compiled:
-            search.join()
+            search.join(3)
     search.refine(2)
     found = Ranking(search.likelihood, search.samples, search.priors, 0.0)
     priors = {

@@ -51,7 +51,8 @@ NUISANCES = ("contact_dissipation", "contact_stiffness")
 FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
-MISSED = 0.7  #: error of an interpolation over what it misses without the node
+#: Error of an interpolation over what it misses without the node, along a line and in a plane.
+MISSED = (0.35, 0.6)
 MOST_MISSED = 0.5  #: of the change, the largest error
 SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
 ENOUGH_LATE = 8  #: late shifts from which their delays are known
@@ -61,6 +62,7 @@ COMBINED = 0.4  #: error of changes that add, over what they differ by from thos
 LEAST_PART = 0.5  #: of the product, below which added changes of shorter times do not fall
 LENGTH, NUGGET = 0.4, 0.05  #: of residuals of joint levels over the unit cube: length, noise share
 MOMENTS = 4
+RECENT = 256  #: results that are kept
 TRIED = 7  #: values of each parameter at which the range of an effect is examined
 
 
@@ -334,41 +336,78 @@ class Model:
         """Effects that change the reading of a shift alone."""
         return frozenset(n for n, e in self.effects.items() if reads_only(e, self.setting))
 
-    def possible(self, hypothesis: Hypothesis, shares: Array) -> Array:
+    def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
         space = self.space(hypothesis)
-        values = space.values(shares)
-        found = np.ones(len(values), dtype=bool)
+        found = np.ones(len(shares), dtype=bool)
         for effect in space.effects:
-            if effect.name in self._bounded:
-                mine = values[:, space.columns(effect.name)]
-                names = [p.name for p in effect.parameters]
+            mine = shares[:, space.columns(effect.name)]
+            low, high = self._ends[effect.name]
+            if len(effect.parameters) == 1:
+                found &= (mine[:, 0] >= low) & (mine[:, 0] <= high)
+            elif low > high:
                 for k in np.flatnonzero(found):
-                    given = dict(zip(names, mine[k].tolist(), strict=True))
-                    found[k] = effect.possible(self.setting, given)
+                    found[k] = self._exists(effect, mine[k].tolist())
         return found
 
     @cached_property
-    def _bounded(self) -> frozenset[str]:
-        """Effects of which some values within the range give no bench."""
-        found = set()
+    def _ends(self) -> dict[str, tuple[float, float]]:
+        """Ends of the range of which there is a bench; (1, 0) for a plane that has holes."""
+        ticks, found = np.linspace(0.0, 1.0, TRIED).tolist(), {}
         for name, effect in self.effects.items():
-            ticks = np.linspace(0.0, 1.0, TRIED).tolist()
-            for row in itertools.product(*[ticks] * len(effect.parameters)):
-                given = {p.name: p.at(s) for p, s in zip(effect.parameters, row, strict=True)}
-                if not effect.possible(self.setting, given):
-                    found.add(name)
-                    break
-        return frozenset(found)
+            grid = list(itertools.product(*[ticks] * len(effect.parameters)))
+            there = [row for row in grid if self._exists(effect, row)]
+            found[name] = (0.0, 1.0) if len(there) == len(grid) else (1.0, 0.0)
+            if len(effect.parameters) == 1 and len(there) < len(grid):
+                ends = [
+                    self._end(effect, one[0], out)
+                    for one, out in zip(there[:: len(there) - 1 or 1][:2], (-1, 1))
+                ]
+                found[name] = ends[0], ends[-1]
+        return found
+
+    def _end(self, effect: Effect, inside: float, side: int) -> float:
+        """Find the end of the range of which there is a bench, by halving."""
+        outside = inside + side / (TRIED - 1.0)
+        if not 0.0 <= outside <= 1.0:
+            return inside
+        for _ in range(20):
+            middle = 0.5 * (inside + outside)
+            if self._exists(effect, [middle]):
+                inside = middle
+            else:
+                outside = middle
+        return inside
+
+    def _exists(self, effect: Effect, shares: Sequence[float]) -> bool:
+        given = {p.name: p.at(s) for p, s in zip(effect.parameters, shares, strict=True)}
+        return effect.possible(self.setting, given)
 
     def changes(self, name: str, values: Array) -> tuple[Array, Array]:
-        """Compute changes of the moments (m, C, MOMENTS) and dead times (m, C) by an effect."""
-        effect = self.effects.get(name) or self.nuisances[name]
-        if name in self.read_only:
-            return self._read(effect, values)
+        """Compute changes of the moments (m, C, MOMENTS) and dead times (m, C) by an effect.
+
+        Hypotheses share prior draws of their effects, so recent results are kept.
+        """
+        key = name, values.shape, values.tobytes()
+        if key not in self._recent:
+            if len(self._recent) >= RECENT:
+                self._recent.clear()
+            effect = self.effects.get(name) or self.nuisances[name]
+            reads = name in self.read_only
+            self._recent[key] = (
+                self._read(effect, values) if reads else self._curve(name)[0](values)
+            )
+        return self._recent[key]
+
+    @cached_property
+    def _recent(self) -> dict[object, tuple[Array, Array]]:
+        return {}
+
+    def _curve(self, name: str) -> tuple[Callable[[Array], tuple[Array, Array]], Array]:
+        """Find the interpolator of an effect's changes, and its relative error."""
         if name not in self._curves:
-            self._curves[name] = self._curve(effect)
-        return self._curves[name][0](values)
+            self._curves[name] = self._fitted(self.effects.get(name) or self.nuisances[name])
+        return self._curves[name]
 
     @cached_property
     def _curves(self) -> dict[str, tuple[Callable[[Array], tuple[Array, Array]], Array]]:
@@ -376,13 +415,9 @@ class Model:
 
     def missed(self, name: str) -> Array:
         """Find the error of an effect's interpolated change of ln mean over that change, (C,)."""
-        if name in self.read_only:
-            return np.zeros(self.cells)
-        if name not in self._curves:
-            self._curves[name] = self._curve(self.effects.get(name) or self.nuisances[name])
-        return self._curves[name][1]
+        return np.zeros(self.cells) if name in self.read_only else self._curve(name)[1]
 
-    def _curve(self, effect: Effect) -> tuple[Callable[[Array], tuple[Array, Array]], Array]:
+    def _fitted(self, effect: Effect) -> tuple[Callable[[Array], tuple[Array, Array]], Array]:
         """Build the interpolator of an effect's changes, and its relative error, (C,)."""
         x, whole = self._nodes(effect)
         at = _interpolator(x, whole)
@@ -392,7 +427,8 @@ class Model:
             own = whole[:, :size].reshape(-1, self.cells, MOMENTS)[..., 0]
             left = np.array([own[k] - _without(x, own, k) for k in _inner(x)])
             scale = np.maximum(abs(own).mean(axis=0), 1e-3)
-            missed = np.clip(abs(left).mean(axis=0) / scale, 0.0, MOST_MISSED) * MISSED
+            part = MISSED[min(x.shape[1], 2) - 1]
+            missed = part * np.clip(abs(left).mean(axis=0) / scale, 0.0, MOST_MISSED)
 
         def changes(values: Array) -> tuple[Array, Array]:
             found = at(self._coordinates(effect, values))
@@ -421,7 +457,7 @@ class Model:
         neutral = effect.neutral(self.setting)
         first = effect.parameters[0]
         ends = [{**neutral, p.name: v} for p in effect.parameters[1:] for v in (p.low, p.high)]
-        if not all(
+        if not ends or not all(
             effect.possible(self.setting, given)
             and effect.apply(self.setting, given) == self.setting
             for given in ends

@@ -12,7 +12,7 @@ from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.record import BenchRecord
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import COLUMNS
-from dogshape.diagnosis.inference.shift_plan import ShiftPlan, field_of, shift_plan
+from dogshape.diagnosis.inference.shift_plan import Field, ShiftPlan, field_of, shift_plan
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
@@ -36,7 +36,7 @@ class Wanted:
 def points_from(where: str | Path) -> Bench:
     """Return the operating points and the clutch of a data set, or of a study.
 
-    A plan uses no times of a data set.
+    Times of a data set are kept and not looked at by a plan.
 
     Raises
     ------
@@ -74,12 +74,16 @@ def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
             f"number of operating points is {wanted.points}, but {bench.name} has "
             f"{len(bench.cells)}; give 1 to {len(bench.cells)}"
         )
+    return shift_plan(predicted_field(bench, means), wanted.shifts, wanted.seed, wanted.points)
+
+
+def predicted_field(bench: Bench, means: Means) -> Field:
+    """Predict the effects at the operating points of a bench."""
     bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
     model = next(iter(models_of(bench, load(means.effects), means).values()))
     # A drift of the data set is none of the shifts that are planned.
     seen = replace(observe(bench, model), drift=None)
-    field = field_of(Likelihood(bench, seen, model, means.settings))
-    return shift_plan(field, wanted.shifts, wanted.seed, wanted.points)
+    return field_of(Likelihood(bench, seen, model, means.settings))
 
 
 def sheet(bench: Bench, plan: ShiftPlan) -> str:

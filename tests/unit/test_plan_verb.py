@@ -6,32 +6,30 @@ import csv
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.inference.shift_plan import Field
 from dogshape.diagnosis.likelihood.observed import drift_of
-from dogshape.diagnosis.prediction.model import build_models
+from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.sim.bundled import bundled_root
 from tests.conftest import Said
-from tests.diagnosed import EFFECTS
-from tests.made_up import made_up
+from tests.fits import field_at
 
 Call = Callable[..., Said]
 
 
 @pytest.fixture
 def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clutch of closed form in the place of a bank, with two effects."""
+    """The toy in the place of a bank, at the operating points of the published tables."""
 
-    def models_of(bench: Any, effects: Any, means: Any) -> Any:
-        return build_models(bench, effects, means.settings, made_up)
+    def predicted_field(bench: Bench, means: Means) -> Field:
+        points = [cell.point for cell in bench.cells]
+        return field_at(("actuation_delay", "moving_mass"), points)
 
-    few = {n: EFFECTS[n] for n in ("actuation_delay", "moving_mass")}
-    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.models_of", models_of)
-    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.load", lambda _: few)
+    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.predicted_field", predicted_field)
 
 
 @pytest.mark.usefixtures("_toy")
@@ -54,7 +52,8 @@ def test_the_verb_plans_and_writes_a_table_to_fill_in(dogshape: Call, tmp_path: 
     lines = (tmp_path / "s.csv").read_text().splitlines()
     filled = [line.replace(",1,,,,", ",1,0.3,true,,") for line in lines]
     (tmp_path / "shifts.csv").write_text("\n".join(filled))
-    drift = drift_of(load_bench(tmp_path).cells, np.zeros(28))
+    cells = load_bench(tmp_path).cells
+    drift = drift_of(cells, np.ones(len(cells)))
     assert drift is not None
     assert (drift.first, drift.last) == (1.0, 40.0)
     text = dogshape("gap", "plan", "mq200_paper", "--shifts", 40, "--points", 2).out
