@@ -12,6 +12,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
 from dogshape.diagnosis.bench.comparison import PointGap
+from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import Verdict
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
@@ -37,15 +38,6 @@ SIZES = {
     "compliance_mm_kN": (3.9, 0.2),
     "mass_behind_kg": (5.0, 0.5),
 }
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A mean with 90 %."""
-
-    mean: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -82,13 +74,7 @@ class Fit:
 
     def interval(self, name: str) -> Interval:
         """Find mean and 90 % of a parameter."""
-        return interval_of(self.values[:, [p.name for p in self.space.parameters].index(name)])
-
-
-def interval_of(values: Array) -> Interval:
-    """Compute mean and 90 % of draws."""
-    low, high = np.quantile(values, (0.05, 0.95)).tolist()
-    return Interval(float(values.mean()), low, high)
+        return Interval.of(self.values[:, [p.name for p in self.space.parameters].index(name)])
 
 
 def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
@@ -136,7 +122,7 @@ def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **
     )
     sizes = {
         name: {
-            one.name: interval_of(
+            one.name: Interval.of(
                 np.concatenate([f.values[:, f.space.columns(name)][:, k] for h, f in fits.items()
                                 if name in h])
             )

@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.sense import REVERSED
-from dogshape.diagnosis.diagnosis import Diagnosis, Fit
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.terms import Hypothesis
 from dogshape.pipeline.diagnose.bench_study import rounded
 from dogshape.pipeline.diagnose.effect_keys import EffectKeys
@@ -71,6 +72,7 @@ def drawn_from(
                         )
                     }
                     for name in hypothesis
+                    if found.effects[name].parameters
                 },
             )
         )
