@@ -128,9 +128,9 @@ def _announced(means: Means, left: int, there: int) -> str:
     lasts = about((left - there) * COST[means.engine] / workers_of(means.jobs))
     kept = f" ({there} more are there from a run that was stopped)" if there else ""
     return (
-        f"the bank of this clutch lacks {left - there} shifts{kept}. To simulate them takes {lasts} "
-        f"with {workers_of(means.jobs)} workers, once; kept in {means.bank} for this and later "
-        "diagnoses"
+        f"the bank of this clutch lacks {left - there} shifts{kept}. To simulate them takes "
+        f"{lasts} with {workers_of(means.jobs)} workers, once; kept in {means.bank} for this and "
+        "later diagnoses"
     )
 
 
