@@ -36,7 +36,7 @@ class Wanted:
 def points_from(where: str | Path) -> Bench:
     """Return the operating points and the clutch of a data set, or of a study.
 
-    Times of a data set are kept and not looked at by a plan.
+    A plan uses no times of a data set.
 
     Raises
     ------
