@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.record import BenchRecord
 from dogshape.diagnosis.bench.sense import REVERSED, Sense, forward, turned
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
@@ -52,7 +53,7 @@ def _signed(blocks: Sequence[Block]) -> list[list[Record]]:
 
 
 def _with_sense(bench: Bench, sense: Sense) -> Bench:
-    record = replace(bench.record, sense=sense, displacement_at="sleeve")
+    record = BenchRecord("command", "sleeve", "not_made", sense)
     return replace(bench, record=record)
 
 
@@ -85,7 +86,7 @@ def test_a_known_sense_costs_a_baseline_alone() -> None:
     assert model.turned is not None
     assert set(model.turned.effects) == {"actuation_delay", "relative_angle"}
     times = model.turned.simulated
-    assert (times.times == times.base).all()
+    assert times.times == pytest.approx(np.broadcast_to(times.base, times.times.shape))
 
 
 def test_hypotheses_of_both_senses_and_their_priors() -> None:
