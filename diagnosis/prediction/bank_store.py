@@ -96,12 +96,7 @@ class BankStore:
 
 def series_key(block: Block) -> str:
     """Return the key of a block: its angles are even, so the first and their number are enough."""
-    return key_from(block.only([0]).keys[0], len(block.angles))
-
-
-def key_from(first: str, count: int) -> str:
-    """Return the key of a series by that of its first shift and their number."""
-    return content_key({"first": first, "n": count, **engine()})
+    return content_key({"first": block.first_key, "n": len(block.angles), **engine()})
 
 
 def _kept(rows: Sequence[Record]) -> Record:

@@ -44,6 +44,11 @@ class Block:
         """Content keys of the block's shifts, in the order of the angles."""
         return [content_key(given) for given in self.inputs]
 
+    @cached_property
+    def first_key(self) -> str:
+        """Content key of the first shift."""
+        return self.only([0]).keys[0]
+
     @property
     def each_variant(self) -> tuple[Variant | None, ...]:
         """The draw of each angle, None where all is certain."""
