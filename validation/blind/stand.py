@@ -1,8 +1,8 @@
 r"""Stand of a blind check: content of ``bench.toml``, and the physics that it leaves out.
 
 Nothing here is taken from the simulation or from its effects: a stand is read from the keys of
-``bench.toml`` alone, and a *truth* is plain numbers that ``validation.blind.mujoco_shift`` gives to
-MuJoCo's own mechanisms. Neutral values change nothing.
+``bench.toml`` alone, and a *truth* is plain numbers that an engine gives to its own mechanisms.
+Neutral values change nothing.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from typing import Any
 
 from dogshape.sim.errors import DataError
 from dogshape.sim.units import DEG, MM, RPM
+
+FASTEST = 250.0 * RPM  #: mismatch at which a pump has lost all that it loses
+LEAST_FORCE = 1.0  #: N, of any shift
 
 
 @dataclass(frozen=True)
@@ -67,18 +70,25 @@ class Truth:
     Parameters
     ----------
     delay, lag : of the force, s.
-    force_factor, force_offset : of the force at the sleeve, the offset in N.
-    friction, damping, added_mass : of the ring along its shaft, N, N s/m, kg.
+    force_factor, force_loss : of the force at the sleeve, the loss in N.
+    rise_factor : of the rise time.
+    friction, damping, added_mass : of the ring along its shaft, N, N s/m, kg; with a linkage the
+        mass is behind it.
     compliance, free_play : between actuator and ring, m/N and m.
+    sensor : side of the linkage whose displacement is read, ``actuator`` or ``sleeve``.
     detent, detent_position : peak force in N and where in m.
     spline_friction, drag_torque : coefficient, and N m on the sliding ring.
+    inertia_factor : of the sliding side.
     static_friction, dynamic_friction : of the dogs, None as given.
-    dissipation, stiffness : of the contact, s/m and Pa/m, as the published one has them.
+    dissipation, stiffness, stiction : of the contact, s/m and Pa/m, as the published one has them,
+        and a factor of the stiction velocity.
     mismatch_offset, gap_offset, chamfer_offset : rad/s, m, rad.
     mismatch_factor : of the nominal mismatch.
     reversed : whether the rings turn past each other the other way round than the table says.
     concentration, centre : of the relative angles; the centre in pitches.
-    sticking : mean of a delay that is drawn anew for each shift (exponential), s.
+    sticking : mean of an exponential delay of the force, drawn for each shift, s.
+    hang, hang_time : share of the shifts whose force starts late, and by how much, s.
+    pump : share of the force that is lost at the largest mismatch; it grows with the mismatch.
     ripple, ripple_rate : amplitude of the output speed in rad/s, and 1/s.
     high_dog : height by which one dog stands out, m.
     stage, stage_time : share of the force that comes first, and for how long, s.
@@ -88,20 +98,24 @@ class Truth:
     delay: float = 0.0
     lag: float = 0.0
     force_factor: float = 1.0
-    force_offset: float = 0.0
+    force_loss: float = 0.0
+    rise_factor: float = 1.0
     friction: float = 0.0
     damping: float = 0.0
     added_mass: float = 0.0
     compliance: float = 0.0
     free_play: float = 0.0
+    sensor: str = "actuator"
     detent: float = 0.0
     detent_position: float = 0.5e-3
     spline_friction: float = 0.0
     drag_torque: float = 0.0
+    inertia_factor: float = 1.0
     static_friction: float | None = None
     dynamic_friction: float | None = None
     dissipation: float = 100.0
     stiffness: float = 5e11
+    stiction: float = 1.0
     mismatch_offset: float = 0.0
     mismatch_factor: float = 1.0
     reversed: bool = False
@@ -110,6 +124,9 @@ class Truth:
     concentration: float = 0.0
     centre: float = 0.0
     sticking: float = 0.0
+    hang: float = 0.0
+    hang_time: float = 0.0
+    pump: float = 0.0
     ripple: float = 0.0
     ripple_rate: float = 50.0
     high_dog: float = 0.0
@@ -121,6 +138,27 @@ class Truth:
     def linkage(self) -> bool:
         """Test that the actuator moves apart from the ring."""
         return self.compliance > 0.0 or self.free_play > 0.0
+
+    @property
+    def waiting(self) -> tuple[float, float]:
+        """Mean and standard deviation of how long the force waits, s."""
+        spread = self.hang_time * math.sqrt(self.hang * (1.0 - self.hang))
+        return self.sticking + self.hang * self.hang_time, math.hypot(self.sticking, spread)
+
+    def given(self, point: Point, fade: float = 1.0) -> Point:
+        """Compute the mismatch, force and rise that a shift really has at a nominal point.
+
+        ``fade`` is the share of the force that a drift has left.
+        """
+        sign = math.copysign(1.0, point.mismatch)
+        mismatch = self.mismatch_factor * point.mismatch + sign * self.mismatch_offset
+        share = fade * (1.0 - self.pump * min(1.0, abs(point.mismatch) / FASTEST))
+        force = (self.force_factor * point.force - self.force_loss) * share
+        return Point(
+            -mismatch if self.reversed else mismatch,
+            max(LEAST_FORCE, force),
+            self.rise_factor * point.rise,
+        )
 
 
 def read_stand(folder: Path) -> Stand:

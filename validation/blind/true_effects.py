@@ -37,7 +37,9 @@ class Range:
     def at(self, strength: float, upwards: bool) -> float:
         """Return the value at a strength in [0, 1], towards the upper or the lower end."""
         if self.log:
-            return float(self.low * (self.high / self.low) ** strength)
+            start = self.neutral if self.neutral > self.low else self.low
+            end = self.high if upwards or start == self.low else self.low
+            return float(start * (end / start) ** strength)
         end = self.high if upwards or self.neutral <= self.low else self.low
         return self.neutral + strength * (end - self.neutral)
 
@@ -59,20 +61,23 @@ RANGES: dict[str, tuple[Range, ...]] = {
     "actuation_lag": (Range("lag_s", 0.003, 0.45, True),),
     "axial_gap": (Range("gap_offset_mm", -0.8, 0.8),),
     "chamfer_angle": (Range("chamfer_offset_deg", -4.0, 4.0),),
-    "contact_dissipation": (Range("dissipation_s_m", 1.0, 300.0, True, 100.0),),
     "contact_friction": (
         Range("static_friction", 0.05, 0.45, neutral=0.30),
         Range("dynamic_friction", 0.03, 0.35, neutral=0.16),
     ),
-    "contact_stiffness": (Range("stiffness_Pa_m", 1e11, 2e13, True, 5e11),),
     "detent_force": (
         Range("detent_N", 10.0, 200.0, True),
         Range("position_mm", 0.5, 4.5, neutral=0.5, by_strength=False),
     ),
     "drag_torque": (Range("drag_Nm", 0.02, 8.0, True),),
+    "force_loss": (Range("loss_N", 2.0, 150.0, True),),
+    "force_rise": (Range("rise_factor", 0.4, 2.5, True, 1.0),),
     "force_scale": (Range("force_factor", 0.5, 1.5, neutral=1.0),),
     "free_play": (Range("free_play_mm", 0.05, 2.0, True),),
-    "linkage_compliance": (Range("compliance_mm_kN", 0.3, 35.0, True),),
+    "linkage_compliance": (
+        Range("compliance_mm_kN", 0.3, 35.0, True),
+        Range("mass_behind_kg", 0.03, 18.0, True),
+    ),
     "mismatch_speed": (
         Range("offset_rpm", -4.0, 4.0),
         Range("mismatch_factor", 0.75, 1.25, neutral=1.0),
@@ -84,6 +89,7 @@ RANGES: dict[str, tuple[Range, ...]] = {
     ),
     "reversed_mismatch": (),
     "sleeve_friction": (Range("friction_N", 3.0, 200.0, True),),
+    "sliding_inertia": (Range("inertia_factor", 1.1, 8.0, True, 1.0),),
     "spline_friction": (Range("spline_friction", 0.01, 0.3, True),),
     "viscous_damping": (Range("damping_Ns_m", 5.0, 1600.0, True),),
 }
@@ -94,10 +100,8 @@ FIELDS: dict[str, tuple[str, float]] = {
     "lag_s": ("lag", 1.0),
     "gap_offset_mm": ("gap_offset", MM),
     "chamfer_offset_deg": ("chamfer_offset", DEG),
-    "dissipation_s_m": ("dissipation", 1.0),
     "static_friction": ("static_friction", 1.0),
     "dynamic_friction": ("dynamic_friction", 1.0),
-    "stiffness_Pa_m": ("stiffness", 1.0),
     "detent_N": ("detent", 1.0),
     "position_mm": ("detent_position", MM),
     "drag_Nm": ("drag_torque", 1.0),
@@ -105,11 +109,13 @@ FIELDS: dict[str, tuple[str, float]] = {
     "free_play_mm": ("free_play", MM),
     "compliance_mm_kN": ("compliance", 1e-6),
     "offset_rpm": ("mismatch_offset", RPM),
-    # No parameter of the diagnosis: a force that is off by an amount.
-    "force_offset_N": ("force_offset", 1.0),
-    "added_mass_kg": ("added_mass", 1.0),
-    # No parameter of the diagnosis: the same effect otherwise.
     "mismatch_factor": ("mismatch_factor", 1.0),
+    "added_mass_kg": ("added_mass", 1.0),
+    # A mass behind a linkage is where added mass is; both add up.
+    "mass_behind_kg": ("added_mass", 1.0),
+    "loss_N": ("force_loss", 1.0),
+    "rise_factor": ("rise_factor", 1.0),
+    "inertia_factor": ("inertia_factor", 1.0),
     "concentration": ("concentration", 1.0),
     "centre_pitch": ("centre", 1.0),
     "friction_N": ("friction", 1.0),
@@ -124,48 +130,65 @@ SWITCHES = {"reversed_mismatch": "reversed"}
 OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
     "drift": lambda s: {"drift": min(0.95, 1.05 * s)},
     "sticking_valve": lambda s: {"sticking": 0.2 * s},
+    #: Every other shift waits for a valve that hangs.
+    "hanging_valve": lambda s: {"hang": 0.5, "hang_time": 0.15 * s},
+    "driven_pump": lambda s: {"pump": 0.97 * s},
     "speed_ripple": lambda s: {"ripple": 90.0 * RPM * s},
     "high_dog": lambda s: {"high_dog": 1.6 * MM * s},
     #: A fifth of the force is there before most rings have landed: the first stage lies below.
     "two_stages": lambda s: {"stage": 0.15 - 0.14 * s, "stage_time": 0.1 + 0.2 * s},
-    #: Times stand beside the wrong forces, in reverse order: the table's fault.
-    "swapped_column": lambda s: {},
+    #: Times stand beside the wrong forces or mismatches, in reverse order: the table's fault.
+    "swapped_forces": lambda s: {},
+    "swapped_speeds": lambda s: {},
+}
+
+#: Contact of the clutch, which no case has as a cause: factors of the published values, from and
+#: to, of which each case has its own.
+NUISANCES: dict[str, tuple[float, float]] = {
+    "stiffness": (0.5, 2.0),
+    "dissipation": (0.4, 1.5),
+    "stiction": (0.7, 1.3),
 }
 
 
 def values_of(effect: str, strength: float, generator: np.random.Generator) -> Values:
-    """Return the parameters of an effect of the list at a strength; the side is drawn.
+    """Draw the parameters of an effect of the list at a strength; the side is drawn.
 
-    Coefficients of friction go the same way, so that the dynamic one stays below. A parameter
-    with a neutral value inside a logarithmic prior goes towards the farther end.
+    Coefficients of friction go the same way, so that the dynamic one stays below.
     """
     upwards = bool(generator.random() < 0.5)
-    found = {}
-    for one in RANGES[effect]:
-        if not one.by_strength:
-            found[one.name] = one.anywhere(generator)
-        elif one.log and one.neutral > one.low:
-            down = math.log(one.neutral / one.low) > math.log(one.high / one.neutral)
-            end = one.low if down else one.high
-            found[one.name] = float(one.neutral * (end / one.neutral) ** strength)
-        else:
-            found[one.name] = one.at(strength, upwards)
-    return found
-
-
-def fields_of(parameters: Mapping[str, Values]) -> dict[str, Any]:
-    """Return fields of the truth from parameters by effect."""
-    switched = {SWITCHES[effect]: True for effect in parameters if effect in SWITCHES}
-    return switched | {
-        FIELDS[name][0]: FIELDS[name][1] * value
-        for values in parameters.values()
-        for name, value in values.items()
+    return {
+        one.name: one.at(strength, upwards) if one.by_strength else one.anywhere(generator)
+        for one in RANGES[effect]
     }
 
 
-def truth_of(parameters: Mapping[str, Values], outside: Mapping[str, float]) -> Truth:
-    """Return the truth with effects of the list and, by strength, things outside it."""
-    fields = fields_of(parameters)
+def contact_of(generator: np.random.Generator) -> dict[str, float]:
+    """Draw the contact of a case, fields of the truth."""
+    factors = {
+        name: float(low * (high / low) ** generator.random())
+        for name, (low, high) in NUISANCES.items()
+    }
+    plain = Truth()
+    return {name: factor * float(getattr(plain, name)) for name, factor in factors.items()}
+
+
+def truth_of(
+    parameters: Mapping[str, Values],
+    outside: Mapping[str, float],
+    contact: Mapping[str, float] | None = None,
+    sensor: str = "actuator",
+) -> Truth:
+    """Build the truth of effects of the list and, by strength, of things outside it.
+
+    ``contact`` are fields of the truth; ``sensor`` is the side of a linkage that is read.
+    """
+    fields: dict[str, Any] = {**(contact or {}), "sensor": sensor}
+    fields |= {SWITCHES[effect]: True for effect in parameters if effect in SWITCHES}
+    for values in parameters.values():
+        for name, value in values.items():
+            field, factor = FIELDS[name]
+            fields[field] = fields.get(field, 0.0) + factor * value
     for name, strength in outside.items():
         fields |= OUTSIDE[name](strength)
     return Truth(**fields)
