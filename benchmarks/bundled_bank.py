@@ -70,8 +70,9 @@ def main() -> None:
     effects, keys = load(None), list[str]()
     for name in SETS:
         # Whatever a set says: a copy of it may call its sense unknown.
-        bench = replace(load_bench(name), mismatch_sense="unknown")
-        bench = replace(bench, clutch=bench.clutch.with_engine("planar"))
+        bench = load_bench(name)
+        record = replace(bench.record, sense="unknown")
+        bench = replace(bench, clutch=bench.clutch.with_engine("planar"), record=record)
         banks_of(bench, effects, Means(bank=given.bank, jobs=given.jobs, progress=ProgressBar()))
         keys += blocks_by_key(plans_of(bench, effects))
     flights = FlightStore((given.bank / BUNDLED,))

@@ -35,7 +35,8 @@ def unseen() -> Bench:
     """Return the clutch at the published operating points, for the compiled engine."""
     bench = load_bench(PUBLISHED)
     clutch = load_bench(bundled_root() / "blind" / "fine").clutch
-    return replace(bench, clutch=clutch.with_engine("planar"), mismatch_sense="unknown")
+    record = replace(bench.record, sense="unknown")
+    return replace(bench, clutch=clutch.with_engine("planar"), record=record)
 
 
 def cpu() -> float:

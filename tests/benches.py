@@ -10,8 +10,9 @@ from pathlib import Path
 GOOD = Path(__file__).parent / "data" / "planar"
 
 SENSOR = """
-[sensor]
+[record]
 displacement_at = "actuator"
+[sensor]
 linkage_ratio = 3.1914
 linkage_efficiency = 0.80
 [[actuator_calibration]]

@@ -13,9 +13,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from dogshape.diagnosis.bench.clock import clock_step
 from dogshape.diagnosis.bench.corrections import Correction, corrected, parse
 from dogshape.diagnosis.bench.nominal_errors import EXACT, NominalErrors
 from dogshape.diagnosis.bench.reading import Cell, Reading, gather
+from dogshape.diagnosis.bench.record import UNSAID, BenchRecord
 from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.bench.slips import Finding, examine, impossible, require_no_slip
 from dogshape.diagnosis.bench.stand_file import (
@@ -43,10 +45,11 @@ class Bench:
 
     ``relative_angles`` are those of the bench in rad, where it says them. ``corrections`` are
     those that were asked for and made, ``warnings`` what looks odd in the corrected data.
-    ``mismatch_sense`` says whether the sign of the mismatch is known or was never noted.
+    ``record`` says time zero, place of the sensor, reading of empty cells, and sense of rotation.
     ``folder`` is where it was read from, None for one that was made otherwise. ``tests`` has what
     tests cost at this stand, and which it cannot do, ``margin`` the gap that needs nothing done,
     ``errors`` those of nominal force and mismatch, ``measured`` has results of direct tests.
+    ``clock_step`` is the step in s of which all times are multiples, 0 where there is none.
     """
 
     name: str
@@ -58,12 +61,18 @@ class Bench:
     calibration: tuple[Calibration, ...] = ()
     corrections: tuple[Correction, ...] = ()
     warnings: tuple[Finding, ...] = ()
-    mismatch_sense: Sense = "known"
+    record: BenchRecord = UNSAID
     folder: Path | None = None
     tests: tuple[TestTerms, ...] = ()
     margin: Margin = USUAL_MARGIN
     errors: NominalErrors = EXACT
     measured: tuple[Measured, ...] = ()
+    clock_step: float = 0.0
+
+    @property
+    def mismatch_sense(self) -> Sense:
+        """Sense of rotation, known or unknown."""
+        return self.record.sense
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -108,12 +117,13 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
         calibration=stand.calibration,
         corrections=asked,
         warnings=findings,
-        mismatch_sense=stand.mismatch_sense,
+        record=stand.record,
         folder=folder,
         tests=stand.tests,
         margin=stand.margin,
         errors=stand.errors,
         measured=stand.measured,
+        clock_step=clock_step(stand, sheet),
     )
 
 
@@ -166,7 +176,12 @@ def _reading(stand: Stand, sheet: Sheet, row: Row, asked: tuple[Correction, ...]
     rule = impossible(stand, row, asked)
     if rule:
         raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
-    return Reading(row.row, point, row.n, row.time, row.engaged, row.trace, row.sd, row.place)
+    n, engaged = row.n, row.engaged
+    if engaged is None and stand.record.empty_cells == "not_made":
+        n = 0
+    if engaged is None and stand.record.empty_cells == "failed":
+        engaged = False
+    return Reading(row.row, point, n, row.time, engaged, row.trace, row.sd, row.place)
 
 
 def setting_of(bench: Bench) -> Setting:

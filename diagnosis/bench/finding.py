@@ -14,7 +14,8 @@ class Finding:
     ``found`` says what the data have and what speaks against it, ``looks_like`` what explains
     it. ``way`` is the correction of ``quantity`` that would make it right, None where there is
     none. A ``certain`` one cannot be true as it stands and is refused; ``arguable`` tells
-    whether a user may say that it is right nevertheless.
+    whether a user may say that it is right nevertheless. ``remedy`` is what to do where neither
+    a correction nor the data set is.
     """
 
     quantity: str
@@ -23,6 +24,7 @@ class Finding:
     way: str | None = None
     certain: bool = False
     arguable: bool = True
+    remedy: str = ""
 
     @property
     def correction(self) -> str | None:
@@ -32,7 +34,7 @@ class Finding:
     @property
     def sentence(self) -> str:
         """Finding, probable cause and remedy in a sentence."""
-        return self.with_remedy(self._remedy)
+        return self.with_remedy(self.remedy or self._remedy)
 
     def with_remedy(self, remedy: str) -> str:
         """Return finding, probable cause and a remedy in a sentence."""

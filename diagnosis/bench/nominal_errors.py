@@ -1,4 +1,4 @@
-"""Standard uncertainties of nominal force and mismatch, as the table ``[errors]`` states them.
+"""Uncertainties of nominal force and mismatch and the clock's step, from the table ``[errors]``.
 
 *Systematic* ones are the same for the whole series, as that of a load cell's gain; those of *each
 point* are drawn anew with each setting, as what a valve or a drive stops at.
@@ -11,7 +11,7 @@ from pathlib import Path
 
 from dogshape.sim.clutch_tables import Section
 from dogshape.sim.errors import DataError, refusal
-from dogshape.sim.units import RPM
+from dogshape.sim.units import MS, RPM
 
 
 class ErrorSection(Section):
@@ -28,6 +28,7 @@ class ErrorTables(Section):
 
     systematic: ErrorSection | None = None
     each_point: ErrorSection | None = None
+    clock_step_ms: float | None = None
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,7 @@ MOST = {
     "mismatch_percent": (30.0, "%"),
     "mismatch_rpm": (1e3, "1/min"),
 }
+MOST_STEP = 100.0  #: ms, largest step of a clock: beyond, times are counts of two or three steps
 
 
 def nominal_errors(path: Path, given: ErrorTables | None) -> NominalErrors:
@@ -82,6 +84,18 @@ def nominal_errors(path: Path, given: ErrorTables | None) -> NominalErrors:
         if (section := getattr(given, kind)) is not None
     }
     return NominalErrors(**kinds)
+
+
+def stated_step(path: Path, given: ErrorTables | None) -> float | None:
+    """Read the step of the clock in s, None where none is stated; raises DataError."""
+    if given is None or given.clock_step_ms is None:
+        return None
+    if not 0.0 <= given.clock_step_ms <= MOST_STEP:
+        rule = f"it must lie between 0 and {MOST_STEP:g} ms"
+        remedy = "give the cycle of the controller that took the times, 0 for none"
+        where = f"{path}: errors.clock_step_ms"
+        raise DataError(refusal(where, given.clock_step_ms, "ms", rule, remedy))
+    return MS * given.clock_step_ms
 
 
 def _tolerance(path: Path, kind: str, given: ErrorSection) -> Tolerance:

@@ -14,7 +14,7 @@ from dogshape.sim.shift.clutch import OperatingPoint
 
 @dataclass(frozen=True)
 class Reading:
-    """One row: a shift, or ``n`` shifts at one operating point.
+    """One row: a shift, or ``n`` shifts at one operating point, 0 where none was made.
 
     ``time`` is the (mean) shift time in s, None where there is none. ``engaged`` is None
     where the source does not say; a time says that it engaged. ``row`` counts the lines of

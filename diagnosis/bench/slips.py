@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from dogshape.diagnosis.bench.clock import clock_findings
 from dogshape.diagnosis.bench.corrections import GIVEN, Correction, contradict, corrected
 from dogshape.diagnosis.bench.finding import Finding
 from dogshape.diagnosis.bench.stand_file import Stand
@@ -45,7 +46,7 @@ Check = Callable[[Stand, Sheet], Sequence[Finding]]
 CHECKS: tuple[Check, ...] = (
     axes_by_rise, axes_by_speed, bounds, force_by_calibration, early_times, trace_notes, trace_time,
     trace_clock, displacement, speeds, trace_force, trace_rest, repeated_rows, nearly_same_points,
-    short_traces,
+    short_traces, clock_findings,
 )  # fmt: skip
 
 
@@ -65,7 +66,7 @@ def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tup
             found.append(finding)
             if finding.certain:
                 settled.append(taken)
-                sheet = corrected(sheet, taken, stand.sensor)
+                sheet = corrected(sheet, taken, stand.sensor) if finding.way else sheet
     return tuple(found)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 import numpy as np
 from pydantic import Field
@@ -14,8 +14,14 @@ from dogshape.diagnosis.bench.nominal_errors import (
     ErrorTables,
     NominalErrors,
     nominal_errors,
+    stated_step,
 )
-from dogshape.diagnosis.bench.sense import Sense
+from dogshape.diagnosis.bench.record import (
+    UNSAID,
+    BenchRecord,
+    RecordSection,
+    require_no_moved_key,
+)
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.clutch_tables import (
     DogSection,
@@ -45,7 +51,6 @@ class _Contact(Section):
 
 
 class _Sensor(Section):
-    displacement_at: Literal["sleeve", "actuator"] = "sleeve"
     linkage_ratio: float | None = None
     linkage_efficiency: float | None = None
 
@@ -78,14 +83,14 @@ class _BenchFile(Section):
     shift_travel_mm: float
     relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
     corrections: list[str] = Field(default_factory=list)
-    mismatch_sense: Sense = "known"
     margin_percent: float | None = None
     margin_ms: float | None = None
     dog: DogSection
     sliding: SlidingSection
     output: OutputSection
     contact: _Contact
-    sensor: _Sensor | None = None
+    record: RecordSection = RecordSection()
+    sensor: _Sensor = _Sensor()
     actuator_calibration: list[_Calibration] = Field(default_factory=list)
     tests: list[_Test] = Field(default_factory=list)
     measured: list[_Measured] = Field(default_factory=list)
@@ -94,7 +99,7 @@ class _BenchFile(Section):
 
 @dataclass(frozen=True)
 class Sensor:
-    """Sensors of the stand and the places where they measure.
+    """Sensors of the stand: place that is simulated, and linkage to the sleeve.
 
     ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
     of its force that arrives; None where the data set does not say.
@@ -177,6 +182,7 @@ class Stand:
     """A data set without its shifts; ``relative_angles`` in rad, where it says them.
 
     ``corrections`` are those that the data set itself asks for, such as ``time=ms``.
+    ``clock_step`` is the stated step of the clock in s, None where nothing is stated.
     """
 
     name: str
@@ -186,11 +192,12 @@ class Stand:
     sensor: Sensor = Sensor()
     calibration: tuple[Calibration, ...] = ()
     corrections: tuple[str, ...] = ()
-    mismatch_sense: Sense = "known"
+    record: BenchRecord = UNSAID
     tests: tuple[TestTerms, ...] = ()
     margin: Margin = USUAL_MARGIN
     errors: NominalErrors = EXACT
     measured: tuple[Measured, ...] = ()
+    clock_step: float | None = None
 
 
 def load_stand(path: Path) -> Stand:
@@ -202,14 +209,15 @@ def load_stand(path: Path) -> Stand:
         source=file.source,
         clutch=_clutch(file),
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
-        sensor=_sensor(path, file.sensor or _Sensor()),
+        sensor=_sensor(path, file),
         calibration=tuple(_calibration(one) for one in file.actuator_calibration),
         corrections=tuple(file.corrections),
-        mismatch_sense=file.mismatch_sense,
+        record=file.record.record(),
         tests=tuple(_terms(path, one) for one in file.tests),
         margin=_margin(path, file),
         errors=nominal_errors(path, file.errors),
         measured=tuple(_measured(path, one) for one in file.measured),
+        clock_step=stated_step(path, file.errors),
     )
 
 
@@ -228,6 +236,7 @@ def _settings(path: Path) -> _BenchFile:
         raise DataError(
             f"{path} cannot be read: {error.strerror}; check path and rights"
         ) from error
+    require_no_moved_key(path, data)
     return validate(_BenchFile, data, str(path))
 
 
@@ -254,7 +263,8 @@ def _clutch(file: _BenchFile) -> Clutch:
     return Clutch(dog, both, contact, solver_for(contact), file.timeout_s, left)
 
 
-def _sensor(path: Path, given: _Sensor) -> Sensor:
+def _sensor(path: Path, file: _BenchFile) -> Sensor:
+    given = file.sensor
     limits = {"linkage_ratio": (0.01, 100.0), "linkage_efficiency": (0.01, 1.0)}
     for name, (low, high) in limits.items():
         value = getattr(given, name)
@@ -262,7 +272,8 @@ def _sensor(path: Path, given: _Sensor) -> Sensor:
             rule = f"it must lie between {low:g} and {high:g}"
             remedy = "correct it; the ratio is actuator travel over sleeve travel"
             raise DataError(f"{path}: " + refusal(f"sensor.{name}", value, "", rule, remedy))
-    return Sensor(given.displacement_at, given.linkage_ratio, given.linkage_efficiency)
+    place = "actuator" if file.record.displacement_at == "actuator" else "sleeve"
+    return Sensor(place, given.linkage_ratio, given.linkage_efficiency)
 
 
 def _margin(path: Path, file: _BenchFile) -> Margin:

@@ -14,6 +14,7 @@ from dogshape.diagnosis.bench.force_start import (
     scatter,
     smoothed,
 )
+from dogshape.diagnosis.bench.record import TimeZero
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.diagnosis.bench.table_slips import ends_early
@@ -24,6 +25,13 @@ from dogshape.sim.units import MM, RPM
 
 NEAR = 1.3  #: factor within which two readings of one quantity are taken as the same
 SETTLED = 0.25  #: s after the rise from which any delay of the force is over
+#: Explanations of times that begin before the force, by what the record says of their zero.
+BEFORE_FORCE: dict[TimeZero, str] = {
+    "unknown": "shift times that count from another instant than the force",
+    "command": "a dead time between command and force",
+    "force": "times that begin before the force, against record.time_zero = 'force'",
+}
+CLOSER = 0.5  #: share of the scatter about a constant below which that about a ratio explains more
 CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margin of a diagnosis
 REST_WAY = 0.02  #: of the axial gap, least displacement at rest that is said: the first flight mark
 REST_FORCE = 0.02  #: of the nominal force, least force at rest that is said: a load cell's error
@@ -147,7 +155,7 @@ def _begins_in_motion(trace: BenchTrace) -> bool:
 
 
 def trace_clock(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return traces whose force does not begin at time zero, or whose shifts end at other times."""
+    """Return traces of another time zero or rate than the table has, or of another end."""
     traced = [(row, row.trace) for row in sheet.rows if row.trace is not None]
     if not traced:
         return []
@@ -159,10 +167,14 @@ def trace_clock(stand: Stand, sheet: Sheet) -> list[Finding]:
     between = CLOCK + float(np.median(least))
     off = abs(start) > least
     over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
+    if ratio := _rate(end, took, between):
+        found = f"the travel of the traces ends at {ratio:.3g} times shift_time_s of their rows"
+        looks = "a recorder whose sample rate is not that of t_s, or a table whose clock runs wrong"
+        return [Finding("trace_time", f"{found} (median)", looks)]
     # A single start that the travel does not confirm is scatter of the fit.
     off &= (2 * off.sum() >= off.size) | (abs(late) > between) | over
     if off.any():
-        found, looks, way = _other_zero(start, late, off, between)
+        found, looks, way = _other_zero(stand, start, late, off, between)
         return [Finding("trace_time", found, looks, way, bool((off & over).any()))]
     middle = _median(late)
     if np.isnan(start).all():
@@ -173,9 +185,24 @@ def trace_clock(stand: Stand, sheet: Sheet) -> list[Finding]:
         looks += "from the first sample"
         return [Finding("trace_time", found, looks)]
     if abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
-        looks = "shift times that count from another instant than the force, or to another travel"
-        return [Finding("trace_time", _ends(middle), looks)]
+        looks = BEFORE_FORCE[stand.record.time_zero if middle < 0.0 else "unknown"]
+        return [Finding("trace_time", _ends(middle), f"{looks}, or to another travel")]
     return []
+
+
+def _rate(end: Ratios, took: Ratios, between: float) -> float | None:
+    """Return the ratio of the traces' times to the table's, None where a constant parts them.
+
+    ``end`` and ``took``, (traces,) in s; ``between`` is the least difference that is seen, s.
+    """
+    known = np.isfinite(end) & np.isfinite(took)
+    end, took = end[known], took[known]
+    ratio = _median(end / took)
+    if abs(ratio - 1.0) * _median(took) <= between:
+        return None
+    late = end - took
+    proportional, constant = abs(end - ratio * took), abs(late - _median(late))
+    return ratio if _median(proportional) < CLOSER * _median(constant) else None
 
 
 def _clock(stand: Stand, row: Row, trace: BenchTrace) -> tuple[float, float, float]:
@@ -192,7 +219,7 @@ def _clock(stand: Stand, row: Row, trace: BenchTrace) -> tuple[float, float, flo
 
 
 def _other_zero(
-    start: Ratios, late: Ratios, off: np.ndarray, least: float
+    stand: Stand, start: Ratios, late: Ratios, off: np.ndarray, least: float
 ) -> tuple[str, str, str | None]:
     """Describe traces with another time zero: what was found, probable cause, and correction.
 
@@ -208,7 +235,10 @@ def _other_zero(
         found += f"; {_ends(_median(late[off]))}"
         if abs(_median(late[off])) <= least:
             looks = "a dead time or slow rise of the force, or a zero that table and traces share"
-            return found, f"{looks}, which a diagnosis weighs", None
+            looks = f"{looks}, which a diagnosis weighs"
+            if stand.record.time_zero == "force":
+                looks = BEFORE_FORCE["force"]
+            return found, looks, None
         if abs(_median((late - start)[off])) > least:
             looks = "the recorder's clock, and shift times that count from another instant"
     if np.isnan(start).any():
@@ -240,7 +270,7 @@ def displacement(stand: Stand, sheet: Sheet) -> list[Finding]:
             else None
         ),
     )
-    most = 1.8 if stand.sensor.displacement_at == "actuator" else 1.15
+    most = 1.8 if stand.record.displacement_at == "actuator" else 1.15
     if not ratios.size or 0.9 <= np.median(ratios) <= most:
         return []
     middle = float(np.median(ratios))

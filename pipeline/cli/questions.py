@@ -34,6 +34,15 @@ def ask_yes(question: str, *, default: bool) -> bool:
         raise KeyboardInterrupt from None
 
 
+def ask_choice(question: str, choices: Sequence[str], default: str) -> str:
+    """Ask for one of some words."""
+    while True:
+        found = ask_text(f"{question}: {', '.join(choices)}", default)
+        if found in choices:
+            return found
+        say(f"give one of {', '.join(choices)}")
+
+
 def ask_number(question: str, default: Any) -> Any:
     """Ask for a number, whole where the default is; a decimal comma is taken as a point."""
     while True:

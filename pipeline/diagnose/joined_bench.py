@@ -27,6 +27,7 @@ from dogshape.diagnosis.bench.stand_file import Stand, load_stand
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC, Sheet, load_sheet
 from dogshape.pipeline.diagnose.new_readings import (
     require_no_copies,
+    require_one_clock,
     require_same_points,
     require_same_rises,
 )
@@ -150,6 +151,8 @@ def joined(folder: Path, new: Path, asked: Asked) -> Joined:
     if not any(one.startswith("points=") for one in asked.corrections):
         require_same_points(held, sheet)
     require_no_copies(held, sheet)
+    if stand.clock_step is None:
+        require_one_clock(held, sheet)
     target = folder / JOINING
     shutil.rmtree(target, ignore_errors=True)
     shutil.copytree(data, target)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from difflib import SequenceMatcher
 
+from dogshape.diagnosis.bench.clock import found_step, rows_off
 from dogshape.diagnosis.bench.near_points import NEAR, near_points
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.sim.errors import DataError, number
+from dogshape.sim.units import MS
 
 NEAR_RISE = 0.05  #: share by which rise times of one mismatch and force differ by rounding alone
 COPIED = 8  #: rows in a row that are there already, from which on they are copies
@@ -39,6 +41,19 @@ def require_same_points(held: Sheet, new: Sheet) -> None:
                 f"{number(row.force)} N, but there are {number(like.mismatch)} 1/min and "
                 f"{number(like.force)} N already, and other set values are another operating "
                 f"point; write the same, or ones that differ by more than {NEAR:.0%}"
+            )
+
+
+def require_one_clock(held: Sheet, new: Sheet) -> None:
+    """Raise DataError for times in the steps of a clock beside others that are finer."""
+    step = found_step(held) or found_step(new)
+    for one in (held, new):
+        if off := rows_off(one, step):
+            raise DataError(
+                f"{one.path}, row {off[0].row} has {number(off[0].time or 0.0)} s, but all single "
+                f"times of {(new if one is held else held).path} are multiples of "
+                f"{number(step / MS)} ms, and a data set has one clock; diagnose them apart, or "
+                "state errors.clock_step_ms = 0 in bench.toml and diagnose again"
             )
 
 

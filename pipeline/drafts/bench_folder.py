@@ -12,7 +12,7 @@ import shutil
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import ceil, gcd
+from math import ceil
 from pathlib import Path
 from statistics import fmean
 from typing import Any
@@ -39,7 +39,6 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 
 Row = dict[str, Any]  #: a table of a TOML file
-COARSE = 5e-3  #: s, step of a clock that is worth a word
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
 
 
@@ -76,10 +75,14 @@ class BenchDraft:
 
 
 def guessed(draft: BenchDraft) -> Row:
-    """Read the tables of a draft: readings of columns, rows and columns left out, and faults."""
+    """Read the tables of a draft: readings of columns, rows and columns left out, and faults.
+
+    ``empty`` counts the rows with neither a time nor an outcome.
+    """
     report = Report()
-    _tables(draft, report)
-    return {"columns": report.readings, "left_out": report.left_out, "faults": report.faults}
+    empty = _empty(_tables(draft, report))
+    return {"columns": report.readings, "left_out": report.left_out, "faults": report.faults,
+            "empty": empty}  # fmt: skip
 
 
 def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
@@ -184,19 +187,17 @@ def _table_rows(reader: TableReader) -> list[Row]:
         )
     for one in late:
         one["time"] = None
-    times = [round(1e6 * row["time"]) for row in rows if row["time"] is not None]
-    if len(times) > 5 and (step := gcd(*times)) >= COARSE * 1e6:
+    if silent := _empty(rows):
         report.assumed.append(
-            f"{path}: all times are multiples of {number(1e-3 * step)} ms, the step of a clock; "
-            "where it rounds up, their mean is half a step too long"
-        )
-    silent = sum(row["time"] is None and row["engaged"] is None for row in rows)
-    if silent:
-        report.assumed.append(
-            f"{path}: nothing is known of rows without a time ({silent}); a column engaged "
-            "with yes and no says which of them were tried and failed"
+            f"{path}: nothing is known of rows without a time ({silent}); record.empty_cells says "
+            "whether they were tried, or a column engaged of each with yes and no"
         )
     return rows
+
+
+def _empty(rows: list[Row]) -> int:
+    """Count the rows with neither a time nor an outcome."""
+    return sum(row["time"] is None and row["engaged"] is None for row in rows)
 
 
 def _places(rows: list[Row]) -> str:
@@ -371,9 +372,15 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
         files = ", ".join(f"{name} (SHA-256 {digest[:16]})" for name, digest in digests)
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
     if any(row["trace"] for row in rows):
-        said.append(
-            "the traces' displacement and force are those at the sleeve; [sensor] says otherwise"
+        said.append("the traces' displacement and force are referred to the sleeve")
+    said += [
+        f"{what} is unknown: --set record.{key}={one}, or {other}, states it"
+        for key, what, one, other in (
+            ("time_zero", "the event at which the times start", "command", "force"),
+            ("displacement_at", "the place of the displacement sensor", "sleeve", "actuator"),
         )
+        if f"record.{key}" not in given
+    ]
     if not any(key.startswith(("dog.", "sliding.", "output.")) for key in given):
         said.append(f"dogs, masses and inertias are those of '{source.name}': check bench.toml")
     if not any(key.startswith("contact.") for key in given):
@@ -382,13 +389,13 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
     said += filter(None, (moved, source.left_out))
     if "timeout_s" not in given:
         said.append(f"the stand gives up after {number(values['timeout_s'])} s")
-    if "mismatch_sense" not in given:
+    if "record.sense" not in given:
         signed = any(float(row["mismatch"]) < 0.0 for row in rows)
-        values["mismatch_sense"] = "known" if signed else "unknown"
+        values["record.sense"] = "known" if signed else "unknown"
         said.append(
             "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
             if signed
-            else "the sense of the mismatch is not known (mismatch_sense); a diagnosis weighs both"
+            else "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
         )
     whole = values | given
     if "dog.height_mm" in given or "dog.axial_gap_mm" in given:

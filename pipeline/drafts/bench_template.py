@@ -8,7 +8,6 @@ name = "my bench"
 source = "who measured it, when, and in which report"
 timeout_s = 1.0             # after which the stand gives a shift up
 shift_travel_mm = 4.65      # travel of the ring at which a shift counts as finished
-mismatch_sense = "unknown"  # "known" where the sign of mismatch_rpm was noted (docs/mismatch.md)
 
 [dog]
 count = 15
@@ -36,9 +35,14 @@ friction_velocity_m_s = 1.0 # read and not used
 stiffness_Pa_m = 5e11       # of the simulated contact, pressure per depth
 dissipation_s_m = 100.0     # what a blow loses, after Hunt and Crossley
 
-# Where the sensors sit, if the actuator does not act on the sleeve itself:
+[record]                    # what no table shows (docs/bench.md); "unknown" weighs all readings
+time_zero = "unknown"       # "command" or "force": from the force on, no dead time is named
+displacement_at = "unknown" # "sleeve" or "actuator": mass behind a soft linkage shows there only
+empty_cells = "unknown"     # "not_made" or "failed": failed shifts are evidence of blocking
+sense = "unknown"           # "known" where the sign of mismatch_rpm was noted (docs/mismatch.md)
+
+# The linkage, if the actuator does not act on the sleeve itself:
 # [sensor]
-# displacement_at = "actuator"
 # linkage_ratio = 3.2       # actuator travel over sleeve travel
 # linkage_efficiency = 0.8  # share of the force that arrives
 

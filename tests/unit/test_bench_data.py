@@ -116,7 +116,8 @@ def test_two_spellings_of_one_column_are_refused(folder: Path) -> None:
         load_bench(folder)
 
 
-def test_without_a_column_engaged_a_shift_without_time_is_unknown(folder: Path) -> None:
+def test_without_a_column_engaged_a_shift_without_time_is_unknown(tmp_path: Path) -> None:
+    folder = good_set(tmp_path, traces=False)
     (folder / "shifts.csv").write_text(
         "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s\n"
         "50,469.0,0.1766,3,0.05\n50,469.0,0.1766,2,\n"

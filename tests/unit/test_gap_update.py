@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import dogshape as ds
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
@@ -245,7 +245,23 @@ def test_a_mean_that_is_not_measured_yet_may_join_again(stand: Path) -> None:
     head, row = _table(stand / "two.csv", 3, 20).read_text().splitlines()[:2]
     (stand / "two.csv").write_text(f"{head}\n{row}\n{planned}")
     found = ds.update_diagnosis(stand / "out", stand / "two.csv")
-    assert sum(cell.unknown for cell in found.diagnosis.inference.bench.cells) == 20
+    bench = found.diagnosis.inference.bench
+    assert bench.record == load_bench("mq200_adams").record
+    assert sum(reading.engaged is None for reading in bench.readings) == 2
+    assert not any(cell.unknown for cell in bench.cells)  # as the record reads empty cells
+
+
+def test_readings_of_another_clock_do_not_join(stand: Path) -> None:
+    def write(name: str, times: tuple[float, ...]) -> Path:
+        rows = "".join(f"100,235.2,0.251,1,{time:.6g},true,\n" for time in times)
+        head = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s,engaged,trace\n"
+        (stand / name).write_text(head + rows)
+        return stand / name
+
+    ds.update_diagnosis(stand / "out", write("cycle.csv", (0.12, 0.17, 0.15, 0.11)))
+    assert ds.update_diagnosis(stand / "out", write("few.csv", (0.13,)))
+    with pytest.raises(DataError, match="are multiples of 10 ms, and a data set has one clock"):
+        ds.update_diagnosis(stand / "out", write("fine.csv", (0.1234, 0.11)))
 
 
 def test_traces_go_along(tmp_path: Path) -> None:

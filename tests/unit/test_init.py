@@ -15,6 +15,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.measured_units import split_head, unit_named
+from dogshape.diagnosis.bench.record import BenchRecord
 from dogshape.drafts import CLUTCH, USE
 from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.cli.verbs import init as verbs
@@ -154,6 +155,30 @@ def test_help_has_an_example(dogshape: Call, what: str) -> None:
     said = dogshape("init", what, "--help")
     assert said.status == 0
     assert f"Example: dogshape init {what}" in said.out
+
+
+def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> None:
+    Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n5;469;\n")
+    said = dogshape("init", "bench", "m.csv", "--json")
+    assumed = " ".join(said.json["assumed"])
+    assert "--set record.time_zero=command, or force, states it" in assumed
+    assert "--set record.displacement_at=sleeve, or actuator, states it" in assumed
+    assert "record.empty_cells says whether they were tried" in assumed
+    assert load_bench("m").record == BenchRecord(sense="unknown")
+    stated = ("time_zero=force", "displacement_at=sleeve", "empty_cells=failed", "sense=known")
+    sets = [word for one in stated for word in ("--set", f"record.{one}")]
+    said = dogshape("init", "bench", "m.csv", "--out", "n", *sets, "--json")
+    assert "unknown" not in " ".join(said.json["assumed"])
+    assert load_bench("n").record == BenchRecord("force", "sleeve", "failed", "known")
+    assert [cell.failed for cell in load_bench("n").cells] == [0, 1]
+
+
+def test_a_moved_key_is_refused_with_its_place(dogshape: Call) -> None:
+    Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n")
+    said = dogshape("init", "bench", "m.csv", "--set", "mismatch_sense=known")
+    assert said.status == 2
+    assert 'write sense = "known" in the table [record]' in said.err
+    assert not Path("m").exists()
 
 
 @pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
@@ -378,11 +403,13 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     dog = load_study("mine").clutch.dog
     assert (dog.count, dog.height) == (18, pytest.approx(3.2e-3))
     Path("m.csv").write_text("x;y;F_shift (kN)\n50;190;0,469\n100;180;0,469\n")
-    said = ["shift_time_s=y:ms", "mismatch_rpm=x", "y", "stand 7", "me, today", "", "y", "y", "n"]
+    said = ["shift_time_s=y:ms", "mismatch_rpm=x", "y", "stand 7", "me, today", "", "y"]
+    said += ["command", "arm", "actuator", "known", "n"]
     done = CliRunner().invoke(app, ["init", "bench", "m.csv"], input="\n".join(said) + "\n")
     assert done.exit_code == 0, done.stderr
     bench = load_bench("m")
-    assert (bench.name, bench.mismatch_sense) == ("stand 7", "known")
+    assert bench.name == "stand 7"
+    assert bench.record == BenchRecord("command", "actuator", sense="known")
     assert bench.source.startswith("me, today; m.csv (SHA-256 ")
     assert bench.readings[0].time == pytest.approx(0.19)
     quiet = CliRunner().invoke(app, ["init", "study", "--out", "quiet", "--yes"])

@@ -42,7 +42,7 @@ def comparison(folder: Path) -> ds.Comparison:
 
 def test_a_bench_shows_what_it_holds(folder: Path) -> None:
     bench = ds.Bench(folder)
-    assert repr(bench).endswith("21 shifts at 3 operating points)")
+    assert repr(bench).endswith("20 shifts at 3 operating points)")
     frame = bench.to_frame()
     assert ",".join(frame.columns) == FEW.strip()
     assert list(frame["shift_time_s"].dropna()) == [0.12, 0.09]

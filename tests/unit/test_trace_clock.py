@@ -17,7 +17,7 @@ from dogshape.diagnosis.bench.force_start import StartRule, find_force_start
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.shift.actuation import cubic_step
-from tests.benches import GOOD, good_set, scale
+from tests.benches import GOOD, good_set, scale, scale_traces
 from tests.conftest import Said
 
 Series = NDArray[np.float64]
@@ -198,6 +198,9 @@ def test_a_dead_time_in_table_and_traces_is_no_clock(tmp_path: Path, late: float
     (warning,) = load_bench(folder).warnings
     assert "this looks like a dead time or slow rise of the force" in warning.sentence
     assert "from_force" not in warning.sentence
+    state_zero(folder, "force")
+    (warning,) = load_bench(folder).warnings
+    assert "against record.time_zero = 'force'" in warning.sentence
 
 
 @pytest.mark.parametrize("late", [-0.009, 0.02, 0.3])
@@ -211,6 +214,24 @@ def test_a_constant_between_table_and_traces_is_said(tmp_path: Path, late: float
     assert size == pytest.approx(1e3 * abs(late), abs=1.5)
     assert ("before" if late > 0.0 else "after") in warning.found
     assert "count from another instant than the force" in warning.sentence
+    state_zero(folder, "command")
+    (warning,) = [w for w in load_bench(folder, ["time=given"]).warnings if "travel" in w.found]
+    assert ("a dead time between command and force" in warning.sentence) == (late > 0.0)
+
+
+def state_zero(folder: Path, event: str) -> None:
+    path = folder / "bench.toml"
+    path.write_text(f'{path.read_text()}\n[record]\ntime_zero = "{event}"\n')
+
+
+@pytest.mark.parametrize("rate", [0.5, 0.9, 1.1, 1.7, 2.0])
+def test_a_recorder_of_another_rate_is_said(tmp_path: Path, rate: float) -> None:
+    folder = good_set(tmp_path, sensor=False)
+    scale_traces(folder, t_s=rate)
+    warning = load_bench(folder).warnings[0]
+    ratio = warning.found.partition(" ends at ")[2]
+    assert float(ratio.split()[0]) == pytest.approx(rate, rel=0.02)
+    assert "a recorder whose sample rate is not that of t_s" in warning.sentence
 
 
 @pytest.mark.parametrize(

@@ -222,7 +222,7 @@ def test_data_of_a_case_can_be_read_and_say_nothing_of_it(tmp_path: Path) -> Non
     bench = load_bench(tmp_path / "case_00")
     assert [cell.time for cell in bench.cells] == pytest.approx([0.16, 0.12])
     assert [cell.failed for cell in bench.cells] == [0, 1]
-    assert bench.sensor.displacement_at == "actuator"
+    assert bench.record.displacement_at == "actuator"
     assert bench.relative_angles is None
     text = "".join(p.read_text() for p in (tmp_path / "case_00").iterdir())
     assert "mass_kg = 0.3" in text

@@ -67,7 +67,11 @@ def _signed(blocks: Sequence[Block]) -> list[list[Record]]:
 
 
 def _bench(sense: Sense) -> Bench:
-    return replace(few_cells(load_bench("mq200_adams"), CELLS), mismatch_sense=sense)
+    return _with_sense(few_cells(load_bench("mq200_adams"), CELLS), sense)
+
+
+def _with_sense(bench: Bench, sense: Sense) -> Bench:
+    return replace(bench, record=replace(bench.record, sense=sense))
 
 
 def _emulator(sense: Sense) -> SenseEmulator:
@@ -193,7 +197,7 @@ def _found(values: Mapping[str, float], sense: Sense, *, other: bool) -> Diagnos
         bench = replace(bench, cells=gather(times))
     names = ("actuation_delay", "moving_mass", REVERSED, "sleeve_friction")
     effects = {name: EFFECTS[name] for name in names}
-    return diagnose(replace(bench, mismatch_sense=sense), toy, effects)
+    return diagnose(_with_sense(bench, sense), toy, effects)
 
 
 @pytest.mark.parametrize("sense", ["known", "unknown"])
@@ -252,7 +256,7 @@ def test_a_look_at_the_rig_is_the_first_test_where_it_decides() -> None:
     points = points_of((641.5,))[4:]
     bench = bench_of({"delay_s": 0.08}, np.random.default_rng(3), shifts=2, points=points)
     effects = {name: EFFECTS[name] for name in ("actuation_delay", REVERSED)}
-    found = diagnose(replace(bench, mismatch_sense="unknown"), _TwoSenses(points), effects)
+    found = diagnose(_with_sense(bench, "unknown"), _TwoSenses(points), effects)
     assert 0.05 < found.posterior[turned(("actuation_delay",))] < 0.95
     test = found.as_dict()["next_test"]
     assert test["name"] == "sense of rotation at the rig"
@@ -268,7 +272,7 @@ def test_a_look_at_the_rig_confirms_what_rests_on_a_sense_that_nobody_noted() ->
     effects = {name: EFFECTS[name] for name in ("actuation_delay", REVERSED)}
     names: dict[Sense, str] = {"unknown": "sense of rotation at the rig", "known": "force at the"}
     for sense, name in names.items():
-        found = diagnose(replace(bench, mismatch_sense=sense), _TwoSenses(points), effects)
+        found = diagnose(_with_sense(bench, sense), _TwoSenses(points), effects)
         assert found.verdict.causes == ("actuation_delay",)
         assert found.tests[0].name.startswith(name)
 

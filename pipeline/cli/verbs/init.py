@@ -26,6 +26,7 @@ from dogshape.pipeline.cli.console import emit, terminal, verb
 from dogshape.pipeline.cli.options import Json, Sets
 from dogshape.pipeline.cli.progress_bar import say
 from dogshape.pipeline.cli.questions import (
+    ask_choice,
     ask_number,
     ask_text,
     ask_values,
@@ -45,6 +46,16 @@ init = typer.Typer(
     rich_markup_mode=None,
     pretty_exceptions_enable=False,
 )
+
+EMPTY = "record.empty_cells"
+RECORD = {
+    "record.time_zero": ("event at which the times start", ("command", "force", "unknown")),
+    "record.displacement_at": ("place of the travel sensor", ("sleeve", "actuator", "unknown")),
+    EMPTY: ("shifts of rows without a time", ("not_made", "failed", "unknown")),
+    "record.sense": (
+        "way in which the rings turned past each other (docs/mismatch.md)", ("known", "unknown")
+    ),
+}  # fmt: skip
 
 Yes = Annotated[bool, typer.Option("--yes", help="ask nothing and take the defaults")]
 Force = Annotated[bool, typer.Option("--force", help="write over files of the same name")]
@@ -175,8 +186,8 @@ def _pair(text: str) -> tuple[str, str]:
     return name.strip(), column
 
 
-def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
-    """Ask about columns, clutch and stand."""
+def _asked_columns(draft: BenchDraft) -> tuple[BenchDraft, dict[str, Any]]:
+    """Ask about the columns of the tables; give what is read of them with the draft."""
     found = guessed(draft)
     while draft.tables:
         terminal(stderr=True).print(reading_text(found))
@@ -195,6 +206,12 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
         else:
             draft = replace(draft, columns={**draft.columns, name: text.strip("'")})
         found = guessed(draft)
+    return draft, found
+
+
+def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
+    """Ask about columns, clutch and stand."""
+    draft, found = _asked_columns(draft)
     values = dict(draft.values)
     values = {"name": ask_text("name of the data set", target.name)} | values
     values = {"source": ask_text("who measured it, and when", "not said")} | values
@@ -202,10 +219,9 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     if not ask_yes(f"is the clutch exactly that of '{origin}'?", default=True):
         before = default_values(origin)
         values = changed(ask_values(before, CLUTCH), before) | values
-    if "mismatch_sense" not in values and ask_yes(
-        "was it noted which way the rings turned past each other (docs/mismatch.md)?", default=False
-    ):
-        values["mismatch_sense"] = "known"
+    for key, (question, choices) in RECORD.items():
+        if key not in values and (key != EMPTY or found["empty"]):
+            values[key] = ask_choice(question, choices, "unknown")
     if "timeout_s" not in values and ask_yes("has the stand a time-out of its own?", default=False):
         values["timeout_s"] = ask_number("time-out, s", 1.0)
     return replace(draft, origin=origin, values=values)

@@ -1,0 +1,71 @@
+"""Conventions of a record: time zero, place of the sensor, empty cells and sense of rotation.
+
+No table of times shows them, and each decides what the times may mean. ``bench.toml`` states them
+in ``[record]``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from dogshape.diagnosis.bench.sense import Sense
+from dogshape.sim.clutch_tables import Section
+from dogshape.sim.errors import DataError
+
+TimeZero = Literal["command", "force", "unknown"]
+Place = Literal["sleeve", "actuator", "unknown"]
+EmptyCells = Literal["not_made", "failed", "unknown"]
+
+#: Keys of earlier versions by their path, with the key of ``[record]`` that has their place.
+MOVED = {("mismatch_sense",): "sense", ("sensor", "displacement_at"): "displacement_at"}
+
+
+class RecordSection(Section):
+    """The table ``[record]``; each key may be left out."""
+
+    time_zero: TimeZero = "unknown"
+    displacement_at: Place = "unknown"
+    empty_cells: EmptyCells = "unknown"
+    sense: Sense = "known"
+
+    def record(self) -> BenchRecord:
+        """Build the record."""
+        return BenchRecord(**self.model_dump())
+
+
+@dataclass(frozen=True)
+class BenchRecord:
+    """Conventions by which a stand recorded its shifts.
+
+    Parameters
+    ----------
+    time_zero : start of the shift times and of the traces: the command, which a dead time follows,
+        or the first force, which no dead time follows.
+    displacement_at : place of the displacement sensor.
+    empty_cells : shifts of rows with neither a time nor ``engaged``: not made, or tried and failed.
+    sense : sign of the mismatch, known or never noted (``diagnosis.bench.sense``).
+    """
+
+    time_zero: TimeZero = "unknown"
+    displacement_at: Place = "unknown"
+    empty_cells: EmptyCells = "unknown"
+    sense: Sense = "known"
+
+
+UNSAID = BenchRecord()
+
+
+def require_no_moved_key(path: Path, data: dict[str, Any]) -> None:
+    """Raise DataError for a key that the table ``[record]`` replaces."""
+    for keys, name in MOVED.items():
+        *tables, key = keys
+        table = data
+        for one in tables:
+            table = table.get(one, {})
+        if isinstance(table, dict) and key in table:
+            raise DataError(
+                f"{path}: '{'.'.join(keys)}' is '{table[key]}', but this key is now "
+                f"'record.{name}'; write {name} = \"{table[key]}\" in the table [record]"
+            )

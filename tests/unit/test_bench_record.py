@@ -1,0 +1,154 @@
+"""Unit: what a table does not show of its record, and the clock that took its times."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.record import BenchRecord
+from dogshape.sim.errors import DogshapeError
+from tests.benches import good_set
+
+HEAD = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s,engaged\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return good_set(tmp_path, sensor=False, traces=False)
+
+
+def state(folder: Path, text: str) -> None:
+    with (folder / "bench.toml").open("a") as file:
+        file.write(f"\n{text}\n")
+
+
+def times(folder: Path, *values: float, n: int = 1) -> None:
+    rows = "".join(f"50,469.0,0.1766,{n},{value:.6g},\n" for value in values)
+    (folder / "shifts.csv").write_text(HEAD + rows)
+
+
+def test_a_record_of_which_nothing_is_said_is_unknown(folder: Path) -> None:
+    bench = load_bench(folder)
+    assert bench.record == BenchRecord("unknown", "unknown", "unknown", "known")
+    assert (bench.sensor.displacement_at, bench.mismatch_sense) == ("sleeve", "known")
+
+
+def test_a_stated_record_is_kept(folder: Path) -> None:
+    state(folder, '[record]\ntime_zero = "command"\ndisplacement_at = "actuator"\n'
+                  'empty_cells = "failed"\nsense = "unknown"')  # fmt: skip
+    bench = load_bench(folder)
+    assert bench.record == BenchRecord("command", "actuator", "failed", "unknown")
+    assert (bench.sensor.displacement_at, bench.mismatch_sense) == ("actuator", "unknown")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            '[record]\ntime_zero = "trigger"',
+            "record.time_zero is 'trigger', but it must be one of",
+        ),
+        ('[record]\nempty = "failed"', "empty_cells"),
+        ('[sensor]\ndisplacement_at = "actuator"', "this key is now 'record.displacement_at'"),
+        ("[errors]\nclock_step_ms = -1.0", "errors.clock_step_ms is -1 ms"),
+        ("[errors]\nclock_step_ms = 101.0", "must lie between 0 and 100 ms"),
+    ],
+)
+def test_a_wrong_key_is_refused_with_its_rule(folder: Path, text: str, words: str) -> None:
+    state(folder, text)
+    with pytest.raises(DogshapeError) as refused:
+        load_bench(folder)
+    assert words in str(refused.value)
+
+
+def test_the_sense_moved_into_the_record(folder: Path) -> None:
+    path = folder / "bench.toml"
+    path.write_text('mismatch_sense = "unknown"\n' + path.read_text())
+    with pytest.raises(DogshapeError) as refused:
+        load_bench(folder)
+    assert 'write sense = "unknown" in the table [record]' in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("reading", "failed", "unknown"),
+    [("not_made", 2, 0), ("failed", 12, 0), ("unknown", 2, 10)],
+)
+def test_empty_cells_are_read_as_stated(
+    folder: Path, reading: str, failed: int, unknown: int
+) -> None:
+    rows = "50,469.0,0.1766,3,0.1,\n50,469.0,0.1766,2,,false\n50,469.0,0.1766,10,,\n"
+    (folder / "shifts.csv").write_text(HEAD + rows + "5,469.0,0.1766,1,,true\n")
+    state(folder, f'[record]\nempty_cells = "{reading}"')
+    cell, other = load_bench(folder).cells
+    assert (cell.engaged, cell.failed, cell.unknown) == (3, failed, unknown)
+    assert (cell.n, cell.time) == (3, pytest.approx(0.1))
+    assert (other.engaged, other.failed, other.unknown) == (1, 0, 0)
+
+
+def test_crosses_of_the_published_tables_were_not_made() -> None:
+    for name, place in (("mq200_stand", "actuator"), ("mq200_adams", "sleeve")):
+        bench = load_bench(name)
+        assert (bench.record.displacement_at, bench.record.empty_cells) == (place, "not_made")
+        assert [c.engaged for c in bench.cells[:5]] == [10, 0, 0, 0, 10]
+        assert sum(c.engaged > 0 for c in bench.cells) == 25  # thesis section 3.3.4
+        assert not any(c.failed or c.unknown for c in bench.cells)
+
+
+CYCLES = (0.12, 0.17, 0.09, 0.11, 0.21)
+
+
+def test_times_of_a_controller_show_its_cycle(folder: Path) -> None:
+    times(folder, *CYCLES)
+    bench = load_bench(folder)
+    assert bench.clock_step == pytest.approx(0.01)
+    (warning,) = bench.warnings
+    assert "all 5 times of single shifts are multiples of 10 ms" in warning.sentence
+    assert warning.sentence.endswith("state that key, with 0 where the clock is finer")
+
+
+@pytest.mark.parametrize(
+    "values",
+    [(0.121, 0.174, 0.093, 0.112, 0.215), CYCLES[:3], (0.121, *CYCLES), (0.122, 0.174, 0.096)],
+)
+def test_finer_or_few_times_show_none(folder: Path, values: tuple[float, ...]) -> None:
+    times(folder, *values)
+    bench = load_bench(folder)
+    assert (bench.clock_step, bench.warnings) == (0.0, ())
+
+
+def test_many_times_show_a_fine_cycle(folder: Path) -> None:
+    times(folder, *(0.002 * k for k in range(45, 59)))
+    assert load_bench(folder).clock_step == pytest.approx(0.002)
+
+
+def test_a_stated_step_is_taken_without_a_word(folder: Path) -> None:
+    times(folder, *CYCLES)
+    state(folder, "[errors]\nclock_step_ms = 5.0")
+    assert (load_bench(folder).clock_step, load_bench(folder).warnings) == (5e-3, ())
+    state(folder, "")
+    path = folder / "bench.toml"
+    path.write_text(path.read_text().replace("clock_step_ms = 5.0", "clock_step_ms = 0.0"))
+    assert (load_bench(folder).clock_step, load_bench(folder).warnings) == (0.0, ())
+
+
+def test_the_step_of_means_must_be_stated(folder: Path) -> None:
+    times(folder, *CYCLES, n=10)
+    assert load_bench(folder).clock_step == 0.0
+    state(folder, "[errors]\nclock_step_ms = 10.0")
+    assert load_bench(folder).clock_step == 0.01
+
+
+def test_times_in_milliseconds_show_their_step_once_corrected(folder: Path) -> None:
+    times(folder, *(1e3 * value for value in CYCLES))
+    assert load_bench(folder, ["time=ms"]).clock_step == pytest.approx(0.01)
+
+
+def test_a_step_that_the_times_do_not_have_is_refused(folder: Path) -> None:
+    times(folder, *CYCLES, 0.1234)
+    state(folder, "[errors]\nclock_step_ms = 10.0")
+    with pytest.raises(DogshapeError) as refused:
+        load_bench(folder)
+    assert "10 ms, but 1 of 6 times of single shifts are no multiples of it" in str(refused.value)
+    assert "(row 7: 0.1234 s)" in str(refused.value)
