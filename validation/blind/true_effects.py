@@ -43,16 +43,12 @@ class Range:
         end = self.high if upwards or self.neutral <= self.low else self.low
         return self.neutral + strength * (end - self.neutral)
 
-    def share(self, value: float) -> float:
-        """Return the share of the prior below a value, in [0, 1]."""
-        inside = min(max(value, self.low), self.high)
-        if self.log:
-            return math.log(inside / self.low) / math.log(self.high / self.low)
-        return (inside - self.low) / (self.high - self.low)
-
     def anywhere(self, generator: np.random.Generator) -> float:
-        """Return a value drawn from the inner four fifths of the prior."""
-        return self.low + (0.1 + 0.8 * float(generator.random())) * (self.high - self.low)
+        """Draw a value from the inner four fifths of the prior."""
+        share = 0.1 + 0.8 * float(generator.random())
+        if self.log:
+            return float(self.low * (self.high / self.low) ** share)
+        return self.low + share * (self.high - self.low)
 
 
 #: The list: parameters by effect.
@@ -76,7 +72,7 @@ RANGES: dict[str, tuple[Range, ...]] = {
     "free_play": (Range("free_play_mm", 0.05, 2.0, True),),
     "linkage_compliance": (
         Range("compliance_mm_kN", 0.3, 35.0, True),
-        Range("mass_behind_kg", 0.03, 18.0, True),
+        Range("mass_behind_kg", 0.03, 18.0, True, by_strength=False),
     ),
     "mismatch_speed": (
         Range("offset_rpm", -4.0, 4.0),
