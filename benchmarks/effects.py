@@ -26,7 +26,6 @@ from dogshape.sim.units import DEG
 POINTS = ((10.0, 235.2), (50.0, 469.0), (249.0, 641.5))
 ANGLES = (0.0, 13.0)
 PAIRS = (
-    ("linkage_compliance", "moving_mass"),
     ("sleeve_friction", "linkage_compliance"),
     ("sleeve_friction", "free_play"),
     ("spline_friction", "sleeve_friction"),

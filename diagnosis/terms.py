@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Hypothesis = tuple[str, ...]  #: effects by name, () for none
+NONE: Hypothesis = ()
+UNKNOWN: Hypothesis = ("unknown",)  #: a structured gap that no known effect explains
 
 
 @dataclass(frozen=True)

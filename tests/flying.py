@@ -57,6 +57,7 @@ def sampled(
     way = trace.actuator_displacement if setting.sensor == "actuator" else trace.displacement
     series = (way, trace.shift_force, trace.sliding_speed, trace.output_speed)
     found = [np.interp(time - setting.delay, trace.time, one) for one in series]
+    found[1] = setting.point.profile.at(np.maximum(time - setting.delay, 0.0))
     found[0] = found[0] + noise * NOISE["way"] * rng.standard_normal(time.size)
     found[1] = found[1] + noise * NOISE["force"] * rng.standard_normal(time.size)
     return BenchTrace(Path(), time, *found)

@@ -1,217 +1,143 @@
-"""Next bench test: the one with the most worth to the decision for its cost.
+"""Next bench test: the menu of a stand with cost and worth, and its order.
 
-A test has an outcome that each hypothesis predicts, *unknown* and what only looks like a hypothesis
-too (``diagnosis.inference.outcome``).
+Direct tests read the parameters of effects as shares of their ranges, with the neutral value where
+the effect is absent; effects that share a test share its outcome. More shifts at an operating point
+give a mean time and a share that engages; an error of that point comes again as far as the data
+show it. Traces give the marks of the flight, where the force is that which acts or the nominal one.
+A question about the record has the probabilities of each answer. *Unknown* predicts as well: a
+direct test finds nothing or anything, half and half, and an offset of its own size comes again.
 
-Unless the decision is settled, tests are ranked by the chance that it is afterwards, minus 4 % per
-hour of work: a cheap test that settles nothing would lead by nats an hour. Otherwise tests are
-ranked by nats an hour, behind the direct test of the named cause where that costs no more than the
-first of them.
-Either way a test that misleads in more than 5 % comes behind those that are worth their cost and do
-not. If no known effect fits, the test is traces at the operating point with the largest residual.
-
-Direct tests come from the effects. Their outcome is the effects' parameters, as shares of the
-priors, to a twentieth. Effects that share a test share its outcome: a slow push shows friction and
-detent. Generic tests are more shifts at an operating point, and traces of a force profile
-(``diagnosis.inference.flight_outcome``).
+The value of a test is its chance to settle, less four times its chance to mislead, less 0.04 for
+each hour: a hypothesis is named from 0.8, so a wrong name costs as much as four right ones gain. Of
+tests that settle about as surely the cheapest leads. Where no test is worth its cost, or the cause
+is named, the information an hour decides, and the direct test of a named cause leads if it costs no
+more than the first. Where *unknown* leads, traces show where along the shift the residual arises.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import itertools
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from scipy.special import rel_entr
 
-from dogshape.diagnosis.bench.bench_data import Bench, setting_of
-from dogshape.diagnosis.bench.sense import REVERSED, SHARES, forward
-from dogshape.diagnosis.inference.classes import Confusion
-from dogshape.diagnosis.inference.flight_outcome import flight_outcome, tabulated
-from dogshape.diagnosis.inference.further_shifts import (
-    MeanPrediction,
-    further_means,
-    further_unknown,
-)
-from dogshape.diagnosis.inference.outcome import Decision, Outcome
-from dogshape.diagnosis.inference.posterior import Probabilities
-from dogshape.diagnosis.inference.static_readings import read_directly
-from dogshape.diagnosis.inference.unknown import Unknown
-from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
-from dogshape.diagnosis.prediction.hypotheses import UNKNOWN, in_common, plain, without
-from dogshape.diagnosis.prediction.prediction import Emulator, FlightEmulator
-from dogshape.diagnosis.settings import USUAL, Settings
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
+from dogshape.diagnosis.inference.outcome import Densities, Outcome, smoothed
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, did_you_mean, number
-from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import RPM
 
-EXACT = 0.05  #: standard error of a direct test, as share of a parameter's prior
-HOUR = 0.04  #: chance to settle that an hour of work has to earn
-LEAST = 1e-3  #: probability from which a hypothesis takes part
-WORTH = 0.02  #: nats below which nothing is to be learnt
-MISLED = 0.05  #: chance to mislead above which a test yields to others
-ABSENT = 0.5  #: chance that a direct test finds nothing of an unknown cause
-FLOWN = 10  #: most plausible hypotheses of which flights are predicted; of more none are
-SETUP, SHIFT = 0.5, 0.02  #: hours to set an operating point, and for a shift
-TRACING, TRACED = 1.5, 10  #: hours to set up the recording of traces, and shifts recorded
-DIRECT = 3.0  #: hours of a direct test that is not in the table
-#: Hours of direct tests, by name: what a stand has at hand costs less than taking it apart.
-HOURS = {
-    "force at the sleeve over time": 2.0,
-    "static force at the sleeve": 2.0,
-    "slow push of the free ring": 1.0,
+if TYPE_CHECKING:
+    from dogshape.diagnosis.constants import Settings
+    from dogshape.diagnosis.diagnosis import Diagnosis
+    from dogshape.diagnosis.inference.evidence import Fit
+
+LEAST = 5e-3  #: probability from which a hypothesis takes part
+DRAWS = 64  #: of each posterior
+ALIKE = 0.1  #: difference of chances to settle, within their error, below which the cost decides
+MORE = (10, 40)  #: shifts that may be added at an operating point
+TRACED = 10  #: shifts of which traces are recorded
+SETUP, TRACING, SHIFT = 0.5, 1.5, 0.02  #: hours for an operating point, for traces, for a shift
+#: Tests that are no effect's own, by the names of a data set, with their hours to set up.
+GENERIC = {"more shifts": SETUP, "traces": TRACING}
+DIRECT, ASKED = 3.0, 0.25  #: hours of another direct test, and of a question about the record
+HOURS = {  #: of direct tests: sensors at hand cost less than a clutch taken apart
+    "sense of rotation at the rig": 0.25,
     "hand test of the play": 0.5,
     "gap by feeler or travel": 0.5,
+    "slow push of the free ring": 1.0,
     "static stiffness of the linkage": 1.0,
     "run-down of the sliding ring": 1.0,
-    "both speeds at the first touch": 2.0,
-    "angle of each shift": 2.0,
-    "chamfer by profile": 4.0,
-    "sense of rotation at the rig": 0.25,
-    "free flight at the sleeve": 4.0,
-    "free flight at two forces": 4.0,
+    "force at the sleeve over time": 2.0,
+    "static force at the sleeve": 2.0,
     "drop test of the ring": 6.0,
-    "tilt test of the dogs": 4.0,
 }
-MORE = (10, 40)  #: shifts that may be added at an operating point
-#: Tests that are no effect's own, by what a data set calls them, with their hours to set up.
-GENERIC = {"more shifts": SETUP, "traces": TRACING}
+RECORD = {  #: questions about the record
+    "sense": ("sense of rotation at the rig", "Look which way the driven ring turns."),
+    "time_zero": ("start of the clock", "Look up whether times start with command or force."),
+    "displacement_at": (
+        "place of the displacement sensor",
+        "Look whether the displacement is measured at the sleeve or at the actuator.",
+    ),
+    "empty_cells": ("shifts without a time", "Look up whether they were tried and failed."),
+}
+EDGE = 0.02  #: least share of shifts that engage or fail, and its simulated error
+STEP = 1e-3  #: s, sampling step of a recording
+MARK_SIZES = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
+MARK_ALIKE = 0.9  #: of their variance, which marks of displacement or force have in common
+
+WORTH = ("information", "settles", "misleads")
+#: Marks of the flight of a hypothesis at values (m, p): times, error, creep, (m, SIZE), s.
+Marks = Callable[[Hypothesis, Array, ForceProfile], Any]
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Quantity that a test measures.
+class NextTest:
+    """Bench test with its cost in hours and its worth.
 
     Parameters
     ----------
-    kind : ``direct`` for parameters of effects, ``shifts`` for the mean time of more of them,
-        ``traces`` for the marks of the flight in more of them.
-    parameters : that a direct test measures, in the order of its outcome.
-    point : mismatch in rad/s and force in N of shifts or traces.
-    shifts : that are made.
+    effects, parameters : that a direct test reads, in the order of its outcome.
+    cell, point, shifts : place of the operating point, its mismatch in rad/s and force in N, and
+        the number of shifts there.
+    question : key of the record in question.
+    information : nats; None where no hypothesis predicts the outcome.
+    settles, misleads : chances.
+    foreseen : mean and standard deviation of each hypothesis' outcome: shares of the ranges, mean
+        time in s and share engaged, or marks in s.
     """
 
-    kind: Literal["direct", "shifts", "traces"]
+    name: str
+    how: str
+    kind: Literal["direct", "shifts", "traces", "record"]
+    hours: float
+    effects: tuple[str, ...] = ()
     parameters: tuple[str, ...] = ()
+    cell: int | None = None
     point: tuple[float, float] | None = None
     shifts: int = 0
+    question: str = ""
+    information: float | None = None
+    settles: float = 0.0
+    misleads: float = 0.0
+    foreseen: Mapping[Hypothesis, tuple[Array, Array]] | None = None
 
-    def as_dict(self) -> dict[str, Any]:
-        """Write the record in the edge's units."""
-        record: dict[str, Any] = {"kind": self.kind}
+    @property
+    def why(self) -> str:
+        """Sentences of the test, its chance to settle the cause and its cost."""
+        cost = f"({number(self.hours)} h of work)"
+        if self.information is None:
+            return f"{self.how} They show where along the shift the residual arises {cost}."
+        return f"{self.how} Chance to settle the cause: {100.0 * self.settles:.0f} % {cost}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record ``next_test``."""
+        predicted = self.information is not None
+        record: dict[str, Any] = {
+            "name": self.name,
+            "why": self.why,
+            "kind": self.kind,
+            "information_nats": self.information,
+            "chance_to_settle": self.settles if predicted else None,
+            "misleads": self.misleads if predicted else None,
+            "hours": self.hours,
+        }
         if self.kind == "direct":
             record["parameters"] = list(self.parameters)
         if self.point is not None:
             record["mismatch_rpm"], record["force_N"] = self.point[0] / RPM, self.point[1]
             record["shifts"] = self.shifts
+        record["foreseen"] = [
+            {"effects": list(h), "mean": mean.tolist(), "sd": sd.tolist()}
+            for h, (mean, sd) in (self.foreseen or {}).items()
+        ]
         return record
-
-
-@dataclass(frozen=True)
-class NextTest:
-    """Test with its expected information, nats, and its cost in hours.
-
-    ``settles`` is the chance that the decision is settled afterwards, ``misleads`` that something
-    wrong is named, ``decided`` whether it is settled before. ``information`` is None where no
-    hypothesis predicts the outcome, as is ``outcome``; else ``hypotheses`` are those that do: in
-    shares of the priors for a direct test, else in s. ``odds`` are of something that looks like a
-    hypothesis to that hypothesis.
-    """
-
-    name: str
-    how: str
-    information: float | None
-    hours: float
-    asked: Asked
-    shows: tuple[str, ...] = ()
-    hypotheses: tuple[Hypothesis, ...] = ()
-    outcome: Outcome | None = None
-    settles: float = 0.0
-    misleads: float = 0.0
-    decided: bool = False
-    odds: tuple[float, ...] = ()
-
-    @property
-    def value(self) -> float:
-        """Chance to settle, less what the work has to earn."""
-        return self.settles - HOUR * self.hours
-
-    @property
-    def rate(self) -> float:
-        """Information an hour, nats."""
-        return (self.information or 0.0) / self.hours
-
-    @property
-    def sound(self) -> bool:
-        """Test that it is worth its cost and hardly misleads."""
-        worth = (self.information or 0.0) > WORTH if self.decided else self.value > 0.0
-        return worth and self.misleads <= MISLED
-
-    def as_dict(self) -> dict[str, Any]:
-        """Write the measured quantity and the prediction of each hypothesis."""
-        record = {"name": self.name, **self.asked.as_dict()}
-        if self.outcome is not None:
-            record["misleads"] = self.misleads
-            record["foretold"] = [self._row(k) for k in range(self.outcome.owner.size)]
-        return record
-
-    def _row(self, place: int) -> dict[str, Any]:
-        """Write one density of the predicted outcome."""
-        assert self.outcome is not None
-        whole, owner = self.outcome.covariance[place], int(self.outcome.owner[place])
-        row: dict[str, Any] = {
-            "effects": list(self.hypotheses[owner]),
-            "mean": _short(self.outcome.mean[place]),
-            "sd": _short(np.sqrt(np.diag(whole))),
-        }
-        if self.outcome.share[place] < 1.0:
-            row["share"] = float(self.outcome.share[place])
-        if self.asked.kind == "traces":
-            row["covariance"] = [_short(line) for line in whole]
-        if self.outcome.read[owner] and self.odds[owner] > 0.0:
-            row["imitator_odds"] = self.odds[owner]
-        return row
-
-
-def _short(values: Array) -> list[float]:
-    """Return values to six digits, which records need no more of."""
-    return [float(f"{value:.6g}") for value in values]
-
-
-@dataclass(frozen=True)
-class Standing:
-    """State of the diagnosis at the choice of the next test."""
-
-    bench: Bench
-    seen: Observed
-    scored: Mapping[Hypothesis, Scored]
-    unknown: Unknown
-    posterior: Probabilities
-    effects: Mapping[str, Effect]
-    leading: Hypothesis
-    confusion: Confusion
-    emulator: Emulator
-    settings: Settings = USUAL
-
-    @property
-    def plausible(self) -> tuple[Hypothesis, ...]:
-        """Hypotheses that take part, *unknown* among them."""
-        return tuple(h for h, p in self.posterior.items() if p > LEAST or h == UNKNOWN)
-
-    def decision(self, hypotheses: Sequence[Hypothesis]) -> Decision:
-        """Return the decision between some hypotheses."""
-        # Nothing is impossible before a test, least of all what nobody thought of.
-        shares = np.array([max(self.posterior[h], 1e-9) for h in hypotheses])
-        measured = read_directly(self.bench, self.effects)
-        return Decision.of(hypotheses, shares, self.confusion, measured)
-
-    @property
-    def setting(self) -> Setting:
-        """A setting of the bench without effects."""
-        return setting_of(self.bench)
 
 
 def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
@@ -234,282 +160,295 @@ def possible(bench: Bench, name: str) -> bool:
 
 
 def hours_of(bench: Bench, name: str) -> float:
-    """Return the hours of a direct test, or to set up another, at this stand."""
+    """Find the hours of a direct test, or to set up another, at a stand."""
     own = [t.hours for t in bench.tests if t.name == name and t.hours is not None]
     return own[-1] if own else GENERIC.get(name, HOURS.get(name, DIRECT))
 
 
-def choose(standing: Standing) -> tuple[NextTest, ...]:
-    """Rank the tests, the best first."""
-    names = standing.plausible
-    decision = standing.decision(names)
-    predicted = (*_direct(standing), *_more(standing), *_traces(standing))
-    tests = [_judged(standing, test) for test in predicted]
-    top = names[int(np.argmax(decision.probabilities))]
-    if decision.settled():
-        # What the sense rests on that nobody noted comes first: it costs least. Where nothing is in
-        # doubt the test that shows the cause directly confirms it.
-        blind = {REVERSED} if standing.bench.mismatch_sense == "unknown" else set()
-        tests.sort(key=lambda t: (-max(t.rate, WORTH / 10.0), not set(top) & set(t.shows), t.hours))
-        tests.sort(key=lambda t: (not blind & set(t.shows), not t.sound))
-        direct = [t for t in tests if top and set(top) <= set(t.shows) and t.misleads <= MISLED]
-        confirming = min(direct, key=lambda t: t.hours, default=tests[0])
-        if confirming.hours <= tests[0].hours:
-            tests.sort(key=lambda t: t is not confirming)
-    else:
-        tests.sort(key=lambda t: (not t.sound, -t.value))
-    first = _look(standing) if top == UNKNOWN and possible(standing.bench, "traces") else []
-    return (*first, *(test for test in tests if test.name not in {one.name for one in first}))
+def imitator_odds(settings: Settings) -> float:
+    """Compute the prior odds of an imitator to its hypothesis."""
+    return settings.unlisted * settings.imitated / (1.0 - settings.unlisted)
 
 
-def _judged(standing: Standing, test: NextTest) -> NextTest:
-    """Add the worth of a test: information, and chances to settle the decision or to mislead."""
-    assert test.outcome is not None
-    decision = standing.decision(test.hypotheses)
-    worth = decision.worth(test.outcome, test.shows)
-    return replace(
-        test,
-        information=worth.information,
-        settles=worth.settles,
-        misleads=worth.misleads,
-        decided=decision.settled(),
-        odds=tuple(decision.imitated.tolist()),
-    )
+def choose(diagnosis: Diagnosis, marks: Marks | None = None) -> tuple[NextTest, ...]:
+    """Rank the tests of a diagnosis, the best first.
 
-
-def _look(standing: Standing) -> list[NextTest]:
-    """Return the test that shows where along the shift an unknown gap arises, if there is any."""
-    residual, score = _missed(standing)
-    if not np.isfinite(score).any():
-        return []
-    place = int(np.nanargmax(score))
-    where = _where(standing.bench, place)
-    more = (
-        f"at {where}, where the nearest hypothesis misses the mean by {1e3 * residual[place]:+.0f} "
-        "ms."
-    )
-    return [_traced(standing, place, more)]
-
-
-def _missed(standing: Standing) -> tuple[Array, Array]:
-    """Compute the residuals of the leading hypothesis, in s and in standard errors."""
-    predicted, seen = mean_prediction(standing, standing.leading), standing.seen
-    residual = seen.time - predicted.mean
-    shifts = np.maximum(1.0, seen.shifts)
-    return residual, abs(residual) / np.sqrt(predicted.variance + predicted.single / shifts)
-
-
-def _traced(standing: Standing, place: int, more: str) -> NextTest:
-    """Return the test of traces at an operating point, of which nothing is predicted."""
-    cell, where = standing.bench.cells[place], _where(standing.bench, place)
-    before = " more" if cell.traces else ""
-    name = f"traces of {TRACED}{before} shifts at {where}"
-    how = f"Record displacement, force and both speeds over time of {TRACED}{before} shifts {more}"
-    asked = Asked("traces", point=_point(standing.bench, place), shifts=TRACED)
-    hours = hours_of(standing.bench, "more shifts") + hours_of(standing.bench, "traces")
-    return NextTest(name, how, None, hours + SHIFT * TRACED, asked)
-
-
-def _traces(standing: Standing) -> list[NextTest]:
-    """List the traces whose marks of the flight can be predicted, at the least force.
-
-    There flights take longest. More traces of a profile that has some tell little: what they err
-    is common to all of them.
+    ``marks`` predicts the marks of the flight. Without it no traces are on the menu, unless
+    *unknown* leads.
     """
-    cells = standing.bench.cells
-    traced = {cell.point.profile for cell in cells if cell.traces}
-    places = [k for k, cell in enumerate(cells) if cell.point.profile not in traced]
-    limits = standing.settings.decision
-    known = tuple(h for h in standing.plausible if standing.posterior[h] > limits.plausible)
-    those = tuple(dict.fromkeys((*known, UNKNOWN)))
-    if (
-        not isinstance(standing.emulator, FlightEmulator)
-        or not possible(standing.bench, "traces")
-        or not places
-        or len(those) > FLOWN
-        or sum(standing.posterior[h] for h in those) < limits.credible
-        or not all(tabulated(h) for h in known)
-    ):
-        return []
-    least = min(cells[k].point.profile.force for k in places)
-    score = np.nan_to_num(_missed(standing)[1])
-    near = [k for k in places if cells[k].point.profile.force == least]
-    place = max(near, key=lambda k: float(score[k]))
-    profile = cells[place].point.profile
-    outcome = flight_outcome(standing.emulator, those, standing.scored, profile, TRACED)
-    more = f"at {_where(standing.bench, place)}; causes differ in the flight up to the first touch."
-    return [replace(_traced(standing, place, more), hypotheses=those, outcome=outcome)]
+    top = max(diagnosis.posterior, key=lambda h: diagnosis.posterior[h])
+    menu = {test.name: test for test in _direct_tests(diagnosis)}
+    menu |= {test.name: test for test in _questions(diagnosis)}
+    tests = [*menu.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis, top, marks)]
+    return _ranked([_judged(diagnosis, test, marks) for test in tests], diagnosis, top)
 
 
-def _point(bench: Bench, place: int) -> tuple[float, float]:
-    point = bench.cells[place].point
-    return point.mismatch, point.profile.force
+def _judged(diagnosis: Diagnosis, test: NextTest, marks: Marks | None) -> NextTest:
+    """Add worth and foreseen outcomes to a test."""
+    outcome, settings = outcome_of(diagnosis, test, marks), diagnosis.settings
+    if outcome is None:
+        return test
+    before, odds = _before(diagnosis, outcome), imitator_odds(settings)
+    worth = dict(zip(WORTH, outcome.worth(before, odds, settings.named), strict=True))
+    foreseen = {h: outcome.moments(k) for k, h in enumerate(outcome.hypotheses)}
+    return replace(test, **worth, foreseen=foreseen)
 
 
-def _where(bench: Bench, place: int) -> str:
-    mismatch, force = _point(bench, place)
-    return f"{number(mismatch / RPM)} 1/min and {number(force)} N"
+def settle(
+    diagnosis: Diagnosis,
+    test: NextTest,
+    outcome: Sequence[float] | str,
+    marks: Marks | None = None,
+) -> Mapping[Hypothesis, float]:
+    """Update the probabilities by the outcome of a test.
+
+    Parameters
+    ----------
+    outcome : shares of the ranges of ``test.parameters``; or mean time of timely shifts in s and
+        share engaged; or marks in s; NaN, or less values, where one is not shown. The answer of a
+        question as its word.
+
+    Returns
+    -------
+    Probability of each hypothesis that predicts the outcome; the posterior where none does.
+    """
+    if isinstance(outcome, str):
+        answers = [r for r in diagnosis.readings if (r.key, r.value) == (test.question, outcome)]
+        return answers[0].posterior
+    values = np.full(SIZE, np.nan)
+    values[: len(outcome)] = outcome
+    predicted = outcome_of(diagnosis, test, marks)
+    if predicted is None or np.isnan(values).all():
+        return diagnosis.posterior
+    values = values[: predicted.mean.shape[1]]
+    part = predicted.only(np.isfinite(values))
+    log = part.log_density(values[None, np.isfinite(values)])
+    after = part.after(_before(diagnosis, part), log, imitator_odds(diagnosis.settings))[0]
+    return dict(zip(part.hypotheses, after.tolist(), strict=True))
 
 
-def _direct(standing: Standing) -> list[NextTest]:
+def outcome_of(diagnosis: Diagnosis, test: NextTest, marks: Marks | None) -> Outcome | None:
+    """Predict the outcome of a test; None where no hypothesis does."""
+    if test.kind == "direct":
+        return _read(diagnosis, test)
+    if test.kind == "shifts":
+        parts = {h: _further(diagnosis, h, test) for h in (*_plausible(diagnosis), UNKNOWN)}
+        return Outcome.of(parts, lambda _: False)
+    return None if test.kind == "record" or marks is None else _flown(diagnosis, test, marks)
+
+
+def _plausible(diagnosis: Diagnosis) -> list[Hypothesis]:
+    """List the known hypotheses that take part."""
+    return [h for h, p in diagnosis.posterior.items() if p > LEAST and h in diagnosis.fits]
+
+
+def _before(diagnosis: Diagnosis, outcome: Outcome) -> Array:
+    """Compute the probabilities of the hypotheses of an outcome; none of them is impossible."""
+    found = np.array([max(1e-9, diagnosis.posterior.get(h, 0.0)) for h in outcome.hypotheses])
+    return np.asarray(found / found.sum())
+
+
+def _nearest(diagnosis: Diagnosis) -> Hypothesis:
+    """Find the most probable known hypothesis."""
+    return max(diagnosis.fits, key=lambda h: diagnosis.posterior.get(h, 0.0))
+
+
+def _rows(fit: Fit) -> np.ndarray:
+    count = len(fit.shares)
+    return np.linspace(0, count - 1, min(count, DRAWS)).astype(int)
+
+
+def _ranked(
+    tests: Sequence[NextTest], diagnosis: Diagnosis, top: Hypothesis
+) -> tuple[NextTest, ...]:
+    """Order tests: those worth their cost by their value, all others by information an hour."""
+    settings = diagnosis.settings
+    decided = diagnosis.posterior[top] > settings.named
+    wrong = settings.named / (1.0 - settings.named)
+
+    def sure(test: NextTest) -> float:
+        return test.settles - wrong * test.misleads
+
+    def rank(test: NextTest) -> tuple[bool, float]:
+        value = sure(test) - settings.hour * test.hours
+        worth = not decided and value > 0.0
+        return not worth, -value if worth else -(test.information or 0.0) / test.hours
+
+    ranked = sorted(tests, key=rank)
+    if top == UNKNOWN:
+        near = [t for t in ranked if t.kind == "traces"]
+    elif decided:
+        near = [t for t in ranked if set(top) & set(t.effects) and t.hours <= ranked[0].hours]
+    else:
+        near = [t for t in ranked if not rank(t)[0] and sure(t) >= sure(ranked[0]) - ALIKE]
+    first = min(near, key=lambda t: (t.hours, t.kind != "direct"), default=None)
+    return tuple(sorted(ranked, key=lambda t: t is not first))
+
+
+def _questions(diagnosis: Diagnosis) -> list[NextTest]:
+    """List the questions about the record whose answers are weighed, with their worth."""
+    found = []
+    for key in dict.fromkeys(one.key for one in diagnosis.readings):
+        answers = [one for one in diagnosis.readings if one.key == key]
+        chance = np.array([one.probability for one in answers])
+        chance = chance / chance.sum()
+        every = {h for one in answers for h in one.posterior}
+        after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
+        gain = (rel_entr(after, chance @ after) * chance[:, None]).sum()
+        best, named = after.max(axis=1), after.max(axis=1) > diagnosis.settings.named
+        worth = float(gain), *(float(chance @ (named * one)) for one in (best, 1.0 - best))
+        name, how = RECORD[key]
+        effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == name)
+        test = NextTest(name, how, "record", ASKED, effects, question=key)
+        found.append(replace(test, **dict(zip(WORTH, worth, strict=True))))
+    return found
+
+
+def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
     """List the direct tests of the effects, but for those whose results are known."""
-    known = {one.effect for one in standing.bench.measured}
+    bench, known = diagnosis.bench, {one.effect for one in diagnosis.bench.measured}
     grouped: dict[str, list[Effect]] = {}
-    for effect in standing.effects.values():
+    for effect in diagnosis.effects.values():
         grouped.setdefault(effect.test.name, []).append(effect)
     return [
         NextTest(
             name,
             those[0].test.how,
-            None,
-            hours_of(standing.bench, name),
-            Asked("direct", tuple(name for effect in those for name in _read(effect))),
+            "direct",
+            hours_of(bench, name),
             tuple(effect.name for effect in those),
-            standing.plausible,
-            _parameters(standing, those),
+            tuple(p for e in those for p in [q.name for q in e.parameters] or [e.name]),
         )
         for name, those in grouped.items()
-        if possible(standing.bench, name) and not {effect.name for effect in those} <= known
+        if possible(bench, name) and not {effect.name for effect in those} <= known
     ]
 
 
-def _read(effect: Effect) -> tuple[str, ...]:
-    """List the parameters that a direct test reads of an effect, or the effect's name."""
-    return tuple(parameter.name for parameter in effect.parameters) or (effect.name,)
-
-
-def _parameters(standing: Standing, effects: Sequence[Effect]) -> Outcome:
-    """Predict a direct test of some effects, as shares of the priors of their parameters.
-
-    An effect without parameters is there (1) or not (0).
-    """
-    setting = standing.setting
-    neutral = [
-        [p.share(p.neutral_of(setting)) for p in effect.parameters] or [0.0] for effect in effects
-    ]
+def _read(diagnosis: Diagnosis, test: NextTest) -> Outcome:
+    """Predict a direct test; an effect without parameters reads 1 where it is there, else 0."""
+    setting, settings = diagnosis.model.setting, diagnosis.settings
+    effects = [diagnosis.effects[name] for name in test.effects]
+    neutral = [[p.share(p.neutral_of(setting)) for p in e.parameters] or [0.0] for e in effects]
     absent = np.concatenate(neutral)
-    rows: list[tuple[int, float, Array, Array]] = []
-    for order, hypothesis in enumerate(standing.plausible):
-        if hypothesis == UNKNOWN:
-            rows += [(order, *row) for row in _anything(standing, effects, absent)]
-            continue
-        mean, variance = absent.copy(), np.full(absent.size, EXACT**2)
-        for effect, place in _places(effects):
-            if effect.name in hypothesis and not effect.parameters:
-                mean[place] = 1.0
-            elif effect.name in hypothesis:
-                found = standing.scored[hypothesis]
-                shares = found.rows.shares[:, found.space.columns(effect.name)]
-                weights = found.weights()
-                mean[place] = weights @ shares
-                variance[place] += weights @ (shares - mean[place]) ** 2
-        rows.append((order, 1.0, mean, variance))
-    owner, share, mean, variance = (np.array([row[k] for row in rows]) for k in range(4))
-    names = {effect.name for effect in effects}
-    # The sense is read of a hypothesis that is nothing else; beside others those may be imitated.
-    read = np.array([bool(names & set(forward(h) or h)) for h in standing.plausible])
-    return Outcome(owner, share, mean, variance[:, None, :] * np.eye(absent.size), read)
+    ends = np.cumsum([0, *map(len, neutral)]).tolist()
+    places = [(e, slice(*ends[k : k + 2])) for k, e in enumerate(effects)]
+    errors = settings.test_error**2 * np.eye(absent.size)
+    parts = {}
+    for hypothesis in _plausible(diagnosis):
+        fit, rows = diagnosis.fits[hypothesis], _rows(diagnosis.fits[hypothesis])
+        mean = np.tile(absent, (rows.size, 1))
+        there = {effect.name for effect in fit.space.effects}
+        for effect, place in [one for one in places if one[0].name in there]:
+            shares = fit.shares[rows][:, fit.space.columns(effect.name)]
+            mean[:, place] = shares if effect.parameters else 1.0
+        parts[hypothesis] = smoothed(mean, np.tile(errors, (rows.size, 1, 1)))
+    # Unknown: nothing, or one of the effects with a normal density as wide as its range.
+    mean = np.tile(absent, (1 + len(effects), 1))
+    covariance, share = np.tile(errors, (len(mean), 1, 1)), np.zeros(len(mean))
+    for k, (effect, place) in enumerate(places, start=1):
+        mean[k, place] = 0.5 if effect.parameters else 1.0
+        wide = np.arange(absent.size)[place] if effect.parameters else []
+        covariance[k, wide, wide] += 1.0 / 12.0
+        share[k] = (0.5 if effect.parameters else settings.prior(effect.name)) / len(effects)
+    share[0] = 1.0 - share.sum()
+    return Outcome.of(parts | {UNKNOWN: (share, mean, covariance)}, set(test.effects).intersection)
 
 
-def _places(effects: Sequence[Effect]) -> list[tuple[Effect, slice]]:
-    """Return the places of each effect in the outcome of the test that effects share."""
-    ends = np.cumsum([0, *(len(_read(effect)) for effect in effects)]).tolist()
-    return [(effect, slice(*ends[k : k + 2])) for k, effect in enumerate(effects)]
+def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
+    mismatch, force = bench.cells[cell].point.mismatch, bench.cells[cell].point.profile.force
+    return (mismatch, force), f"{number(mismatch / RPM)} 1/min and {number(force)} N"
 
 
-def _anything(
-    standing: Standing, effects: Sequence[Effect], absent: Array
-) -> list[tuple[float, Array, Array]]:
-    """List the densities of a direct test under an unknown cause: share, mean and variance.
-
-    It shows nothing, or else looks like one of the effects, with any value within its prior. An
-    unknown cause is none of the sense of rotation.
-    """
-    found = []
-    for effect, place in _places(effects):
-        mean, variance = absent.copy(), np.full(absent.size, EXACT**2)
-        mean[place] = 0.5 if effect.parameters else 1.0
-        # A normal density as wide as the prior.
-        variance[place] += 1.0 / 12.0 if effect.parameters else 0.0
-        share = (1.0 - ABSENT) / len(effects)
-        if effect.name == REVERSED:
-            share = SHARES[standing.bench.mismatch_sense] / len(effects)
-        found.append((share, mean, variance))
-    nothing = 1.0 - sum(share for share, _, _ in found)
-    return [(nothing, absent, np.full(absent.size, EXACT**2)), *found]
-
-
-def _more(standing: Standing) -> list[NextTest]:
-    """List more shifts at each operating point of the data set as tests."""
-    found: list[NextTest] = []
-    if not possible(standing.bench, "more shifts"):
-        return found
-    setup = hours_of(standing.bench, "more shifts")
-    predicted = [_further(standing, hypothesis) for hypothesis in standing.plausible]
-    for place in range(len(standing.bench.cells)):
-        where = _where(standing.bench, place)
-        for count in MORE:
-            mean = np.array([[one.mean[place]] for one in predicted])
-            variance = np.array(
-                [[one.variance[place] + one.single[place] / count] for one in predicted]
-            )
-            name = f"{count} more shifts at {where}"
-            how = f"Record {count} more shifts at {where}, each with its own time."
-            if np.isfinite(mean).all() and np.isfinite(variance).all():
-                asked = Asked("shifts", point=_point(standing.bench, place), shifts=count)
-                outcome = Outcome.normal(mean, variance)
-                hours = setup + SHIFT * count
-                test = NextTest(name, how, None, hours, asked, (), standing.plausible, outcome)
-                found.append(test)
+def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
+    """List more shifts at each operating point at which shifts can engage."""
+    bench, found = diagnosis.bench, []
+    setup, mean = hours_of(bench, "more shifts"), diagnosis.fits[_nearest(diagnosis)].predicted.mean
+    cells = np.flatnonzero(np.isfinite(mean).all(axis=0)).tolist()
+    for cell, count in itertools.product(cells, MORE if possible(bench, "more shifts") else ()):
+        point, words = _where(bench, cell)
+        name, hours = f"{count} more shifts at {words}", setup + SHIFT * count
+        how = f"Record {name}, each with its own time."
+        found.append(NextTest(name, how, "shifts", hours, cell=cell, point=point, shifts=count))
     return found
 
 
-def _further(standing: Standing, hypothesis: Hypothesis) -> MeanPrediction:
-    """Predict the mean time of more shifts at each cell, given those that were made there."""
-    if hypothesis == UNKNOWN:
-        baseline = standing.scored[()].rows.predicted
-        return further_unknown(standing.unknown, standing.seen, baseline)
-    return further_means(standing.scored[hypothesis], standing.seen)
-
-
-def mean_prediction(standing: Standing, hypothesis: Hypothesis) -> MeanPrediction:
-    """Predict the mean time of each cell by a hypothesis."""
-    if hypothesis == UNKNOWN:
-        baseline = standing.scored[()].rows.predicted
-        mean, variance = standing.unknown.predict(np.ones(standing.seen.cells, dtype=bool))
-        return MeanPrediction(mean, variance + baseline.error[0] ** 2, baseline.sd[0] ** 2)
-    found = standing.scored[hypothesis]
-    whole = found.weights()
-    # Values with which nothing engages have no mean; where they matter the cell is left out.
-    counting = whole > 1e-6 * whole.max()
-    predicted: PredictionSummary = found.rows.predicted.only(counting)
-    weights = whole[counting] / whole[counting].sum()
-    mean = weights @ predicted.mean
-    # Errors of the simulation are common to all hypotheses and part none of them, but they limit
-    # what any outcome can say.
-    variance = weights @ ((predicted.mean - mean) ** 2 + predicted.error**2)
-    return MeanPrediction(mean, variance, weights @ predicted.sd**2)
-
-
-def why(test: NextTest, posterior: Probabilities, effects: Mapping[str, Effect]) -> str:
-    """Explain the choice of a test in a sentence or two."""
-    open_to = [h for h, p in posterior.items() if p > 0.05][:4]
-    common = in_common(open_to)
-    doubt = [plain(without(h, common), effects) for h in open_to]
-    cost = f"about {number(test.hours)} h of work"
-    if test.information is None:
-        return f"{test.how} They show where along the shift the rest arises ({cost})."
-    if test.information < WORTH or len(doubt) < 2:
-        return f"{test.how} It would confirm the finding from outside ({cost})."
-    those = f"{', '.join(doubt[:-1])} and {doubt[-1]}"
-    if test.decided:
-        return f"{test.how} It tells most for its cost, open are {those} ({cost})."
-    wrong = (
-        f", and names a wrong one with {100.0 * test.misleads:.0f} %"
-        if test.misleads > MISLED
-        else ""
+def _further(diagnosis: Diagnosis, hypothesis: Hypothesis, test: NextTest) -> Densities:
+    """Predict mean time and share engaged of more shifts at an operating point."""
+    seen, settings, known = diagnosis.seen, diagnosis.settings, hypothesis in diagnosis.fits
+    fit = diagnosis.fits[hypothesis if known else _nearest(diagnosis)]
+    rows, cell = _rows(fit), test.cell
+    mean, sd, error, engaged = (
+        getattr(fit.predicted, name)[rows, cell] for name in ("mean", "sd", "error", "engaged")
     )
-    return (
-        f"{test.how} It settles the cause with a chance of {100.0 * test.settles:.0f} % ({cost})"
-        f"{wrong}; open are {those}."
-    )
+    own = np.maximum(settings.model_error * mean, settings.least_error)
+    error = np.hypot(error, own) if known else max(settings.unlisted_sizes) * mean
+    # Of the residual an error of this point takes its share of the variance.
+    precision = seen.count[cell] * error**2
+    gain = precision / (precision + sd**2)
+    mean = mean + fit.offset[rows, cell]
+    mean = mean + gain * (seen.mean[cell] - mean)
+    share = np.clip(engaged, EDGE, 1.0 - EDGE)
+    variance = (1.0 - gain) * error**2 + sd**2 / np.maximum(1.0, test.shifts * share)
+    both = np.stack([variance, share * (1.0 - share) / test.shifts + EDGE**2], axis=1)
+    return smoothed(np.stack([mean, share], axis=1), both[:, None, :] * np.eye(2))
+
+
+def _trace_tests(diagnosis: Diagnosis, top: Hypothesis, marks: Marks | None) -> list[NextTest]:
+    """List traces at the least force without any; at the largest residual where unknown leads."""
+    bench, seen = diagnosis.bench, diagnosis.seen
+    profiles = [cell.point.profile for cell in bench.cells]
+    traced = {cell.point.profile for cell in bench.cells if cell.traces}
+    cells = [k for k, profile in enumerate(profiles) if profile not in traced]
+    if cells and top != UNKNOWN:
+        least = min(profiles[k].force for k in cells)
+        cells = [k for k in cells if profiles[k].force == least and marks is not None]
+    if not cells or not possible(bench, "traces"):
+        return []
+    one = diagnosis.fits[_nearest(diagnosis)].predicted
+    scatter = (one.error**2 + one.sd**2 / np.maximum(1, seen.count)).mean(axis=0)
+    score = abs(seen.mean - one.mean.mean(axis=0)) / np.sqrt(one.mean.var(axis=0) + scatter)
+    cell = max(cells, key=lambda k: float(np.nan_to_num(score[k] * (seen.count[k] > 0))))
+    point, words = _where(bench, cell)
+    name = f"traces of {TRACED} shifts at {words}"
+    how = f"Record displacement, force and both speeds over time of {TRACED} shifts at {words}."
+    hours = hours_of(bench, "more shifts") + hours_of(bench, "traces") + SHIFT * TRACED
+    return [NextTest(name, how, "traces", hours, cell=cell, point=point, shifts=TRACED)]
+
+
+def _flown(diagnosis: Diagnosis, test: NextTest, marks: Marks) -> Outcome:
+    """Predict the marks of the flight of some traces."""
+    assert test.cell is not None, "traces are made at an operating point"
+    profile, student = diagnosis.bench.cells[test.cell].point.profile, diagnosis.settings
+    wider = student.flight_freedom / (student.flight_freedom - 2.0)
+    still, way = marks(NONE, np.zeros((1, 0)), profile), np.arange(SIZE) < len(WAYS)
+    parts = {}
+    for hypothesis in _plausible(diagnosis):
+        fit, rows = diagnosis.fits[hypothesis], _rows(diagnosis.fits[hypothesis])
+        columns = [fit.values[rows][:, fit.space.columns(name)] for name in hypothesis]
+        found = marks(hypothesis, np.hstack([np.zeros((rows.size, 0)), *columns]), profile)
+        times, errors = np.broadcast_to(found.times, (rows.size, SIZE)), wider * _errors(found)
+        nominal = np.where(way, times, still.times)
+        both = [smoothed(one, errors) for one in (times, nominal)]
+        share, mean, whole = (np.concatenate(part) for part in zip(*both, strict=True))
+        parts[hypothesis] = 0.5 * share, mean, whole
+    # Unknown: the baseline's marks, or those of displacement, or all, moved by offsets.
+    alike = MARK_ALIKE * (way[:, None] == way) + (1.0 - MARK_ALIKE) * np.eye(SIZE)
+    kernels = [s**2 * alike * np.outer(w, w) for s in MARK_SIZES for w in (way, way | True)]
+    covariance = wider * _errors(still) + np.array([0.0 * alike, *kernels])
+    share = np.array([0.5, *[0.5 / len(kernels)] * len(kernels)])
+    mean = np.tile(still.times[0], (share.size, 1))
+    return Outcome.of(parts | {UNKNOWN: (share, mean, covariance)}, lambda _: True)
+
+
+def _errors(found: Any) -> Array:
+    """Compute the covariance of marks read from some traces, s^2, (k, SIZE, SIZE)."""
+    times = found.times.mean(axis=0)
+    slopes = [
+        np.array(values) * np.gradient(part, values)
+        for values, part in zip((WAYS, FORCES), np.split(times, [len(WAYS)]), strict=True)
+    ]
+    # A mark's value over its slope; marks that never come have the time-out in common.
+    reach = np.maximum(0.0, np.concatenate(slopes))
+    common = model_covariance(np.arange(SIZE), times, reach) + STEP**2 / 12.0 / TRACED
+    creep = found.creep[:, :, None] * found.creep[:, None, :]
+    return np.asarray(common + found.error[:, :, None] ** 2 * np.eye(SIZE) + creep)

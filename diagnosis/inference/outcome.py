@@ -1,48 +1,44 @@
-r"""Predicted outcome of a bench test, and what the test is worth to the decision.
+r"""Outcome of a bench test as hypotheses predict it, and its worth to the decision.
 
-Each hypothesis predicts the outcome by a mixture of normal densities. *Unknown* does so too. Beside
-every hypothesis stands its *imitator*: something outside the list that looks like it in all shifts
-seen so far. Together imitators have ``IMITATED`` of the probability that *unknown* has before, each
-as its hypothesis. Where a test reads what the hypothesis consists of, its imitator predicts the
-same as *unknown*, else the same as the hypothesis.
+A hypothesis *h* predicts the outcome *y* by *K* draws of its posterior, each a normal density with
+the errors of the test. The probability after the test is
 
-An imitator counts with its hypothesis, as it does in the diagnosis, until an outcome tells them
-apart: what it then has beyond its odds is *unknown*. So an outcome that excludes a hypothesis does
-not hand all of its probability to the next one.
+.. math:: P(h | y) \propto \frac{P(h)}{K} \sum_k N(y; a \mu_k + (1 - a) \bar\mu,
+          \Sigma_k + (1 - a^2) V),
 
-A test is worth
+where *V* is the covariance of the means :math:`\mu_k` and :math:`\sqrt{1 - a^2}` the kernel width
+of Silverman (1986), so that few draws keep the moments of the posterior (West 1993).
 
-- its *information*, the mutual information of cause and outcome, :math:`H(p) - E_y H(p | y)`, nats;
-- the chance that it *settles* the decision: the truth or a member of its class has more than 0.8
-  afterwards, or each of its effects is part of the cause with more than 0.95;
-- the chance that it *misleads*: something else passes one of these limits.
-
-Outcomes are drawn from all hypotheses and their imitators.
+Beside each effect stands an *imitator*: a cause outside the list that acts on shift times as the
+effect does. A test that reads the effect itself finds of the imitator what it finds of *unknown*;
+any other test finds the same of both. An imitator beyond its odds counts as *unknown*.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.bench.sense import forward
-from dogshape.diagnosis.inference.classes import Confusion
-from dogshape.diagnosis.inference.verdict import MODEL_FORM, MOST, NAMED, PART
-from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
-from dogshape.diagnosis.settings import USUAL
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 
-DRAWN = 400  #: outcomes drawn
-#: Share of things outside the list that look like something on it: 11 of the 18 that the diagnosis
-#: neither recognised nor refused in an earlier sealed set.
-IMITATED = 0.61
-#: Odds of an imitator to its hypothesis, with the prior probability of *unknown*.
-ODDS = USUAL.priors.unlisted * IMITATED / (1.0 - USUAL.priors.unlisted)
+OUTCOMES = 256  #: drawn of each test
+
+Densities = tuple[Array, Array, Array]  #: shares (k,), means (k, d) and covariances (k, d, d)
+
+
+def smoothed(mean: Array, covariance: Array) -> Densities:
+    """Make densities of draws (k, d) with errors (k, d, d) that keep the draws' covariance."""
+    count, size = mean.shape
+    square = min(1.0, (4.0 / ((size + 2.0) * count)) ** (2.0 / (size + 4.0)))
+    centre = mean.mean(axis=0)
+    spread = (mean - centre).T @ (mean - centre) / count
+    shrunk = centre + np.sqrt(1.0 - square) * (mean - centre)
+    return np.full(count, 1.0 / count), shrunk, covariance + square * spread
 
 
 @dataclass(frozen=True)
@@ -51,12 +47,14 @@ class Outcome:
 
     Parameters
     ----------
+    hypotheses : that predict it, *unknown* among them.
     owner : place of the hypothesis of each density, ascending, (c,).
     share : of its hypothesis, (c,).
     mean, covariance : of each density, (c, d) and (c, d, d).
-    read : whether the test reads what each hypothesis consists of, (hypotheses,).
+    read : whether the test reads an effect of each hypothesis, (hypotheses,).
     """
 
+    hypotheses: tuple[Hypothesis, ...]
     owner: np.ndarray
     share: Array
     mean: Array
@@ -64,168 +62,86 @@ class Outcome:
     read: np.ndarray
 
     @classmethod
-    def normal(cls, mean: Array, variance: Array, read: np.ndarray | None = None) -> Self:
-        """Make an outcome of one density a hypothesis; mean and variance (hypotheses, d)."""
-        count, size = mean.shape
-        reads = np.zeros(count, dtype=bool) if read is None else read
-        squares = variance[:, None, :] * np.eye(size)
-        return cls(np.arange(count), np.ones(count), mean, squares, reads)
+    def of(cls, parts: Mapping[Hypothesis, Densities], reads: Callable[[Hypothesis], bool]) -> Self:
+        """Join the densities of several hypotheses."""
+        owner = np.repeat(np.arange(len(parts)), [len(part[0]) for part in parts.values()])
+        share, mean, covariance = (np.concatenate(p) for p in zip(*parts.values(), strict=True))
+        read = np.array([h not in (NONE, UNKNOWN) and reads(h) for h in parts])
+        return cls(tuple(parts), owner, share, mean, covariance, read)
 
     @cached_property
     def _roots(self) -> Array:
-        return np.asarray(np.linalg.cholesky(self.covariance), dtype=np.float64)
+        return np.asarray(np.linalg.cholesky(self.covariance))
+
+    @property
+    def _unknown(self) -> int:
+        return self.hypotheses.index(UNKNOWN)
 
     def log_density(self, outcomes: Array) -> Array:
-        """Return the log density of outcomes (n, d) under each hypothesis, (n, hypotheses)."""
+        """Compute log densities of outcomes (n, d) under each hypothesis, (n, hypotheses)."""
         inverse = np.linalg.inv(self._roots)
-        gaps = outcomes[:, None, :] - self.mean
-        scaled = np.einsum("cij,ncj->nci", inverse, gaps)
+        scaled = np.einsum("cij,nj->nci", inverse, outcomes)
+        scaled -= np.einsum("cij,cj->ci", inverse, self.mean)
         spread = np.log(np.diagonal(self._roots, axis1=1, axis2=2)).sum(axis=1)
         log = np.log(self.share) - spread - 0.5 * (scaled**2).sum(axis=2)
-        log = log - 0.5 * self.mean.shape[1] * np.log(2.0 * np.pi)
-        starts = np.searchsorted(self.owner, np.arange(self.read.size))
-        return np.logaddexp.reduceat(log, starts, axis=1)
+        log -= 0.5 * self.mean.shape[1] * np.log(2.0 * np.pi)
+        starts = np.searchsorted(self.owner, np.arange(len(self.hypotheses)))
+        return np.asarray(np.logaddexp.reduceat(log, starts, axis=1))
 
     def draw(self, which: np.ndarray, generator: np.random.Generator) -> Array:
-        """Return an outcome of each of some hypotheses, by their places (n,), (n, d)."""
-        # The densities of a hypothesis stand one after the other, with shares that add to one.
-        ends = np.cumsum(self.share)
-        place = np.searchsorted(ends, which + generator.random(which.size) * (1.0 - 1e-9))
-        place = np.minimum(place, self.share.size - 1)
+        """Draw an outcome of each of some hypotheses, by their places (n,), (n, d)."""
+        place = np.searchsorted(np.cumsum(self.share), which + generator.random(which.size))
+        place = np.minimum(place, np.searchsorted(self.owner, which, side="right") - 1)
         noise = generator.standard_normal((which.size, self.mean.shape[1]))
         return self.mean[place] + np.einsum("nij,nj->ni", self._roots[place], noise)
 
+    def only(self, shown: np.ndarray) -> Outcome:
+        """Select the values of the outcome that are shown, (d,) true or false."""
+        covariance = self.covariance[:, shown][:, :, shown]
+        return replace(self, mean=self.mean[:, shown], covariance=covariance)
 
-@dataclass(frozen=True)
-class Worth:
-    """Worth of a test: information in nats, chance to settle, chance to mislead."""
+    def moments(self, place: int) -> tuple[Array, Array]:
+        """Compute mean and standard deviation under a hypothesis, (d,) each."""
+        mine = self.owner == place
+        share, mean = self.share[mine], self.mean[mine]
+        own = np.diagonal(self.covariance[mine], axis1=1, axis2=2)
+        return share @ mean, np.sqrt(share @ (own + (mean - share @ mean) ** 2))
 
-    information: float
-    settles: float
-    misleads: float
+    def after(self, before: Array, log: Array, odds: float) -> Array:
+        """Update probabilities (hypotheses,) by log densities (n, hypotheses), (n, hypotheses).
 
-
-@dataclass(frozen=True)
-class Decision:
-    """Probabilities of hypotheses, and the limits by which the diagnosis decides.
-
-    Parameters
-    ----------
-    hypotheses : that take part, *unknown* among them.
-    probabilities : of each, imitators counted with their hypotheses, (h,).
-    alike : whether two are one class, (h, h).
-    measured : effects that a direct test has shown.
-    odds : of an imitator to its hypothesis; none and *unknown* have none.
-    """
-
-    hypotheses: tuple[Hypothesis, ...]
-    probabilities: Array
-    alike: np.ndarray
-    measured: frozenset[str] = frozenset()
-    odds: float = ODDS
-
-    @classmethod
-    def of(
-        cls,
-        hypotheses: Sequence[Hypothesis],
-        probabilities: Array,
-        confusion: Confusion,
-        measured: Collection[str] = (),
-    ) -> Self:
-        """Make the decision over some hypotheses; their probabilities are made to add to one."""
-        groups = [confusion.class_of(h) for h in hypotheses]
-        alike = np.array([[other in group for other in hypotheses] for group in groups])
-        whole = probabilities / probabilities.sum()
-        return cls(tuple(hypotheses), whole, alike, frozenset(measured))
-
-    @cached_property
-    def names(self) -> tuple[str, ...]:
-        """All effects of the hypotheses."""
-        return tuple(dict.fromkeys(n for h in self.hypotheses if h != UNKNOWN for n in forward(h)))
-
-    @cached_property
-    def parts(self) -> Array:
-        """Mark the effects of each hypothesis, 1 or 0, (h, effects)."""
-        rows = [[n in h and h != UNKNOWN for n in self.names] for h in self.hypotheses]
-        return np.array(rows, dtype=float).reshape(len(self.hypotheses), len(self.names))
-
-    @cached_property
-    def imitated(self) -> Array:
-        """Odds of the imitator of each hypothesis, (h,)."""
-        return np.array([0.0 if h in (NONE, UNKNOWN) else self.odds for h in self.hypotheses])
-
-    @property
-    def unknown(self) -> int:
-        """Place of *unknown*."""
-        return self.hypotheses.index(UNKNOWN)
-
-    def settled(self, shows: Collection[str] = ()) -> bool:
-        """Test that the probabilities already settle the most probable hypothesis."""
-        top = np.array([int(np.argmax(self.probabilities))])
-        return bool(self.judged(self.probabilities[None], top, shows)[0][0])
-
-    def judged(
-        self, after: Array, truth: np.ndarray, shows: Collection[str]
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Judge probabilities (n, h) by the place of each truth (n,): settled, and misleading.
-
-        ``shows`` are the effects that the test reads itself, with which it may name what shifts
-        alone cannot (``diagnosis.inference.verdict.MODEL_FORM``).
+        ``odds`` are those of an imitator to its hypothesis.
         """
-        form = MODEL_FORM - set(shows) - self.measured
-        may = [not form & set(h) and len(forward(h)) <= MOST for h in self.hypotheses]
-        named = (after > NAMED) & np.array(may)
-        alike = self.alike[truth]
-        sure = np.array([name not in form for name in self.names], dtype=bool)
-        included = (after @ self.parts > PART) & sure
-        own = self.parts[truth] > 0.0
-        known = own.any(axis=1) & np.where(own, included, True).all(axis=1)
-        # What is said to be part of the cause may be an effect of any member of the class.
-        right = (self.alike.astype(float) @ self.parts > 0.0)[truth]
-        wrong = (named & ~alike).any(axis=1) | (included & ~right).any(axis=1)
-        return ((named & alike).any(axis=1) | known) & ~wrong, wrong
+        odd = np.where(self.read, odds, 0.0)
+        like = np.exp(log - log.max(axis=1, keepdims=True))
+        own = before / (1.0 + odd) * like
+        imitators = before * odd / (1.0 + odd) * like[:, [self._unknown]]
+        kept = np.minimum(imitators, odd * own)
+        found = own + kept
+        found[:, self._unknown] += (imitators - kept).sum(axis=1)
+        return np.asarray(found / found.sum(axis=1, keepdims=True))
 
-    def after(self, log: Array, read: np.ndarray) -> Array:
-        """Return the probabilities after outcomes of log densities (n, h), (n, h)."""
-        odds = np.where(read, self.imitated, 0.0)
-        return probabilities_after(self.probabilities, log, odds, self.unknown)
+    def worth(
+        self, before: Array, odds: float, named: float, seed: int = 1
+    ) -> tuple[float, float, float]:
+        """Compute information in nats, and the chances to settle and to mislead.
 
-    def worth(self, outcome: Outcome, shows: Collection[str] = (), seed: int = 1) -> Worth:
-        """Compute the worth of a test by outcomes that are drawn."""
-        generator = np.random.default_rng(seed)
-        odds, size = self.imitated, len(self.hypotheses)
-        true, false = (self.probabilities * part / (1.0 + odds) for part in (1.0, odds))
-        weight = np.concatenate([true, false])
-        # An imitator's outcome is that of *unknown* where the test reads what it imitates.
-        source = np.concatenate(
-            [np.arange(size), np.where(outcome.read, self.unknown, np.arange(size))]
-        )
-        truth = np.concatenate([np.arange(size), np.full(size, self.unknown)])
-        # As many draws of each as its probability: less noise than drawing which.
-        counts = np.where(weight > 0.0, np.maximum(1, np.round(DRAWN * weight)), 0).astype(int)
-        every = np.repeat(np.arange(2 * size), counts)
+        A test settles if the truth has more than ``named`` afterwards, and misleads if anything
+        else has. An imitator's truth is *unknown*.
+        """
+        generator, places = np.random.default_rng(seed), np.arange(len(self.hypotheses))
+        odd = np.array([0.0 if h in (NONE, UNKNOWN) else odds for h in self.hypotheses])
+        weight = np.concatenate([before / (1.0 + odd), before * odd / (1.0 + odd)])
+        source = np.concatenate([places, np.where(self.read, self._unknown, places)])
+        truth = np.concatenate([places, np.full(places.size, self._unknown)])
+        # As many draws of each as its probability: less noise than a random choice of it.
+        counts = np.where(weight > 0.0, np.maximum(1, np.round(OUTCOMES * weight)), 0).astype(int)
+        every = np.repeat(np.arange(weight.size), counts)
         weights = weight[every] / counts[every]
-        log = outcome.log_density(outcome.draw(source[every], generator))
-        mixed = np.concatenate([log, log[:, source[size:]]], axis=1)
-        whole = logsumexp(mixed, axis=1, b=weight)
-        gain = float(weights @ (log[np.arange(every.size), source[every]] - whole))
-        after = self.after(log, outcome.read)
-        settled, wrong = self.judged(after, truth[every], shows)
-        return Worth(max(0.0, gain), float(weights @ settled), float(weights @ wrong))
-
-
-def probabilities_after(probabilities: Array, log: Array, odds: Array, unknown: int) -> Array:
-    """Update probabilities (h,) by outcomes of log densities (n, h), (n, h).
-
-    ``odds`` (h,) are those of imitators that predict what the hypothesis at the place ``unknown``
-    predicts, 0 where they predict the same as theirs. What an imitator has beyond its odds goes to
-    *unknown*.
-    """
-    like = np.exp(log - log.max(axis=1, keepdims=True))
-    own = probabilities / (1.0 + odds) * like
-    imitators = probabilities * odds / (1.0 + odds) * like[:, [unknown]]
-    kept = np.minimum(imitators, odds * own)
-    found = own + kept
-    found[:, unknown] += (imitators - kept).sum(axis=1)
-    whole: Array = found / found.sum(axis=1, keepdims=True)
-    return whole
+        log = self.log_density(self.draw(source[every], generator))
+        mixed = logsumexp(log[:, source], axis=1, b=weight)
+        gain = float(weights @ (log[np.arange(every.size), source[every]] - mixed))
+        sure = self.after(before, log, odds) > named
+        right = sure[np.arange(every.size), truth[every]]
+        wrong = sure.any(axis=1) & ~right
+        return max(0.0, gain), float(weights @ right), float(weights @ wrong)

@@ -4,45 +4,47 @@ Static readings of the actuator after engagement, displacement *x* over force *F
 a line :math:`x = x_0 + F/k` where the linkage is elastic. With the linkage's ratio *i* and
 efficiency :math:`\eta` a compliance at the arm is :math:`c = (1/k)/(i^2 \eta)` at the sleeve, where
 forces are :math:`i \eta` times those at the arm; :math:`\eta` is at most one. The travel without
-force gives the ratio again, :math:`i = x_0/\text{travel}`, and so by how much the nominal forces
-at the sleeve are off.
+force gives the ratio again, :math:`i = x_0/\text{travel}`, and so the factor of the nominal forces
+at the sleeve.
 
-What a direct test shows (``[[measured]]`` of the data set) counts with the shifts: the evidence of
-each hypothesis is that of both, with the parameter's neutral value where the effect is absent. Of
-*unknown* the test finds nothing, half, or anything within the prior.
+The result of a direct test (``[[measured]]`` of the data set) counts with the shifts, with the
+parameter's neutral value where the effect is absent. Of *unknown* the test finds nothing, half, or
+anything within the range.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.bench.stand_file import Measured
-from dogshape.diagnosis.inference.evidence import effective
-from dogshape.diagnosis.inference.parameter_intervals import intervals
-from dogshape.diagnosis.likelihood.scores import Scored
-from dogshape.diagnosis.likelihood.time_parts import log_sum
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import NONE, Array
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, did_you_mean
 from dogshape.sim.units import MM
 
+if TYPE_CHECKING:
+    from dogshape.diagnosis.likelihood.observed import Observed
+    from dogshape.diagnosis.prediction.model import Model, Space
+
 LEAST = 3  #: readings that a line needs
 SURE = 1.645  #: standard errors to the ends of 90 %
-ANY = 200  #: values of a prior that a test may find of something not listed
+ANY = 200  #: values of a range that a test may find of something not listed
 SPREAD = 0.05  #: share of a value by which a fact is uncertain at least
 
 
 @dataclass(frozen=True)
 class Fact:
-    """A parameter of an effect measured without shifts: value and standard error, in its unit.
+    """Parameter of an effect measured without shifts: value and standard error, in its unit.
 
-    ``neutral`` is what it is without the effect.
+    ``neutral`` is its value without the effect.
     """
 
     effect: str
@@ -63,9 +65,50 @@ class Fact:
         return self.value + SURE * self.error
 
     def log_density(self, values: Array) -> Array:
-        """Return the logarithm of the density of the reading at values (m,) of the parameter."""
-        score = (values - self.value) / self.error
-        return -0.5 * score**2 - np.log(self.error)
+        """Compute the log density of the reading at values (m,) of the parameter, (m,)."""
+        return np.asarray(-0.5 * ((values - self.value) / self.error) ** 2 - np.log(self.error))
+
+
+def log_density(facts: Sequence[Fact], space: Space, values: Array) -> Array:
+    """Compute the log density of facts at values (m, p) of a hypothesis, (m,)."""
+    found = np.zeros(len(values))
+    for fact in facts:
+        names = {e.name: [p.name for p in e.parameters] for e in space.effects}
+        column = np.full(len(values), fact.neutral)
+        if fact.effect in names:
+            column = values[:, space.columns(fact.effect)]
+            column = column[:, names[fact.effect].index(fact.parameter)]
+        found += fact.log_density(column)
+    return found
+
+
+def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
+    """Compute the log density of a fact where no known effect is the cause."""
+    effect = _effect(fact.effect, effects)
+    (parameter,) = (p for p in effect.parameters if p.name == fact.parameter)
+    values = [fact.neutral, *(parameter.at((k + 0.5) / ANY) for k in range(ANY))]
+    weights = [0.5, *[0.5 / ANY] * ANY]
+    return float(logsumexp(fact.log_density(np.array(values)), b=weights))
+
+
+def explained(fact: Fact, model: Model, seen: Observed) -> tuple[float, float]:
+    """Compute the part of the gap that an effect of the fact's size explains alone.
+
+    Returns
+    -------
+    Decrease of the gap's root mean square over the operating points by the effect, s, negative
+    where the gap grows, and that root mean square without it, s. Other parameters of the effect are
+    neutral.
+    """
+    effect = model.effects[fact.effect]
+    values = effect.neutral(model.setting) | {fact.parameter: fact.value}
+    shares = np.array([[p.share(values[p.name]) for p in effect.parameters]])
+    gaps = [
+        seen.mean - model.predict(hypothesis, some).mean[0]
+        for hypothesis, some in ((NONE, np.zeros((1, 0))), ((fact.effect,), shares))
+    ]
+    before, after = (math.sqrt(np.mean(gap[seen.count > 0] ** 2)) for gap in gaps)
+    return before - after, before
 
 
 def facts_of(bench: Bench) -> tuple[Fact, ...]:
@@ -73,11 +116,9 @@ def facts_of(bench: Bench) -> tuple[Fact, ...]:
     ratio, efficiency = bench.sensor.linkage_ratio, bench.sensor.linkage_efficiency
     pairs = [(c.arm_force, c.arm_displacement) for c in bench.calibration]
     known = [(f, x) for f, x in pairs if f is not None and x is not None]
-    if ratio is None or len(known) < LEAST:
+    if ratio is None or len(known) < LEAST or np.ptp([f for f, _ in known]) <= 0.0:
         return ()
     force, way = np.array(known).T
-    if np.ptp(force) <= 0.0:
-        return ()
     line, matrix = np.polyfit(force, way, 1, cov="unscaled")
     slope, start = map(float, line)
     scatter = float(np.sqrt(((way - start - slope * force) ** 2).sum() / (len(known) - 2)))
@@ -88,7 +129,7 @@ def facts_of(bench: Bench) -> tuple[Fact, ...]:
 
 
 def _compliance(slope: float, error: float, ratio: float, efficiency: float) -> Fact:
-    """Return the compliance at the sleeve, between the given efficiency and none lost."""
+    """Derive the compliance at the sleeve, between the given efficiency and none lost."""
     ends = np.array([slope / ratio**2, slope / (ratio**2 * efficiency)]) * 1e6
     value = float(ends.mean())
     spread = float(np.hypot(np.ptp(ends) / 12.0**0.5, value * error / slope))
@@ -102,7 +143,7 @@ def _compliance(slope: float, error: float, ratio: float, efficiency: float) -> 
 
 
 def _scale(start: float, error: float, ratio: float, travel: float) -> Fact:
-    """Return the force over the nominal one, if the ratio is that of travels without force."""
+    """Derive the force over the nominal one, if the ratio is that of travels without force."""
     value = start / travel / ratio
     sentence = (
         f"without force the actuator moves {start / MM:.3g} mm for {travel / MM:.3g} mm of the "
@@ -130,103 +171,30 @@ def require_measured(bench: Bench, effects: Mapping[str, Effect]) -> None:
 
 def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, ...]:
     """List the facts of direct tests, whether their effects are in question or not."""
-    known = ((one, _effect(one.effect, effects)) for one in bench.measured)
-    return tuple(_measured(bench, effect, one) for one, effect in known if effect)
+    found = []
+    for one in bench.measured:
+        effect = _effect(one.effect, effects)
+        name = _parameter(one, effect) or ""
+        sentence = (
+            f"a direct test gives {name} = {one.value:.4g} (standard error "
+            f"{one.standard_error:.2g}), which counts with the shifts"
+        )
+        neutral = effect.neutral(setting_of(bench))[name]
+        fact = Fact(one.effect, name, neutral, one.value, one.standard_error, sentence)
+        found.append(fact)
+    return tuple(found)
 
 
-def _effect(name: str, effects: Mapping[str, Effect]) -> Effect | None:
+def shown(facts: Sequence[Fact]) -> frozenset[str]:
+    """List the effects that facts show to be there, beyond the errors of 90 %."""
+    return frozenset(f.effect for f in facts if not f.low <= f.neutral <= f.high)
+
+
+def _effect(name: str, effects: Mapping[str, Effect]) -> Effect:
     """Find an effect in question, or else of the program's own."""
-    return effects.get(name) or registry.load().get(name)
+    return effects.get(name) or registry.load()[name]
 
 
 def _parameter(one: Measured, effect: Effect) -> str | None:
     names = [parameter.name for parameter in effect.parameters]
     return names[0] if one.parameter is None and len(names) == 1 else one.parameter
-
-
-def _measured(bench: Bench, effect: Effect, one: Measured) -> Fact:
-    name = _parameter(one, effect)
-    assert name is not None, "which parameter it is is required before"
-    sentence = (
-        f"a direct test gives {name} = {one.value:.4g} (standard error {one.standard_error:.2g}), "
-        "which counts with the shifts"
-    )
-    neutral = effect.neutral(setting_of(bench))[name]
-    return Fact(one.effect, name, neutral, one.value, one.standard_error, sentence)
-
-
-def shown(facts: Sequence[Fact]) -> frozenset[str]:
-    """Return the effects that facts show to be there, beyond the errors of 90 %."""
-    return frozenset(f.effect for f in facts if not f.low <= f.neutral <= f.high)
-
-
-def read_directly(bench: Bench, effects: Mapping[str, Effect]) -> frozenset[str]:
-    """Return the effects of readings at rest, and those that direct tests show to be there."""
-    return frozenset(f.effect for f in facts_of(bench)) | shown(measured_facts(bench, effects))
-
-
-def readings_in_words(
-    bench: Bench, effects: Mapping[str, Effect], scored: Mapping[Hypothesis, Scored]
-) -> list[tuple[Fact, str]]:
-    """List all facts, each with what it tells."""
-    at_rest = [(fact, against(fact, scored)) for fact in facts_of(bench)]
-    return at_rest + [(fact, fact.sentence) for fact in measured_facts(bench, effects)]
-
-
-def informed(
-    scored: Mapping[Hypothesis, Scored], facts: Sequence[Fact]
-) -> dict[Hypothesis, Scored]:
-    """Return hypotheses with the evidence of shifts and facts together."""
-    found = dict(scored)
-    for fact in facts:
-        for hypothesis, one in found.items():
-            told = given(one, fact)
-            if fact.effect not in hypothesis:
-                # Where the data of some cells are left out it counts as well.
-                found[hypothesis] = replace(told, log_prior=one.log_prior + log_neutral(fact))
-                continue
-            # A narrow fact leaves few of the values that were chosen for the shifts.
-            few = 1.0 / effective(told.log_prior + told.rows.whole)
-            found[hypothesis] = replace(told, error=math.hypot(one.error, math.sqrt(few)))
-    return found
-
-
-def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
-    """Return the logarithm of the density of a fact where nothing known is the cause."""
-    effect = _effect(fact.effect, effects)
-    assert effect is not None, "a fact is of an effect that there is"
-    (parameter,) = (p for p in effect.parameters if p.name == fact.parameter)
-    values = np.array([parameter.at(float(share)) for share in (np.arange(ANY) + 0.5) / ANY])
-    anything = log_sum(fact.log_density(values), axis=0) - math.log(ANY)
-    return float(np.logaddexp(log_neutral(fact), anything)) - math.log(2.0)
-
-
-def given(found: Scored, fact: Fact) -> Scored:
-    """Return a hypothesis with its evidence where a fact is known beside the shifts.
-
-    Without the effect the parameter has its neutral value.
-    """
-    if fact.effect not in found.hypothesis:
-        return replace(found, log_evidence=found.log_evidence + log_neutral(fact))
-    place = [p.name for p in found.space.parameters].index(fact.parameter)
-    values = found.space.values(found.rows.shares)[:, place]
-    log = found.log_prior + fact.log_density(values)
-    return replace(found, log_prior=log).with_table(found.rows.log_likelihood)
-
-
-def log_neutral(fact: Fact) -> float:
-    """Return the logarithm of the density of a fact where its effect is absent."""
-    return float(fact.log_density(np.array([fact.neutral]))[0])
-
-
-def against(fact: Fact, scored: Mapping[Hypothesis, Scored]) -> str:
-    """Describe the agreement of a fact with the values that the effect alone would need."""
-    alone = scored.get((fact.effect,))
-    if alone is None:
-        return fact.sentence
-    needed = intervals(alone)[fact.parameter]
-    ends = f"{needed.low:.3g} to {needed.high:.3g}"
-    agrees = needed.low <= fact.high and fact.low <= needed.high
-    how = "which agrees with" if agrees else "which contradicts"
-    name = fact.effect.replace("_", " ")
-    return f"{fact.sentence}; {how} the {ends} that {name} alone would need"

@@ -19,13 +19,11 @@ import numpy as np
 from dogshape.diagnosis.bench.sense import REVERSED, Sense, both_senses, forward
 from dogshape.diagnosis.prediction.levels import columns_of
 from dogshape.diagnosis.settings import USUAL, Priors
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.setting import Setting
 
 PRIORS = USUAL.priors
-UNKNOWN: Hypothesis = ("unknown",)
-NONE: Hypothesis = ()
 TRIED = 7  #: values of each parameter that are tried for whether there are such benches
 
 

@@ -40,7 +40,7 @@ class PlanarClutch:
 
 def planar_clutch(clutch: Clutch) -> PlanarClutch:
     """Prepare a clutch."""
-    return PlanarClutch(clutch, surfaces_of(clutch.dog), _numbers(clutch), law_of(clutch))
+    return PlanarClutch(clutch, surfaces_of(clutch.dog), numbers_of(clutch), law_of(clutch))
 
 
 def surfaces_of(dog: Dog) -> Surfaces:
@@ -79,7 +79,8 @@ def state_size(mechanism: Mechanism) -> int:
     return kernel.LINKED_SIZE if mechanism.has_linkage else kernel.PLAIN_SIZE
 
 
-def _numbers(clutch: Clutch) -> Floats:
+def numbers_of(clutch: Clutch) -> Floats:
+    """Fill the numbers of a clutch, in the places of ``sim.planar.kernel``, (NUMBERS,)."""
     dog, rings, mechanism = clutch.dog, clutch.rings, clutch.mechanism
     stiff, loss = mechanism.linkage(rings.mass) if mechanism.has_linkage else (0.0, 0.0)
     share = mechanism.spline_share(rings.mass, dog.mean_radius, rings.sliding_inertia)

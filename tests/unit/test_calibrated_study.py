@@ -179,6 +179,30 @@ def test_an_effect_of_a_users_own_becomes_keys_of_the_mechanism() -> None:
     assert keys.settings(cold, {"damping_Ns_m": 321.0}) == {"mechanism.damping_Ns_m": 321.0}
     for name in ("relative_angle", "reversed_mismatch", "mismatch_speed"):
         assert not keys.takes(EFFECTS[name])
+    rising = replace(cold, change=lambda setting, _: setting.with_point(
+        profile=replace(setting.point.profile, rise=0.3)
+    ))  # fmt: skip
+    assert not keys.takes(rising)
+
+
+@pytest.mark.parametrize(
+    ("name", "values"),
+    [
+        ("force_loss", {"loss_N": 25.0}),
+        ("force_rise", {"rise_factor": 1.4}),
+        ("linkage_compliance", {"compliance_mm_kN": 3.0, "mass_behind_kg": 2.0}),
+        ("sliding_inertia", {"inertia_factor": 2.5}),
+    ],
+)
+def test_force_linkage_and_inertia_are_written_as_effects(
+    name: str, values: dict[str, float]
+) -> None:
+    plain = load_study("mq200_paper")
+    keys = EffectKeys(Setting(plain.clutch, PROBE), frozenset(EFFECTS))
+    assert keys.takes(EFFECTS[name])
+    study = load_study("mq200_paper", keys.settings(EFFECTS[name], values))
+    there = EFFECTS[name].apply(Setting(plain.clutch, plain.points[0]), values)
+    assert (study.clutch, study.points[0]) == (there.clutch, there.point)
 
 
 def test_what_a_base_sets_itself_gives_way_and_is_told(tmp_path: Path) -> None:

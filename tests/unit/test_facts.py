@@ -1,17 +1,33 @@
-"""What static readings of a stand tell of its linkage."""
+"""Facts of an effect from readings at rest and from direct tests."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.stand_file import Calibration, Sensor
-from dogshape.diagnosis.inference.static_readings import facts_of
+from dogshape.diagnosis.bench.stand_file import Calibration, Measured, Sensor
+from dogshape.diagnosis.inference.static_readings import (
+    Fact,
+    explained,
+    facts_of,
+    log_density,
+    log_unknown,
+    measured_facts,
+    require_measured,
+    shown,
+)
+from dogshape.sim.errors import DataError
+from tests.fits import SETTING, Space
+from tests.toy import EFFECTS
 
 STAND = load_bench("mq200_stand")
+DRAG = Fact("drag_torque", "drag_Nm", 0.0, 1.5, 0.1, "")
 
 
 def _bench(stiffness: float, ratio: float, start: float) -> Bench:
@@ -57,3 +73,82 @@ def test_too_few_readings_tell_nothing(count: int) -> None:
 
 def test_readings_at_one_force_tell_nothing() -> None:
     assert facts_of(replace(STAND, calibration=STAND.calibration[:1] * 4)) == ()
+
+
+def test_a_fact_counts_at_its_parameter_and_where_its_effect_is_absent_at_neutral() -> None:
+    """A drag of 1.5 N m beside a delay: density at each value, or at none."""
+    both = Space((EFFECTS["actuation_delay"], EFFECTS["drag_torque"]))
+    values = np.array([[0.1, 1.5], [0.2, 1.2], [0.0, 0.0]])
+    width = np.log(2.0 * np.pi) / 2.0
+    found = log_density([DRAG], both, values) - width
+    assert found == pytest.approx(norm.logpdf(values[:, 1], 1.5, 0.1))
+    alone = log_density([DRAG, DRAG], Space((EFFECTS["actuation_delay"],)), values[:, :1])
+    assert alone - 2.0 * width == pytest.approx([2.0 * norm.logpdf(0.0, 1.5, 0.1)] * 3)
+    assert log_density([], both, values).tolist() == [0.0, 0.0, 0.0]
+
+
+def test_unknown_finds_nothing_or_anything_within_the_range() -> None:
+    (parameter,) = EFFECTS["actuation_delay"].parameters
+    wide = parameter.high - parameter.low
+    assert (parameter.scale, parameter.low) == ("uniform", 0.0)
+    fact = Fact("actuation_delay", parameter.name, 0.0, 0.5 * wide, 0.01 * wide, "")
+    # A narrow reading within the range has the density of the range, at its end half of it.
+    inside = 0.5 / wide * np.sqrt(2.0 * np.pi)
+    assert np.exp(log_unknown(fact, EFFECTS)) == pytest.approx(inside, rel=1e-3)
+    absent = np.exp(log_unknown(replace(fact, value=0.0), {}))
+    assert absent == pytest.approx(0.5 / fact.error + 0.5 * inside, rel=1e-3)
+
+
+class _Model:
+    """Mean times of 300 ms, and 10 ms more for each mm/kN at the first of two points."""
+
+    setting = SETTING
+    effects = EFFECTS
+
+    def predict(self, hypothesis: tuple[str, ...], shares: Any) -> Any:
+        """Return mean times at shares of the compliance."""
+        mean = np.full((1, 3), 0.3)
+        if hypothesis:
+            space = Space(tuple(EFFECTS[name] for name in hypothesis))
+            mean[0, 0] += 0.01 * space.values(shares)[0, 0]
+        return SimpleNamespace(mean=mean)
+
+
+@pytest.mark.parametrize(("gap", "part"), [(0.138, 0.0), (0.04, 0.04), (-0.03, -0.04)])
+def test_a_fact_alone_explains_its_part_of_the_gap(gap: float, part: float) -> None:
+    """4 mm/kN are 40 ms at the first point: the whole gap there, or as much too much."""
+    fact = Fact("linkage_compliance", "compliance_mm_kN", 0.0, 4.0, 0.2, "")
+    first = gap if part else 0.02
+    other = 0.0 if part else gap
+    seen = SimpleNamespace(
+        mean=0.3 + np.array([first, other, 9.0]), count=np.array([10.0, 10.0, 0.0])
+    )
+    found, whole = explained(fact, _Model(), seen)  # type: ignore[arg-type]
+    rms = np.sqrt((first**2 + other**2) / 2.0)
+    assert whole == pytest.approx(rms)
+    left = np.sqrt(((first - 0.04) ** 2 + other**2) / 2.0)
+    assert found == pytest.approx(rms - left)
+    assert found == pytest.approx(part / np.sqrt(2.0), abs=1e-9)
+
+
+def test_results_of_direct_tests_are_facts_of_their_effects() -> None:
+    bench = replace(STAND, measured=(Measured("drag_torque", None, 1.5, 0.1),))
+    require_measured(bench, EFFECTS)
+    for effects in (EFFECTS, {}):
+        (fact,) = measured_facts(bench, effects)
+        assert (fact.effect, fact.value, fact.error, fact.neutral) == ("drag_torque", 1.5, 0.1, 0.0)
+    assert shown([fact]) == {"drag_torque"}
+    assert shown([replace(fact, value=0.1)]) == frozenset()
+
+
+@pytest.mark.parametrize(
+    ("measured", "words"),
+    [
+        (Measured("drag", None, 1.0, 0.1), "'drag' in .* is no effect; did you mean 'drag_torque'"),
+        (Measured("contact_friction", None, 0.2, 0.1), "is left out, but must be one of: static_"),
+        (Measured("drag_torque", "drag", 0.2, 0.1), "is 'drag', but must be one of: "),
+    ],
+)
+def test_a_result_of_no_effect_or_parameter_is_a_sentence(measured: Measured, words: str) -> None:
+    with pytest.raises(DataError, match=words):
+        require_measured(replace(STAND, measured=(measured,)), EFFECTS)

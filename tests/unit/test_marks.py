@@ -21,7 +21,7 @@ from dogshape.diagnosis.bench.flight_marks import (
 )
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.traces import BenchTrace
-from dogshape.diagnosis.prediction.flight import fly
+from dogshape.diagnosis.prediction.flights import fly
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.engagement import engage
@@ -66,7 +66,7 @@ def test_marks_of_a_noisy_trace_come_back_within_their_errors(
     setting: Setting, drawn: Drawn, step: float, noise: float
 ) -> None:
     profile = setting.point.profile
-    exact = fly(setting, GAP, profile.force).times
+    exact = fly([setting], GAP, profile.force)[0][0]
     table = [trace_marks(trace, profile, GAP) for trace in drawn(step, noise, 60)]
     for place in range(SIZE):
         marks = [row[place] for row in table if row[place] is not None]
@@ -121,7 +121,7 @@ def test_traces_of_one_profile_are_averaged_and_odd_ones_left_out(
     setting: Setting, drawn: Drawn
 ) -> None:
     traces = drawn(1e-3, 1.0, 12)
-    exact = fly(setting, GAP, setting.point.profile.force).times
+    exact = fly([setting], GAP, setting.point.profile.force)[0][0]
     for odd in (0, 2):
         mixed = [_early(trace) if k < odd else trace for k, trace in enumerate(traces)]
         rows = [Reading(k + 2, setting.point, 1, 0.1, True, t) for k, t in enumerate(mixed)]

@@ -149,22 +149,6 @@ def test_a_detent_takes_the_work_of_its_hump(flight: Flight) -> None:
     assert np.abs(lost[before]).max() < 1e-4
 
 
-def test_a_linkage_swings_as_two_masses_on_a_spring(flight: Flight) -> None:
-    """Response of u = y - x to a step of force, damped frequency included."""
-    force, stiffness, added = 100.0, 1.0 / 20e-6, 0.2
-    trace = flight(ForceProfile(force, STEP), 0.03, compliance=20e-6, added_mass=added)
-    far, near = FORK * 0.3 + added, (1.0 - FORK) * 0.3
-    rate = math.sqrt(stiffness * (far + near) / (far * near))
-    damped = rate * math.sqrt(1.0 - DAMPING_RATIO**2)
-    t = np.maximum(trace.time - 0.5 * STEP, 0.0)
-    swing = np.cos(damped * t) + DAMPING_RATIO * rate / damped * np.sin(damped * t)
-    exact = force / far / rate**2 * (1.0 - np.exp(-DAMPING_RATIO * rate * t) * swing)
-    stretch = trace.actuator_displacement - trace.displacement
-    assert stretch == pytest.approx(exact, abs=0.005 * exact.max())
-    middle = (far * trace.actuator_displacement + near * trace.displacement) / (far + near)
-    assert middle == pytest.approx(0.5 * force / (far + near) * t**2, rel=1e-3, abs=1e-6)
-
-
 def test_a_stiff_linkage_is_an_added_mass(flight: Flight, point: Point) -> None:
     profile = point(50, 469.0).profile
     trace = flight(profile, 0.03, compliance=2e-7, added_mass=0.5)

@@ -96,7 +96,8 @@ def test_weights_of_angles_are_von_mises(setting: Setting, concentration: float)
 
 def test_a_sensor_at_the_actuator_reads_its_time(setting: Setting) -> None:
     """Ahead of the ring by force over stiffness, and equal to the ring's without a linkage."""
-    springy = EFFECTS["linkage_compliance"].apply(setting, {"compliance_mm_kN": 4.0})
+    values = {"compliance_mm_kN": 4.0, "mass_behind_kg": 0.0}
+    springy = EFFECTS["linkage_compliance"].apply(setting, values)
     row = next(run_block(springy.block((12 * DEG,))))
     at_actuator = replace(springy, sensor="actuator")
     assert springy.time_of(row) == row["shift_time_s"]

@@ -70,7 +70,7 @@ DRAKE: dict[str, Mapping[str, float]] = {
     "detent_force": {"detent_N": 60.0, "position_mm": 0.6},
     "force_scale": {"force_factor": 0.8},
     "free_play": {"free_play_mm": 0.4},
-    "linkage_compliance": {"compliance_mm_kN": 8.0},
+    "linkage_compliance": {"compliance_mm_kN": 8.0, "mass_behind_kg": 0.2},
     "moving_mass": {"added_mass_kg": 1.5},
     "sleeve_friction": {"friction_N": 65.0},
     "viscous_damping": {"damping_Ns_m": 150.0},

@@ -74,7 +74,10 @@ def plain() -> Bench:
 def test_the_flight_tells_the_effect_from_all_rivals(name: str) -> None:
     found = _scored(_named(name))
     logs = {h: one.log_evidence for h, one in found.items()}
-    others = [log for hypothesis, log in logs.items() if hypothesis != (name,)]
+    same = {(name,)}
+    if name == "moving_mass":  # a stiff linkage with that mass behind it
+        same.add(("linkage_compliance",))
+    others = [log for hypothesis, log in logs.items() if hypothesis not in same]
     assert logs[(name,)] > max(others) + 5.0
     for parameter, value in TRUTHS[name].items():
         interval = intervals(found[(name,)])[parameter]

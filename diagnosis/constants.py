@@ -1,0 +1,169 @@
+"""Constants that decide an answer of the diagnosis, each with unit, meaning, status and source.
+
+A diagnosis takes its settings as one value and keeps them with its result. Numerical constants stay
+in their modules.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any, Literal
+
+Status = Literal["measured", "judged"]
+
+
+def constant(default: Any, unit: str, meaning: str, status: Status, source: str) -> Any:
+    """Declare a field of the settings with what the documentation says of it."""
+    said = {"unit": unit, "meaning": meaning, "status": status, "source": source}
+    if isinstance(default, dict):
+        return field(default_factory=lambda: dict(default), metadata=said)
+    return field(default=default, metadata=said)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """All settings of a diagnosis."""
+
+    # errors of the simulation
+    model_error: float = constant(
+        0.01, "of the mean", "error of any simulated mean by itself", "judged",
+        "mesh, contact and rigid bodies; small beside the discrepancy",
+    )  # fmt: skip
+    least_error: float = constant(
+        5e-4, "s", "the same, at least", "judged", "resolution of a shift time"
+    )
+    discrepancy: float = constant(
+        0.05, "of the predicted mean",
+        "scale of the half-normal prior of the discrepancy's amplitude", "measured",
+        "`docs/evidence/blind_engines.txt`: MuJoCo against Drake without any effect",
+    )  # fmt: skip
+    discrepancy_shape: tuple[float, float, float] = constant(
+        (0.4, 0.4, 0.2), "of the variance",
+        "constant, curve over the mismatch, slope over the force", "measured",
+        "`docs/evidence/blind_engines.txt`: one-sided, smooth over the mismatch",
+    )  # fmt: skip
+    discrepancy_length: float = constant(
+        1.0, "of ln mismatch", "length over which the discrepancy is alike", "measured",
+        "`docs/evidence/blind_engines.txt`",
+    )  # fmt: skip
+    law: float = constant(
+        0.03, "of the change of ln time", "error of an effect's law at one operating point",
+        "judged", "an effect is one law of several that a stand may have",
+    )  # fmt: skip
+    spread_share: float = constant(
+        0.2, "of the spread", "error of a simulated spread of single shifts", "judged",
+        "opened cases of a foreign engine",
+    )  # fmt: skip
+    spread_error: float = constant(
+        0.025, "of the mean", "further error of that spread", "judged",
+        "opened cases of a foreign engine",
+    )  # fmt: skip
+    late_known: float = constant(
+        24.0, "shifts", "number of shifts that a simulated share of late or engaged ones counts as",
+        "judged", "opened cases of a foreign engine",
+    )  # fmt: skip
+    late_least: float = constant(0.003, "probability", "least share of late shifts", "judged", "")
+    odd_share: float = constant(
+        0.005, "probability", "share of operating points whose mean is off, whatever the cause",
+        "judged", "in a checked table an entry in some hundred is wrong",
+    )  # fmt: skip
+    odd_size: float = constant(
+        0.5, "of the mean", "standard deviation of what such a mean is off by", "judged", ""
+    )
+    nuisance: float = constant(
+        3.0, "factor", "within which stiffness and dissipation of the contact are known (one "
+        "standard deviation of the logarithm)", "judged",
+        "edge contact is up to 30 times softer than a flank, oil film damps up to 10 times more",
+    )  # fmt: skip
+    flight_freedom: float = constant(
+        5.0, "degrees of freedom", "of the Student distribution of a profile's marks", "judged",
+        "one odd profile decides nothing alone",
+    )  # fmt: skip
+    # priors
+    included: Mapping[str, float] = constant(
+        {"actuation_delay": 0.3, "sleeve_friction": 0.3, "linkage_compliance": 0.1},
+        "probability", "that an effect is part of the cause", "judged",
+        "every actuator has a dead time, every ring rubs on its shaft, cables and levers give way",
+    )  # fmt: skip
+    rare: float = constant(0.05, "probability", "the same of any other effect", "judged", "")
+    most: int = constant(3, "effects", "that act at once", "judged", "of four some always fit")
+    unlisted: float = constant(
+        0.15, "probability", "of *unknown*", "judged", "no list of effects is complete"
+    )
+    unlisted_sizes: tuple[float, ...] = constant(
+        (0.1, 0.2, 0.4, 0.8), "of the predicted mean",
+        "amplitudes of what no effect explains, as probable as each other", "judged",
+        "above the discrepancy of honest engines",
+    )  # fmt: skip
+    unlisted_smooth: float = constant(
+        0.7, "of the variance", "share of it that neighbouring points have in common", "judged", ""
+    )
+    unlisted_lengths: tuple[float, ...] = constant(
+        (0.5, 1.5), "of ln force and ln mismatch", "lengths over which that is alike", "judged",
+        "from a neighbour to the whole table",
+    )  # fmt: skip
+    reversed_known: float = constant(
+        0.02, "probability", "of the reversed sense of rotation where it was noted", "judged",
+        "one entry in some hundred is wrong",
+    )  # fmt: skip
+    reversed_unknown: float = constant(
+        0.5, "probability", "the same where nobody noted it", "judged", ""
+    )
+    zero_at_force: float = constant(
+        0.5, "probability", "that times start with the force where nobody noted it", "judged", ""
+    )
+    empty_failed: float = constant(
+        0.1, "probability", "that empty cells were tried and failed where nobody noted it",
+        "judged", "a shift that fails is news and mostly noted",
+    )  # fmt: skip
+    floor: float = constant(
+        0.01, "probability", "that the data say nothing, since they are unlike the model of errors",
+        "judged", "one data set in a hundred; no answer is surer",
+    )  # fmt: skip
+    # limits of the answer
+    named: float = constant(
+        0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",
+        "wrong once in five at most, if probabilities hold",
+    )  # fmt: skip
+    part: float = constant(
+        0.95, "probability", "from which an effect is part of the cause, whatever else is",
+        "judged", "usual level",
+    )  # fmt: skip
+    credible: float = constant(
+        0.9, "probability", "of the set that is given where nothing is named", "judged",
+        "usual level",
+    )  # fmt: skip
+    adequate: float = constant(
+        0.01, "p-value", "below which a hypothesis is not named", "judged", "usual level"
+    )
+    visible: float = constant(
+        4.0, "squared standard errors", "below which two predictions cannot be told apart",
+        "judged", "two standard errors in all",
+    )  # fmt: skip
+    engaged_margin: float = constant(
+        0.05, "share engaged", "margin of a share engaged", "judged", "one shift in twenty"
+    )
+
+    def prior(self, name: str) -> float:
+        """Look up the probability that an effect is part of the cause."""
+        return self.included.get(name, self.rare)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Write the record ``settings``."""
+        return {one.name: _plain(getattr(self, one.name)) for one in fields(self)}
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return list(value)
+    return dict(value) if isinstance(value, Mapping) else value
+
+
+def described(settings: Settings) -> Iterator[tuple[str, Any, Mapping[str, str]]]:
+    """Yield name, value and metadata of each setting."""
+    for one in fields(settings):
+        yield one.name, getattr(settings, one.name), one.metadata
+
+
+USUAL = Settings()

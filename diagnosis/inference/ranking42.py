@@ -1,0 +1,283 @@
+"""Probabilities of all hypotheses: none, one effect, two, three, and something unlisted.
+
+Each effect is part of the cause or not by itself, with its own prior; at most three act at once.
+Which sets are computed never changes a prior. All single effects and pairs are screened by prior
+draws, the plausible ones refined. Plausible sets of several effects are simulated together at their
+most promising draws before any is judged, so that no hypothesis pays for what was not simulated.
+*Unknown* adds a gap of larger amplitude to what any single effect or leading pair predicts.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from scipy.special import logsumexp
+
+from dogshape.diagnosis.bench.sense import REVERSED, forward, turned
+from dogshape.diagnosis.constants import Settings
+from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.prediction.simulations import simulate_together
+from dogshape.diagnosis.terms import Array, Hypothesis
+
+NONE: Hypothesis = ()
+UNKNOWN: Hypothesis = ("unknown",)
+
+WITHIN = (12.0, 8.0, 5.0)  #: nats below the best, in which hypotheses are refined round by round
+MANY = (24, 12, 8)  #: hypotheses refined in a round, at most
+ROUNDS = (2, 3, 5)
+JOINT_WITHIN, JOINT_SETS, JOINT_DRAWS = 7.0, 4, 8  #: nats, sets, draws of each simulated together
+FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
+OPEN = 96  #: draws of a hypothesis on which something unlisted is put
+
+
+@dataclass(frozen=True)
+class Ranking:
+    """Hypotheses with their evidence.
+
+    Parameters
+    ----------
+    likelihood : with the model that has all joint simulations.
+    samples : of every known hypothesis.
+    log_prior : of each, *unknown* too.
+    log_unknown : log evidence of *unknown*.
+    """
+
+    likelihood: Likelihood
+    samples: Mapping[Hypothesis, Sample]
+    log_prior: Mapping[Hypothesis, float]
+    log_unknown: float
+
+    def log_joint(self, hypothesis: Hypothesis) -> float:
+        """Compute the log of prior times evidence."""
+        evidence = (
+            self.log_unknown
+            if hypothesis == UNKNOWN
+            else self.samples[hypothesis].log_evidence
+        )
+        return self.log_prior[hypothesis] + evidence
+
+    def probabilities(self) -> dict[Hypothesis, float]:
+        """Compute the posterior probabilities, the largest first."""
+        floor = self.likelihood.settings.floor
+        every = [*self.samples, UNKNOWN]
+        logs = np.array([self.log_joint(h) for h in every])
+        prior = np.exp([self.log_prior[h] for h in every])
+        found = (1.0 - floor) * np.exp(logs - logsumexp(logs)) + floor * prior / prior.sum()
+        order = np.argsort(-found)
+        return {every[k]: float(found[k]) for k in order}
+
+
+def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed_: float) -> float:
+    """Compute the log prior probability of a set of effects."""
+    if hypothesis == UNKNOWN:
+        return math.log(settings.unlisted)
+    odds = {n: settings.prior(n) / (1.0 - settings.prior(n)) for n in model.effects if n != REVERSED}
+    # Elementary symmetric sums: all sets of at most so many effects have probability 1 together.
+    sums = np.zeros(settings.most + 1)
+    sums[0] = 1.0
+    for value in odds.values():
+        sums[1:] = sums[1:] + value * sums[:-1]
+    log = math.log1p(-settings.unlisted) - math.log(float(sums.sum()))
+    log += sum(math.log(odds[name]) for name in forward(hypothesis))
+    if model.turned is None:
+        return log
+    return log + math.log(reversed_ if REVERSED in hypothesis else 1.0 - reversed_)
+
+
+def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
+    """List the sets of so many effects, those of the reversed sense behind them."""
+    names = sorted(name for name in model.effects if name != REVERSED)
+    plain = [h for h in itertools.combinations(names, size) if not REDUNDANT <= set(h)]
+    if model.turned is None:
+        return plain
+    return plain + [turned(h) for h in plain if set(h) <= set(model.turned.effects)]
+
+
+REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
+
+
+@dataclass
+class _Search:
+    """Samples while hypotheses are ranked."""
+
+    likelihood: Likelihood
+    more: More
+    reversed_: float
+    generator: np.random.Generator
+    samples: dict[Hypothesis, Sample] = field(default_factory=dict)
+    priors: dict[Hypothesis, float] = field(default_factory=dict)
+
+    def screen(self, hypotheses: Sequence[Hypothesis]) -> None:
+        """Sample hypotheses by their prior draws."""
+        for h in hypotheses:
+            self.samples[h] = screened(self.likelihood, h, self.more, self.distance)
+            self.priors[h] = log_prior(
+                h, self.likelihood.model, self.likelihood.settings, self.reversed_
+            )
+
+    def distance(self, p: Predicted) -> Array:
+        """Compute squared distances of predicted means from the data, (m,)."""
+        some, seen = self.likelihood.having, self.likelihood.seen
+        simulated = (p.mean - p.delay)[:, some]
+        gaps = (seen.mean[some] - p.mean[:, some]) / np.maximum(simulated, 1e-3)
+        return np.asarray(((gaps @ self._white) ** 2).sum(axis=1))
+
+    @property
+    def _white(self) -> Array:
+        if not hasattr(self, "_whitening"):
+            like, some = self.likelihood, self.likelihood.having
+            base = like.model.predict(NONE, np.zeros((1, 0)))
+            simulated = (base.mean - base.delay)[0, some]
+            own = base.sd[0, some] ** 2 / np.maximum(like.seen.count[some], 1.0)
+            relative = own / simulated**2 + 0.02**2
+            columns = np.hstack([like.settings.discrepancy * like.smooth, like.shared])[some]
+            self._whitening = np.linalg.inv(
+                np.linalg.cholesky(np.diag(relative) + columns @ columns.T)
+            ).T
+        return self._whitening
+
+    def value(self, h: Hypothesis) -> float:
+        return self.samples[h].log_evidence + self.priors[h]
+
+    def promise(self, h: Hypothesis) -> float:
+        """Estimate what evidence and prior may come to, by the best draw."""
+        one = self.samples[h]
+        return max(self.value(h), float(one.log.max()) - 1.5 * one.shares.shape[1] + self.priors[h])
+
+    def refine(self, step: int, among: Sequence[Hypothesis] | None = None) -> None:
+        """Refine the hypotheses near the best."""
+        names = list(self.samples if among is None else among)
+        score = {h: self.promise(h) if step == 0 else self.value(h) for h in names}
+        top = max(self.promise(h) if step == 0 else self.value(h) for h in self.samples)
+        near = [h for h in sorted(names, key=lambda h: -score[h]) if score[h] > top - WITHIN[step]]
+        for h in near[: MANY[step]]:
+            self.samples[h] = refined(
+                self.likelihood, self.samples[h], self.more, ROUNDS[step], self.generator
+            )
+
+    def join(self) -> None:
+        """Simulate plausible sets of several effects together, and sample them again."""
+        model = self.likelihood.model
+        top = max(self.value(h) for h in self.samples)
+        waiting = [
+            h
+            for h in sorted(self.samples, key=lambda h: -self.value(h))
+            if len(model.acting(h)) > 1
+            and REVERSED not in h
+            and model.acting(h) not in model.joint
+            and self.value(h) > top - JOINT_WITHIN
+            and self.uncertain(h)
+        ]
+        chosen = list(dict.fromkeys(model.acting(h) for h in waiting))[:JOINT_SETS]
+        for acting in chosen:
+            mine = next(h for h in waiting if model.acting(h) == acting)
+            shares = self.promising(mine)
+            columns = model._acting_columns(model.space(mine))
+            times = [
+                simulate_together(model.level_of(mine, row), model.effects, model.simulated)
+                for row in shares
+            ]
+            model = model.with_joint(acting, shares[:, columns], np.array(times))
+        if not chosen:
+            return
+        self.likelihood = replace(self.likelihood, model=model)
+        changed = [h for h in self.samples if model.acting(h) in chosen and REVERSED not in h]
+        self.screen(changed)
+        for h in changed:
+            self.samples[h] = refined(
+                self.likelihood, self.samples[h], self.more, ROUNDS[1], self.generator
+            )
+
+    def uncertain(self, h: Hypothesis) -> bool:
+        """Check that effects together are uncertain by more than their points' own errors."""
+        one = self.samples[h]
+        best = one.predicted.only(one.log.argsort()[-10:])
+        own = np.sqrt(self.likelihood.own_variance(best) + best.sd**2 / np.maximum(self.likelihood.seen.count, 1.0))
+        return bool((abs(best.common) / own).max() > 0.5)
+
+    def promising(self, h: Hypothesis) -> Array:
+        """Choose draws with much likelihood that lie apart, (K, p)."""
+        one = self.samples[h]
+        best = one.log.argsort()[::-1][: 8 * JOINT_DRAWS]
+        best = best[one.log[best] > one.log[best[0]] - 10.0]
+        places = one.shares[best]
+        chosen = [0]
+        near = np.linalg.norm(places - places[0], axis=1)
+        while len(chosen) < min(JOINT_DRAWS, len(places)):
+            chosen.append(int(near.argmax()))
+            near = np.minimum(near, np.linalg.norm(places - places[chosen[-1]], axis=1))
+        return places[chosen]
+
+    def thirds(self) -> list[Hypothesis]:
+        """List sets of three effects that have a plausible pair within."""
+        pairs = [h for h in self.samples if len(forward(h)) == 2]
+        top = max(self.value(h) for h in self.samples)
+        near = [h for h in sorted(pairs, key=lambda h: -self.value(h)) if self.value(h) > top - FOR_THIRD]
+        known = set(hypotheses_of(self.likelihood.model, 3))
+        wider = (
+            tuple(sorted((*h, name)))
+            for h in near[:THIRDS]
+            for name in self.likelihood.model.effects
+            if name not in h and name != REVERSED
+        )
+        return [h for h in dict.fromkeys(wider) if h in known]
+
+
+def rank(likelihood: Likelihood, more: More, reversed_: float) -> Ranking:
+    """Rank all hypotheses on a data set.
+
+    Parameters
+    ----------
+    more : log likelihood of what is known beside the shifts.
+    reversed_ : prior probability of the reversed sense.
+    """
+    search = _Search(likelihood, more, reversed_, np.random.default_rng(3))
+    for size in range(min(3, likelihood.settings.most + 1)):
+        search.screen(hypotheses_of(likelihood.model, size))
+    search.refine(0)
+    compiled = likelihood.bench.clutch.solver.engine == "planar"
+    if compiled:
+        search.join()
+    search.refine(1)
+    if likelihood.settings.most > 2:
+        thirds = search.thirds()
+        search.screen(thirds)
+        search.refine(1, thirds)
+        if compiled:
+            search.join()
+    search.refine(2)
+    found = Ranking(search.likelihood, search.samples, search.priors, 0.0)
+    priors = {**search.priors, UNKNOWN: log_prior(UNKNOWN, likelihood.model, likelihood.settings, 0.0)}
+    return replace(found, log_prior=priors, log_unknown=_unlisted(search))
+
+
+def _unlisted(search: _Search) -> float:
+    """Compute the log evidence of a gap that no listed effect explains, on top of any of them."""
+    like, settings = search.likelihood, search.likelihood.settings
+    singles = [h for h in search.samples if len(forward(h)) < 2]
+    pairs = sorted((h for h in search.samples if len(forward(h)) == 2), key=lambda h: -search.value(h))
+    logs = []
+    for h in (*singles, *pairs[:3]):
+        one = search.samples[h]
+        flat = 0.2 * (one.log - one.log.max())
+        best = np.argsort(-flat)[:OPEN]
+        p, density = one.predicted.only(best), one.log_density[best]
+        beside = search.more(h, one.shares[best])
+        for size, length in itertools.product(settings.unlisted_sizes, settings.unlisted_lengths):
+            for stretch in STRETCHES:
+                wider = replace(p, sd=stretch * p.sd)
+                log = like.terms(wider, (size, length)).log + beside
+                log = np.where(np.isfinite(one.log[best]), log, -np.inf)
+                logs.append(logsumexp(log - density) + search.priors[h])
+    options = len(settings.unlisted_sizes) * len(settings.unlisted_lengths) * len(STRETCHES)
+    known = logsumexp([search.priors[h] for h in (*singles, *pairs[:3])])
+    return float(logsumexp(logs) - math.log(options) - known)
+
+
+STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts

@@ -1,0 +1,395 @@
+r"""Likelihood of a data set under a hypothesis, common errors integrated in closed form.
+
+The mean of the shifts at an operating point *k* is
+
+.. math:: \bar t_k = \mu_k + s\, m_k\, (B z)_k + (F u)_k + \epsilon_k,
+          \qquad z, u \sim N(0, 1),\; \epsilon_k \sim N(0, \sigma_k^2/n_k + e_k^2),
+
+with :math:`m_k` the predicted time without dead time. *B* is the root of the discrepancy's
+covariance over the points, whose amplitude *s* is summed over. The columns of *F* are all other
+errors that points have in common: contact stiffness and dissipation, systematic errors of nominal
+force and mismatch, drift, the half step of a quantised clock, and effects together against alone.
+:math:`e_k` has the errors of each point.
+
+A variance of single shifts over the predicted one follows Fisher's *F*, since the predicted spread
+has an error too; kurtosis changes its degrees of freedom. Within a mean, or among few single
+shifts, any number of late shifts may hide, and a mean may be odd: each point takes the most
+probable of these given the fitted common errors, with the probability of all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import betaln, gammaln, logsumexp
+from scipy.stats import norm
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.nominal_errors import Tolerance
+from dogshape.diagnosis.constants import Settings
+from dogshape.diagnosis.likelihood.observed import Observed
+from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.units import RPM
+
+NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])  #: amplitudes over the scale of their prior
+KEPT = 0.02  #: of the largest eigenvalue, from which a direction of the discrepancy counts
+MOST_LATE = 10  #: late shifts within one mean
+STEP = 0.05  #: of force and mismatch, by which times are differentiated
+QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
+
+
+def node_weights() -> Array:
+    """Compute the prior probabilities of the nodes: half-normal, by their midpoints."""
+    ends = np.concatenate([[0.0], np.sqrt(NODES[1:] * NODES[:-1]), [np.inf]])
+    return np.asarray(np.diff(2.0 * norm.cdf(ends) - 1.0))
+
+
+@dataclass(frozen=True)
+class Terms:
+    """Log likelihood of m values, and what it rests on.
+
+    Parameters
+    ----------
+    log : (m,), of each amplitude (m, nodes).
+    residual, variance : of the means given how many late shifts they have, s and s^2, (m, C).
+    spread : ln of observed over predicted standard deviation in standard errors, (m, C).
+    """
+
+    log: Array
+    nodes: Array
+    residual: Array
+    variance: Array
+    spread: Array
+
+
+@dataclass(frozen=True)
+class Likelihood:
+    """Likelihood of what a data set shows, for predictions of a model."""
+
+    bench: Bench
+    seen: Observed
+    model: Model
+    settings: Settings
+
+    @cached_property
+    def having(self) -> Array:
+        """Places of the points that have a mean, (c,)."""
+        return np.flatnonzero(self.seen.having)
+
+    @cached_property
+    def smooth(self) -> Array:
+        """Root *B* of the discrepancy's correlation over all points, (C, r)."""
+        near, slope = self._distances
+        shape = self.settings.discrepancy_shape
+        whole = shape[0] + shape[1] * near + shape[2] * near * slope
+        values, vectors = np.linalg.eigh(whole)
+        kept = values > KEPT * values.max()
+        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+
+    @cached_property
+    def _distances(self) -> tuple[Array, Array]:
+        where = np.log(abs(self.seen.mismatch) + RPM) / self.settings.discrepancy_length
+        force = np.log(self.seen.force)
+        force = (force - force.mean()) / max(float(force.std()), 0.1)
+        near = np.exp(-0.5 * (where[:, None] - where[None]) ** 2)
+        return near, np.outer(force, force)
+
+    @cached_property
+    def relative(self) -> Array:
+        """Common errors that are shares of the predicted time, (C, q): nuisances."""
+        parts = [self._nuisance(name) for name in self.nuisances]
+        return np.hstack(parts) if parts else np.zeros((self.model.cells, 0))
+
+    @property
+    def nuisances(self) -> tuple[str, ...]:
+        """Properties of the contact that no data set of shifts may name."""
+        measured = {one.effect for one in self.bench.measured}
+        return tuple(n for n in NUISANCES if n in self.model.nuisances and n not in measured)
+
+    def _nuisance(self, name: str) -> Array:
+        """Compute the first two directions in which a nuisance changes ln time, (C, 2)."""
+        effect = self.model.nuisances[name]
+        (only,) = effect.parameters
+        nominal = only.neutral_of(self.model.setting)
+        factors = nominal * self.settings.nuisance**QUANTILES
+        values = np.clip(factors, only.low, only.high)[:, None]
+        changes = self.model.changes(name, values)[0][..., 0] / len(QUANTILES) ** 0.5
+        _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
+        return np.asarray((sizes[:2, None] * directions[:2]).T)
+
+    @cached_property
+    def sensitivity(self) -> tuple[Array, Array]:
+        """Changes of ln time with ln force and with mismatch in rad/s, (C,) each."""
+        ends = np.array([1.0 - STEP, 1.0 + STEP])
+        force, _ = self.model.changes("force_scale", ends[:, None])
+        offset = [np.zeros(2), ends] if self._factor_last else [ends, np.zeros(2)]
+        speed, _ = self.model.changes("mismatch_speed", np.stack(offset, axis=1))
+        slopes = [(one[1, :, 0] - one[0, :, 0]) / (2.0 * STEP) for one in (force, speed)]
+        slip = np.maximum(abs(self.seen.mismatch), RPM) * np.sign(self.seen.mismatch + 1e-12)
+        return slopes[0], slopes[1] / slip
+
+    @property
+    def _factor_last(self) -> bool:
+        return self.model.effects["mismatch_speed"].parameters[1].name == "mismatch_factor"
+
+    def _nominal(self, size: Tolerance) -> Array:
+        """Compute relative errors of the mean by errors of nominal values, (C, q)."""
+        if not size:
+            return np.zeros((self.model.cells, 0))
+        force, mismatch = self.sensitivity
+        every = (
+            force * size.force_share,
+            force * size.force / self.seen.force,
+            mismatch * size.mismatch_share * self.seen.mismatch,
+            mismatch * size.mismatch,
+        )
+        return np.stack([one for one in every if one.any()], axis=1)
+
+    @cached_property
+    def shared(self) -> Array:
+        """Relative errors in common, (C, q): nuisances and systematic nominal errors."""
+        return np.hstack([self.relative, self._nominal(self.bench.errors.systematic)])
+
+    @cached_property
+    def each(self) -> Array:
+        """Relative variance of each point's mean by errors of its nominal values, (C,)."""
+        return np.asarray((self._nominal(self.bench.errors.each_point) ** 2).sum(axis=1))
+
+    @cached_property
+    def absolute(self) -> Array:
+        """Errors in common in s, (C, q): drift, half a step of the clock."""
+        columns = []
+        if self.seen.drift is not None:
+            columns.append(self.seen.drift.offsets)
+        if self.clock_step:
+            columns.append(np.full(self.model.cells, 0.5 * self.clock_step))
+        return np.stack(columns, axis=1) if columns else np.zeros((self.model.cells, 0))
+
+    @property
+    def clock_step(self) -> float:
+        """Step of a quantised clock, s; 0 for none."""
+        return float(getattr(self.bench, "clock_step", 0.0))
+
+    def own_variance(self, p: Predicted) -> Array:
+        """Compute the variance of each mean by errors of its own but scatter, s^2, (m, C)."""
+        simulated = p.mean - p.delay
+        model = np.maximum(self.settings.model_error * simulated, self.settings.least_error)
+        clock = self.clock_step**2 / 12.0 / np.maximum(self.seen.count, 1.0)
+        return np.asarray(p.error**2 + model**2 + self.each * simulated**2 + clock)
+
+    def columns(self, p: Predicted) -> Array:
+        """Compute all errors in common but the discrepancy, s, (m, C, q)."""
+        simulated = (p.mean - p.delay)[..., None]
+        absolute = np.broadcast_to(self.absolute, (len(p.mean), *self.absolute.shape))
+        return np.concatenate([simulated * self.shared, absolute, p.common[..., None]], axis=2)
+
+    def terms(self, p: Predicted, unlisted: tuple[float, float] | None = None) -> Terms:
+        """Compute the log likelihood of predictions.
+
+        ``unlisted`` are amplitude and length of what no effect explains; None without.
+        """
+        some = self.having
+        q = p.only((slice(None), some))
+        own = self.own_variance(p)[:, some]
+        basis = (q.mean - q.delay)[..., None] * self.smooth[some]
+        fixed = self.columns(p)[:, some]
+        if unlisted is not None:
+            size, length = unlisted
+            own = own + (1.0 - self.settings.unlisted_smooth) * (size * (q.mean - q.delay)) ** 2
+            fixed = np.concatenate([fixed, size * self._free(length, q)], axis=2)
+        residual, variance, other = self._chosen(q, own, basis, fixed)
+        log, nodes = _integrated(residual, variance, basis, fixed, self.settings.discrepancy)
+        spread = self._spread_score(q)
+        log = log + (other + self._engaged(p))
+        nodes = nodes + (other + self._engaged(p))[:, None]
+        return Terms(log, nodes, residual, variance, spread)
+
+    def _free(self, length: float, q: Predicted) -> Array:
+        where = np.stack([np.log(self.seen.force), np.log(abs(self.seen.mismatch) + RPM)], axis=1)
+        where = where[self.having]
+        square = ((where[:, None] - where[None]) ** 2).sum(axis=2)
+        values, vectors = np.linalg.eigh(np.exp(-0.5 * square / length**2))
+        kept = values > KEPT * values.max()
+        root = vectors[:, kept] * np.sqrt(self.settings.unlisted_smooth * values[kept])
+        return np.asarray((q.mean - q.delay)[..., None] * root)
+
+    def _chosen(
+        self, q: Predicted, own: Array, basis: Array, fixed: Array
+    ) -> tuple[Array, Array, Array]:
+        """Choose late and odd means: residual, variance (m, c), log probability beside (m,)."""
+        shift, scatter, weight, spread = self._late(q)
+        rough = (np.exp(weight)[..., None, :] @ np.stack([shift, shift**2 + scatter], -1))[..., 0, :]
+        seen = self.seen.mean[self.having]
+        first = seen - q.mean - rough[..., 0]
+        wide = own + rough[..., 1] - rough[..., 0] ** 2
+        columns = np.concatenate([self.settings.discrepancy * basis, fixed], axis=2)
+        fitted, left = _fitted(first, wide, columns)
+        gap = (seen - q.mean - fitted)[..., None] - shift
+        whole = scatter + own[..., None]
+        odd = (self.settings.odd_size * q.mean) ** 2
+        options = np.concatenate([whole, (whole[..., :1] + odd[..., None])], axis=2)
+        gaps = np.concatenate([gap, gap[..., :1]], axis=2)
+        oddly = np.log(self.settings.odd_share)
+        weights = np.concatenate([weight + spread, weight[..., :1] + spread[..., :1] + oddly], axis=2)
+        beside = options + left[..., None]
+        scored = weights - 0.5 * (gaps**2 / beside + np.log(2.0 * np.pi * beside))
+        best = scored.argmax(axis=2)[..., None]
+        log = logsumexp(scored, axis=2) - np.take_along_axis(scored, best, 2)[..., 0]
+        log = log + np.take_along_axis(weights, best, 2)[..., 0]
+        shifts = np.concatenate([shift, shift[..., :1]], axis=2)
+        moved = np.take_along_axis(shifts, best, 2)[..., 0]
+        variance = np.take_along_axis(options, best, 2)[..., 0]
+        return seen - q.mean - moved, variance, log.sum(axis=1)
+
+    def _late(self, q: Predicted) -> tuple[Array, Array, Array, Array]:
+        """Compute the means with 0, 1, ... late shifts within: shift s, variance s^2, log
+        probability, and log density of the variance of single shifts, (m, c, K) each.
+        """
+        some, seen = self.having, self.seen
+        n, late = seen.count[some], seen.late[some]
+        hidden = seen.hidden[some]
+        most = int(min(MOST_LATE, n[hidden].max())) if hidden.any() else 0
+        k = np.arange(most + 1.0)
+        share = np.clip(q.late, self.settings.late_least, 0.9)
+        known = self.settings.late_known
+        within = np.where(hidden[:, None], k, 0.0)
+        more = within + late[:, None]
+        whole = (n + late)[:, None]
+        possible = (k <= n[:, None]) & (hidden[:, None] | (k == 0))
+        alpha, beta = known * share[..., None], known * (1.0 - share[..., None])
+        weight = _log_choose(whole, more) + betaln(more + alpha, whole - more + beta)
+        weight = np.where(possible, weight - betaln(alpha, beta), -np.inf)
+        behind, behind_sd = (part[some][:, None] for part in self.model.behind)
+        part = np.minimum(within / n[:, None], 1.0)
+        single = q.sd[..., None] ** 2
+        scatter = (single * (1.0 - part) + part * behind_sd**2) / n[:, None]
+        mixed = single * (1.0 - part) + part * behind_sd**2 + part * (1.0 - part) * behind**2
+        shift = np.broadcast_to(part * behind, weight.shape)
+        return shift, scatter, weight, self._spread(q, mixed)
+
+    def _spread(self, q: Predicted, variance: Array) -> Array:
+        """Compute the log density of the variance of single shifts, (m, c, K)."""
+        seen, some = self.seen, self.having
+        freedom = self._freedom[some][:, None]
+        ratio = np.log(seen.variance[some][:, None] / variance)
+        error = self._spread_error(q)[..., None]
+        other = 0.5 / error
+        x = freedom * np.exp(ratio) / other
+        log = gammaln(0.5 * (freedom + other)) - gammaln(0.5 * other) - gammaln(0.5 * freedom)
+        log = log + 0.5 * freedom * np.log(np.maximum(x, 1e-300)) - 0.5 * (freedom + other) * np.log1p(x)
+        return np.where(freedom > 0.0, log, 0.0)
+
+    def _spread_error(self, q: Predicted) -> Array:
+        """Compute the variance of ln of a predicted spread, (m, c)."""
+        more = np.log1p(self.settings.spread_error * (q.mean - q.delay) / q.sd)
+        return np.asarray(self.settings.spread_share**2 + more**2)
+
+    @cached_property
+    def _freedom(self) -> Array:
+        """Degrees of freedom of each observed variance, by the kurtosis of the times, (C,)."""
+        n = np.maximum(self.seen.freedom + 1.0, 2.0)
+        spread = 2.0 / (n - 1.0) + self.model.shape / n
+        return np.where(self.seen.freedom > 0.0, np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5), 1e-9)
+
+    def _spread_score(self, q: Predicted) -> Array:
+        """Compute ln of observed over predicted spread in standard errors; NaN for none, (m, c)."""
+        seen, some = self.seen, self.having
+        freedom = self._freedom[some]
+        ratio = 0.5 * np.log(seen.variance[some]) - np.log(q.sd) + 0.5 / np.maximum(freedom, 1.0)
+        error = self._spread_error(q) + 0.5 / np.maximum(freedom, 0.5)
+        return np.where((freedom > 1.0) & ~seen.hidden[some], ratio / np.sqrt(error), np.nan)
+
+    def _engaged(self, p: Predicted) -> Array:
+        """Compute the log probability of the numbers that engaged, (m,)."""
+        tried = self.seen.engaged + self.seen.failed
+        log = self._share(p.engaged, self.seen.engaged, tried)
+        return np.asarray(log.sum(axis=1))
+
+    def log_failed(self, p: Predicted) -> Array:
+        """Compute the log probability that all untold shifts were tried and failed, (m,)."""
+        found = self._share(p.engaged, 0.0 * self.seen.untold, self.seen.untold)
+        return np.asarray(found.sum(axis=1))
+
+    def _share(self, share: Array, count: Array, whole: Array) -> Array:
+        share, known = np.clip(share, 0.01, 0.99), self.settings.late_known
+        alpha, beta = known * share, known * (1.0 - share)
+        log = betaln(count + alpha, whole - count + beta) - betaln(alpha, beta)
+        return np.asarray(log + _log_choose(whole, count))
+
+    def drawn(self, p: Predicted, generator: np.random.Generator) -> tuple[Array, Array]:
+        """Draw amplitudes (m,) and common errors of each prediction, s, (m, C), given the data."""
+        found = self.terms(p)
+        weights = np.exp(found.nodes - logsumexp(found.nodes, axis=1, keepdims=True))
+        pick = (generator.random((len(weights), 1)) > weights.cumsum(axis=1)).sum(axis=1)
+        amplitude = self.settings.discrepancy * NODES[np.minimum(pick, len(NODES) - 1)]
+        simulated = (p.mean - p.delay)[..., None]
+        discrepancy = amplitude[:, None, None] * simulated * self.smooth
+        every = np.concatenate([discrepancy, self.columns(p)], axis=2)
+        some = every[:, self.having]
+        scaled = some / found.variance[..., None]
+        size = every.shape[2]
+        precision = np.eye(size) + np.einsum("mcr,mcs->mrs", some, scaled)
+        root = np.linalg.inv(np.linalg.cholesky(precision))
+        mean = np.einsum("mcr,mc->mr", scaled, found.residual)
+        mean = np.einsum("mrs,mr->ms", root, np.einsum("mrs,ms->mr", root, mean))
+        noise = generator.standard_normal(mean.shape)
+        coefficients = mean + np.einsum("mrs,mr->ms", root, noise)
+        return amplitude, np.einsum("mcr,mr->mc", every, coefficients)
+
+
+NUISANCES = ("contact_dissipation", "contact_stiffness")
+
+
+def _log_choose(n: Array, k: Array) -> Array:
+    return np.asarray(gammaln(n + 1.0) - gammaln(k + 1.0) - gammaln(np.maximum(n - k, 0.0) + 1.0))
+
+
+def _fitted(residual: Array, variance: Array, columns: Array) -> tuple[Array, Array]:
+    """Fit errors in common to residuals: values and their variance, (m, c) each."""
+    scaled = columns / variance[..., None]
+    precision = np.eye(columns.shape[2]) + np.einsum("mcr,mcs->mrs", columns, scaled)
+    inverse = np.linalg.inv(precision)
+    along = np.einsum("mcr,mrs->mcs", columns, inverse)
+    pulled = np.einsum("mcr,mc->mr", scaled, residual)
+    return np.einsum("mcs,ms->mc", along, pulled), np.einsum("mcs,mcs->mc", along, columns)
+
+
+def _integrated(
+    residual: Array, variance: Array, basis: Array, fixed: Array, scale: float
+) -> tuple[Array, Array]:
+    """Integrate all errors in common: log density (m,), and of each amplitude (m, nodes)."""
+    root = np.sqrt(variance)
+    rank = basis.shape[2]
+    every = np.concatenate([basis, fixed], axis=2) / root[..., None]
+    gram = np.einsum("mcr,mcs->mrs", every, every, optimize=True)
+    pull = np.einsum("mcr,mc->mr", every, residual / root)
+    inner = np.eye(fixed.shape[2]) + gram[:, rank:, rank:]
+    solved = np.linalg.solve(inner, np.concatenate([gram[:, rank:, :rank], pull[:, rank:, None]], 2))
+    smooth = gram[:, :rank, :rank] - gram[:, :rank, rank:] @ solved[..., :rank]
+    along = pull[:, :rank] - np.einsum("mrs,ms->mr", gram[:, :rank, rank:], solved[..., rank])
+    known = (pull[:, rank:] * solved[..., rank]).sum(axis=1)
+    values, vectors = np.linalg.eigh(smooth)
+    square = np.einsum("mrs,mr->ms", vectors, along) ** 2
+    plain = -0.5 * (residual**2 / variance + np.log(2.0 * np.pi * variance)).sum(axis=1)
+    plain = plain - 0.5 * np.linalg.slogdet(inner)[1] + 0.5 * known
+    sizes = (scale * NODES[:, None, None]) ** 2
+    grown = 1.0 + sizes * np.maximum(values, 0.0)
+    logs = 0.5 * (sizes * square / grown - np.log(grown)).sum(axis=2)
+    nodes = (logs + np.log(node_weights())[:, None] + plain).T
+    return np.asarray(logsumexp(nodes, axis=1)), np.asarray(nodes)
+
+
+def squared_distance(
+    residual: Array, variance: Array, columns: Sequence[Array] | Array
+) -> Array:
+    """Compute squared distances of residuals under errors in common, (m,)."""
+    fixed = np.asarray(columns)
+    scaled = fixed / variance[..., None]
+    precision = np.eye(fixed.shape[2]) + np.einsum("mcr,mcs->mrs", fixed, scaled)
+    pulled = np.einsum("mcr,mc->mr", scaled, residual)
+    taken = (pulled * np.linalg.solve(precision, pulled[..., None])[..., 0]).sum(axis=1)
+    return np.asarray((residual**2 / variance).sum(axis=1) - taken)

@@ -1,0 +1,394 @@
+r"""Free flight of the sliding ring up to the first touch, under any effects.
+
+Until dogs touch, ring and actuator move along the shaft alone, with the equations of
+``sim.shift.mechanism`` without contact:
+
+.. math:: m_s \ddot x = L - R_0 \sigma(\dot x) - D(x) - c \dot x, \qquad m_a \ddot y = F(t) - L.
+
+The compiled engine integrates these in 0.1 ms. Simulated shifts in Drake have the same flight
+(``tests/verification/test_flights.py``). A posterior of a hundred hypotheses needs some
+:math:`10^5` flights, so logarithms of the marks, margins and creep are interpolated:
+
+.. math:: y(v) = y_0 + \sum_i a_i(v_i) + \sum_{i<j} b_{ij}(v_i, v_j).
+
+:math:`a_i` is a cubic spline over flights with one effect, :math:`b_{ij}` a spline over what
+flights with two effects leave. Both are flown at their first use. A delay of the force adds to all
+marks, exactly.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Hashable, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.ndimage import distance_transform_edt, maximum_filter
+
+from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
+from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.planar import kernel
+from dogshape.sim.planar.plant import numbers_of
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.mechanism import SLIP
+from dogshape.sim.shift.trace import crossing
+
+TOLERANCE = np.array([1e-5, 1e-9])  #: error of a speed in m/s and of a place in m of a step
+FIRST, STEP = 1e-5, 5e-3  #: s, first and longest step
+ROOM = 4000  #: steps of a flight, beyond which friction or a detent has stopped the ring
+PART = 100  #: steps between which a loaded linkage is examined
+LAST = 0.99  #: share of the time-out after which a ring at rest makes no mark
+#: Error of a held start over the creep before it: half as large as the time by which a flight
+#: with the smooth law of friction from the start is earlier (verified).
+CREEP = 1.8
+#: Numbers of a clutch that act along the shaft without contact.
+AXIAL = [
+    *(kernel.SLEEVE, kernel.FAR, kernel.DAMPING, kernel.FRICTION, kernel.DETENT, kernel.DETENT_AT),
+    *(kernel.DETENT_WIDTH, kernel.STIFF, kernel.LOSS, kernel.PLAY, kernel.SLIP_SPEED),
+    *(kernel.DEEP_STOP, kernel.LINKED),
+]
+RING, RING_RATE, ACTUATOR, ACTUATOR_RATE = 1, 4, 6, 7  #: places in a state of the compiled engine
+#: Surfaces and law of dogs that never touch.
+NO_DOGS = (np.zeros((1, 4, 3)), np.zeros((1, 3)), np.zeros(1), np.zeros(2), 1.0, 1e9, 1e9)
+NO_LAW = np.zeros(5)
+
+COLUMNS = 2 * SIZE + len(WAYS) + 1  #: of a row: marks as t^(-1/2), creep, margins, delay
+NODES = {0: 1, 1: 17, 2: 9}  #: along each parameter of an effect, by their number
+PAIRED = {0: 1, 1: 5, 2: 3}  #: the same of one of two effects
+MANY, FEW = 5, 3  #: along each of more than two parameters
+MISSED = 0.25  #: error of a spline over what it misses with every other node only
+THREE = 0.5  #: error of three effects together, over the largest that two add to their sum
+TOUCHED = 0.02  #: s, error of a mark behind the first touch
+LAW = 0.02  #: error of an effect's law, over what it changes
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Marks of the flight for m values of a hypothesis, s, (m, SIZE) each.
+
+    ``diagnosis.bench.flight_marks`` defines the marks; one that does not come has the time-out.
+
+    Parameters
+    ----------
+    times : when displacement and force pass the marks' values.
+    error : standard error of each mark on its own.
+    creep : standard error that all marks have in common, of the law of friction near rest.
+    """
+
+    times: Array
+    error: Array
+    creep: Array
+
+
+def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, Array, Array]:
+    """Simulate the marks of flights; the delay of a setting is no part of them.
+
+    Parameters
+    ----------
+    settings : n operating points with their effects.
+    gap, force : nominal axial gap in m and final force in N, of which the marks are shares.
+
+    Returns
+    -------
+    tuple of arrays
+        Times of the marks, s, (n, SIZE); creep, s, (n, SIZE); way of the ring at each mark of the
+        displacement, m, (n, ways).
+    """
+    ways, forces = gap * np.array(WAYS), force * np.array(FORCES)
+    knots = [np.array(setting.point.profile.knots()) for setting in settings]
+    paths = [_motion(*pair, float(ways[-1])) for pair in zip(settings, knots, strict=True)]
+    spans = [
+        np.hstack([_spans(time, way, speed, ways), _spans(*force_knots, forces)])
+        for (time, way, speed, *_), force_knots in zip(paths, knots, strict=True)
+    ]
+    late = np.array([[setting.clutch.timeout] for setting in settings])
+    times = np.fmin(_crossings(np.array(spans), np.concatenate([ways, forces])), late)
+    creep, rings = np.zeros_like(times), np.empty((len(settings), ways.size))
+    for k, (time, _, speed, ring, rest) in enumerate(paths):
+        marks = times[k, : ways.size]
+        rings[k] = np.interp(marks, time, ring)
+        creep[k, : ways.size] = CREEP * SLIP * rest / np.fmax(np.interp(marks, time, speed), SLIP)
+    return times, creep, rings
+
+
+def _motion(setting: Setting, knots: Array, way: float) -> tuple[Array, Array, Array, Array, float]:
+    """Integrate a flight until ring and actuator have made a ``way`` in m, or to the time-out.
+
+    Times, displacement and speed at the sensor, way of the ring, (n,) each; and the time for which
+    friction holds the ring, until the force on it is larger.
+    """
+    clutch, mechanism = setting.clutch, setting.clutch.mechanism
+    numbers = np.zeros(kernel.NUMBERS)
+    numbers[AXIAL] = numbers_of(clutch)[AXIAL]
+    numbers[[kernel.SLIDING, kernel.OUTPUT, kernel.RADIUS, kernel.TURN_SPEED]] = 1.0
+    numbers[kernel.REBOUND], numbers[kernel.WAY] = 1e9, 1.02 * way
+    numbers[kernel.USED] = kernel.LINKED_SIZE if mechanism.has_linkage else kernel.PLAIN_SIZE
+    time, states = np.zeros(1), np.zeros((1, kernel.SIZE))
+    if mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0:
+        time, states = _held(setting, knots, numbers)
+    rest = float(time[-1])
+    if rest < LAST * clutch.timeout:
+        more = _advanced(rest, states[-1], clutch.timeout, numbers, knots)
+        time, states = np.append(time[:-1], more[0]), np.concatenate([states[:-1], more[1]])
+    place, rate = (RING, RING_RATE)
+    if setting.sensor == "actuator" and mechanism.has_linkage:
+        place, rate = (ACTUATOR, ACTUATOR_RATE)
+    return time, states[:, place], states[:, rate], states[:, RING], rest
+
+
+def _held(setting: Setting, knots: Array, numbers: Array) -> tuple[Array, Array]:
+    """Load ring and linkage until the force on the ring exceeds friction: times and states."""
+    mechanism, end = setting.clutch.mechanism, LAST * setting.clutch.timeout
+    friction = mechanism.friction
+    if not mechanism.has_linkage:
+        loose = crossing(*knots, friction)
+        return np.array([0.0, end if loose is None else loose]), np.zeros((2, kernel.SIZE))
+    heavy = numbers.copy()
+    heavy[kernel.SLEEVE], heavy[kernel.FRICTION], heavy[kernel.DETENT] = 1e12, 0.0, 0.0
+    linkage = float(heavy[kernel.STIFF]), float(heavy[kernel.LOSS])
+    time, states, last = np.zeros(1), np.zeros((1, kernel.SIZE)), 0
+    while last == 0 and time[-1] < end:
+        more = _advanced(float(time[-1]), states[-1], end, heavy, knots, room=PART)
+        time, states = np.append(time, more[0][1:]), np.concatenate([states, more[1][1:]])
+        pull = mechanism.pull(states[:, ACTUATOR], states[:, ACTUATOR_RATE], *linkage)
+        last = int(np.argmax(pull >= friction))
+    if last > 0:
+        share = (friction - pull[last - 1]) / (pull[last] - pull[last - 1])
+        for part in (time, states):
+            part[last] = part[last - 1] + share * (part[last] - part[last - 1])
+        time, states = time[: last + 1], states[: last + 1]
+    states[:, [RING, RING_RATE]] = 0.0
+    return time, states
+
+
+def _advanced(
+    now: float, state: Array, until: float, numbers: Array, knots: Array, *, room: int = ROOM
+) -> tuple[Array, Array]:
+    """Integrate up to ``room`` steps by the compiled engine: times and states from the first on."""
+    times, states = np.empty(room + 1), np.empty((room + 1, kernel.SIZE))
+    times[0], states[0] = now, state
+    *_, made, _ = kernel.advance(
+        now, FIRST, states[0].copy(), until, numbers, knots, NO_DOGS, NO_LAW, TOLERANCE, STEP,
+        np.zeros(2), times[1:], states[1:],
+    )  # fmt: skip
+    return times[: made + 1], states[: made + 1]
+
+
+def _spans(time: Array, values: Array, rates: Array, levels: Array) -> Array:
+    """Find the steps of a series (n,) in which it first reaches levels (k,).
+
+    Ends of the steps in time, value and rate, (6, k); NaN where a level is not reached.
+    """
+    after = np.searchsorted(np.maximum.accumulate(values), levels)
+    reached = after < time.size
+    after = np.where(reached, after, time.size - 1)
+    before = np.maximum(after - 1, 0)
+    found = np.array([part[k] for part in (time, values, rates) for k in (before, after)])
+    return np.where(reached, found, np.nan)
+
+
+def _crossings(spans: Array, levels: Array) -> Array:
+    """Find when cubic steps (m, 6, k) reach levels (k,), s, (m, k), by bisection."""
+    t0, t1, x0, x1, v0, v1 = np.moveaxis(spans, 1, 0)
+    step = t1 - t0
+    low, high = np.zeros_like(t0), np.ones_like(t0)
+    for _ in range(40):
+        s = 0.5 * (low + high)
+        r = 1.0 - s
+        way = (1.0 + 2.0 * s) * r * r * x0 + s * s * (3.0 - 2.0 * s) * x1
+        over = way + s * r * step * (r * v0 - s * v1) >= levels
+        low, high = np.where(over, low, s), np.where(over, s, high)
+    return t0 + 0.5 * (low + high) * step
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Table over an even grid of shares of priors, (n1, n2, ...) nodes with K columns.
+
+    ``rows`` (n1 n2 ..., K), and the ``error`` of their spline for the marks, (n1 n2 ..., SIZE).
+    """
+
+    sizes: tuple[int, ...]
+    rows: Array
+    error: Array
+
+    @classmethod
+    def fitted(cls, sizes: tuple[int, ...], rows: Array) -> _Grid:
+        """Fill nodes of no bench (NaN) with the nearest, and estimate the error of the spline.
+
+        The error is a quarter of what a spline through every other node misses, the largest nearby.
+        """
+        whole = rows.reshape(*sizes, -1)
+        missing = np.isnan(whole[..., 0])
+        if missing.all():
+            whole = np.zeros_like(whole)
+        elif missing.any():
+            near = distance_transform_edt(missing, return_distances=False, return_indices=True)
+            whole = whole[tuple(near)]
+        few = whole[(*(slice(None, None, 2) for _ in sizes), slice(SIZE))]
+        coarse = _weights(_nodes(sizes), few.shape[:-1], 3) @ few.reshape(-1, SIZE)
+        missed = abs(coarse.reshape(*sizes, SIZE) - whole[..., :SIZE])
+        error = MISSED * maximum_filter(missed, size=(*(3 for _ in sizes), 1), mode="nearest")
+        return cls(sizes, whole.reshape(-1, whole.shape[-1]), error.reshape(-1, SIZE))
+
+    def at(self, shares: Array) -> tuple[Array, Array]:
+        """Interpolate at shares (m, p): columns (m, K) and their error (m, SIZE)."""
+        rows = _weights(shares, self.sizes, 3) @ self.rows
+        return rows, _weights(shares, self.sizes, 1) @ self.error
+
+
+def _nodes(sizes: Sequence[int]) -> Array:
+    """List the nodes of a grid as shares, (n1 n2 ..., p)."""
+    grid = list(itertools.product(*(np.linspace(0.0, 1.0, size) for size in sizes)))
+    return np.array(grid).reshape(len(grid), len(sizes))
+
+
+@cache
+def _basis(size: int, degree: int) -> BSpline:
+    return make_interp_spline(np.linspace(0.0, 1.0, size), np.eye(size), k=min(degree, size - 1))
+
+
+def _weights(shares: Array, sizes: Sequence[int], degree: int) -> Array:
+    """Compute the weights of a grid's nodes in a spline at shares (m, p), (m, n1 n2 ...)."""
+    whole = np.ones((len(shares), 1))
+    for k, size in enumerate(sizes):
+        more = _basis(size, degree)(shares[:, k])
+        whole = (whole[:, :, None] * more[:, None, :]).reshape(len(shares), -1)
+    return whole
+
+
+class Flights:
+    """Marks of any hypothesis under the force profiles of some operating points.
+
+    Parameters
+    ----------
+    effects : by name; their priors bound the tables.
+    settings : one baseline an operating point; the first of each force profile counts.
+    """
+
+    def __init__(self, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> None:
+        self.effects = effects
+        self.settings = {setting.point.profile: setting for setting in reversed(settings)}
+        self._rows: dict[Hashable, Array] = {}
+        self._grids: dict[tuple[Hypothesis, ForceProfile], _Grid] = {}
+
+    def marks(self, h: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
+        """Predict the marks at values (m, p); KeyError for a profile of no operating point."""
+        setting, count = self.settings[profile], len(values)
+        still = self._flown([setting], setting)
+        whole, square = np.tile(still, (count, 1)), np.zeros((count, SIZE))
+        law, crossed = np.zeros_like(square), [np.zeros_like(square)]
+        moving: dict[str, Array] = {}
+        for name, columns in self._columns(h).items():
+            grid, shares = (
+                self._main(name, profile),
+                _shares(self.effects[name].parameters, values[:, columns]),
+            )
+            rows, error = grid.at(shares)
+            whole, square = whole + rows, square + error**2
+            if grid.rows[:, :-1].any():
+                moving[name] = shares
+                alone = _times(still + rows, setting)
+                law += (LAW * (alone - _times(still, setting))) ** 2
+        for pair in itertools.combinations(moving, 2):
+            rows, error = self._joint(pair, profile).at(np.hstack([moving[name] for name in pair]))
+            whole, square = whole + rows, square + error**2
+            crossed.append(abs(rows[:, :SIZE]))
+        if len(moving) > 2:
+            square += (THREE * np.max(crossed, axis=0)) ** 2
+        times = _times(whole, setting)
+        square = (2.0 * times**1.5) ** 2 * square + law
+        square[:, : len(WAYS)] += (TOUCHED * (whole[:, 2 * SIZE : -1] < 0.0)) ** 2
+        creep = np.maximum(whole[:, SIZE : 2 * SIZE], 0.0)
+        return Marks(times + whole[:, -1:] - setting.delay, np.sqrt(square), creep)
+
+    def _columns(self, h: Hypothesis) -> dict[str, slice]:
+        """Find the columns of each effect's values."""
+        sizes = [len(self.effects[name].parameters) for name in h]
+        ends = np.cumsum([0, *sizes]).tolist()
+        return {name: slice(*pair) for name, pair in zip(h, itertools.pairwise(ends), strict=True)}
+
+    def _main(self, name: str, profile: ForceProfile) -> _Grid:
+        """Fly one effect at the nodes of its parameters: what it changes."""
+        key = (name,), profile
+        if key not in self._grids:
+            count = len(self.effects[name].parameters)
+            sizes = (NODES.get(count, MANY),) * count
+            rows = self._changes((name,), _nodes(sizes), profile)
+            self._grids[key] = _Grid.fitted(sizes, rows)
+        return self._grids[key]
+
+    def _joint(self, pair: Hypothesis, profile: ForceProfile) -> _Grid:
+        """Fly two effects at their nodes: what is left of the changes by each alone."""
+        key = pair, profile
+        if key not in self._grids:
+            counts = [len(self.effects[name].parameters) for name in pair]
+            sizes = tuple(n for count in counts for n in (PAIRED.get(count, FEW),) * count)
+            nodes = _nodes(sizes)
+            rows = self._changes(pair, nodes, profile)
+            for name, columns in self._columns(pair).items():
+                rows = rows - self._main(name, profile).at(nodes[:, columns])[0]
+            self._grids[key] = _Grid.fitted(sizes, rows)
+        return self._grids[key]
+
+    def _changes(self, h: Hypothesis, shares: Array, profile: ForceProfile) -> Array:
+        """Fly effects at shares (m, p): what they change, (m, K); NaN where no such bench is."""
+        setting, changed = self.settings[profile], {}
+        for k, row in enumerate(shares.tolist()):
+            with suppress(DogshapeError):
+                changed[k] = self._changed(h, row, setting)
+        rows = np.full((len(shares), COLUMNS), np.nan)
+        rows[list(changed)] = self._flown(list(changed.values()), setting)
+        return rows - self._flown([setting], setting)
+
+    def _changed(self, h: Hypothesis, shares: Sequence[float], setting: Setting) -> Setting:
+        """Apply effects at shares of their priors."""
+        for name, columns in self._columns(h).items():
+            effect = self.effects[name]
+            pairs = zip(effect.parameters, shares[columns], strict=True)
+            setting = effect.apply(setting, {p.name: p.at(share) for p, share in pairs})
+        return setting
+
+    def _flown(self, settings: Sequence[Setting], base: Setting) -> Array:
+        """Fly settings, equal flights once: columns of marks, creep and margins, (n, K)."""
+        profile = base.point.profile
+        keys = [(profile, _flight_key(setting)) for setting in settings]
+        new = {key: one for key, one in zip(keys, settings, strict=True) if key not in self._rows}
+        if new:
+            found = fly(list(new.values()), base.clutch.dog.axial_gap, profile.force)
+            times = np.maximum(found[0], FIRST) ** -0.5
+            self._rows.update(zip(new, np.hstack([times, found[1], found[2]]), strict=True))
+        rows = np.array([self._rows[key] for key in keys]).reshape(len(keys), -1)
+        gaps = np.array([[one.clutch.dog.axial_gap] for one in settings])
+        delays = np.array([[one.delay] for one in settings])
+        return np.hstack([rows[:, : 2 * SIZE], gaps - rows[:, 2 * SIZE :], delays])
+
+
+def _flight_key(setting: Setting) -> Hashable:
+    """Identify all that a flight meets: force, what acts along the shaft, sensor and time-out."""
+    numbers = numbers_of(setting.clutch)[AXIAL].tobytes()
+    return setting.point.profile, numbers, setting.sensor, setting.clutch.timeout
+
+
+def _shares(parameters: Sequence[Parameter], values: Array) -> Array:
+    """Compute the shares of priors below values (m, p)."""
+    shares = np.empty(values.shape)
+    for k, p in enumerate(parameters):
+        inside = np.clip(values[:, k], p.low, p.high)
+        if p.scale == "uniform":
+            shares[:, k] = (inside - p.low) / (p.high - p.low)
+        else:
+            shares[:, k] = np.log(inside / p.low) / np.log(p.high / p.low)
+    return shares
+
+
+def _times(rows: Array, setting: Setting) -> Array:
+    """Return the times of the marks of rows (m, K), s, (m, SIZE), up to the time-out."""
+    least = setting.clutch.timeout**-0.5
+    return np.maximum(rows[:, :SIZE], least) ** -2.0

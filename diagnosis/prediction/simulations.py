@@ -1,0 +1,244 @@
+"""Simulated shift times of one clutch at a data set's operating points, with each effect at levels.
+
+All levels have the same even relative angles at an operating point, so levels differ by their
+physics alone. The baseline has further angles between. Levels of one parameter are even in the
+share of its range; those of two parameters fill the plane, each farthest from all before it. The
+range is wider than the prior's usual one wherever such a bench exists, so no diagnosis has to
+widen it.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import qmc
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.setting import Sensor, Setting
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.statistics.blocks import Block, even_block
+from dogshape.sim.statistics.numerical_error import Runner
+from dogshape.sim.statistics.shift_records import Record, content_key
+from dogshape.sim.units import RPM
+
+ANGLES = 16  #: even relative angles of each level
+DENSE = 3  #: times as many angles of the baseline
+JOINT_ANGLES = 8  #: of the levels' angles, for effects together
+ALONG, PLANE = 7, 17  #: levels of one parameter, and of two or more
+WIDER = 0.5  #: of a prior's range, by which it is widened at either end
+SEED = 1  #: of where the angles begin
+PRECISE = 1e-6  #: accuracy of the convex integrator, at least: a mean of 16 angles errs by more
+
+
+@dataclass(frozen=True)
+class Level:
+    """A hypothesis with values of all its parameters, effect by effect: one bench to simulate."""
+
+    hypothesis: Hypothesis
+    values: tuple[float, ...] = ()
+
+    def setting(self, effects: Mapping[str, Effect], baseline: Setting) -> Setting:
+        """Apply the effects to a setting; DogshapeError where there is no such bench."""
+        left = list(self.values)
+        for name in self.hypothesis:
+            names = [parameter.name for parameter in effects[name].parameters]
+            mine, left = left[: len(names)], left[len(names) :]
+            baseline = effects[name].apply(baseline, dict(zip(names, mine, strict=True)))
+        return baseline
+
+
+@dataclass(frozen=True)
+class Simulated:
+    """Simulated times at C operating points, s; ``inf`` did not engage, NaN is not known.
+
+    Parameters
+    ----------
+    settings : baseline of each operating point.
+    angles, baseline : relative angles in rad and times, (C, DENSE * ANGLES).
+    common : places of the levels' angles among them, (C, ANGLES).
+    levels : in the order of ``times``.
+    times : (L, C, ANGLES).
+    delays : of the reading of each level, s, (L, C); they are no part of ``times``.
+    """
+
+    settings: tuple[Setting, ...]
+    angles: Array
+    baseline: Array
+    common: NDArray[np.int64]
+    levels: tuple[Level, ...]
+    times: Array
+    delays: Array
+
+    @property
+    def base(self) -> Array:
+        """Times of the baseline at the angles of the levels, (C, ANGLES)."""
+        return np.take_along_axis(self.baseline, self.common, axis=1)
+
+    def of(self, hypothesis: Hypothesis) -> list[int]:
+        """List the places of a hypothesis' levels."""
+        return [k for k, level in enumerate(self.levels) if level.hypothesis == hypothesis]
+
+
+def settings_of(bench: Bench, sensor: Sensor | None = None) -> tuple[Setting, ...]:
+    """List the operating points of a bench without any effect, as they are simulated."""
+    clutch = bench.clutch
+    if clutch.solver.scheme == "cenic":
+        accuracy = max(PRECISE, clutch.solver.accuracy)
+        clutch = replace(clutch, solver=replace(clutch.solver, accuracy=accuracy))
+    where = sensor or cast(Sensor, bench.sensor.displacement_at)
+    return tuple(Setting(clutch, cell.point, sensor=where) for cell in bench.cells)
+
+
+def with_wide_range(effect: Effect, setting: Setting) -> Effect:
+    """Widen the ranges of an effect's parameters where such a bench exists."""
+    for name in [parameter.name for parameter in effect.parameters]:
+        for upper, part in itertools.product((True, False), (1.0, 0.6, 0.3)):
+            (now,) = (p for p in effect.parameters if p.name == name)
+            wider = now.widened(WIDER * part, upper=upper)
+            neutral = now.neutral_of(setting)
+            if wider == now or (not upper and neutral <= now.low):
+                continue
+            end = wider.high if upper else wider.low
+            if effect.possible(setting, {**effect.neutral(setting), name: end}):
+                effect = effect.with_range(wider)
+                break
+    return effect
+
+
+def coordinate(parameter: Parameter, values: Array, setting: Setting) -> Array:
+    """Compute coordinates in which times change evenly: the value, or a logarithm.
+
+    Where the prior is uniform in the logarithm and nothing is neutral, ``ln(1 + v / low)`` has the
+    baseline at 0.
+    """
+    if parameter.scale == "uniform":
+        return np.asarray(values, dtype=float)
+    if parameter.neutral_of(setting) == 0.0:
+        return np.asarray(np.log1p(values / parameter.low))
+    return np.asarray(np.log(values))
+
+
+def levels_of(effect: Effect, settings: Sequence[Setting]) -> tuple[Level, ...]:
+    """List the levels of an effect that exist at all operating points, spread over its range."""
+    count = len(effect.parameters)
+    if count == 0:
+        shares = np.zeros((1, 0))
+    elif count == 1:
+        shares = np.linspace(0.0, 1.0, 4 * (ALONG - 1) + 1)[:, None]
+    else:
+        corners = np.array(list(itertools.product((0.0, 1.0), repeat=count)))
+        shares = np.vstack([corners, qmc.Sobol(count, scramble=False).random_base2(6)])
+    levels = [
+        Level((effect.name,), tuple(p.at(s) for p, s in zip(effect.parameters, row, strict=True)))
+        for row in shares.tolist()
+    ]
+    there = [k for k, level in enumerate(levels) if exists(level, {effect.name: effect}, settings)]
+    if count == 1 and there:
+        even = np.linspace(there[0], there[-1], ALONG).round().astype(int)
+        there = sorted(set(even.tolist()) & set(there))
+    elif count > 1:
+        there = [there[k] for k in _spread(shares[there], PLANE)]
+    return tuple(levels[k] for k in there)
+
+
+def exists(level: Level, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> bool:
+    """Check that there is such a bench at every operating point."""
+    try:
+        for setting in settings:
+            level.setting(effects, setting)
+    except DogshapeError:
+        return False
+    return True
+
+
+def _spread(places: Array, count: int) -> list[int]:
+    """Choose places (m, d), each farthest from all before."""
+    chosen, near = [0], np.linalg.norm(places - places[0], axis=1)
+    while len(chosen) < min(count, len(places)):
+        chosen.append(int(near.argmax()))
+        near = np.minimum(near, np.linalg.norm(places - places[chosen[-1]], axis=1))
+    return chosen
+
+
+def simulate(
+    effects: Mapping[str, Effect],
+    settings: Sequence[Setting],
+    run: Runner,
+    levels: Sequence[Level] | None = None,
+) -> Simulated:
+    """Simulate baseline and levels of effects, all levels of each by default.
+
+    ``run`` simulates blocks, with whatever it keeps of earlier ones.
+    """
+    settings = tuple(settings)
+    if levels is None:
+        levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
+    dense = [_block(setting, DENSE) for setting in settings]
+    changed = [[level.setting(effects, setting) for setting in settings] for level in levels]
+    blocks = dense + [_block_like(one, at) for row in changed for one, at in zip(row, settings)]
+    rows = iter(run(blocks))
+    baseline = np.array([_times(s, next(rows)) for s in settings])
+    times = [[_times(replace(one, delay=0.0), next(rows)) for one in row] for row in changed]
+    angles = np.array([block.angles for block in dense])
+    fewer = np.array([_block(setting, 1).angles for setting in settings])
+    return Simulated(
+        settings,
+        angles,
+        baseline,
+        np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2),
+        tuple(levels),
+        np.array(times).reshape(len(levels), len(settings), ANGLES),
+        np.array([[one.delay for one in row] for row in changed]).reshape(-1, len(settings)),
+    )
+
+
+def simulate_together(
+    level: Level, effects: Mapping[str, Effect], simulated: Simulated
+) -> Array:
+    """Simulate effects together at every other angle of the levels: times, s, (C, JOINT_ANGLES)."""
+    angles = np.take_along_axis(simulated.angles, simulated.common, axis=1)
+    changed = [level.setting(effects, setting) for setting in simulated.settings]
+    return np.array(
+        [
+            replace(setting, delay=0.0).times(mine[:: ANGLES // JOINT_ANGLES])
+            for setting, mine in zip(changed, angles, strict=True)
+        ]
+    )
+
+
+def _draw(setting: Setting) -> int:
+    """Compute the draw of an operating point's angles: its own, whichever stand beside it."""
+    point = setting.point
+    return int(content_key({"mismatch_rpm": point.mismatch / RPM, **point.profile.record}), 16)
+
+
+def _block(setting: Setting, dense: int) -> Block:
+    draw = (SEED, _draw(setting))
+    return even_block(setting.clutch, setting.point, dense * ANGLES, draw, ANGLES)
+
+
+def _block_like(changed: Setting, baseline: Setting) -> Block:
+    """Build the block of a changed setting at the angles of its baseline."""
+    draw = (SEED, _draw(baseline))
+    return even_block(changed.clutch, changed.point, ANGLES, draw, ANGLES)
+
+
+def _times(setting: Setting, rows: Sequence[Record]) -> Array:
+    """Read the times of shifts as the bench does, s, (n,)."""
+    return np.array([read_time(setting, row) for row in rows])
+
+
+def read_time(setting: Setting, row: Record) -> float:
+    """Read the time of a shift, s; inf where it did not engage, NaN where it failed."""
+    if row["outcome"] == Outcome.DIVERGED.value:
+        return float("nan")
+    time = setting.time_of(row)
+    return float("inf") if time is None else time

@@ -1,0 +1,325 @@
+"""Advice on the next bench test, on hand-made fits."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
+from dogshape.diagnosis.bench.stand_file import Measured, TestTerms
+from dogshape.diagnosis.inference.next_test import (
+    MORE,
+    SETUP,
+    SHIFT,
+    TRACED,
+    TRACING,
+    NextTest,
+    choose,
+    imitator_odds,
+    outcome_of,
+    settle,
+)
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
+from dogshape.sim.shift.actuation import ForceProfile
+from tests.fits import BENCH, CELLS, POINTS, SETTINGS, Array, at_times, diagnosis_of, fit_of
+from tests.toy import EFFECTS
+
+DELAY, LAG = ("actuation_delay",), ("actuation_lag",)
+FRICTION, DRAG, REVERSED = ("sleeve_friction",), ("drag_torque",), ("reversed_mismatch",)
+FORCE = EFFECTS["actuation_delay"].test.name
+SPREAD = np.linspace(0.3, 0.7, 64)[:, None]
+
+
+def _open(**more: Any) -> Any:
+    """Delay against drag, which no shift can tell apart."""
+    fits = {DELAY: fit_of(DELAY, SPREAD), DRAG: fit_of(DRAG, SPREAD), NONE: fit_of(NONE)}
+    return diagnosis_of({DELAY: 0.55, DRAG: 0.43, UNKNOWN: 0.02}, fits, **more)
+
+
+def _named(tests: tuple[NextTest, ...], name: str) -> NextTest:
+    return next(test for test in tests if test.name == name)
+
+
+def test_a_direct_test_that_reads_a_parameter_settles_the_cause() -> None:
+    diagnosis = _open()
+    first = choose(diagnosis)[0]
+    assert first.name == EFFECTS["drag_torque"].test.name
+    assert first.settles > 0.9
+    # An imitator of the delay is not read by a run-down.
+    odds = imitator_odds(SETTINGS)
+    assert first.misleads < odds / (1.0 + odds) + 0.02
+    # The truth of the delay reads 0.6 of its range at the sleeve.
+    force = _named(choose(diagnosis), FORCE)
+    assert force.parameters == ("delay_s",)
+    assert settle(diagnosis, force, [0.6])[DELAY] > 0.95
+    nothing = settle(diagnosis, force, [0.0])
+    assert nothing[DELAY] < 1e-3 < nothing[UNKNOWN]
+    assert sum(nothing.values()) == pytest.approx(1.0)
+
+
+def test_foreseen_chances_come_true_where_the_truth_is_drawn_from_the_posterior() -> None:
+    """Outcomes of 2,000 truths, each with the error of the test, updated by ``settle``."""
+    diagnosis, generator = _open(), np.random.default_rng(3)
+    test = _named(choose(diagnosis), FORCE)
+    settled, misled, count = 0, 0, 2000
+    for _ in range(count):
+        truth = generator.choice(3, p=[0.55, 0.43, 0.02])
+        imitated = truth < 2 and generator.random() < 1.0 - 1.0 / (1.0 + imitator_odds(SETTINGS))
+        hypothesis = (DELAY, DRAG, UNKNOWN)[truth]
+        anything = generator.normal(0.5, 12.0**-0.5) if generator.random() < 0.5 else 0.0
+        there = {DELAY: generator.uniform(0.3, 0.7), DRAG: 0.0, UNKNOWN: anything}
+        value = anything if imitated and hypothesis == DELAY else there[hypothesis]
+        after = settle(diagnosis, test, [value + generator.normal(0.0, 0.05)])
+        named = [h for h, p in after.items() if p > 0.8]
+        right = [UNKNOWN] if imitated else [hypothesis]
+        settled += named == right
+        misled += bool(named) and named != right
+    error = 4.0 * (0.25 / count) ** 0.5
+    assert test.settles == pytest.approx(settled / count, abs=error)
+    assert test.misleads == pytest.approx(misled / count, abs=error)
+
+
+def test_unknown_finds_nothing_or_anything_in_a_direct_test() -> None:
+    diagnosis = _open()
+    outcome = outcome_of(diagnosis, _named(choose(diagnosis), FORCE), None)
+    assert outcome is not None
+    place = np.array([[0.3]])
+    density = np.exp(outcome.log_density(place))[0][outcome.hypotheses.index(UNKNOWN)]
+    wide = norm.pdf(0.3, 0.5, np.hypot(0.05, 12.0**-0.5))
+    assert density == pytest.approx(0.5 * norm.pdf(0.3, 0.0, 0.05) + 0.5 * wide)
+    absent = outcome.moments(outcome.hypotheses.index(DRAG))
+    assert [float(part[0]) for part in absent] == pytest.approx([0.0, 0.05])
+
+
+def test_effects_of_one_test_share_its_outcome() -> None:
+    """The force over time reads delay and lag: either hypothesis has the other neutral."""
+    fits = {DELAY: fit_of(DELAY, SPREAD), LAG: fit_of(LAG, SPREAD)}
+    diagnosis = diagnosis_of({DELAY: 0.5, LAG: 0.5}, fits)
+    test = _named(choose(diagnosis), FORCE)
+    assert test.effects == (*DELAY, *LAG)
+    assert test.parameters == ("delay_s", "lag_s")
+    assert test.foreseen is not None
+    assert test.foreseen[DELAY][0] == pytest.approx([0.5, 0.0])
+    assert test.foreseen[LAG][0] == pytest.approx([0.0, 0.5])
+    assert settle(diagnosis, test, [0.5, 0.0])[DELAY] > 0.95
+    assert settle(diagnosis, test, [np.nan, 0.5])[LAG] > 0.9
+
+
+def test_further_shifts_tell_means_apart_as_two_normal_densities() -> None:
+    """Mean of n shifts at a point without any so far: sd^2/n and the error of the simulation."""
+    fits = {DELAY: fit_of(DELAY, time=0.3), DRAG: fit_of(DRAG, time=0.32)}
+    seen = SimpleNamespace(count=np.zeros(CELLS), mean=np.zeros(CELLS))
+    diagnosis = diagnosis_of({DELAY: 0.5, DRAG: 0.5}, fits, seen=seen)
+    ten = next(test for test in choose(diagnosis) if test.shifts == min(MORE))
+    found = settle(diagnosis, ten, [0.303, np.nan])
+    width = np.hypot(0.02 / (10 * 0.98) ** 0.5, 1e-3)
+    odds = norm.pdf(0.303, 0.3, width) / norm.pdf(0.303, 0.32, width)
+    assert found[DELAY] / found[DRAG] == pytest.approx(odds, rel=1e-6)
+    assert settle(diagnosis, ten, [0.303])[DELAY] == pytest.approx(found[DELAY])
+    assert ten.hours == pytest.approx(SETUP + 10 * SHIFT)
+
+
+def test_after_many_shifts_every_hypothesis_predicts_the_mean_that_was_seen() -> None:
+    """The error of a point explains its residual, so that more shifts there tell nothing."""
+    fits = {
+        h: replace(fit, predicted=replace(fit.predicted, error=0.05 + 0.0 * fit.predicted.error))
+        for h, fit in {DELAY: fit_of(DELAY, time=0.3), DRAG: fit_of(DRAG, time=0.35)}.items()
+    }
+    worth = []
+    for count in (1.0, 1e6):
+        seen = SimpleNamespace(count=np.full(CELLS, count), mean=np.full(CELLS, 0.32))
+        diagnosis = diagnosis_of({DELAY: 0.5, DRAG: 0.5}, fits, seen=seen)
+        shifts = [test for test in choose(diagnosis) if test.kind == "shifts"]
+        worth.append(max(test.information or 0.0 for test in shifts))
+        assert shifts[0].foreseen is not None
+    assert worth[1] < 0.01 < worth[0]
+    assert [shifts[0].foreseen[h][0][0] for h in (DELAY, DRAG, UNKNOWN)] == pytest.approx(
+        [0.32] * 3, abs=1e-5
+    )
+
+
+def test_common_errors_of_a_fit_come_again() -> None:
+    fit = fit_of(DELAY, time=0.3)
+    moved = replace(fit, offset=fit.offset + 0.04)
+    diagnosis = diagnosis_of({DELAY: 0.9, DRAG: 0.1}, {DELAY: moved, DRAG: fit_of(DRAG)})
+    test = next(t for t in choose(diagnosis) if t.kind == "shifts")
+    assert test.foreseen is not None
+    assert test.foreseen[DELAY][0][0] == pytest.approx(0.34, abs=2e-3)
+
+
+def test_shifts_are_advised_where_hypotheses_differ() -> None:
+    other = np.where(np.arange(CELLS) == 4, 0.4, 0.3)
+    fits = {DELAY: fit_of(DELAY), DRAG: at_times(fit_of(DRAG), other)}
+    diagnosis = diagnosis_of({DELAY: 0.5, DRAG: 0.5}, fits)
+    shifts = [test for test in choose(diagnosis) if test.kind == "shifts"]
+    best = max(shifts, key=lambda test: test.information or 0.0)
+    assert best.cell == 4
+    assert best.point == (POINTS[4].mismatch, POINTS[4].profile.force)
+
+
+def _flying(hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Any:
+    """A lag bends the marks that a delay moves all alike."""
+    shares = np.array([*(np.cbrt(WAYS) * 0.3), *FORCES])
+    late = values @ ([1.0] if hypothesis == DELAY else [0.0] * values.shape[1])
+    bent = values @ ([0.7] if hypothesis == LAG else [0.0] * values.shape[1])
+    times = profile.rise * shares + late[:, None] + bent[:, None] * np.sqrt(shares)
+    return SimpleNamespace(times=times, error=1e-4 + 0.0 * times, creep=0.0 * times)
+
+
+def _delay_or_lag(**more: Any) -> Any:
+    """Both move all times by 80 ms, with errors of some ms."""
+    shares = {
+        DELAY: [EFFECTS[DELAY[0]].parameters[0].share(v) for v in np.linspace(0.075, 0.085, 64)],
+        LAG: [EFFECTS[LAG[0]].parameters[0].share(v) for v in np.linspace(0.11, 0.12, 64)],
+    }
+    fits = {h: fit_of(h, np.array(rows)[:, None]) for h, rows in shares.items()}
+    return diagnosis_of({DELAY: 0.5, LAG: 0.5}, fits, **more)
+
+
+def test_traces_tell_apart_what_no_time_does() -> None:
+    diagnosis = _delay_or_lag()
+    (test,) = (t for t in choose(diagnosis, _flying) if t.kind == "traces")
+    assert test.hours == pytest.approx(SETUP + TRACING + SHIFT * TRACED)
+    assert test.point is not None
+    assert test.point[1] == 235.2
+    assert test.settles > 0.9
+    assert test.misleads < 0.05
+    assert not [t for t in choose(diagnosis) if t.kind == "traces"]
+    # Marks of a true delay, with the force that acts or the nominal one.
+    still = _flying(NONE, np.zeros((1, 0)), POINTS[0].profile).times[0]
+    for nominal in (0.0, 0.08):
+        moved = still + np.where(np.arange(SIZE) < len(WAYS), 0.08, nominal)
+        assert settle(diagnosis, test, moved.tolist(), _flying)[DELAY] > 0.95
+        moved[[0, 7]] = np.nan
+        assert settle(diagnosis, test, moved.tolist(), _flying)[DELAY] > 0.95
+    odd = still + 0.08 * np.sin(3.0 * np.arange(SIZE))
+    assert settle(diagnosis, test, odd.tolist(), _flying)[UNKNOWN] > 0.95
+
+
+def test_traces_lead_where_unknown_does_at_the_largest_residual() -> None:
+    seen = SimpleNamespace(count=np.full(CELLS, 10.0), mean=0.3 + 0.2 * (np.arange(CELLS) == 9))
+    diagnosis = diagnosis_of({UNKNOWN: 0.9, NONE: 0.1}, {NONE: fit_of(NONE)}, seen=seen)
+    first = choose(diagnosis)[0]
+    assert (first.kind, first.cell, first.information) == ("traces", 9, None)
+    assert "residual" in first.why
+    assert settle(diagnosis, first, [0.1, 0.2]) == diagnosis.posterior
+    blind = replace(BENCH, tests=(TestTerms("traces", possible=False),))
+    diagnosis.bench = blind
+    assert "traces" not in {test.kind for test in choose(diagnosis)}
+
+
+def _worth(monkeypatch: pytest.MonkeyPatch, worth: dict[str, tuple[float, float, float]]) -> None:
+    """Give tests of some names or kinds a worth: information, chance to settle, to mislead."""
+
+    def judged(diagnosis: Any, test: NextTest, marks: Any) -> NextTest:
+        found = worth.get(test.name, worth.get(test.kind, (0.0, 0.0, 0.0)))
+        return replace(test, information=found[0], settles=found[1], misleads=found[2])
+
+    monkeypatch.setattr("dogshape.diagnosis.inference.next_test._judged", judged)
+
+
+@pytest.mark.parametrize(("settles", "kind"), [(0.62, "direct"), (0.8, "shifts")])
+def test_of_tests_that_settle_about_as_surely_the_cheapest_leads(
+    monkeypatch: pytest.MonkeyPatch, settles: float, kind: str
+) -> None:
+    """Shifts of 0.7 h, and a run-down that costs 0.5 h here."""
+    name = EFFECTS["drag_torque"].test.name
+    _worth(monkeypatch, {"shifts": (0.4, settles, 0.0), name: (0.4, 0.55, 0.0)})
+    diagnosis = _open(bench=replace(BENCH, tests=(TestTerms(name, 0.5),)))
+    first = choose(diagnosis)[0]
+    assert first.kind == kind
+    dear = replace(BENCH, tests=(TestTerms(name, 20.0),))
+    assert choose(_open(bench=dear))[0].kind == "shifts"
+
+
+@pytest.mark.parametrize(("misleads", "leads"), [(0.05, False), (0.13, False), (0.15, True)])
+def test_a_wrong_name_costs_as_much_as_four_right_ones(
+    monkeypatch: pytest.MonkeyPatch, misleads: float, leads: bool
+) -> None:
+    """0.9 - 4 (0.05, 0.13, 0.15) of 0.7 h, against 0.45 of 2 h: 0.38 is about as sure."""
+    _worth(monkeypatch, {"shifts": (0.6, 0.9, misleads), FORCE: (0.3, 0.45, 0.0)})
+    assert (choose(_open())[0].name == FORCE) == leads
+
+
+def test_where_no_test_settles_the_most_information_an_hour_leads(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    _worth(monkeypatch, {"shifts": (0.1, 0.0, 0.0), FORCE: (0.5, 0.0, 0.0)})
+    assert choose(_open())[0].name == FORCE
+
+
+@pytest.mark.parametrize(("hours", "leads"), [(0.1, True), (0.65, True), (9.0, False)])
+def test_the_direct_test_of_a_named_cause_leads_where_it_costs_least(
+    monkeypatch: pytest.MonkeyPatch, hours: float, leads: bool
+) -> None:
+    """Ten more shifts of 0.7 h would tell something, the direct test nothing."""
+    _worth(monkeypatch, {"shifts": (0.5, 0.97, 0.0)})
+    fits = {DELAY: fit_of(DELAY), DRAG: fit_of(DRAG)}
+    bench = replace(BENCH, tests=(TestTerms(FORCE, hours),))
+    diagnosis = diagnosis_of({DELAY: 0.97, DRAG: 0.03}, fits, bench=bench)
+    assert (choose(diagnosis)[0].name == FORCE) == leads
+
+
+def test_a_reversed_sense_that_is_named_is_looked_up_at_the_rig() -> None:
+    """A quarter of an hour, before two hours of traces."""
+    fits = {REVERSED: fit_of(REVERSED), NONE: fit_of(NONE, time=0.35)}
+    diagnosis = diagnosis_of({REVERSED: 0.99, NONE: 0.01}, fits)
+    first = choose(diagnosis, _flying)[0]
+    assert (first.name, first.hours) == (EFFECTS[REVERSED[0]].test.name, 0.25)
+    assert settle(diagnosis, first, [1.0])[REVERSED] > 0.99
+    assert settle(diagnosis, first, [0.0])[REVERSED] < 1e-3
+
+
+@dataclass(frozen=True)
+class _Reading:
+    key: str
+    value: str
+    probability: float
+    posterior: dict[Hypothesis, float]
+
+
+def test_a_question_about_the_record_settles_by_its_answers() -> None:
+    """Times start with the command (0.6: a delay) or with the force (0.4: open)."""
+    command, force = {DELAY: 0.9, DRAG: 0.1}, {DELAY: 0.0, DRAG: 0.7, UNKNOWN: 0.3}
+    readings = (
+        _Reading("time_zero", "command", 0.6, command),
+        _Reading("time_zero", "force", 0.4, force),
+    )
+    diagnosis = _open(readings=readings)
+    (test,) = (t for t in choose(diagnosis) if t.kind == "record")
+    assert (test.settles, test.misleads) == pytest.approx((0.54, 0.06))
+    mixed = {h: 0.6 * command.get(h, 0.0) + 0.4 * force[h] for h in force}
+    entropy = {
+        k: -sum(p * np.log(p) for p in one.values() if p)
+        for k, one in enumerate((mixed, command, force))
+    }
+    gain = entropy[0] - 0.6 * entropy[1] - 0.4 * entropy[2]
+    assert test.information == pytest.approx(gain)
+    assert settle(diagnosis, test, "force") == force
+
+
+def test_tests_that_are_made_or_impossible_are_not_on_the_menu() -> None:
+    measured = (Measured("actuation_delay", None, 0.1, 0.01),)
+    assert FORCE in {test.name for test in choose(_open())}
+    assert FORCE not in {t.name for t in choose(_open(bench=replace(BENCH, measured=measured)))}
+    shifts = replace(BENCH, tests=(TestTerms("more shifts", possible=False),))
+    assert {test.kind for test in choose(_open(bench=shifts))} == {"direct"}
+
+
+def test_the_record_of_each_kind_of_test_has_its_keys() -> None:
+    tests = choose(_delay_or_lag(), _flying)
+    assert {test.kind for test in tests} == {"direct", "shifts", "traces"}
+    common = {"name", "why", "kind", "information_nats", "chance_to_settle", "misleads", "hours"}
+    own = {"direct": {"parameters"}}
+    for test in tests:
+        record = json.loads(json.dumps(test.to_dict(), allow_nan=False))
+        more = own.get(test.kind, {"mismatch_rpm", "force_N", "shifts"})
+        assert set(record) == common | more | {"foreseen"}
+        assert record["chance_to_settle"] == test.settles
+    assert [tuple(row["effects"]) for row in record["foreseen"]] == [DELAY, LAG, UNKNOWN]

@@ -1,0 +1,88 @@
+"""The verb ``gap plan``: its record, its table to fill in, and its refusals."""
+
+from __future__ import annotations
+
+import csv
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.sim.bundled import bundled_root
+from tests.conftest import Said
+from tests.toy import EFFECTS, Toy
+
+Call = Callable[..., Said]
+
+
+@pytest.fixture
+def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The toy in the place of a bank, at the operating points of the published tables."""
+
+    class _Flights:
+        def save(self) -> None:
+            """Keep nothing."""
+
+    def emulator_of(bench: Any, effects: Any, means: Any) -> tuple[Toy, _Flights]:
+        return Toy(tuple(cell.point for cell in bench.cells)), _Flights()
+
+    few = {n: EFFECTS[n] for n in ("actuation_delay", "moving_mass")}
+    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.emulator_of", emulator_of)
+    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.load", lambda _: few)
+
+
+@pytest.mark.usefixtures("_toy")
+def test_the_verb_plans_and_writes_a_table_to_fill_in(dogshape: Call, tmp_path: Path) -> None:
+    said = dogshape("gap", "plan", "mq200_adams", "--shifts", 40, "--out", "s.csv", "--json")
+    assert said.status == 0, said.err
+    record = said.json
+    assert sum(visit["shifts"] for visit in record["order"]) == record["shifts"] == 40
+    assert [v["reference"] for v in record["order"]].count(True) == 3
+    assert {pair["truth"] for pair in record["pairs"]} == {"none", "actuation_delay", "moving_mass"}
+    with (tmp_path / "s.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    first = record["order"][0]
+    assert len(rows) == 40
+    assert float(rows[0]["mismatch_rpm"]) == pytest.approx(first["mismatch_rpm"])
+    assert rows[0]["shift_time_s"] == ""
+    assert [row["order"] for row in rows] == [str(k) for k in range(1, 41)]
+    # Filled in, it is a table in whose series a drift is looked for.
+    shutil.copy(bundled_root() / "bench" / "mq200_adams" / "bench.toml", tmp_path)
+    lines = (tmp_path / "s.csv").read_text().splitlines()
+    filled = [line.replace(",1,,,,", ",1,0.3,true,,") for line in lines]
+    (tmp_path / "shifts.csv").write_text("\n".join(filled))
+    drift = observe(load_bench(tmp_path)).drift
+    assert drift is not None
+    assert (drift.first, drift.last) == (1.0, 40.0)
+    text = dogshape("gap", "plan", "mq200_paper", "--shifts", 40, "--points", 2).out
+    assert "spread evenly over all 28" in text
+    assert "reference" in text
+
+
+@pytest.mark.usefixtures("_toy")
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("nowhere", "--shifts", 40), "there is no data set and no study at nowhere"),
+        (("mq200_adams", "--shifts", 19), "number of shifts is 19, but it must lie between 20"),
+        (("mq200_adams", "--shifts", 40, "--points", 99), "give 1 to 28"),
+        (("mq200_adams", "--shifts", 40, "--out", "no/s.csv"), "there is no folder no"),
+    ],
+)
+def test_a_plan_that_cannot_be_is_a_sentence(
+    dogshape: Call, arguments: tuple[object, ...], words: str
+) -> None:
+    said = dogshape("gap", "plan", *arguments)
+    assert (said.status, words in said.sentence) == (2, True), said.err
+
+
+def test_help_of_two_words_has_an_example_and_a_folder_of_that_name_is_reached(
+    dogshape: Call,
+) -> None:
+    assert "Example: dogshape gap plan" in dogshape("gap", "plan", "--help").out
+    assert "Example: dogshape gap mq200_stand" in dogshape("gap", "--help").out
+    assert "there is no data set at ./plan" in dogshape("gap", "./plan").sentence

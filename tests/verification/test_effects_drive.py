@@ -1,0 +1,181 @@
+"""Effects of force, linkage and inertia in both engines, against closed forms and limit cases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dogshape.sim.effects import load
+from dogshape.sim.engines import engage
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.units import DEG, RPM
+
+Point = Callable[[float, float], OperatingPoint]
+
+EFFECTS = load()
+MASS = 0.3  #: kg, of the ring
+
+
+@pytest.fixture(params=ENGINES)
+def setting(request: pytest.FixtureRequest, clutch: Clutch, point: Point) -> Setting:
+    """The prototype at 50 1/min and 469 N."""
+    return Setting(clutch.with_engine(request.param), point(50, 469.0))
+
+
+def _shifted(setting: Setting, degrees: float = 15.0) -> Engagement:
+    return engage(setting.clutch, setting.point, degrees * DEG)
+
+
+def _free(setting: Setting) -> Setting:
+    """Return the setting with dogs that stand too far apart to meet within 0.03 s."""
+    far = setting.with_dog(axial_gap=90e-3)
+    return replace(far, clutch=replace(far.clutch, timeout=0.03))
+
+
+def test_a_force_loss_is_a_smaller_force_of_the_same_rise(setting: Setting) -> None:
+    """The shift at a force less by the loss, to the last digit."""
+    lossy = EFFECTS["force_loss"].apply(setting, {"loss_N": 69.0})
+    less = setting.with_point(profile=ForceProfile(400.0, setting.point.profile.rise))
+    assert _shifted(lossy).shift_time == _shifted(less).shift_time
+    assert _shifted(lossy).shift_time != _shifted(setting).shift_time
+
+
+def test_a_force_loss_acts_at_rest(setting: Setting) -> None:
+    """Dog on dog, held by friction: the faces bear the share of the force that is not lost."""
+    flat = setting.with_dog(chamfer=4.5 * DEG).with_point(mismatch=0.0)
+    held = _shifted(EFFECTS["force_loss"].apply(flat, {"loss_N": 69.0}), 0.0)
+    assert held.outcome is Outcome.BLOCKED
+    left = 400.0 / 469.0 * flat.point.profile.at(float(held.trace.time[-1]))
+    assert held.trace.contact_force[-1] == pytest.approx(left, rel=0.01)
+
+
+@pytest.mark.parametrize("lag", [0.0, 0.02])
+def test_a_force_loss_keeps_the_share_of_the_final_force(setting: Setting, lag: float) -> None:
+    both = EFFECTS["force_scale"].apply(setting, {"force_factor": 0.9})
+    both = EFFECTS["actuation_lag"].apply(both, {"lag_s": lag})
+    full = EFFECTS["force_loss"].apply(both, {"loss_N": 22.1}).point.profile
+    times, rise = np.linspace(0.0, 0.5, 101), setting.point.profile.rise
+    unit = LaggedProfile(100.0, rise, lag) if lag else ForceProfile(100.0, rise)
+    assert full.at(times) == pytest.approx(4.0 * unit.at(times), rel=1e-12)
+    assert full.free_flight(times, MASS) == pytest.approx(4.0 * unit.free_flight(times, MASS))
+
+
+def test_a_loss_above_the_force_is_no_bench(setting: Setting) -> None:
+    assert EFFECTS["force_loss"].possible(setting, {"loss_N": 468.0})
+    assert not EFFECTS["force_loss"].possible(setting, {"loss_N": 468.1})
+
+
+@pytest.mark.parametrize("factor", [0.4, 1.6])
+def test_the_rise_factor_stretches_the_cubic_step(setting: Setting, factor: float) -> None:
+    """x = (F T2/m)(s4/4 - s5/10), T the rise times its factor."""
+    slow = EFFECTS["force_rise"].apply(_free(setting), {"rise_factor": factor})
+    rise = factor * setting.point.profile.rise
+    trace = _shifted(slow).trace
+    s = trace.time / rise
+    exact = 469.0 * rise**2 / MASS * (s**4 / 4.0 - s**5 / 10.0)
+    flown = exact > 1e-4
+    assert flown.sum() > 5
+    assert trace.displacement[flown] == pytest.approx(exact[flown], rel=1e-3)
+
+
+def test_a_rise_that_vanishes_leaves_a_constant_force(setting: Setting) -> None:
+    """x = F t2/2m, with t from the middle of the rise."""
+    quick = EFFECTS["force_rise"].apply(_free(setting), {"rise_factor": 1e-3})
+    trace = _shifted(quick).trace
+    late = (trace.time > 0.005) & (trace.displacement < 80e-3)
+    middle = 0.5e-3 * setting.point.profile.rise
+    exact = 0.5 * 469.0 / MASS * (trace.time[late] - middle) ** 2
+    assert trace.displacement[late] == pytest.approx(exact, rel=1e-3)
+
+
+@pytest.mark.parametrize("shaft", [False, True], ids=["rigid", "shaft"])
+@pytest.mark.parametrize("factor", [1.0, 3.0])
+def test_the_sliding_inertia_takes_up_the_mismatch(
+    setting: Setting, factor: float, shaft: bool
+) -> None:
+    """Angular momentum of both sides stays, k J1 dw1 = - J2 dw2, whatever the strikes."""
+    if shaft:
+        setting = setting.with_mechanism(ring_inertia=3e-4, input_stiffness=15e3)
+    heavy = EFFECTS["sliding_inertia"].apply(setting, {"inertia_factor": factor})
+    trace, rings = _shifted(heavy).trace, setting.clutch.rings
+    ring = 3e-4 if shaft else 0.0
+    behind = trace.sliding_speed if trace.input_speed is None else trace.input_speed
+    gained = ring * trace.sliding_speed + (factor * rings.sliding_inertia - ring) * behind
+    lost = rings.output_inertia * (50.0 * RPM - trace.output_speed)
+    most = float(np.abs(gained).max())
+    assert most > 0.5 * rings.sliding_inertia * 50.0 * RPM
+    assert gained == pytest.approx(lost, rel=1e-3, abs=1e-3 * most)
+
+
+def test_a_drag_torque_slows_the_sliding_inertia(setting: Setting) -> None:
+    """w = w0 - M t / k J1."""
+    turning = _free(setting).with_mechanism(drag_torque=2.0)
+    rings = replace(turning.clutch.rings, initial_speed=40.0)
+    turning = replace(turning, clutch=replace(turning.clutch, rings=rings))
+    heavy = EFFECTS["sliding_inertia"].apply(turning, {"inertia_factor": 2.0})
+    trace = _shifted(heavy).trace
+    assert trace.sliding_speed == pytest.approx(40.0 - 2.0 / 0.02 * trace.time, rel=1e-4)
+
+
+def test_a_linkage_swings_as_two_masses_on_a_spring(setting: Setting) -> None:
+    """Response of u = y - x to a step of force, damped frequency included."""
+    force, step, behind = 100.0, 1e-4, 0.2
+    pushed = _free(setting).with_point(profile=ForceProfile(force, step))
+    values = {"compliance_mm_kN": 20.0, "mass_behind_kg": behind}
+    trace = _shifted(EFFECTS["linkage_compliance"].apply(pushed, values)).trace
+    stiffness, far, near = 1.0 / 20e-6, FORK * MASS + behind, (1.0 - FORK) * MASS
+    rate = math.sqrt(stiffness * (far + near) / (far * near))
+    damped = rate * math.sqrt(1.0 - DAMPING_RATIO**2)
+    t = np.maximum(trace.time - 0.5 * step, 0.0)
+    swing = np.cos(damped * t) + DAMPING_RATIO * rate / damped * np.sin(damped * t)
+    exact = force / far / rate**2 * (1.0 - np.exp(-DAMPING_RATIO * rate * t) * swing)
+    stretch = trace.actuator_displacement - trace.displacement
+    assert stretch == pytest.approx(exact, abs=0.005 * exact.max())
+    middle = (far * trace.actuator_displacement + near * trace.displacement) / (far + near)
+    assert middle == pytest.approx(0.5 * force / (far + near) * t**2, rel=1e-3, abs=1e-6)
+
+
+def test_limits_of_a_linkage_are_mass_and_compliance_alone(setting: Setting) -> None:
+    linkage, mass = EFFECTS["linkage_compliance"], EFFECTS["moving_mass"]
+    heavy = mass.apply(setting, {"added_mass_kg": 0.7})
+    rigid = linkage.apply(setting, {"compliance_mm_kN": 0.0, "mass_behind_kg": 0.7})
+    assert rigid == heavy
+    stiff = linkage.apply(setting, {"compliance_mm_kN": 0.1, "mass_behind_kg": 0.7})
+    assert _shifted(stiff).shift_time == pytest.approx(_shifted(heavy).shift_time, rel=5e-3)
+    light = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 1e-6})
+    alone = setting.with_mechanism(compliance=4e-6)
+    assert _shifted(light).shift_time == pytest.approx(_shifted(alone).shift_time, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", EFFECTS)
+def test_times_alone_are_those_of_the_records(setting: Setting, name: str) -> None:
+    """To the last digit, read at the actuator; inf where a shift does not engage."""
+    values = {p.name: p.at(0.45) for p in EFFECTS[name].parameters}
+    changed = replace(EFFECTS[name].apply(setting, values), sensor="actuator")
+    angles = (3 * DEG, 15 * DEG)
+    read = [changed.time_of(row) for row in run_block(changed.block(angles))]
+    assert changed.times(angles).tolist() == [math.inf if one is None else one for one in read]
+
+
+def test_times_of_shifts_that_do_not_engage(setting: Setting) -> None:
+    flat = setting.with_dog(chamfer=4.5 * DEG).with_point(mismatch=0.0)
+    assert flat.times((0.0,)).tolist() == [math.inf]
+    few = replace(setting.clutch, solver=replace(setting.clutch.solver, max_steps=50))
+    assert np.isnan(replace(setting, clutch=few).times((15 * DEG,))).all()
+
+
+def test_masses_of_linkage_and_actuator_add_up(setting: Setting) -> None:
+    linkage, mass = EFFECTS["linkage_compliance"], EFFECTS["moving_mass"]
+    part = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 0.5})
+    whole = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 0.75})
+    assert mass.apply(part, {"added_mass_kg": 0.25}) == whole

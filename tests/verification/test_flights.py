@@ -1,0 +1,248 @@
+"""Free flight of the ring: closed forms, Drake, and interpolation between simulated flights."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS
+from dogshape.diagnosis.prediction import flights as module
+from dogshape.diagnosis.prediction.flights import Flights, fly
+from dogshape.sim.effect import Effect
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.trace import crossing
+from tests.flying import EFFECTS, settings
+
+GAP = 1e-3
+LEVELS = np.array(WAYS) * GAP
+
+
+@pytest.fixture(scope="module")
+def plain() -> Setting:
+    """The baseline at 315.5 N."""
+    return next(s for s in settings() if s.point.profile.force == 315.5)
+
+
+def _fly(setting: Setting, force: float = 315.5) -> np.ndarray:
+    return fly([setting], GAP, force)[0][0]
+
+
+@pytest.mark.parametrize("mass", [0.0, 0.2, 5.0])
+@pytest.mark.parametrize("lag", [0.0, 0.05])
+def test_a_mass_under_a_step_flies_in_closed_form(plain: Setting, mass: float, lag: float) -> None:
+    setting = plain.with_mechanism(added_mass=mass)
+    if lag:
+        setting = setting.with_point(profile=LaggedProfile(315.5, 0.2026, lag))
+    profile = setting.point.profile
+    exact = [profile.free_flight_time(level, 0.3 + mass) for level in LEVELS]
+    assert _fly(setting)[: len(WAYS)] == pytest.approx(exact, abs=5e-6)
+
+
+def test_the_force_passes_its_shares_when_the_profile_says(plain: Setting) -> None:
+    found = _fly(plain)[len(WAYS) :]
+    assert plain.point.profile.at(found) == pytest.approx(315.5 * np.array(FORCES), rel=1e-5)
+
+
+def test_friction_under_a_constant_force_takes_its_part(plain: Setting) -> None:
+    """t = sqrt(2 m x/(F - R)), half of the short rise later."""
+    setting = plain.with_point(profile=ForceProfile(100.0, 1e-4)).with_mechanism(friction=40.0)
+    exact = np.sqrt(2.0 * 0.3 * LEVELS / 60.0) + 0.5e-4
+    assert _fly(setting, 100.0)[: len(WAYS)] == pytest.approx(exact, abs=6e-5)
+
+
+def test_friction_above_the_force_holds_the_ring(plain: Setting) -> None:
+    (times,), _, (ring,) = fly([plain.with_mechanism(friction=400.0)], GAP, 315.5)
+    assert times[: len(WAYS)] == pytest.approx(plain.clutch.timeout)
+    assert ring == pytest.approx(0.0)
+
+
+def test_a_slow_load_lets_the_ring_go_where_the_force_is_the_friction(plain: Setting) -> None:
+    """A stiff linkage follows the force: at the ring it changes nothing but the inertia."""
+    stiff = plain.with_mechanism(friction=60.0, compliance=1e-8)
+    rigid = plain.with_mechanism(friction=60.0)
+    assert _fly(stiff)[: len(WAYS)] == pytest.approx(_fly(rigid)[: len(WAYS)], abs=1e-4)
+
+
+def test_creep_is_of_the_order_of_what_a_smooth_law_makes_earlier(plain: Setting) -> None:
+    """A law that is smooth from the start lets the ring creep while it is held here."""
+    held = plain.with_mechanism(friction=60.0)
+    detent = held.with_mechanism(friction=60.0, detent=1e-9, detent_position=0.0)
+    (later, earlier), creep, _ = fly([held, detent], GAP, 315.5)
+    ways = slice(1, len(WAYS))
+    assert (later > earlier)[ways].all()
+    assert creep[0, ways] == pytest.approx(2.0 * (later - earlier)[ways], rel=0.3)
+
+
+def test_strong_damping_gives_the_speed_of_force_over_damper(plain: Setting) -> None:
+    """x = (F/c)(t - (m/c)(1 - exp(-c t/m))) under a constant force."""
+    damping = 800.0
+    setting = plain.with_point(profile=ForceProfile(100.0, 1e-4)).with_mechanism(damping=damping)
+    time = _fly(setting, 100.0)[: len(WAYS)] - 0.5e-4
+    rate = damping / 0.3
+    way = 100.0 / damping * (time - (1.0 - np.exp(-rate * time)) / rate)
+    assert way == pytest.approx(LEVELS, rel=5e-3)
+
+
+DRAKE: dict[str, Mapping[str, Mapping[str, float]]] = {
+    "lag": {"actuation_lag": {"lag_s": 0.03}},
+    "detent": {"detent_force": {"detent_N": 60.0, "position_mm": 0.6}},
+    "force": {"force_scale": {"force_factor": 0.8}},
+    "play": {"free_play": {"free_play_mm": 0.4}},
+    "linkage": {"linkage_compliance": {"compliance_mm_kN": 8.0}},
+    "mass": {"moving_mass": {"added_mass_kg": 1.5}},
+    "friction": {"sleeve_friction": {"friction_N": 65.0}},
+    "damping": {"viscous_damping": {"damping_Ns_m": 150.0}},
+    "held linkage": {
+        "linkage_compliance": {"compliance_mm_kN": 8.0},
+        "moving_mass": {"added_mass_kg": 1.5},
+        "sleeve_friction": {"friction_N": 65.0},
+    },
+    "held play": {"free_play": {"free_play_mm": 0.4}, "sleeve_friction": {"friction_N": 65.0}},
+}
+
+
+@pytest.mark.parametrize("sensor", ["sleeve", "actuator"])
+@pytest.mark.parametrize("name", DRAKE)
+def test_the_flight_is_that_of_a_shift_in_drake(plain: Setting, name: str, sensor: str) -> None:
+    setting = Setting(plain.clutch, plain.point, sensor=sensor)  # type: ignore[arg-type]
+    for effect, values in DRAKE[name].items():
+        setting = EFFECTS[effect].apply(setting, values)
+    trace = engage(ClutchPlant(setting.clutch), setting.point, 0.1).trace
+    way, speed = trace.displacement, trace.axial_speed
+    if sensor == "actuator":
+        way, speed = trace.actuator_displacement, trace.actuator_speed
+    drake = [crossing(trace.time, way, speed, level) for level in LEVELS]
+    assert _fly(setting)[: len(WAYS)] == pytest.approx(drake, abs=5e-5)
+
+
+MOVING = (
+    *("actuation_lag", "detent_force", "force_scale", "free_play", "linkage_compliance"),
+    *("moving_mass", "sleeve_friction", "viscous_damping"),
+)
+
+
+def _at(names: tuple[str, ...], shares: np.ndarray) -> tuple[np.ndarray, list[Mapping[str, float]]]:
+    """Return values of effects (m, p) at shares of their priors (m, p), and the same by name."""
+    parameters = [p for name in names for p in EFFECTS[name].parameters]
+    rows = [[p.at(s) for p, s in zip(parameters, row, strict=True)] for row in shares.tolist()]
+    keys = [p.name for p in parameters]
+    return np.array(rows).reshape(len(shares), -1), [dict(zip(keys, r, strict=True)) for r in rows]
+
+
+def _changed(names: tuple[str, ...], values: Mapping[str, float], setting: Setting) -> Setting:
+    for name in names:
+        mine = {p.name: values[p.name] for p in EFFECTS[name].parameters}
+        setting = EFFECTS[name].apply(setting, mine)
+    return setting
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_interpolated_marks_err_no_more_than_they_say(
+    plain: Setting, count: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Against flights at random values of any one, two or three effects that move the flight.
+
+    Both have the same law of each effect, so its error does not count.
+    """
+    monkeypatch.setattr(module, "LAW", 0.0)
+    flights, rng = Flights(EFFECTS, (plain,)), np.random.default_rng(1)
+    scores, apart = [], []
+    for names in list(itertools.combinations(MOVING, count))[:: 1 if count < 3 else 4]:
+        shares = rng.random((12, sum(len(EFFECTS[name].parameters) for name in names)))
+        values, rows = _at(names, shares)
+        said = flights.marks(names, values, plain.point.profile)
+        exact = fly([_changed(names, row, plain) for row in rows], GAP, 315.5)[0]
+        there = exact < 0.99 * plain.clutch.timeout
+        apart.append(abs(said.times - exact)[there])
+        scores.append(apart[-1] / np.hypot(said.error, 1e-4)[there])
+    score = np.concatenate(scores)
+    assert np.sqrt((score**2).mean()) < 1.3
+    assert np.quantile(score, 0.95) < 1.96
+    assert np.median(np.concatenate(apart)) < (1e-6, 2e-5, 2e-4)[count - 1]
+
+
+def test_a_delay_adds_to_all_marks_exactly(plain: Setting) -> None:
+    flights = Flights(EFFECTS, (plain,))
+    still = flights.marks((), np.zeros((1, 0)), plain.point.profile)
+    late = flights.marks(("actuation_delay",), np.array([[0.0123], [0.31]]), plain.point.profile)
+    assert late.times - still.times == pytest.approx(np.array([[0.0123], [0.31]]) * np.ones(9))
+    assert late.error == pytest.approx(0.0)
+    both = ("actuation_delay", "moving_mass")
+    alone = flights.marks(both[1:], np.array([[1.2]]), plain.point.profile)
+    pair = flights.marks(both, np.array([[0.02, 1.2]]), plain.point.profile)
+    assert pair.times - alone.times == pytest.approx(0.02)
+    assert pair.error == pytest.approx(alone.error)
+
+
+def test_what_meets_no_flight_is_not_flown(plain: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
+    flights = Flights(EFFECTS, (plain,))
+    still = flights.marks((), np.zeros((1, 0)), plain.point.profile)
+    monkeypatch.setattr(module, "fly", _forbidden)
+    for name in ("contact_friction", "contact_stiffness", "drag_torque", "mismatch_speed"):
+        values, _ = _at((name,), np.full((1, len(EFFECTS[name].parameters)), 0.5))
+        same = flights.marks((name,), values, plain.point.profile)
+        assert same.times == pytest.approx(still.times)
+        assert same.error == pytest.approx(0.0)
+
+
+def _forbidden(*_: object) -> None:
+    raise AssertionError("flown")
+
+
+def test_marks_behind_the_first_touch_are_uncertain(plain: Setting) -> None:
+    """With a smaller gap dogs meet before the nominal shares of it are passed."""
+    flights = Flights(EFFECTS, (plain,))
+    less, more = flights.marks(("axial_gap",), np.array([[-0.5], [0.3]]), plain.point.profile).error
+    assert less[: len(WAYS)] == pytest.approx([0.0, 0.0, 0.0, 0.02, 0.02], abs=1e-9)
+    assert more == pytest.approx(0.0, abs=1e-9)
+
+
+def test_an_effect_of_a_user_needs_no_word_about_flights(plain: Setting) -> None:
+    """A force that is lost changes the flight as a lower force does, whatever its name."""
+    scale = EFFECTS["force_scale"]
+    own = replace(scale, name="own", change=_own_change)
+    flights = Flights({**EFFECTS, "own": own}, (plain,))
+    values, profile = np.array([[0.7], [1.1]]), plain.point.profile
+    mine, known = (flights.marks((name,), values, profile) for name in ("own", "force_scale"))
+    assert mine.times == pytest.approx(known.times + 0.004)
+
+
+def _own_change(setting: Setting, values: Mapping[str, float]) -> Setting:
+    changed = EFFECTS["force_scale"].apply(setting, values)
+    return replace(changed, delay=changed.delay + 0.004)
+
+
+def test_values_of_no_bench_have_the_marks_of_the_nearest(plain: Setting) -> None:
+    lost: Effect = replace(EFFECTS["moving_mass"], change=_only_light)
+    flights = Flights({"moving_mass": lost}, (plain,))
+    marks = flights.marks(("moving_mass",), np.array([[0.5], [18.0]]), plain.point.profile)
+    assert np.isfinite(marks.times).all()
+    assert (marks.times[1, : len(WAYS)] >= marks.times[0, : len(WAYS)]).all()
+
+
+def _only_light(setting: Setting, values: Mapping[str, float]) -> Setting:
+    if values["added_mass_kg"] > 4.0:
+        raise DogshapeError("too heavy")
+    return EFFECTS["moving_mass"].apply(setting, values)
+
+
+def test_a_ring_without_an_axial_gap_passes_its_shares_at_once(plain: Setting) -> None:
+    """Marks of the force are left, which an effect moves as it does elsewhere."""
+    close = plain.with_dog(axial_gap=0.0)
+    values = np.array([[0.05], [0.2]])
+    near, far = (
+        Flights(EFFECTS, (one,)).marks(("actuation_lag",), values, plain.point.profile)
+        for one in (close, plain)
+    )
+    assert np.isfinite(near.times).all()
+    assert np.isfinite(near.error).all()
+    assert near.times[:, : len(WAYS)].max() < 1e-4
+    assert near.times[:, len(WAYS) :] == pytest.approx(far.times[:, len(WAYS) :], rel=1e-9)
