@@ -16,13 +16,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dogshape.diagnosis.bench.flight_marks import joined_marks
 from dogshape.diagnosis.bench.traces import BenchTrace
-from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.next_test import NextTest, settle
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, RPM
@@ -31,6 +30,9 @@ from dogshape.validation.blind.data import draws, engine_of, measured_rows
 from dogshape.validation.blind.expected_means import timely
 from dogshape.validation.blind.mujoco_shift import Shift
 from dogshape.validation.blind.stand import Point, read_stand
+
+if TYPE_CHECKING:
+    from dogshape.diagnosis.diagnosis import Diagnosis
 
 Names = tuple[str, ...]
 

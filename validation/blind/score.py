@@ -143,7 +143,7 @@ def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advi
     top = max(posterior, key=lambda h: posterior[h], default=UNKNOWN)
     drift = found.get("drift")
     sizes = {n: v for values in truth["parameters"].values() for n, v in values.items()}
-    given: Record = every[top].get("parameters", {}) if top == causes else {}
+    given: Record = every.get(top, {}).get("parameters", {}) if top == causes else {}
     open_ = found.get("verdict") == "ambiguous" and "next_test" in found
     return Mark(
         name=name,
