@@ -14,7 +14,7 @@
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
 # make figures puts what sources say into the figures of README.md and docs, and lists what has none.
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
-# make picture draws docs/mismatch.svg, docs/dog.svg, docs/diagnosis_model.svg, docs/shift.png and
+# make picture draws docs/mismatch.svg, docs/dog.svg, docs/shift.png and
 # docs/report.png again; it needs Chromium and a study.
 # make tutorial runs the commands of docs/tutorial.md and draws its pictures again; it needs Chromium.
 PYTHON ?= python3.11
@@ -146,7 +146,6 @@ picture: $(VENV)/ready $(OUT)/report.html
 	mkdir -p build docs
 	$(BIN)/python -m benchmarks.mismatch > docs/mismatch.svg
 	$(BIN)/python -m benchmarks.named_dog > docs/dog.svg
-	$(BIN)/python -m benchmarks.diagnosis_graph > docs/diagnosis_model.svg
 	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10 \
 	  --html build/shift.html
 	$(SHOOT) --window-size=1280,880 --force-device-scale-factor=0.9375 \

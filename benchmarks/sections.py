@@ -77,13 +77,6 @@ RESULTS: dict[str, dict[str, tuple[tuple[str, str], ...]]] = {
     "docs/model.md": {
         "The surrogate in short": ((r"28 operating points, 40 designs", "what was held out"),),
     },
-    "docs/diagnosis.md": {
-        "A clutch never seen, and the engine of the bank": (
-            (r"7 of the 28|All 28 points", "sizes of the benchmark and of the tables"),
-            (r"1e-9|by 0\.5 %", "settings of the benchmark"),
-            (r"35 mm/kN|with 2 mm|of 8 N m", "ends of the effects' ranges, rows of the table"),
-        ),
-    },
     "docs/planar.md": {
         "How well both agree": (
             (r"\(40 to 120 mm, 0\.2 to 2 kg\)", "sizes of the benchmark's clutches"),
@@ -177,11 +170,9 @@ OTHERS: dict[str, dict[str, str]] = {
         ),
         "Cost": ONCE,
     },
-    "docs/diagnosis.md": {
-        **dict.fromkeys(("", "The bank", "The emulator", "Limits"), DEFINITIONS),
-        "The flight": ONCE,
-        "How well it predicts": ONCE,
-    },
+    "docs/diagnosis.md": dict.fromkeys(
+        ("", "Simulations", "One effect", "Several effects", "The flight", "Limits"), DEFINITIONS
+    ),
     "docs/tutorial.md": dict.fromkeys(
         (
             "",
@@ -193,7 +184,6 @@ OTHERS: dict[str, dict[str, str]] = {
         ),
         "made by the commands of the page, which tests/integration/test_learning_pages.py runs",
     ),
-    "docs/diagnosis_model.md": {"": "a graph", "Constants": "written by benchmarks/constants.py"},
     "docs/effects.md": {
         **dict.fromkeys(("", "The effects", "Mechanism", "An effect of your own"), DEFINITIONS),
         "Checked": ONCE,
@@ -208,34 +198,27 @@ OTHERS: dict[str, dict[str, str]] = {
     },
     "docs/gap.md": {
         **dict.fromkeys(
-            (
-                *("", "Its parts, from the top", "What the caller may add"),
-                *("Before anyone goes to the bench", "New readings", "A study of what was found"),
-            ),
+            ("", "Parts of the report", "Plan of shifts", "New readings", "Calibrated study"),
             DEFINITIONS,
         ),
         "The stand, end to end": "printed by the commands of the section",
     },
-    "docs/inference.md": dict.fromkeys(
-        (
-            "",
-            "Hypotheses",
-            "Likelihood (`diagnosis/likelihood/cell_likelihood.py`)",
-            "Evidence (`diagnosis/inference/evidence.py`)",
-            "Effects together (`diagnosis/inference/joint_refinement.py`)",
-            "Classes and bounds",
-            "Sizes at the end of their range (`diagnosis/inference/range_ends.py`)",
-            "Decision (`diagnosis/inference/verdict.py`)",
-            "Next test (`diagnosis/inference/next_test.py`)",
+    "docs/inference.md": {
+        **dict.fromkeys(
+            (
+                *("", "Hypotheses", "Likelihood", "Evidence", "Readings of the record"),
+                *("Decision", "Next test"),
+            ),
+            DEFINITIONS,
         ),
-        DEFINITIONS,
-    ),
+        "Constants": "written by benchmarks/constants.py",
+    },
     "docs/mismatch.md": dict.fromkeys(
         ("", "Which ring is the sliding one", "In the simulation", "Where it is not known"),
         "a definition",
     ),
     "docs/planar.md": dict.fromkeys(
-        ("", "What is the same, and what is not", "The bank of a diagnosis", "The first start"),
+        ("", "What is the same, and what is not", "Simulations of a diagnosis", "The first start"),
         DEFINITIONS,
     ),
     "docs/search.md": {

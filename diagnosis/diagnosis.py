@@ -2,57 +2,65 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import itertools
+import time
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import PointGap
-from dogshape.diagnosis.bench.input_errors import Propagated
-from dogshape.diagnosis.inference.classes import (
-    Confusion,
-    confusable,
-    confusion,
-    invisible,
-    structured,
-)
-from dogshape.diagnosis.inference.equivalence import Equivalence, equivalence
-from dogshape.diagnosis.inference.further_shifts import MeanPrediction
-from dogshape.diagnosis.inference.held_out import HeldOut, by_effects, held_out
-from dogshape.diagnosis.inference.influence import Influence, influence
-from dogshape.diagnosis.inference.next_test import (
-    NextTest,
-    Standing,
-    choose,
-    mean_prediction,
-    why,
-)
-from dogshape.diagnosis.inference.parameter_intervals import Bound, Interval, bounds, intervals
-from dogshape.diagnosis.inference.posterior import Probabilities, inclusion, noise
-from dogshape.diagnosis.inference.predicted_means import PredictedMeans, predicted_means
-from dogshape.diagnosis.inference.prior_sensitivity import readings
-from dogshape.diagnosis.inference.range_ends import RangeEnd, diagnosed_wider
-from dogshape.diagnosis.inference.ranking import Ranking, rank
-from dogshape.diagnosis.inference.sense_posterior import SenseAnswer, sense_answers
-from dogshape.diagnosis.inference.series_drift import SeriesDrift, series_drift
-from dogshape.diagnosis.inference.static_readings import read_directly, readings_in_words
-from dogshape.diagnosis.inference.verdict import Verdict, decide
-from dogshape.diagnosis.likelihood.observations import observe
-from dogshape.diagnosis.likelihood.scores import PredictionSummary, Problem, Scored
-from dogshape.diagnosis.likelihood.signature import Metric
-from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN, plain
-from dogshape.diagnosis.prediction.levels import Level
-from dogshape.diagnosis.prediction.prediction import Emulator
-from dogshape.diagnosis.report.influence_words import influence_in_words
-from dogshape.diagnosis.report.wording import Found, headline, in_words
+from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.settings import USUAL, Settings
-from dogshape.diagnosis.terms import Hypothesis
+from dogshape.diagnosis.inference.fit import Fit, Interval, fit
+from dogshape.diagnosis.inference.held_out import HeldOut, held_out
+from dogshape.diagnosis.inference.next_test import NextTest, choose
+from dogshape.diagnosis.inference.ranking import Ranking, rank
+from dogshape.diagnosis.inference.static_readings import (
+    Fact,
+    facts_of,
+    log_density,
+    log_unknown,
+    measured_facts,
+)
+from dogshape.diagnosis.inference.verdict import Verdict, decide, inclusion, within_margin
+from dogshape.diagnosis.inference.visible import seen_apart
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.likelihood.mark_density import log_flights
+from dogshape.diagnosis.likelihood.mark_density import log_unknown as log_unknown_flights
+from dogshape.diagnosis.likelihood.observed import Observed, observe
+from dogshape.diagnosis.prediction.flights import Flights
+from dogshape.diagnosis.prediction.model import Model
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
 Record = dict[str, Any]  #: gap.json
+DELAY = "actuation_delay"
+FITTED = 1e-3  #: probability from which a hypothesis is fitted
+
+
+@dataclass(frozen=True)
+class Reading:
+    """Answer if the record means one thing where nobody noted it.
+
+    Parameters
+    ----------
+    key, value : such as ``time_zero`` and ``force``.
+    probability : that it means this, given the data.
+    verdict, posterior : in that case.
+    """
+
+    key: str
+    value: str
+    probability: float
+    verdict: Verdict
+    posterior: Mapping[Hypothesis, float]
 
 
 @dataclass(frozen=True)
@@ -61,91 +69,138 @@ class Diagnosis:
 
     Parameters
     ----------
-    posterior : probability of each hypothesis, the largest first, weak effects counted as none and
-        what cannot have made the data as unknown.
-    raw : before that.
-    scored : every hypothesis but unknown with its evidence.
-    leading : the most probable of these; where nothing known fits, the nearest.
-    fits : predictive p-values of plausible hypotheses.
-    before_after, rival : held-out gaps of the leading hypothesis, and of the best other one.
-    hidden : for each effect, the share of its prior that the data cannot tell from none.
-    bounds : what each effect is at most.
-    other : probabilities with priors half and twice as wide, and with unknown shifts failed.
-    tests : the menu, best first.
-    mean_prediction : mean times that the leading hypothesis predicts.
-    noise : Monte Carlo standard error of the leading probability.
-    senses : the answers given either sense of rotation, none where it is known.
-    equivalence : the gap beside its margin; None where the baseline has no times.
-    drift : trend over the series; None where the order of the shifts is not known.
-    influence : what each operating point does to the answer; None for a single one.
-    inputs : what errors of nominal force and mismatch make; None where the data set states none.
-    ``foretold`` : means that the leading hypothesis, its best rival and none predict of each
-        operating point from the others; none for a single one.
-    settings : with which all this was decided.
-    together : levels at which effects were simulated together for this diagnosis.
-    range_ends : where sizes lay at an end of their range, and what was done about it.
+    posterior : probability of each hypothesis, the largest first; what the data cannot show counts
+        as absent.
+    evidence : the same before that.
+    fits : of none, and of every plausible known hypothesis.
+    within : probability that the gap is below the margin.
+    readings : answers by what the record means, where nobody noted it.
+    seconds : processor time.
     """
 
     bench: Bench
-    verdict: Verdict
-    posterior: Probabilities
-    raw: Probabilities
-    scored: Mapping[Hypothesis, Scored]
-    leading: Hypothesis
-    confusion: Confusion
-    fits: Mapping[Hypothesis, float]
-    before_after: HeldOut
-    rival: tuple[Hypothesis, HeldOut] | None
-    hidden: Mapping[str, float]
-    bounds: Mapping[str, Bound]
-    other: Mapping[str, Probabilities]
-    tests: tuple[NextTest, ...]
-    baseline: PredictionSummary
-    metric: Metric
     effects: Mapping[str, Effect]
-    mean_prediction: MeanPrediction
-    noise: float
-    senses: tuple[SenseAnswer, ...] = ()
-    equivalence: Equivalence | None = None
-    drift: SeriesDrift | None = None
-    influence: Influence | None = None
-    inputs: Propagated | None = None
-    foretold: tuple[PredictedMeans, ...] = ()
-    settings: Settings = USUAL
-    together: tuple[Level, ...] = ()
-    range_ends: tuple[RangeEnd, ...] = ()
+    settings: Settings
+    likelihood: Likelihood
+    posterior: Mapping[Hypothesis, float]
+    evidence: Mapping[Hypothesis, float]
+    fits: Mapping[Hypothesis, Fit]
+    verdict: Verdict
+    within: float
+    held_out: HeldOut
+    readings: tuple[Reading, ...]
+    facts: tuple[Fact, ...]
+    flights: Flights
+    seconds: float
+    tests: tuple[NextTest, ...] = ()
 
-    def as_dict(self) -> Record:
-        """Write the record of the contract, with more."""
-        from_rival = self.rival[1] if self.rival else None
-        told = {"drift": self.drift, "nominal_errors": self.inputs}
-        more = {key: part.as_dict() for key, part in told.items() if part is not None}
-        aliases = {name: effect.aliases for name, effect in self.effects.items()}
+    @property
+    def model(self) -> Model:
+        """Predictions, with all joint simulations."""
+        return self.likelihood.model
+
+    @property
+    def seen(self) -> Observed:
+        """Observations as the likelihood counts them."""
+        return self.likelihood.seen
+
+    @property
+    def inclusion(self) -> dict[str, float]:
+        """Probability of each effect to be part of the cause, the largest first."""
+        return inclusion(self.posterior)
+
+    @property
+    def leading(self) -> Hypothesis:
+        """The most probable known hypothesis."""
+        return next(h for h in self.posterior if h in self.fits)
+
+    @property
+    def rival(self) -> Hypothesis | None:
+        """The most probable other known hypothesis with an effect."""
+        others = (h for h in self.posterior if h in self.fits and h != NONE)
+        return next((h for h in others if h != self.leading), None)
+
+    @property
+    def noise(self) -> float:
+        """Monte Carlo standard error of the leading probability."""
+        share = self.posterior[self.leading]
+        return share * (1.0 - share) * self.fits[self.leading].error
+
+    @property
+    def margin_s(self) -> float:
+        """Gap below which nothing needs doing, root mean square, s."""
+        limit = self.bench.margin.of(self.baseline)[self.likelihood.having]
+        return float(np.sqrt((limit**2).mean()))
+
+    @cached_property
+    def baseline(self) -> Array:
+        """Mean time of each operating point without any effect, late shifts too, s, (C,)."""
+        return self.likelihood.late_mean(self.fits[NONE].predicted.only([0]))[0]
+
+    @cached_property
+    def gaps(self) -> tuple[PointGap, ...]:
+        """Gap at each operating point without any effect, with the error of data and simulation."""
+        one = self.fits[NONE].predicted.only([0])
+        own = self.likelihood.own_variance(one)[0]
+        error = np.sqrt(one.sd[0] ** 2 / np.maximum(1.0, self.seen.count) + own)
+        cells = zip(self.bench.cells, self.baseline.tolist(), error.tolist(), strict=True)
+        return tuple(PointGap(*one) for one in cells)
+
+    @cached_property
+    def sizes(self) -> dict[str, dict[str, Interval]]:
+        """Sizes of each effect over all plausible hypotheses that have it."""
+        found: dict[str, dict[str, Interval]] = {}
+        for name, effect in self.effects.items():
+            mine = [(h, p) for h, p in self.posterior.items() if name in h and h in self.fits]
+            whole = sum(p for _, p in mine)
+            if whole < FITTED:
+                continue
+            parts = [self._sizes_in(h, name, p / whole) for h, p in mine]
+            values = np.vstack(parts)
+            columns = zip(effect.parameters, values.T, strict=True)
+            found[name] = {parameter.name: Interval.of(column) for parameter, column in columns}
+        return found
+
+    def _sizes_in(self, hypothesis: Hypothesis, name: str, share: float) -> Array:
+        """Give as many draws of an effect's values as its hypothesis has of the probability."""
+        one = self.fits[hypothesis]
+        count = int(np.ceil(share * len(one.shares)))
+        rows = np.linspace(0, len(one.shares) - 1, count).astype(int)
+        if name == REVERSED:
+            return np.zeros((count, 0))
+        return one.values[rows][:, one.space.columns(name)]
+
+    def to_dict(self) -> Record:
+        """Write ``gap.json``."""
+        gaps, top = self.held_out, self.fits[self.leading]
+        missing = max(gaps.baseline - gaps.chance, 1e-6)
+        amplitude = Interval.of(top.amplitude)
+        record = self.bench.record
         return {
             "bench": self.bench.name,
             "engine": self.bench.clutch.solver.engine,
             "verdict": self.verdict.kind,
             "causes": list(self.verdict.causes),
             "noise": self.noise,
-            "headline": headline(self.found),
-            "summary": in_words(self.found),
             "hypotheses": [self._hypothesis(h) for h in self.posterior],
-            "confusable": confusable(self.confusion, aliases),
-            "classes": structured(self.confusion),
+            "confusable": self.confusable,
+            "inclusion": self.inclusion,
+            "sizes": {
+                name: {key: one.as_dict() for key, one in sizes.items()}
+                for name, sizes in self.sizes.items()
+            },
             "gap": {
                 "hypothesis": list(self.leading),
-                "baseline_rmse_s": self.before_after.baseline,
-                "heldout_rmse_s": self.before_after.held_out,
-                "floor_rmse_s": self.before_after.floor,
-                "leading_floor_rmse_s": self.chance,
-                "shrink": self.before_after.shrink,
-                "rival": list(self.rival[0]) if self.rival else None,
-                "rival_heldout_rmse_s": from_rival.held_out if from_rival else None,
-                "rival_shrink": from_rival.shrink if from_rival else None,
+                "baseline_rmse_s": gaps.baseline,
+                "heldout_rmse_s": gaps.held_out,
+                "floor_rmse_s": gaps.chance,
+                "shrink": float(np.clip(1.0 - (gaps.held_out - gaps.chance) / missing, -1.0, 1.0)),
+                "rival": list(gaps.rival) if gaps.rival is not None else None,
+                "rival_heldout_rmse_s": gaps.rival_held_out,
             },
-            "margin_s": self.equivalence.margin_rms if self.equivalence else None,
-            "discrepancy": self.equivalence.as_dict() if self.equivalence else None,
-            **more,
+            "margin_s": self.margin_s,
+            "within_margin": self.within,
+            "discrepancy": {"amplitude": amplitude.as_dict()},
             "where": [
                 {
                     "mismatch_rpm": one.cell.point.mismatch / RPM,
@@ -155,31 +210,24 @@ class Diagnosis:
                 }
                 for one in self.gaps
             ],
-            "influence": self._influence(),
-            "foretold": [one.as_dict(self._points) for one in self.foretold],
-            "next_test": {
-                **self.tests[0].as_dict(),
-                "why": why(self.tests[0], self.posterior, self.effects),
+            "record": {
+                "time_zero": record.time_zero,
+                "displacement_at": record.displacement_at,
+                "sense": record.sense,
+                "empty_cells": record.empty_cells,
             },
-            "tests": [
+            "readings": [
                 {
-                    "name": t.name,
-                    "information_nats": t.information,
-                    "chance_to_settle": t.settles if t.information is not None else None,
-                    "misleads": t.misleads if t.information is not None else None,
-                    "hours": t.hours,
+                    "key": one.key,
+                    "value": one.value,
+                    "probability": one.probability,
+                    "verdict": one.verdict.kind,
+                    "causes": list(one.verdict.causes),
                 }
-                for t in self.tests[:8]
+                for one in self.readings
             ],
-            "inclusion": inclusion(self.posterior),
-            "senses": [one.as_dict(self.intervals) for one in self.senses],
-            "credible_set": [list(h) for h in self.verdict.credible],
-            "class_probability": self.verdict.group_probability,
-            "no_information": [
-                n for n, share in self.hidden.items() if share > self.settings.decision.blind
-            ],
-            "hidden_share": dict(self.hidden),
-            "bounds": {name: bound.as_dict() for name, bound in self.bounds.items()},
+            "next_test": self.tests[0].to_dict() if self.tests else None,
+            "tests": [one.to_dict() for one in self.tests[:8]],
             "facts": [
                 {
                     "effect": fact.effect,
@@ -187,247 +235,211 @@ class Diagnosis:
                     "value": fact.value,
                     "low": fact.low,
                     "high": fact.high,
-                    "sentence": sentence,
+                    "sentence": fact.sentence,
                 }
-                for fact, sentence in readings_in_words(self.bench, self.effects, self.scored)
+                for fact in self.facts
             ],
-            "sensitivity": {
-                key: [
-                    {"effects": list(h), "probability": p} for h, p in list(posterior.items())[:5]
-                ]
-                for key, posterior in self.other.items()
-            },
-            "together": [
-                {"effects": list(h), "levels": sum(k.hypothesis == h for k in self.together)}
-                for h in dict.fromkeys(level.hypothesis for level in self.together)
-            ],
-            "range_ends": [one.as_dict() for one in self.range_ends],
+            "drift": self._drift(),
+            "credible_set": [list(h) for h in self.verdict.credible],
+            "seconds": self.seconds,
             "settings": self.settings.as_dict(),
         }
 
     @property
-    def gaps(self) -> tuple[PointGap, ...]:
-        """Gap at each operating point without any effect, with the error of the data."""
-        means = [float(m) if np.isfinite(m) else None for m in self.baseline.mean[0]]
-        errors = self.metric.mean.tolist()
-        cells = zip(self.bench.cells, means, errors, strict=True)
-        return tuple(PointGap(cell, mean, error) for cell, mean, error in cells)
+    def confusable(self) -> list[list[str]]:
+        """Sets of names that no data of shifts can part."""
+        named = {n for h in self.verdict.credible for n in h if n in self.effects}
+        return [[n, *self.effects[n].aliases] for n in sorted(named) if self.effects[n].aliases]
 
-    @property
-    def chance(self) -> float | None:
-        """Gap that scatter and errors alone would leave under the leading hypothesis, rms, s."""
-        counts = np.array([cell.n for cell in self.bench.cells], dtype=float)
-        having = np.array([cell.time is not None for cell in self.bench.cells])
-        squares = self.mean_prediction.variance + self.mean_prediction.single / np.maximum(
-            1.0, counts
-        )
-        those = squares[having & np.isfinite(squares)]
-        return float(np.sqrt(those.mean())) if those.size else None
-
-    @property
-    def found(self) -> Found:
-        """Facts for the sentences."""
-        gaps, test = self.before_after, self.tests[0]
-        return Found(
-            self.verdict,
-            self.posterior,
-            self.intervals,
-            gaps,
-            test,
-            self.effects,
-            self.leading,
-            self.chance,
-            sees_nothing(self.hidden, self.settings.decision.blind),
-            self.senses,
-            self.equivalence,
-            self.range_ends,
-            self.drift,
-            self.inputs,
-        )
-
-    @property
-    def intervals(self) -> Mapping[Hypothesis, Mapping[str, Interval]]:
-        """Parameters of each hypothesis with 90 % intervals."""
-        return {h: intervals(one) for h, one in self.scored.items()}
-
-    def _influence(self) -> Record | None:
-        if self.influence is None:
+    def _drift(self) -> Record | None:
+        drift = self.seen.drift
+        if drift is None:
             return None
-        said = influence_in_words(self.influence, self._points, self.effects)
-        return {"sentence": said, **self.influence.as_dict(self._points)}
-
-    @property
-    def _points(self) -> list[tuple[float, float]]:
-        """Mismatch in 1/min and force in N of all cells."""
-        return [(c.point.mismatch / RPM, c.point.profile.force) for c in self.bench.cells]
+        low, high = drift.mean - 1.645 * drift.sd, drift.mean + 1.645 * drift.sd
+        return {"share": {"mean": drift.mean, "low": low, "high": high}, "informed": drift.informed}
 
     def _hypothesis(self, hypothesis: Hypothesis) -> Record:
-        found = self.scored.get(hypothesis)
+        found = self.fits.get(hypothesis)
         record: Record = {
             "effects": list(hypothesis),
-            "title": plain(hypothesis, self.effects),
             "probability": self.posterior[hypothesis],
+            "evidence_probability": self.evidence[hypothesis],
             "parameters": {},
-            "evidence_probability": self.raw[hypothesis],
         }
         if found is not None:
-            record["parameters"] = {n: i.as_dict() for n, i in intervals(found).items()}
-            record["log_evidence"] = found.log_evidence
-            # None where it was left before the error was known, since it is hopeless.
-            record["log_evidence_error"] = found.error if np.isfinite(found.error) else None
-        if hypothesis in self.fits:
-            record["predictive_p"] = self.fits[hypothesis]
+            record["parameters"] = {n: one.as_dict() for n, one in found.intervals.items()}
+            record["log_evidence"], record["log_evidence_error"] = found.log_evidence, found.error
+            record["predictive_p"] = found.p
         return record
 
 
-@dataclass(frozen=True)
-class Ranked:
-    """Hypotheses of a data set in their ranking, before anything is concluded from it.
-
-    That is all that decides whether ranges are widened; what else an answer says takes a third of
-    its time.
-    """
-
-    bench: Bench
-    effects: Mapping[str, Effect]
-    ranking: Ranking
-
-    def concluded(self) -> Diagnosis:
-        """Conclude from the ranking: verdict, next test, and what the answer rests on."""
-        return _concluded(self.bench, self.effects, self.ranking)
-
-
-def ranked(
-    bench: Bench,
-    emulator: Emulator,
-    effects: Mapping[str, Effect],
-    *,
-    pairs: Sequence[Hypothesis] | None = None,
-    settings: Settings = USUAL,
-) -> Ranked:
-    """Rank the hypotheses on a data set by an emulator; parameters are those of ``diagnose``."""
-    seen = observe(bench, settings.likelihood)
-    problem = Problem(seen, emulator, settings, bench.mismatch_sense, bench)
-    return Ranked(bench, effects, rank(problem, bench, effects, pairs))
-
-
 def diagnose(
-    bench: Bench,
-    emulator: Emulator,
-    effects: Mapping[str, Effect],
-    *,
-    pairs: Sequence[Hypothesis] | None = None,
-    settings: Settings = USUAL,
+    bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL, *, advise: bool = True
 ) -> Diagnosis:
-    """Diagnose a data set by an emulator.
+    """Diagnose a data set.
 
     Parameters
     ----------
-    emulator : says what hypotheses predict at the data set's operating points.
-    effects : that are considered, by name.
-    pairs : of them, all by default.
-    settings : probabilities before the data, errors of the simulation, and limits of the answer.
+    models : by the place at which the displacement may be read: one where that is known.
+    settings : errors of the simulation, priors, and limits of the answer.
+    advise : whether to rank the tests.
     """
-    return ranked(bench, emulator, effects, pairs=pairs, settings=settings).concluded()
-
-
-def _concluded(bench: Bench, effects: Mapping[str, Effect], ranking: Ranking) -> Diagnosis:
-    """Conclude from a ranking."""
-    problem, settings = ranking.problem, ranking.problem.settings
-    posterior, scored, metric = ranking.posterior, ranking.scored, ranking.metric
-    known = [scored[h] for h in ranking.folded if h != UNKNOWN]
-    plain = scored[NONE].rows.predicted
-    limits = settings.decision
-    parts = confusion(known, metric, ranking.folded, plain, limits)
-    standing = Standing(
-        bench,
-        problem.seen,
-        scored,
-        ranking.free,
-        posterior,
-        effects,
-        ranking.leading,
-        parts,
-        problem.emulator,
-        settings,
-    )
-    gaps = _gaps(standing, ranking)
-    hidden = invisible(list(scored.values()), metric, limits.visible)
-    same = equivalence(problem, scored, ranking.raw, posterior.get(UNKNOWN, 0.0), bench.margin)
-    measured = read_directly(bench, effects)
-
-    def settle(those: Probabilities, fits: Mapping[Hypothesis, float], within: float) -> Verdict:
-        found = decide(those, parts, fits, within, measured, limits=limits)
-        blind = found.kind == "none" and sees_nothing(hidden, limits.blind)
-        return replace(found, kind="ambiguous") if blind else found
-
-    verdict = settle(posterior, ranking.fits, same.probability if same else 0.0)
-    swayed = influence(problem, ranking, settle, verdict, same)
-    compared = (ranking.leading, swayed.rival, NONE) if swayed else ()
-    return Diagnosis(
-        bench=bench,
-        verdict=verdict,
-        posterior=posterior,
-        raw=ranking.raw,
-        scored=scored,
-        leading=ranking.leading,
-        confusion=parts,
-        fits=ranking.fits,
-        before_after=gaps[0][1],
-        rival=gaps[1] if len(gaps) > 1 else None,
-        hidden=hidden,
-        bounds=bounds(list(scored.values()), metric, limits.visible),
-        other=readings(problem, bench, ranking, effects),
-        tests=choose(standing),
-        baseline=plain,
-        metric=metric,
-        effects=effects,
-        mean_prediction=mean_prediction(standing, ranking.leading),
-        noise=noise(next(iter(posterior)), ranking.raw, ranking.fold, scored),
-        senses=sense_answers(problem, ranking),
-        equivalence=same,
-        drift=series_drift(problem, ranking),
-        inputs=problem.seen.inputs.propagated(problem.baseline) if problem.seen.inputs else None,
-        influence=swayed,
-        together=ranking.together,
-        foretold=tuple(
-            predicted_means(problem, scored[h]) for h in dict.fromkeys(compared) if h in scored
-        ),
-        settings=settings,
-    )
-
-
-def diagnose_wider(
-    once: Callable[[Mapping[str, Effect]], Ranked],
-    effects: Mapping[str, Effect],
-    settings: Settings = USUAL,
-) -> Diagnosis:
-    """Rank by ``once``, again with wider ranges where sizes lie at the end of theirs, and conclude.
-
-    ``once`` takes effects with the ranges of their priors; ``settings`` say how often and how
-    far those are widened (``diagnosis.inference.range_ends``). Only the last ranking is concluded.
-    """
-    found, ends = diagnosed_wider(
-        once, lambda one: (one.ranking.leading, one.ranking.scored), effects, settings
-    )
-    return replace(found.concluded(), range_ends=ends)
-
-
-def sees_nothing(hidden: Mapping[str, float], least: float = USUAL.decision.blind) -> bool:
-    """Test that data can show no effect, not even at the far end of its prior.
-
-    ``hidden`` has the share of each prior that they cannot tell from none. That nothing is
-    seen in such data is no evidence that nothing is there.
-    """
-    return all(share > least for share in hidden.values())
-
-
-def _gaps(standing: Standing, ranking: Ranking) -> list[tuple[Hypothesis, HeldOut]]:
-    """Return held-out gaps of the leading hypothesis and its best rival."""
-    leading = ranking.leading
-    rivals = [h for h in ranking.folded if h not in (leading, UNKNOWN, NONE)][:1]
-    bench, seen, baseline = standing.bench, standing.seen, standing.scored[NONE].rows.predicted
-    return [
-        (h, held_out(bench, seen, baseline, ranking.metric, by_effects(standing.scored[h])))
-        for h in [leading, *rivals]
+    begin = time.process_time()
+    answers = [
+        one for place, model in models.items() for one in _answers(bench, place, model, settings)
     ]
+    whole = logsumexp([one.log for one in answers])
+    answers = [replace(one, log=one.log - whole) for one in answers]
+    evidence = _floored(_mixed(answers), answers[0].ranking, settings)
+    best = max(answers, key=lambda one: one.log).ranking
+    likelihood = best.likelihood
+    plausible = [h for h, p in evidence.items() if p > FITTED and h in best.samples]
+    fits = {h: fit(likelihood, best.samples[h]) for h in dict.fromkeys((NONE, *plausible))}
+    posterior = seen_apart(likelihood, fits, evidence)
+    within = within_margin(likelihood, fits, evidence, bench.margin)
+    verdict = decide(posterior, fits, within, settings)
+    known = [h for h in posterior if h in fits]
+    rival = next((h for h in known[1:] if h != NONE), None)
+    plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
+    times = np.array([np.nan if cell.time is None else cell.time for cell in bench.cells])
+    effects = dict(likelihood.model.effects)
+    if likelihood.model.turned is not None:
+        effects[REVERSED] = registry.load()[REVERSED]
+    found = Diagnosis(
+        bench,
+        dict(sorted(effects.items())),
+        settings,
+        likelihood,
+        posterior,
+        evidence,
+        fits,
+        verdict,
+        within,
+        held_out(likelihood, fits[known[0]], fits[rival] if rival else None, times - plain),
+        _readings(answers, likelihood, fits, settings, within),
+        (*facts_of(bench), *measured_facts(bench, likelihood.model.effects)),
+        Flights(likelihood.model.effects, likelihood.model.settings),
+        0.0,
+    )
+    tests = choose(found, found.flights.marks) if advise else ()
+    return replace(found, tests=tests, seconds=time.process_time() - begin)
+
+
+@dataclass(frozen=True)
+class _Answer:
+    """Log of prior times evidence of each hypothesis, under one meaning of the record."""
+
+    record: Mapping[str, str]
+    ranking: Ranking
+    log: float
+    logs: Mapping[Hypothesis, float]
+
+
+def _answers(bench: Bench, place: str, model: Model, settings: Settings) -> list[_Answer]:
+    """Rank the hypotheses under each meaning that the record may have."""
+    seen, record = observe(bench, model), bench.record
+    likelihood = Likelihood(bench, seen, model, settings)
+    flights = Flights(model.effects, model.settings)
+    facts = measured_facts(bench, model.effects)
+
+    def more(hypothesis: Hypothesis, shares: Array) -> Array:
+        space = model.space(hypothesis)
+        values = space.values(shares)
+        found = log_density(facts, space, values)
+        if seen.flights:
+            found = found + log_flights(seen.flights, flights, space.hypothesis, values)
+        return found
+
+    beside = sum(log_unknown(fact, model.effects) for fact in facts)
+    if seen.flights:
+        beside += log_unknown_flights(seen.flights, flights)
+    turned = settings.reversed_known if record.sense == "known" else settings.reversed_unknown
+    ranking = rank(likelihood, more, turned, beside)
+    grid: dict[str, dict[str, float]] = {}
+    if record.displacement_at == "unknown":
+        grid["displacement_at"] = {place: 0.5}
+    if record.time_zero == "unknown" and DELAY in model.effects:
+        share = settings.zero_at_force
+        grid["time_zero"] = {"command": 1.0 - share, "force": share}
+    if record.sense == "unknown" and model.turned is not None:
+        grid["sense"] = {"as_noted": 1.0 - turned, "reversed": turned}
+    if record.empty_cells == "unknown" and seen.untold.any():
+        grid["empty_cells"] = {
+            "not_made": 1.0 - settings.empty_failed,
+            "failed": settings.empty_failed,
+        }
+    found = []
+    for values in itertools.product(*grid.values()):
+        meant = dict(zip(grid, values, strict=True))
+        prior = sum(np.log(grid[key][value]) for key, value in meant.items())
+        logs = _logs(ranking, meant)
+        found.append(_Answer(meant, ranking, prior + float(logsumexp(list(logs.values()))), logs))
+    return found
+
+
+def _logs(ranking: Ranking, meant: Mapping[str, str]) -> dict[Hypothesis, float]:
+    """Compute log of prior times evidence where the record means something."""
+    odds, settings = 0.0, ranking.likelihood.settings
+    if meant.get("time_zero") == "force":
+        # The sets without a dead time take the whole prior.
+        odds = -np.log1p(-settings.prior(DELAY))
+    found = {}
+    for h in (*ranking.samples, UNKNOWN):
+        log = ranking.log_joint(h)
+        if meant.get("time_zero") == "force" and h != UNKNOWN:
+            log = -np.inf if DELAY in h else log + odds
+        if "sense" in meant and h != UNKNOWN:
+            mine = (REVERSED in h) == (meant["sense"] == "reversed")
+            log = log - np.log(settings.reversed_unknown) if mine else -np.inf
+        if meant.get("empty_cells") == "failed":
+            log += ranking.log_failed(h)
+        found[h] = float(log)
+    return found
+
+
+def _mixed(answers: Sequence[_Answer]) -> dict[Hypothesis, float]:
+    """Mix the probabilities of hypotheses over what the record may mean."""
+    found: dict[Hypothesis, float] = {}
+    for one in answers:
+        whole = logsumexp(list(one.logs.values()))
+        for h, log in one.logs.items():
+            found[h] = found.get(h, 0.0) + float(np.exp(one.log + log - whole))
+    return found
+
+
+def _floored(
+    found: Mapping[Hypothesis, float], ranking: Ranking, settings: Settings
+) -> dict[Hypothesis, float]:
+    """Leave the prior its share: no answer is surer than the model of errors."""
+    prior = {
+        h: float(np.exp(ranking.log_prior[h])) if h in ranking.log_prior else 0.0 for h in found
+    }
+    whole = sum(prior.values())
+    mixed = {
+        h: (1.0 - settings.floor) * p + settings.floor * prior[h] / whole for h, p in found.items()
+    }
+    return dict(sorted(mixed.items(), key=lambda item: -item[1]))
+
+
+def _readings(
+    answers: Sequence[_Answer],
+    likelihood: Likelihood,
+    fits: Mapping[Hypothesis, Fit],
+    settings: Settings,
+    within: float,
+) -> tuple[Reading, ...]:
+    """Give the answer under each meaning of the record that nobody noted."""
+    found = []
+    keys = dict.fromkeys((k, v) for one in answers for k, v in one.record.items())
+    for key, value in keys:
+        mine = [one for one in answers if one.record.get(key) == value]
+        log = float(logsumexp([one.log for one in mine]))
+        evidence = _floored(
+            _mixed([replace(one, log=one.log - log) for one in mine]), mine[0].ranking, settings
+        )
+        posterior = seen_apart(likelihood, fits, evidence)
+        verdict = decide(posterior, fits, within, settings)
+        prior = 1.0 / sum(k == key for k, _ in keys)
+        probability = (1.0 - settings.floor) * float(np.exp(log)) + settings.floor * prior
+        found.append(Reading(key, value, probability, verdict, posterior))
+    return tuple(found)

@@ -10,7 +10,7 @@ from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.bench.bench_data import require_something
 from dogshape.diagnosis.bench.comparison import ANGLES, compare
 from dogshape.diagnosis.bench.comparison import Comparison as Compared
-from dogshape.diagnosis.report.examined import examined_record
+from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.store.result_records import difference_record, engaged_record
 from dogshape.result import Result, ms
 from dogshape.running import Where, angles_text, require_angles
@@ -67,7 +67,7 @@ class Comparison(Result):
             "relative_rms": result.relative_rms,
             "engaged": engaged_record(result),
             "numerical_error_s": result.numerical_error,
-            **examined_record(result.bench),
+            **findings_record(result.bench),
         }
 
     def to_frame(self) -> pd.DataFrame:

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
-from dogshape.diagnosis.prediction.hypotheses import NONE
-from dogshape.diagnosis.report.examined import examined_record
-from dogshape.diagnosis.report.wording import headline
+from dogshape.diagnosis.report.wording import findings_record, headline_of, summary
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import (
     CalibratedStudy,
@@ -21,15 +19,13 @@ from dogshape.pipeline.diagnose.calibrated_study import (
     require_new_study,
 )
 from dogshape.pipeline.diagnose.consequence import Consequence, studied
-from dogshape.pipeline.diagnose.extras import Extras, so_what
 from dogshape.pipeline.diagnose.gap_update import require_no_updates
 from dogshape.pipeline.diagnose.joined_bench import keep_data
 from dogshape.pipeline.diagnose.posterior_draws import DRAWS
-from dogshape.pipeline.diagnose.report_parts import extras_of, price_of
+from dogshape.pipeline.diagnose.report_parts import Extras, extras_of, price_of
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.gap.before_after import before_figure
 from dogshape.pipeline.reports.gap.gap_page import publish, write_page
-from dogshape.pipeline.reports.gap.hypothesis_cards import short
 from dogshape.pipeline.reports.gap.point_rows import cells_of
 from dogshape.result import Result, ms
 from dogshape.sim.errors import InputError
@@ -42,12 +38,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result):
-    """Causes of a gap with their probabilities, what they explain, and the next test.
+    """Causes of a gap with their probabilities, the residuals, and the next test.
 
     Parameters
     ----------
-    inference : what the data say of each hypothesis, with the data set.
-    consequence : what the cause means for the best designs of a study; None where none was asked.
+    inference : probabilities and fits of the hypotheses, with the data set.
+    consequence : effect of the cause on the best designs of a study; None where none was asked.
     folder : where report, record and table were written; None where nowhere.
     """
 
@@ -79,17 +75,18 @@ class Diagnosis(Result):
         found = self.inference
         return {
             "data": found.bench.name,
-            "verdict": headline(found.found),
-            "gap": ms(found.before_after.baseline),
-            "left where the fit never saw it": ms(found.before_after.held_out),
+            "verdict": headline_of(found.verdict, found.effects),
+            "gap": ms(found.held_out.baseline),
+            "gap at held-out points": ms(found.held_out.held_out),
             "next test": found.tests[0].name,
         }
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record that ``dogshape gap --json`` prints."""
         return {
-            **self.inference.as_dict(),
-            **examined_record(self.inference.bench),
+            **self.inference.to_dict(),
+            "summary": summary(self.inference),
+            **findings_record(self.inference.bench),
             "so_what": self.consequence.record if self.consequence else None,
             "report": str(self.folder / "report.html") if self.folder else None,
         }
@@ -101,10 +98,8 @@ class Diagnosis(Result):
         return pd.DataFrame([asdict(cell) for cell in cells_of(self.inference)])
 
     def plot(self) -> go.Figure:
-        """Draw bench times with the simulation before and after the leading hypothesis."""
-        found = self.inference
-        leading = "" if found.leading == NONE else short(found, found.leading)
-        return before_figure(cells_of(found), leading.replace("<br>", " "))
+        """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
+        return before_figure(cells_of(self.inference))
 
     def report(self, path: str | Path) -> Path:
         """Write the report as one page that opens offline; give its path."""
@@ -118,7 +113,7 @@ class Diagnosis(Result):
         draws: int = DRAWS,
         causes: Sequence[str] | None = None,
     ) -> CalibratedStudy:
-        """Write a study that has what was found, and draws from the posterior beside it.
+        """Write a study with the cause, and draws from the posterior beside it.
 
         Parameters
         ----------
@@ -130,7 +125,7 @@ class Diagnosis(Result):
         Raises
         ------
         InputError
-            The diagnosis names nothing, or nothing that a study can take; with what to do.
+            The diagnosis names no effect, or none that a study takes; with the remedy.
         StorageError
             The file is there already or cannot be written.
         """
@@ -142,10 +137,7 @@ class Diagnosis(Result):
 
     @property
     def _extras(self) -> Extras:
-        found = extras_of(self.inference)
-        if self.consequence is None:
-            return found
-        return replace(found, so_what=so_what(self.consequence))
+        return replace(extras_of(self.inference), consequence=self.consequence)
 
 
 class _Read(Protocol):
@@ -207,7 +199,7 @@ def diagnose(
         progress.say(_before_price(found))
         price = price_of(found.inference, study, means, folder or Path(bank))
         if folder is not None:
-            publish(found.inference, folder, replace(extras, so_what=so_what(price)))
+            publish(found.inference, folder, replace(extras, consequence=price))
     return replace(found, consequence=price)
 
 
@@ -222,8 +214,8 @@ def _data_of(bench: str | Path | BenchData | _Read, correct: Sequence[str]) -> B
 
 
 def _before_price(found: Diagnosis) -> str:
-    where = "not written, for want of --out"
+    where = "not written, for lack of --out"
     if found.folder is not None:
         where = f"written to {found.folder / 'report.html'}"
-    told = headline(found.inference.found)
-    return f"{told}. The diagnosis is {where}; next: what ignoring the cause costs"
+    verdict = headline_of(found.inference.verdict, found.inference.effects)
+    return f"{verdict}. The report is {where}; next: simulation of the study's designs"

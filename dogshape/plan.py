@@ -1,4 +1,4 @@
-"""Plan of bench tests before any is made: which shifts, in which order, and what they can show."""
+"""Plan of bench tests before any is made: shifts, their order, and the causes they distinguish."""
 
 from __future__ import annotations
 
@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
-from dogshape.diagnosis.inference.classes import APART
-from dogshape.diagnosis.inference.shift_plan import ShiftPlan
+from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means
 from dogshape.pipeline.diagnose.planned_bench import Wanted, planned, points_from, sheet
 from dogshape.pipeline.progress import SILENT, Progress
@@ -23,12 +22,12 @@ from dogshape.sim.units import RPM
 if TYPE_CHECKING:
     import pandas as pd
 
-HALF = 0.5  #: share of the strengths from which an effect is said to be seen, or told apart
+HALF = 0.5  #: share of the strengths from which two effects count as distinguished
 
 
 @dataclass(frozen=True, repr=False)
 class Plan(Result):
-    """Shifts to make, in their order, and the causes that they can and cannot tell apart.
+    """Shifts to make, in their order, and the causes that they distinguish.
 
     Parameters
     ----------
@@ -43,7 +42,7 @@ class Plan(Result):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Number of shifts and visits, and what the plan is worth."""
+        """Number of shifts and operating points, work, and worth of the plan."""
         plan = self.inference
         return {
             "shifts": str(sum(plan.shifts)),
@@ -61,15 +60,7 @@ class Plan(Result):
             "shifts": sum(plan.shifts),
             "hours": plan.hours,
             "reference": self._point(plan.reference),
-            "order": [
-                {
-                    "visit": k,
-                    **self._point(place),
-                    "shifts": n,
-                    "reference": place == plan.reference,
-                }
-                for k, (place, n) in enumerate(plan.order, start=1)
-            ],
+            "order": self._visits,
             "worth": plan.worth,
             "told_apart": self.told_apart,
             "all_points": {
@@ -109,11 +100,11 @@ class Plan(Result):
 
     @property
     def told_apart(self) -> float:
-        """Share of ordered pairs and strengths that the plan tells apart."""
+        """Share of ordered pairs and strengths that the plan distinguishes."""
         return self._share(self.inference.apart)
 
     def unlike(self, truth: int) -> tuple[float, list[int], list[int]]:
-        """Return the share of strengths that are seen, the rivals told apart, and the others."""
+        """Return the share of strengths that are seen, the distinct rivals, and the others."""
         apart = self.inference.apart[truth]
         others = [k for k in range(1, len(apart)) if k != truth]
         told = [k for k in others if apart[k] >= HALF]
@@ -145,7 +136,7 @@ def plan_shifts(
     jobs: int = 0,
     progress: Progress = SILENT,
 ) -> Plan:
-    """Plan shifts on a bench: where, how many, in which order, and what they can tell apart.
+    """Plan shifts on a bench: operating points, numbers, order, and the causes they distinguish.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""A diagnosis that goes on: new readings join its data set, and the record keeps both answers."""
+"""Update of a diagnosis: new readings join its data set, and the record keeps both answers."""
 
 from __future__ import annotations
 
@@ -103,9 +103,9 @@ def update_diagnosis(
         inference = diagnosed(data.bench, means)
         record = update_record(before, cells, inference, data.new, count)
         updates = [*updates_of(place, count), record]
-        told = {f"update {one['update']}": one["sentence"] for one in updates}
+        history = {f"update {one['update']}": one["sentence"] for one in updates}
         extras = extras_of(inference)
-        extras = replace(extras, provenance={**extras.provenance, **told})
+        extras = replace(extras, provenance={**extras.provenance, **history})
         publish(inference, place, extras)
         write_updates(place, updates)
         data.settle()

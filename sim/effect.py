@@ -35,6 +35,7 @@ class Parameter:
     source : of the range, in words.
     status : of the range: ``measured`` where a source has its ends, else ``judged``.
     least, most : beyond which no range can be widened: no shift mechanism lies there.
+    ordinary : largest size of an ordinary source, and that source; None where no source has one.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Parameter:
     status: Literal["measured", "judged"] = "judged"
     least: float = -math.inf
     most: float = math.inf
+    ordinary: tuple[float, str] | None = None
 
     def __post_init__(self) -> None:
         if self.scale not in SCALES:

@@ -9,8 +9,6 @@ from benchmarks.entries import Entry
 from benchmarks.published import (
     blind,
     commands,
-    diagnosis,
-    inference,
     model,
     planar,
     proof,
@@ -32,8 +30,6 @@ PAGES = (
     surrogate,
     strength,
     simulation,
-    diagnosis,
-    inference,
     blind,
     search,
     planar,

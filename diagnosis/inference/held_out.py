@@ -1,86 +1,90 @@
-"""Gaps before and after at operating points that the fit did not use.
-
-Each force, then each speed, is left out. The hypothesis is refitted to the other cells by new
-weights of its rows, and predicts the cells left out. So every cell is predicted twice.
-"""
+"""Prediction of each operating point from all others, against what chance alone leaves."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.likelihood.observations import Observed
-from dogshape.diagnosis.likelihood.scores import PredictionSummary, Scored
-from dogshape.diagnosis.likelihood.signature import Metric, known
-from dogshape.diagnosis.terms import Array
+from dogshape.diagnosis.inference.fit import Fit
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.terms import Array, Hypothesis
 
-Predict = Callable[[np.ndarray], Array]  #: mean times of all cells from the data of some
+ROWS = 100  #: draws of a hypothesis
 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Root-mean-square gaps, s: baseline, held out, and floor; ``shrink`` in [-1, 1].
+    """Gaps at operating points that the fit has not seen, root mean square, s.
 
-    What cannot be said (a single operating point, no gap above the floor) is None.
+    Parameters
+    ----------
+    baseline : without any effect.
+    held_out : at each point from all others, by the leading hypothesis.
+    chance : what scatter and errors alone leave.
+    rival, rival_held_out : the best other hypothesis, and what it leaves.
+    mean, sd : prediction at each point from all others, s, (C,).
     """
 
-    baseline: float | None
-    held_out: float | None
-    floor: float | None
-
-    @property
-    def shrink(self) -> float | None:
-        """Share of the gap above the floor that is gone."""
-        if self.baseline is None or self.held_out is None or self.floor is None:
-            return None
-        above = self.baseline - self.floor
-        # With a gap of noise alone there is nothing to shrink.
-        if above <= 0.05 * self.floor:
-            return 0.0
-        return min(1.0, max(-1.0, 1.0 - (self.held_out - self.floor) / above))
+    baseline: float
+    held_out: float
+    chance: float
+    rival: Hypothesis | None
+    rival_held_out: float | None
+    mean: Array
+    sd: Array
 
 
-def folds(bench: Bench) -> list[np.ndarray]:
-    """List the cells to leave out, one force, then one speed at a time."""
-    forces = np.array([cell.point.profile.force for cell in bench.cells])
-    speeds = np.array([cell.point.mismatch for cell in bench.cells])
-    found = [column == value for column in (forces, speeds) for value in np.unique(column)]
-    return [fold for fold in found if not fold.all()]
+def held_out(likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: Array) -> HeldOut:
+    """Predict each operating point from all others by the leading hypothesis and its rival.
+
+    ``baseline`` are the gaps without any effect, s, (C,), NaN where there is no mean.
+    """
+    some = likelihood.having
+    mean, sd, gaps, chance = left_out(likelihood, leading)
+    other = left_out(likelihood, rival)[2] if rival is not None else None
+    every = np.full(likelihood.model.cells, np.nan)
+    means, sds = every.copy(), every.copy()
+    means[some], sds[some] = mean, sd
+    return HeldOut(
+        _rms(baseline[some]),
+        _rms(gaps),
+        chance,
+        rival.hypothesis if rival is not None else None,
+        _rms(other) if other is not None else None,
+        means,
+        sds,
+    )
 
 
-def by_effects(found: Scored) -> Predict:
-    """Make the predictor of a hypothesis after a refit; NaN where none of its values engages."""
-    means = found.rows.predicted.mean
-    there = np.isfinite(means)
+def left_out(likelihood: Likelihood, one: Fit) -> tuple[Array, Array, Array, float]:
+    """Predict each observed mean from all others: mean, sd, gap (c,), and the chance gap, s.
 
-    def predict(cells: np.ndarray) -> Array:
-        # A value by which nothing engages has no mean time, which is not a time of zero.
-        weights = found.weights(cells)[:, None] * there
-        whole = weights.sum(axis=0)
-        summed = (weights * np.where(there, means, 0.0)).sum(axis=0)
-        return np.where(whole > 0.0, summed / np.where(whole > 0.0, whole, 1.0), np.nan)
-
-    return predict
-
-
-def held_out(
-    bench: Bench, seen: Observed, baseline: PredictionSummary, metric: Metric, predict: Predict
-) -> HeldOut:
-    """Compute gaps before and after; predictions come from refits without each cell."""
-    times = seen.time
-    having = known(times) & known(baseline.mean[0])
-    if not having.any():
-        return HeldOut(None, None, None)
-    gaps = times - baseline.mean[0]
-    left = [(times - predict(~fold))[fold & having] for fold in folds(bench)]
-    after = np.concatenate(left) if left else np.array([])
-    after = after[np.isfinite(after)]
-    return HeldOut(_rms(gaps[having]), _rms(after), _rms(metric.mean[having]))
+    Draws count for a point by the inverse of the density that they give it, so as if the point had
+    not been seen.
+    """
+    rows = np.linspace(0, len(one.shares) - 1, ROWS).astype(int)
+    p = one.predicted.only(rows)
+    found = likelihood.terms(p)
+    simulated = (p.mean - p.delay)[..., None]
+    smooth = one.amplitude[rows, None, None] * simulated * likelihood.smooth
+    columns = np.concatenate([smooth, likelihood.columns(p)], axis=2)[:, likelihood.having]
+    size = found.residual.shape[1]
+    covariance = columns @ np.swapaxes(columns, 1, 2) + found.variance[..., None] * np.eye(size)
+    inverse = np.linalg.inv(covariance)
+    diagonal = np.diagonal(inverse, axis1=1, axis2=2)
+    gap = np.einsum("mcd,md->mc", inverse, found.residual) / diagonal
+    log = 0.5 * np.log(diagonal) - 0.5 * gap**2 * diagonal
+    weights = np.exp(np.minimum(-log - (-log).mean(axis=0), 0.5 * np.log(len(rows))))
+    weights /= weights.sum(axis=0)
+    seen = likelihood.seen.mean[likelihood.having]
+    predicted = seen - gap
+    mean = (weights * predicted).sum(axis=0)
+    variance = (weights * (1.0 / diagonal + (predicted - mean) ** 2)).sum(axis=0)
+    scatter = (weights * found.variance).sum(axis=0)
+    return mean, np.sqrt(variance), seen - mean, float(np.sqrt(scatter.mean()))
 
 
-def _rms(values: Array) -> float | None:
-    return math.sqrt(float((values**2).mean())) if values.size else None
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(np.sqrt((known**2).mean())) if known.size else 0.0

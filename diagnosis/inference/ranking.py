@@ -1,220 +1,316 @@
-"""Hypotheses ranked by a data set: evidence, visibility, and the predictive check.
+"""Probabilities of all hypotheses: none, one effect, two, three, and something unlisted.
 
-None, each effect and all pairs are scored. If a pair leads that cannot have made the data, or only
-with a large discrepancy, that pair and its nearest rivals are tried with each further effect. If
-the sense of rotation is unknown, each sense is treated by itself.
+Each effect is part of the cause or not by itself, with its own prior; at most three act at once.
+Which sets are computed never changes a prior. All single effects and pairs are screened by prior
+draws, the plausible ones refined. Plausible sets of several effects are simulated together at their
+most promising draws before any is judged, so that no hypothesis pays for what was not simulated.
+*Unknown* adds a gap of larger amplitude to what any single effect or leading pair predicts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy.special import logsumexp
 
-from dogshape.diagnosis.bench.bench_data import Bench, setting_of
-from dogshape.diagnosis.bench.sense import REVERSED, forward
-from dogshape.diagnosis.inference.evidence import scored_in_turn
-from dogshape.diagnosis.inference.joint_refinement import refined
-from dogshape.diagnosis.inference.posterior import (
-    Folding,
-    Probabilities,
-    folding,
-    judged,
-    probabilities,
-)
-from dogshape.diagnosis.inference.refits import checked
-from dogshape.diagnosis.inference.static_readings import informed, log_unknown, measured_facts
-from dogshape.diagnosis.inference.unknown import Unknown, unknown
-from dogshape.diagnosis.likelihood.discrepancy import marginals
-from dogshape.diagnosis.likelihood.scores import Problem, Scored
-from dogshape.diagnosis.likelihood.signature import Metric, metric_of
-from dogshape.diagnosis.prediction.hypotheses import (
-    NONE,
-    UNKNOWN,
-    log_odds,
-    spaces_for,
-    spaces_of,
-    with_third,
-)
-from dogshape.diagnosis.prediction.levels import Level
-from dogshape.diagnosis.settings import Decision, Priors
-from dogshape.diagnosis.terms import Hypothesis
-from dogshape.sim.effect import Effect
+from dogshape.diagnosis.bench.sense import REVERSED, forward, turned
+from dogshape.diagnosis.settings import Settings
+from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.prediction.simulations import simulate_together
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+
+WITHIN = (12.0, 8.0, 5.0)  #: nats below the best, in which hypotheses are refined round by round
+MANY = (24, 12, 8)  #: hypotheses refined in a round, at most
+ROUNDS = (2, 3, 5)
+JOINT_WITHIN = 7.0  #: nats below the best, in which sets are simulated together
+#: Sets of effects and draws of each that are simulated together, round by round: many sets at few
+#: draws, so that none is excluded unseen, then those that stay plausible.
+JOINT_ROUNDS = ((8, 2), (3, 6))
+OPTIMISTIC = 2.5  #: stated errors of effects together within which a mean may lie
+FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
+OPEN = 96  #: draws of a hypothesis on which something unlisted is put
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Hypotheses with their scores and probabilities.
+    """Hypotheses with their evidence.
 
     Parameters
     ----------
-    problem : with the emulator by which hypotheses were scored.
-    scored : every hypothesis but unknown with its evidence.
-    free : the hypothesis unknown.
-    raw : probabilities by evidence.
-    fold : which share of each belongs to simpler ones.
-    folded : probabilities with weak effects counted as none, the largest first.
-    fits : predictive p-values of plausible hypotheses.
-    limits : from which a hypothesis fails, and others.
-    together : levels at which effects were simulated together meanwhile.
+    likelihood : with the model that has all joint simulations.
+    samples : of every known hypothesis.
+    log_prior : of each, *unknown* too.
+    log_unknown : log evidence of *unknown*.
     """
 
-    problem: Problem
-    scored: Mapping[Hypothesis, Scored]
-    free: Unknown
-    metric: Metric
-    raw: Probabilities
-    fold: Folding
-    folded: Probabilities
-    fits: Mapping[Hypothesis, float]
-    limits: Decision
-    together: tuple[Level, ...] = ()
+    likelihood: Likelihood
+    samples: Mapping[Hypothesis, Sample]
+    log_prior: Mapping[Hypothesis, float]
+    log_unknown: float
 
-    @property
-    def posterior(self) -> Probabilities:
-        """Probabilities after the predictive check."""
-        return judged(self.folded, self.fits, self.limits.adequate)
+    def log_joint(self, hypothesis: Hypothesis) -> float:
+        """Compute the log of prior times evidence."""
+        evidence = (
+            self.log_unknown if hypothesis == UNKNOWN else self.samples[hypothesis].log_evidence
+        )
+        return self.log_prior[hypothesis] + evidence
 
-    @property
-    def leading(self) -> Hypothesis:
-        """Most probable hypothesis of known effects."""
-        return next(h for h in self.folded if h != UNKNOWN)
-
-    @property
-    def fails(self) -> bool:
-        """Test that no plausible hypothesis can have made the data."""
-        return not any(p >= self.limits.adequate for p in self.fits.values())
+    def log_failed(self, hypothesis: Hypothesis) -> float:
+        """Compute the log probability that all untold shifts were tried and failed."""
+        untold = self.likelihood.seen.untold
+        if hypothesis == UNKNOWN:
+            return -float(np.log1p(untold).sum())
+        one = self.samples[hypothesis]
+        log = self.likelihood.log_failed(one.predicted)
+        return float(logsumexp(log + one.log_weights) - one.log_evidence)
 
 
-def rank(
-    problem: Problem,
-    bench: Bench,
-    effects: Mapping[str, Effect],
-    pairs: Sequence[Hypothesis] | None = None,
-) -> Ranking:
-    """Score all hypotheses on a data set; ``pairs`` are the plausible ones by default."""
-    setting, free = setting_of(bench), unknown(problem, bench)
-    priors = problem.settings.priors
-    scored = scored_in_turn(problem, spaces_of(effects, setting, pairs, problem.sense, priors))
-    found = refined(problem, scored)
-    problem, scored = found.problem, found.scored
-    facts = measured_facts(bench, effects)
-    told = sum(log_unknown(fact, effects) for fact in facts)
-    free = replace(free, told=told)
-    first = replace(_ranked(problem, informed(scored, facts), free), together=found.levels)
-    near = [three for pair in _unfitting(problem, first) for three in with_third(pair, effects)]
-    # The flight with three effects at once is not tabulated.
-    if not near or problem.flights:
-        return first
-    threes = spaces_for(list(dict.fromkeys(near)), effects, setting)
-    best = max(one.log_evidence + log_odds(h, priors) for h, one in scored.items())
-    every = {**scored, **scored_in_turn(problem, threes, best)}
-    more = refined(problem, every, [space.hypothesis for space in threes])
-    whole = _ranked(more.problem, informed(more.scored, facts), free, first)
-    return replace(whole, together=(*found.levels, *more.levels))
-
-
-def _unfitting(problem: Problem, first: Ranking) -> list[Hypothesis]:
-    """Return the pairs to try with a third effect, for each sense that may be the true one.
-
-    Either sense is looked into as deeply as if it were known.
-    """
-    open_to = problem.sense == "unknown" and any(REVERSED in h for h in first.raw)
-    views = [within_sense(problem, first, s) for s in (False, True)] if open_to else [first]
-    those = [view for view in views if len(forward(view.leading)) == 2 and _open(problem, view)]
-    return [pair for view in those for pair in _near(view)]
-
-
-def _open(problem: Problem, ranking: Ranking) -> bool:
-    """Test that the leading hypothesis leaves more than a usual discrepancy, or fails."""
-    usual = problem.settings.likelihood.discrepancy
-    return ranking.fails or left_over(ranking.scored[ranking.leading]) > usual
-
-
-def left_over(one: Scored) -> float:
-    """Compute the posterior mean of the discrepancy's amplitude, as share of a mean time."""
-    rows = one.rows
-    if rows.discrepancy.absent:
-        return 0.0
-    members = marginals(rows.slopes, rows.discrepancy, rows.joint).weights
-    sizes = np.tile(rows.discrepancy.amplitudes, len(rows.discrepancy.roots))
-    return float(one.weights() @ (members @ sizes))
-
-
-def sense_chances(raw: Probabilities, priors: Priors) -> dict[bool, float]:
-    """Return the probability of the reversed sense (True) and of the other one, if unknown.
-
-    What no known effect explains says nothing of the sense.
-    """
-    other = sum(p for h, p in raw.items() if REVERSED in h)
-    other += priors.reversed_unknown * raw.get(UNKNOWN, 0.0)
-    return {False: 1.0 - other, True: other}
-
-
-def within_sense(problem: Problem, ranking: Ranking, other: bool) -> Ranking:
-    """Return the ranking given that the unknown sense is reversed (``other``) or not."""
-    before = problem.settings.priors.reversed_unknown
-    share = before if other else 1.0 - before
-    mine = {h: share if h == UNKNOWN else float((REVERSED in h) == other) for h in ranking.raw}
-    whole = sum(p * mine[h] for h, p in ranking.raw.items())
-    raw = {h: p * mine[h] / whole for h, p in ranking.raw.items()}
-    fold = folding(problem, list(ranking.scored.values()), ranking.metric, raw, ranking.fold)
-    folded = fold.fold(raw)
-    fits = plausible_fits(problem, ranking.scored, folded, ranking)
-    return replace(ranking, raw=raw, fold=fold, folded=folded, fits=fits)
-
-
-def _near(first: Ranking) -> list[Hypothesis]:
-    """Return the pairs of which a third effect may make the cause, the likeliest first.
-
-    By evidence: which of them is nearest to the data by itself says little where none can be.
-    """
-    pairs = {h: p for h, p in first.raw.items() if len(forward(h)) == 2}
-    least = first.limits.near * sum(pairs.values())
-    found = sorted((h for h, p in pairs.items() if p >= least), key=lambda h: -pairs[h])
-    return list(dict.fromkeys([first.leading, *found]))[: first.limits.tried]
-
-
-def plausible_fits(
-    problem: Problem,
-    scored: Mapping[Hypothesis, Scored],
-    folded: Probabilities,
-    before: Ranking | None = None,
-    fit: Callable[[Problem, Scored], float] = checked,
-) -> dict[Hypothesis, float]:
-    """Return predictive p-values of the hypotheses that are plausible, each by ``fit``.
-
-    Those that ``before``, a ranking of the same problem, has for the same posterior are taken.
-    """
-    shown = {} if before is None else before.fits
-    least = problem.settings.decision.plausible
-    those = [h for h, p in folded.items() if h != UNKNOWN and p > least]
-    return {
-        h: shown[h]
-        if before and h in shown and _alike(scored[h], before.scored[h])
-        else fit(problem, scored[h])
-        for h in those
+def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed_: float) -> float:
+    """Compute the log prior probability of a set of effects."""
+    if hypothesis == UNKNOWN:
+        return math.log(settings.unlisted)
+    odds = {
+        n: settings.prior(n) / (1.0 - settings.prior(n)) for n in model.effects if n != REVERSED
     }
+    # Elementary symmetric sums: all sets of at most so many effects have probability 1 together.
+    sums = np.zeros(settings.most + 1)
+    sums[0] = 1.0
+    for value in odds.values():
+        sums[1:] = sums[1:] + value * sums[:-1]
+    log = math.log1p(-settings.unlisted) - math.log(float(sums.sum()))
+    log += sum(math.log(odds[name]) for name in forward(hypothesis))
+    if model.turned is None:
+        return log
+    return log + math.log(reversed_ if REVERSED in hypothesis else 1.0 - reversed_)
 
 
-def _alike(one: Scored, other: Scored) -> bool:
-    """Test that two scores have the same rows and weights, whatever the evidence."""
-    return one.rows is other.rows and one.log_prior is other.log_prior
+def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
+    """List the sets of so many effects, those of the reversed sense behind them."""
+    names = sorted(name for name in model.effects if name != REVERSED)
+    plain = [h for h in itertools.combinations(names, size) if not REDUNDANT <= set(h)]
+    if model.turned is None:
+        return plain
+    return plain + [turned(h) for h in plain if set(h) <= set(model.turned.effects)]
 
 
-def _ranked(
-    problem: Problem,
-    scored: Mapping[Hypothesis, Scored],
-    free: Unknown,
-    before: Ranking | None = None,
-) -> Ranking:
-    """Rank scores; ``before`` is the ranking of some of them."""
-    logs = {h: one.log_evidence for h, one in scored.items()}
-    every, settings = {**logs, UNKNOWN: free.log_evidence}, problem.settings
-    raw = probabilities(every, sense=problem.sense, before=settings.priors)
-    metric = metric_of(problem.seen, scored[NONE].rows.predicted, problem.discrepancy)
-    fold = folding(problem, list(scored.values()), metric, raw, before.fold if before else None)
-    folded = fold.fold(raw)
-    fits = plausible_fits(problem, scored, folded, before)
-    return Ranking(problem, scored, free, metric, raw, fold, folded, fits, settings.decision)
+REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
+
+
+@dataclass
+class _Search:
+    """Samples while hypotheses are ranked."""
+
+    likelihood: Likelihood
+    more: More
+    reversed_: float
+    generator: np.random.Generator
+    samples: dict[Hypothesis, Sample] = field(default_factory=dict)
+    priors: dict[Hypothesis, float] = field(default_factory=dict)
+
+    def screen(self, hypotheses: Sequence[Hypothesis]) -> None:
+        """Sample hypotheses by their prior draws."""
+        for h in hypotheses:
+            self.samples[h] = screened(self.likelihood, h, self.more, self.distance)
+            self.priors[h] = log_prior(
+                h, self.likelihood.model, self.likelihood.settings, self.reversed_
+            )
+
+    def distance(self, p: Predicted) -> Array:
+        """Compute squared distances of predicted means from the data, (m,)."""
+        some, seen = self.likelihood.having, self.likelihood.seen
+        simulated = (p.mean - p.delay)[:, some]
+        gaps = (seen.mean[some] - p.mean[:, some]) / np.maximum(simulated, 1e-3)
+        return np.asarray(((gaps @ self._white) ** 2).sum(axis=1))
+
+    @property
+    def _white(self) -> Array:
+        if not hasattr(self, "_whitening"):
+            like, some = self.likelihood, self.likelihood.having
+            base = like.model.predict(NONE, np.zeros((1, 0)))
+            simulated = (base.mean - base.delay)[0, some]
+            own = base.sd[0, some] ** 2 / np.maximum(like.seen.count[some], 1.0)
+            relative = own / simulated**2 + 0.02**2
+            columns = np.hstack([like.settings.discrepancy * like.smooth, like.shared])[some]
+            self._whitening = np.linalg.inv(
+                np.linalg.cholesky(np.diag(relative) + columns @ columns.T)
+            ).T
+        return self._whitening
+
+    def value(self, h: Hypothesis) -> float:
+        return self.samples[h].log_evidence + self.priors[h]
+
+    def promise(self, h: Hypothesis) -> float:
+        """Estimate what evidence and prior may come to, by the best draw."""
+        one = self.samples[h]
+        return max(self.value(h), float(one.log.max()) - 1.5 * one.shares.shape[1] + self.priors[h])
+
+    def refine(self, step: int, among: Sequence[Hypothesis] | None = None) -> None:
+        """Refine the hypotheses near the best."""
+        names = list(self.samples if among is None else among)
+        score = {h: self.promise(h) if step == 0 else self.value(h) for h in names}
+        top = max(self.promise(h) if step == 0 else self.value(h) for h in self.samples)
+        near = [h for h in sorted(names, key=lambda h: -score[h]) if score[h] > top - WITHIN[step]]
+        for h in near[: MANY[step]]:
+            self.samples[h] = refined(
+                self.likelihood, self.samples[h], self.more, ROUNDS[step], self.generator
+            )
+
+    def join(self) -> None:
+        """Simulate plausible sets of several effects together, and sample them again."""
+        for sets, draws in JOINT_ROUNDS:
+            model = self.likelihood.model
+            chosen = self.waiting(draws)[:sets]
+            if not chosen:
+                return
+            for h in chosen:
+                acting, shares = model.acting(h), self.promising(h, draws)
+                times = [
+                    simulate_together(model.level_of(h, row), model.effects, model.simulated)
+                    for row in shares
+                ]
+                columns = model.acting_columns(model.space(h))
+                model = model.with_joint(acting, shares[:, columns], np.array(times))
+            self.likelihood = replace(self.likelihood, model=model)
+            known = {model.acting(h) for h in chosen}
+            changed = [h for h in self.samples if model.acting(h) in known and REVERSED not in h]
+            self.screen(changed)
+            for h in changed:
+                self.samples[h] = refined(
+                    self.likelihood, self.samples[h], self.more, ROUNDS[1], self.generator
+                )
+
+    def waiting(self, draws: int) -> list[Hypothesis]:
+        """List the sets to simulate together, the most promising first; one of equal acting sets."""
+        model = self.likelihood.model
+        top = max(self.value(h) for h in self.samples)
+        hopes: dict[Hypothesis, tuple[float, Hypothesis]] = {}
+        for h in self.samples:
+            acting = model.acting(h)
+            if len(acting) < 2 or REVERSED in h:
+                continue
+            known = len(model.joint[acting].shares) if acting in model.joint else 0
+            hope = self.value(h) if known else self.hope(h)
+            if known >= draws or hope < top - JOINT_WITHIN or not self.uncertain(h):
+                continue
+            hopes[acting] = max(hopes.get(acting, (-np.inf, h)), (hope, h))
+        return [h for _, h in sorted(hopes.values(), reverse=True)]
+
+    def optimistic(self, one: Sample) -> Array:
+        """Compute log likelihoods as if effects together had the means that suit the data, (n,)."""
+        wide = OPTIMISTIC * abs(one.predicted.common)
+        seen = self.likelihood.seen
+        gap = np.where(seen.having, seen.mean - one.predicted.mean, 0.0)
+        moved = replace(one.predicted, mean=one.predicted.mean + np.clip(gap, -wide, wide))
+        log = self.likelihood.terms(moved).log + self.more(one.hypothesis, one.shares)
+        return np.where(np.isfinite(one.log), log, -np.inf)
+
+    def hope(self, h: Hypothesis) -> float:
+        """Estimate what evidence and prior may come to once effects are simulated together."""
+        one = self.samples[h]
+        spent = 1.5 * one.shares.shape[1]
+        return max(self.value(h), float(self.optimistic(one).max()) - spent + self.priors[h])
+
+    def uncertain(self, h: Hypothesis) -> bool:
+        """Check that effects together are uncertain by more than their points' own errors."""
+        one, like = self.samples[h], self.likelihood
+        best = one.predicted.only(one.log.argsort()[-10:])
+        scatter = best.sd**2 / np.maximum(like.seen.count, 1.0)
+        own = np.sqrt(like.own_variance(best) + scatter)
+        return bool((abs(best.common) / own).max() > 0.5)
+
+    def promising(self, h: Hypothesis, draws: int) -> Array:
+        """Choose draws with much likelihood that lie apart, (K, p)."""
+        one = self.samples[h]
+        log = self.optimistic(one)
+        best = log.argsort()[::-1][: 8 * draws]
+        best = best[log[best] > log[best[0]] - 10.0]
+        places = one.shares[best]
+        chosen = [0]
+        near = np.linalg.norm(places - places[0], axis=1)
+        while len(chosen) < min(draws, len(places)):
+            chosen.append(int(near.argmax()))
+            near = np.minimum(near, np.linalg.norm(places - places[chosen[-1]], axis=1))
+        return places[chosen]
+
+    def thirds(self) -> list[Hypothesis]:
+        """List sets of three effects that have a plausible pair within."""
+        pairs = [h for h in self.samples if len(forward(h)) == 2]
+        top = max(self.value(h) for h in self.samples)
+        near = [
+            h
+            for h in sorted(pairs, key=lambda h: -self.value(h))
+            if self.value(h) > top - FOR_THIRD
+        ]
+        known = set(hypotheses_of(self.likelihood.model, 3))
+        wider = (
+            tuple(sorted((*h, name)))
+            for h in near[:THIRDS]
+            for name in self.likelihood.model.effects
+            if name not in h and name != REVERSED
+        )
+        return [h for h in dict.fromkeys(wider) if h in known]
+
+
+def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) -> Ranking:
+    """Rank all hypotheses on a data set.
+
+    Parameters
+    ----------
+    more : log likelihood of what is known beside the shifts.
+    reversed_ : prior probability of the reversed sense.
+    beside : log density of what is known beside the shifts, if nothing listed is the cause.
+    """
+    search = _Search(likelihood, more, reversed_, np.random.default_rng(3))
+    for size in range(min(3, likelihood.settings.most + 1)):
+        search.screen(hypotheses_of(likelihood.model, size))
+    search.refine(0)
+    compiled = likelihood.bench.clutch.solver.engine == "planar"
+    if compiled:
+        search.join()
+    search.refine(1)
+    if likelihood.settings.most > 2:
+        thirds = search.thirds()
+        search.screen(thirds)
+        search.refine(1, thirds)
+        if compiled:
+            search.join()
+    search.refine(2)
+    found = Ranking(search.likelihood, search.samples, search.priors, 0.0)
+    priors = {
+        **search.priors,
+        UNKNOWN: log_prior(UNKNOWN, likelihood.model, likelihood.settings, 0.0),
+    }
+    return replace(found, log_prior=priors, log_unknown=_unlisted(search) + beside)
+
+
+def _unlisted(search: _Search) -> float:
+    """Compute the log evidence of a gap that no listed effect explains, on top of any of them."""
+    like, settings = search.likelihood, search.likelihood.settings
+    singles = [h for h in search.samples if len(forward(h)) < 2]
+    pairs = sorted(
+        (h for h in search.samples if len(forward(h)) == 2), key=lambda h: -search.value(h)
+    )
+    logs = []
+    for h in (*singles, *pairs[:3]):
+        one = search.samples[h]
+        flat = 0.2 * (one.log - one.log.max())
+        best = np.argsort(-flat)[:OPEN]
+        p, density = one.predicted.only(best), one.log_density[best]
+        for size, length in itertools.product(settings.unlisted_sizes, settings.unlisted_lengths):
+            for stretch in STRETCHES:
+                wider = replace(p, sd=stretch * p.sd)
+                log = like.terms(wider, (size, length)).log
+                log = np.where(np.isfinite(one.log[best]), log, -np.inf)
+                logs.append(logsumexp(log - density) + search.priors[h])
+    options = len(settings.unlisted_sizes) * len(settings.unlisted_lengths) * len(STRETCHES)
+    known = logsumexp([search.priors[h] for h in (*singles, *pairs[:3])])
+    return float(logsumexp(logs) - math.log(options) - known)
+
+
+STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts

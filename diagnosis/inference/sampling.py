@@ -113,7 +113,10 @@ def log_likelihood(
 
 
 def screened(
-    likelihood: Likelihood, hypothesis: Hypothesis, more: More, distance: Callable[[Predicted], Array]
+    likelihood: Likelihood,
+    hypothesis: Hypothesis,
+    more: More,
+    distance: Callable[[Predicted], Array],
 ) -> Sample:
     """Sample a hypothesis by its prior draws nearest to the data."""
     size = len(likelihood.model.space(hypothesis).parameters)
@@ -167,5 +170,3 @@ def _proposal(sample: Sample) -> tuple[Array, Array]:
     apart = sample.shares - mean
     covariance = WIDE * (apart.T * weights) @ apart + 1e-6 * np.eye(len(mean))
     return mean, np.asarray(np.linalg.cholesky(covariance))
-
-

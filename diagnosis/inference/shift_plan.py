@@ -29,7 +29,7 @@ from dogshape.diagnosis.terms import NONE, Array, Hypothesis
 from dogshape.sim.errors import InputError, refusal
 
 if TYPE_CHECKING:
-    from dogshape.diagnosis.inference.evidence import Fit
+    from dogshape.diagnosis.inference.fit import Fit
     from dogshape.diagnosis.likelihood.likelihood import Likelihood
     from dogshape.diagnosis.prediction.model import Model, Predicted
 

@@ -185,11 +185,6 @@ def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, .
     return tuple(found)
 
 
-def shown(facts: Sequence[Fact]) -> frozenset[str]:
-    """List the effects that facts show to be there, beyond the errors of 90 %."""
-    return frozenset(f.effect for f in facts if not f.low <= f.neutral <= f.high)
-
-
 def _effect(name: str, effects: Mapping[str, Effect]) -> Effect:
     """Find an effect in question, or else of the program's own."""
     return effects.get(name) or registry.load()[name]

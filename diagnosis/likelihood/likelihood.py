@@ -29,7 +29,7 @@ from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.nominal_errors import Tolerance
-from dogshape.diagnosis.constants import Settings
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.terms import Array
@@ -101,14 +101,8 @@ class Likelihood:
     @cached_property
     def relative(self) -> Array:
         """Common errors that are shares of the predicted time, (C, q): nuisances."""
-        parts = [self._nuisance(name) for name in self.nuisances]
+        parts = [self._nuisance(name) for name in self.model.nuisances]
         return np.hstack(parts) if parts else np.zeros((self.model.cells, 0))
-
-    @property
-    def nuisances(self) -> tuple[str, ...]:
-        """Properties of the contact that no data set of shifts may name."""
-        measured = {one.effect for one in self.bench.measured}
-        return tuple(n for n in NUISANCES if n in self.model.nuisances and n not in measured)
 
     def _nuisance(self, name: str) -> Array:
         """Compute the first two directions in which a nuisance changes ln time, (C, 2)."""
@@ -222,7 +216,9 @@ class Likelihood:
     ) -> tuple[Array, Array, Array]:
         """Choose late and odd means: residual, variance (m, c), log probability beside (m,)."""
         shift, scatter, weight, spread = self._late(q)
-        rough = (np.exp(weight)[..., None, :] @ np.stack([shift, shift**2 + scatter], -1))[..., 0, :]
+        rough = (np.exp(weight)[..., None, :] @ np.stack([shift, shift**2 + scatter], -1))[
+            ..., 0, :
+        ]
         seen = self.seen.mean[self.having]
         first = seen - q.mean - rough[..., 0]
         wide = own + rough[..., 1] - rough[..., 0] ** 2
@@ -234,7 +230,9 @@ class Likelihood:
         options = np.concatenate([whole, (whole[..., :1] + odd[..., None])], axis=2)
         gaps = np.concatenate([gap, gap[..., :1]], axis=2)
         oddly = np.log(self.settings.odd_share)
-        weights = np.concatenate([weight + spread, weight[..., :1] + spread[..., :1] + oddly], axis=2)
+        weights = np.concatenate(
+            [weight + spread, weight[..., :1] + spread[..., :1] + oddly], axis=2
+        )
         beside = options + left[..., None]
         scored = weights - 0.5 * (gaps**2 / beside + np.log(2.0 * np.pi * beside))
         best = scored.argmax(axis=2)[..., None]
@@ -280,7 +278,11 @@ class Likelihood:
         other = 0.5 / error
         x = freedom * np.exp(ratio) / other
         log = gammaln(0.5 * (freedom + other)) - gammaln(0.5 * other) - gammaln(0.5 * freedom)
-        log = log + 0.5 * freedom * np.log(np.maximum(x, 1e-300)) - 0.5 * (freedom + other) * np.log1p(x)
+        log = (
+            log
+            + 0.5 * freedom * np.log(np.maximum(x, 1e-300))
+            - 0.5 * (freedom + other) * np.log1p(x)
+        )
         return np.where(freedom > 0.0, log, 0.0)
 
     def _spread_error(self, q: Predicted) -> Array:
@@ -293,7 +295,9 @@ class Likelihood:
         """Degrees of freedom of each observed variance, by the kurtosis of the times, (C,)."""
         n = np.maximum(self.seen.freedom + 1.0, 2.0)
         spread = 2.0 / (n - 1.0) + self.model.shape / n
-        return np.where(self.seen.freedom > 0.0, np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5), 1e-9)
+        return np.where(
+            self.seen.freedom > 0.0, np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5), 1e-9
+        )
 
     def _spread_score(self, q: Predicted) -> Array:
         """Compute ln of observed over predicted spread in standard errors; NaN for none, (m, c)."""
@@ -320,6 +324,10 @@ class Likelihood:
         log = betaln(count + alpha, whole - count + beta) - betaln(alpha, beta)
         return np.asarray(log + _log_choose(whole, count))
 
+    def late_mean(self, p: Predicted) -> Array:
+        """Compute the mean of all shifts, late ones too, s, (m, C)."""
+        return np.asarray(p.mean + np.clip(p.late, 0.0, 0.9) * self.model.behind[0])
+
     def drawn(self, p: Predicted, generator: np.random.Generator) -> tuple[Array, Array]:
         """Draw amplitudes (m,) and common errors of each prediction, s, (m, C), given the data."""
         found = self.terms(p)
@@ -339,9 +347,6 @@ class Likelihood:
         noise = generator.standard_normal(mean.shape)
         coefficients = mean + np.einsum("mrs,mr->ms", root, noise)
         return amplitude, np.einsum("mcr,mr->mc", every, coefficients)
-
-
-NUISANCES = ("contact_dissipation", "contact_stiffness")
 
 
 def _log_choose(n: Array, k: Array) -> Array:
@@ -368,7 +373,9 @@ def _integrated(
     gram = np.einsum("mcr,mcs->mrs", every, every, optimize=True)
     pull = np.einsum("mcr,mc->mr", every, residual / root)
     inner = np.eye(fixed.shape[2]) + gram[:, rank:, rank:]
-    solved = np.linalg.solve(inner, np.concatenate([gram[:, rank:, :rank], pull[:, rank:, None]], 2))
+    solved = np.linalg.solve(
+        inner, np.concatenate([gram[:, rank:, :rank], pull[:, rank:, None]], 2)
+    )
     smooth = gram[:, :rank, :rank] - gram[:, :rank, rank:] @ solved[..., :rank]
     along = pull[:, :rank] - np.einsum("mrs,ms->mr", gram[:, :rank, rank:], solved[..., rank])
     known = (pull[:, rank:] * solved[..., rank]).sum(axis=1)
@@ -383,9 +390,7 @@ def _integrated(
     return np.asarray(logsumexp(nodes, axis=1)), np.asarray(nodes)
 
 
-def squared_distance(
-    residual: Array, variance: Array, columns: Sequence[Array] | Array
-) -> Array:
+def squared_distance(residual: Array, variance: Array, columns: Sequence[Array] | Array) -> Array:
     """Compute squared distances of residuals under errors in common, (m,)."""
     fixed = np.asarray(columns)
     scaled = fixed / variance[..., None]

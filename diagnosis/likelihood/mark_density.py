@@ -28,10 +28,12 @@ from scipy.stats import multivariate_normal, norm
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS, SeenFlight
 from dogshape.diagnosis.prediction.flights import Flights
-from dogshape.diagnosis.settings import USUAL, Unlisted
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 SCALES = 10  #: standard deviations of unknown offsets that are summed over
+SIZES = (1e-3, 0.2)  #: s, the least and the largest of them
+LENGTH, SMOOTH = 1.5, 0.9  #: length in logarithms, and share of variance, that offsets share
 NONE: tuple[Hypothesis, Array] = (), np.zeros((1, 0))  #: the baseline and its values
 
 
@@ -40,7 +42,7 @@ def log_flights(
     flights: Flights,
     h: Hypothesis,
     values: Array,
-    freedom: float = USUAL.likelihood.flight_freedom,
+    freedom: float = USUAL.flight_freedom,
 ) -> Array:
     """Compute the log density of all profiles' marks at values (m, p) of a hypothesis, (m,)."""
     both = np.zeros((2, len(values)))
@@ -57,7 +59,7 @@ def flight_scores(
     flights: Flights,
     h: Hypothesis,
     values: Array,
-    freedom: float = USUAL.likelihood.flight_freedom,
+    freedom: float = USUAL.flight_freedom,
 ) -> Array:
     """Score the marks as normal deviates, (m, profiles), in the likelier reading of the force.
 
@@ -75,8 +77,7 @@ def flight_scores(
 def log_unknown(
     seen: Sequence[SeenFlight],
     flights: Flights,
-    prior: Unlisted = USUAL.unlisted,
-    freedom: float = USUAL.likelihood.flight_freedom,
+    freedom: float = USUAL.flight_freedom,
 ) -> float:
     """Compute the log density of all marks if no known effect moved them."""
     if not seen:
@@ -88,17 +89,17 @@ def log_unknown(
         gaps.append(one.times - times[0])
         errors.append(covariance[0])
     gap, error = np.concatenate(gaps), block_diag(*errors)
-    shape, way = unknown_offsets(seen, prior)
+    shape, way = unknown_offsets(seen)
     moved = [
         multivariate_normal.logpdf(gap, cov=error + scale**2 * shape * np.outer(which, which))
-        for scale in np.geomspace(prior.least_mark, prior.most_mark, SCALES)
+        for scale in np.geomspace(*SIZES, SCALES)
         for which in (np.ones(way.size), way)
     ]
     free = np.logaddexp.reduce(moved) - np.log(len(moved))
     return float(np.logaddexp(still, free) - np.log(2.0))
 
 
-def unknown_offsets(seen: Sequence[SeenFlight], prior: Unlisted) -> tuple[Array, Array]:
+def unknown_offsets(seen: Sequence[SeenFlight]) -> tuple[Array, Array]:
     """Compute the correlation of unknown offsets (K, K), and which are of the displacement (K,)."""
     shares = np.array([*WAYS, *FORCES])
     force = np.concatenate([np.full(s.places.size, np.log(s.profile.force)) for s in seen])
@@ -106,8 +107,8 @@ def unknown_offsets(seen: Sequence[SeenFlight], prior: Unlisted) -> tuple[Array,
     way = (places < len(WAYS)).astype(float)
     where = np.stack([force, np.log(shares[places])], axis=1)
     square = ((where[:, None] - where[None]) ** 2).sum(axis=2)
-    near = np.exp(-0.5 * square / prior.mark_length**2)
-    alike = prior.mark_smooth * near + (1.0 - prior.mark_smooth) * np.eye(places.size)
+    near = np.exp(-0.5 * square / LENGTH**2)
+    alike = SMOOTH * near + (1.0 - SMOOTH) * np.eye(places.size)
     return alike * (way[:, None] == way), way
 
 

@@ -182,9 +182,7 @@ def _within(parts: Sequence[tuple[Array, Array, Array, float]]) -> tuple[float, 
     if freedom < 2.0:
         return slope, DRIFT**2
     for _ in range(ROUNDS):
-        left = [
-            float((w * (t - slope * x) ** 2).sum()) / m**2 for w, x, t, m in parts
-        ]
+        left = [float((w * (t - slope * x) ** 2).sum()) / m**2 for w, x, t, m in parts]
         pooled = sum(left) / (freedom - 1.0)
         scatter = [
             m**2 * (square + ALIKE * pooled) / (len(w) - 1.0 + ALIKE)

@@ -14,8 +14,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.prediction.bank import Bank, Plan, blocks_of, collect, settings_of
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from dogshape.sim.shift.outcome import Outcome
@@ -52,29 +50,6 @@ class BankStore:
     def missing(self, blocks: Iterable[Block]) -> list[Block]:
         """Return the blocks that no file has."""
         return [block for block in blocks if series_key(block) not in self.series]
-
-    def bank(
-        self, plan: Plan, bench: Bench, run: Runner, like: tuple[float, float] | None = None
-    ) -> Bank:
-        """Return the bank of a bench; what no file has is simulated by ``run`` and written.
-
-        ``like`` is the numerical error of a bank of the same clutch, where no file has this one's.
-        Raises StorageError where a file cannot be read or written.
-        """
-
-        def through(blocks: Sequence[Block]) -> list[list[Record]]:
-            return self._answered(blocks, run)
-
-        cells = len(settings_of(bench))
-        first = [block for block, _ in zip(blocks_of(plan, bench), range(cells), strict=False)]
-        numerics = [self.series.get(series_key(block), {}).get("numerics") for block in first]
-        known = _mean_of([both for both in numerics if both is not None])
-        bank = collect(plan, bench, through, run, like if None in numerics else known)
-        if self._fresh:
-            for block in first:
-                self.series[series_key(block)].setdefault("numerics", list(bank.numerics))
-            self._write()
-        return bank
 
     def times(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
         """Return the shifts of blocks; what no file has is simulated by ``run`` and written."""
@@ -126,11 +101,6 @@ def series_key(block: Block) -> str:
 def key_from(first: str, count: int) -> str:
     """Return the key of a series by that of its first shift and their number."""
     return content_key({"first": first, "n": count, **engine()})
-
-
-def _mean_of(numerics: Sequence[Sequence[float]]) -> tuple[float, float]:
-    count = max(1, len(numerics))
-    return sum(m for m, _ in numerics) / count, sum(s for _, s in numerics) / count
 
 
 def _kept(rows: Sequence[Record]) -> Record:

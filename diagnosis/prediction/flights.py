@@ -59,9 +59,8 @@ NO_DOGS = (np.zeros((1, 4, 3)), np.zeros((1, 3)), np.zeros(1), np.zeros(2), 1.0,
 NO_LAW = np.zeros(5)
 
 COLUMNS = 2 * SIZE + len(WAYS) + 1  #: of a row: marks as t^(-1/2), creep, margins, delay
-NODES = {0: 1, 1: 17, 2: 9}  #: along each parameter of an effect, by their number
-PAIRED = {0: 1, 1: 5, 2: 3}  #: the same of one of two effects
-MANY, FEW = 5, 3  #: along each of more than two parameters
+NODES = (1, 17, 9, 5, 3)  #: along each parameter of an effect, by the number of parameters
+PAIRED = (1, 5, 3, 3, 3)  #: the same of one of two effects
 MISSED = 0.25  #: error of a spline over what it misses with every other node only
 THREE = 0.5  #: error of three effects together, over the largest that two add to their sum
 TOUCHED = 0.02  #: s, error of a mark behind the first touch
@@ -218,6 +217,11 @@ class _Grid:
     rows: Array
     error: Array
 
+    @property
+    def moves(self) -> bool:
+        """Whether anything but a delay is changed."""
+        return bool(self.rows[:, :-1].any())
+
     @classmethod
     def fitted(cls, sizes: tuple[int, ...], rows: Array) -> _Grid:
         """Fill nodes of no bench (NaN) with the nearest, and estimate the error of the spline.
@@ -280,115 +284,91 @@ class Flights:
 
     def marks(self, h: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Predict the marks at values (m, p); KeyError for a profile of no operating point."""
-        setting, count = self.settings[profile], len(values)
-        still = self._flown([setting], setting)
-        whole, square = np.tile(still, (count, 1)), np.zeros((count, SIZE))
-        law, crossed = np.zeros_like(square), [np.zeros_like(square)]
-        moving: dict[str, Array] = {}
-        for name, columns in self._columns(h).items():
-            grid, shares = (
-                self._main(name, profile),
-                _shares(self.effects[name].parameters, values[:, columns]),
-            )
-            rows, error = grid.at(shares)
+        places, parameters = self._columns(h)
+        shares = np.empty(values.shape)
+        for k, parameter in enumerate(parameters):
+            shares[:, k] = _shares(parameter, values[:, k])
+        least = self.settings[profile].clutch.timeout ** -0.5
+        still = self._flown((), np.zeros((1, 0)), profile)
+        whole, square = np.tile(still, (len(values), 1)), np.zeros((len(values), SIZE))
+        law, joint = np.zeros_like(square), np.zeros_like(square)
+        moving = [name for name in h if self._grid((name,), profile).moves]
+        for part in (*((name,) for name in h), *itertools.combinations(moving, 2)):
+            columns = [k for name in part for k in places[name]]
+            rows, error = self._grid(part, profile).at(shares[:, columns])
             whole, square = whole + rows, square + error**2
-            if grid.rows[:, :-1].any():
-                moving[name] = shares
-                alone = _times(still + rows, setting)
-                law += (LAW * (alone - _times(still, setting))) ** 2
-        for pair in itertools.combinations(moving, 2):
-            rows, error = self._joint(pair, profile).at(np.hstack([moving[name] for name in pair]))
-            whole, square = whole + rows, square + error**2
-            crossed.append(abs(rows[:, :SIZE]))
+            if len(part) == 2:
+                joint = np.maximum(joint, abs(rows[:, :SIZE]))
+            else:
+                alone = np.maximum(still + rows, least)[:, :SIZE] ** -2.0
+                law += (LAW * (alone - still[:, :SIZE] ** -2.0)) ** 2
         if len(moving) > 2:
-            square += (THREE * np.max(crossed, axis=0)) ** 2
-        times = _times(whole, setting)
+            square += (THREE * joint) ** 2
+        times = np.maximum(whole[:, :SIZE], least) ** -2.0
         square = (2.0 * times**1.5) ** 2 * square + law
         square[:, : len(WAYS)] += (TOUCHED * (whole[:, 2 * SIZE : -1] < 0.0)) ** 2
         creep = np.maximum(whole[:, SIZE : 2 * SIZE], 0.0)
-        return Marks(times + whole[:, -1:] - setting.delay, np.sqrt(square), creep)
+        return Marks(times + whole[:, -1:], np.sqrt(square), creep)
 
-    def _columns(self, h: Hypothesis) -> dict[str, slice]:
-        """Find the columns of each effect's values."""
-        sizes = [len(self.effects[name].parameters) for name in h]
-        ends = np.cumsum([0, *sizes]).tolist()
-        return {name: slice(*pair) for name, pair in zip(h, itertools.pairwise(ends), strict=True)}
+    def _columns(self, h: Hypothesis) -> tuple[dict[str, range], list[Parameter]]:
+        """Find the columns of each effect's values, and list all parameters."""
+        places, parameters = {}, []
+        for name in h:
+            mine = self.effects[name].parameters
+            places[name] = range(len(parameters), len(parameters) + len(mine))
+            parameters += mine
+        return places, parameters
 
-    def _main(self, name: str, profile: ForceProfile) -> _Grid:
-        """Fly one effect at the nodes of its parameters: what it changes."""
-        key = (name,), profile
-        if key not in self._grids:
-            count = len(self.effects[name].parameters)
-            sizes = (NODES.get(count, MANY),) * count
-            rows = self._changes((name,), _nodes(sizes), profile)
-            self._grids[key] = _Grid.fitted(sizes, rows)
-        return self._grids[key]
-
-    def _joint(self, pair: Hypothesis, profile: ForceProfile) -> _Grid:
-        """Fly two effects at their nodes: what is left of the changes by each alone."""
-        key = pair, profile
-        if key not in self._grids:
-            counts = [len(self.effects[name].parameters) for name in pair]
-            sizes = tuple(n for count in counts for n in (PAIRED.get(count, FEW),) * count)
+    def _grid(self, h: Hypothesis, profile: ForceProfile) -> _Grid:
+        """Fly one or two effects at their nodes: their change, of two beyond that of each alone."""
+        if (h, profile) not in self._grids:
+            places, _ = self._columns(h)
+            along = [PAIRED, NODES][len(h) == 1]
+            sizes = tuple(
+                n for one in places.values() for n in len(one) * (along[min(len(one), 4)],)
+            )
             nodes = _nodes(sizes)
-            rows = self._changes(pair, nodes, profile)
-            for name, columns in self._columns(pair).items():
-                rows = rows - self._main(name, profile).at(nodes[:, columns])[0]
-            self._grids[key] = _Grid.fitted(sizes, rows)
-        return self._grids[key]
+            rows = self._flown(h, nodes, profile) - self._flown((), np.zeros((1, 0)), profile)
+            for name in h[: 2 * (len(h) == 2)]:
+                rows = rows - self._grid((name,), profile).at(nodes[:, places[name]])[0]
+            self._grids[h, profile] = _Grid.fitted(sizes, rows)
+        return self._grids[h, profile]
 
-    def _changes(self, h: Hypothesis, shares: Array, profile: ForceProfile) -> Array:
-        """Fly effects at shares (m, p): what they change, (m, K); NaN where no such bench is."""
-        setting, changed = self.settings[profile], {}
+    def _flown(self, h: Hypothesis, shares: Array, profile: ForceProfile) -> Array:
+        """Fly effects at shares (m, p) of their priors, equal flights once.
+
+        Columns of marks, creep, margins and delay, (m, COLUMNS); NaN where no such bench is.
+        """
+        base, places = self.settings[profile], self._columns(h)[0]
+        keys: dict[int, Hashable] = {}
+        new: dict[Hashable, Setting] = {}
+        rows = np.full((len(shares), COLUMNS), np.nan)
         for k, row in enumerate(shares.tolist()):
             with suppress(DogshapeError):
-                changed[k] = self._changed(h, row, setting)
-        rows = np.full((len(shares), COLUMNS), np.nan)
-        rows[list(changed)] = self._flown(list(changed.values()), setting)
-        return rows - self._flown([setting], setting)
-
-    def _changed(self, h: Hypothesis, shares: Sequence[float], setting: Setting) -> Setting:
-        """Apply effects at shares of their priors."""
-        for name, columns in self._columns(h).items():
-            effect = self.effects[name]
-            pairs = zip(effect.parameters, shares[columns], strict=True)
-            setting = effect.apply(setting, {p.name: p.at(share) for p, share in pairs})
-        return setting
-
-    def _flown(self, settings: Sequence[Setting], base: Setting) -> Array:
-        """Fly settings, equal flights once: columns of marks, creep and margins, (n, K)."""
-        profile = base.point.profile
-        keys = [(profile, _flight_key(setting)) for setting in settings]
-        new = {key: one for key, one in zip(keys, settings, strict=True) if key not in self._rows}
+                setting = base
+                for name, mine in places.items():
+                    parameters = zip(self.effects[name].parameters, mine, strict=True)
+                    values = {p.name: p.at(row[place]) for p, place in parameters}
+                    setting = self.effects[name].apply(setting, values)
+                axial, force = numbers_of(setting.clutch)[AXIAL].tobytes(), setting.point.profile
+                keys[k] = profile, force, axial, setting.sensor, setting.clutch.timeout
+                new[keys[k]] = setting
+                rows[k, 2 * SIZE :] = setting.clutch.dog.axial_gap
+                rows[k, -1] = setting.delay + force.delay
+        new = {key: setting for key, setting in new.items() if key not in self._rows}
         if new:
             found = fly(list(new.values()), base.clutch.dog.axial_gap, profile.force)
-            times = np.maximum(found[0], FIRST) ** -0.5
-            self._rows.update(zip(new, np.hstack([times, found[1], found[2]]), strict=True))
-        rows = np.array([self._rows[key] for key in keys]).reshape(len(keys), -1)
-        gaps = np.array([[one.clutch.dog.axial_gap] for one in settings])
-        delays = np.array([[one.delay] for one in settings])
-        return np.hstack([rows[:, : 2 * SIZE], gaps - rows[:, 2 * SIZE :], delays])
+            self._rows.update(zip(new, np.hstack(found), strict=True))
+        for k, key in keys.items():
+            times, creep, ring = np.split(self._rows[key], (SIZE, 2 * SIZE))
+            rows[k, : 2 * SIZE] = *np.maximum(times, FIRST) ** -0.5, *creep
+            rows[k, 2 * SIZE : -1] -= ring
+        return rows
 
 
-def _flight_key(setting: Setting) -> Hashable:
-    """Identify all that a flight meets: force, what acts along the shaft, sensor and time-out."""
-    numbers = numbers_of(setting.clutch)[AXIAL].tobytes()
-    return setting.point.profile, numbers, setting.sensor, setting.clutch.timeout
-
-
-def _shares(parameters: Sequence[Parameter], values: Array) -> Array:
-    """Compute the shares of priors below values (m, p)."""
-    shares = np.empty(values.shape)
-    for k, p in enumerate(parameters):
-        inside = np.clip(values[:, k], p.low, p.high)
-        if p.scale == "uniform":
-            shares[:, k] = (inside - p.low) / (p.high - p.low)
-        else:
-            shares[:, k] = np.log(inside / p.low) / np.log(p.high / p.low)
-    return shares
-
-
-def _times(rows: Array, setting: Setting) -> Array:
-    """Return the times of the marks of rows (m, K), s, (m, SIZE), up to the time-out."""
-    least = setting.clutch.timeout**-0.5
-    return np.maximum(rows[:, :SIZE], least) ** -2.0
+def _shares(parameter: Parameter, values: Array) -> Array:
+    """Compute the shares of a prior below values (m,)."""
+    ends = np.array([parameter.low, parameter.high])
+    if parameter.scale == "log-uniform":
+        ends, values = np.log(ends), np.log(np.maximum(values, parameter.low))
+    return np.interp(values, ends, [0.0, 1.0])

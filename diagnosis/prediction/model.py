@@ -27,22 +27,32 @@ import numpy as np
 from scipy.interpolate import PchipInterpolator, RBFInterpolator
 from scipy.special import expit, logit
 
-from dogshape.diagnosis.bench.sense import REVERSED, forward
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.sense import DELAY, REVERSED, forward
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
     JOINT_ANGLES,
     Level,
     Simulated,
     coordinate,
+    settings_of,
+    simulate,
+    with_wide_range,
 )
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.setting import Setting, angle_weights
+from dogshape.sim.setting import Sensor, Setting, angle_weights
+from dogshape.sim.statistics.numerical_error import Runner
 
+#: Properties of the contact that no data set of shifts may name.
+NUISANCES = ("contact_dissipation", "contact_stiffness")
 FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
+SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
+ENOUGH_LATE = 8  #: late shifts from which their delays are known
 LEAST_SD = 5e-4  #: s, resolution of a shift time
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
 COMBINED = 0.4  #: error of changes that add, over what they differ by from those that multiply
@@ -219,15 +229,34 @@ class Model:
 
     @cached_property
     def behind(self) -> tuple[Array, Array]:
-        """Mean and standard deviation of a late shift's delay behind timely ones, s, (C,) each."""
-        base = self.simulated.baseline
-        late = late_times(base, self.waits)
-        middle = np.nan_to_num(np.nanmean(np.where(np.isfinite(base) & ~late, base, np.nan), axis=1))
-        mean, sd = 1.0 * self.waits, 0.4 * self.waits
+        """Mean and standard deviation of a late shift's delay behind timely ones, s, (C,) each.
+
+        They are those of all levels. Where hardly any shift is late, a late one passes ``SLOTS``
+        slots, and its delay scatters as much.
+        """
+        times, late = self._every
+        middle = np.array(
+            [np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else 0.0 for row in times]
+        )
+        levels = np.moveaxis(self.simulated.times, 1, 0)
+        own = _quantile(
+            np.sort(np.where(np.isfinite(levels), levels, np.inf), -1),
+            np.isfinite(levels).sum(-1),
+            0.5,
+        )
+        medians = np.hstack(
+            [
+                np.repeat(middle[:, None], self.simulated.baseline.shape[1], 1),
+                np.repeat(own, ANGLES, 1),
+            ]
+        )
+        timeout = np.array([one.clutch.timeout for one in self.settings])
+        mean = np.minimum(SLOTS * self.waits, 0.5 * timeout)
+        sd = mean.copy()
         for cell in range(self.cells):
-            mine = base[cell][late[cell]] - middle[cell]
-            if mine.size >= 3:
-                mean[cell], sd[cell] = mine.mean(), max(mine.std(ddof=1), 0.2 * mine.mean())
+            mine = (times[cell] - medians[cell])[late[cell]]
+            if mine.size >= ENOUGH_LATE:
+                mean[cell], sd[cell] = mine.mean(), mine.std(ddof=1)
         return mean, sd
 
     def space(self, hypothesis: Hypothesis) -> Space:
@@ -256,7 +285,7 @@ class Model:
         added = np.maximum(added, LEAST_PART * product)
         common = COMBINED * (product - added)
         if joint := self.joint.get(self.acting(hypothesis)):
-            found, left = joint.at(shares[:, self._acting_columns(space)])
+            found, left = joint.at(shares[:, self.acting_columns(space)])
             added = added * np.exp(found[..., 0])
             rest = rest + found[..., 1:]
             common = common * np.sqrt(left)[:, None]
@@ -334,7 +363,10 @@ class Model:
             at = lambda v: curve(np.clip(v[:, 0], low, high))  # noqa: E731
         else:
             extra = self._idle_places(effect, x)
-            x, whole = np.vstack([x, extra]), np.vstack([whole, np.zeros((len(extra), whole.shape[1]))])
+            x, whole = (
+                np.vstack([x, extra]),
+                np.vstack([whole, np.zeros((len(extra), whole.shape[1]))]),
+            )
             low, wide = x.min(axis=0), np.ptp(x, axis=0)
             order = np.unique(np.round((x - low) / wide, 9), axis=0, return_index=True)[1]
             x, whole = x[order], whole[order]
@@ -459,10 +491,8 @@ class Model:
     def level_of(self, hypothesis: Hypothesis, shares: Array) -> Level:
         """Build the level of the acting effects of a hypothesis at shares (p,)."""
         space = self.space(hypothesis)
-        acting = self._acting_columns(space)
-        return Level(
-            self.acting(hypothesis), tuple(space.values(shares[None])[0, acting].tolist())
-        )
+        acting = self.acting_columns(space)
+        return Level(self.acting(hypothesis), tuple(space.values(shares[None])[0, acting].tolist()))
 
     def with_joint(self, hypothesis: Hypothesis, shares: Array, times: Array) -> Model:
         """Add simulations of effects together.
@@ -494,12 +524,42 @@ class Model:
             residuals = np.concatenate([before.residuals, residuals])
         return replace(self, joint={**self.joint, hypothesis: _Joint(shares, residuals)})
 
-    def _acting_columns(self, space: Space) -> Array:
+    def acting_columns(self, space: Space) -> Array:
+        """Find the columns of the effects that are simulated, (k,)."""
         columns = [
             np.arange(len(space.parameters))[space.columns(name)]
             for name in self.acting(space.hypothesis)
         ]
         return np.concatenate(columns) if columns else np.zeros(0, dtype=int)
+
+
+def build_models(
+    bench: Bench, effects: Mapping[str, Effect], settings: Settings, run: Runner
+) -> dict[str, Model]:
+    """Build the models of a data set, by the place where the displacement may be read.
+
+    ``run`` simulates blocks, with whatever it keeps of earlier ones.
+    """
+    places: tuple[Sensor, ...] = ("sleeve", "actuator")
+    if bench.record.displacement_at != "unknown":
+        places = (bench.record.displacement_at,)
+    found: dict[str, Model] = {}
+    for place in places:
+        plain = settings_of(bench, place)
+        wide = {n: with_wide_range(e, plain[0]) for n, e in effects.items()}
+        measured = {one.effect for one in bench.measured}
+        nuisances = {n: wide.pop(n) for n in NUISANCES if n in wide and n not in measured}
+        turned = None
+        if wide.pop(REVERSED, None) is not None:
+            other = [one.with_point(mismatch=0.0 - one.point.mismatch) for one in plain]
+            known = bench.record.sense == "known"
+            mine = {n: e for n, e in wide.items() if not known or reads_only(e, plain[0])}
+            turned = Model(mine, simulate(mine, other, run), {}, settings.law)
+        levels = simulate({**wide, **nuisances}, plain, run)
+        if bench.record.time_zero == "force":
+            wide.pop(DELAY, None)
+        found[place] = Model(wide, levels, nuisances, settings.law, turned)
+    return found
 
 
 def reads_only(effect: Effect, setting: Setting) -> bool:

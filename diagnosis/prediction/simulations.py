@@ -12,8 +12,6 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
@@ -87,14 +85,13 @@ class Simulated:
         return [k for k, level in enumerate(self.levels) if level.hypothesis == hypothesis]
 
 
-def settings_of(bench: Bench, sensor: Sensor | None = None) -> tuple[Setting, ...]:
+def settings_of(bench: Bench, sensor: Sensor) -> tuple[Setting, ...]:
     """List the operating points of a bench without any effect, as they are simulated."""
     clutch = bench.clutch
     if clutch.solver.scheme == "cenic":
         accuracy = max(PRECISE, clutch.solver.accuracy)
         clutch = replace(clutch, solver=replace(clutch.solver, accuracy=accuracy))
-    where = sensor or cast(Sensor, bench.sensor.displacement_at)
-    return tuple(Setting(clutch, cell.point, sensor=where) for cell in bench.cells)
+    return tuple(Setting(clutch, cell.point, sensor=sensor) for cell in bench.cells)
 
 
 def with_wide_range(effect: Effect, setting: Setting) -> Effect:
@@ -200,9 +197,7 @@ def simulate(
     )
 
 
-def simulate_together(
-    level: Level, effects: Mapping[str, Effect], simulated: Simulated
-) -> Array:
+def simulate_together(level: Level, effects: Mapping[str, Effect], simulated: Simulated) -> Array:
     """Simulate effects together at every other angle of the levels: times, s, (C, JOINT_ANGLES)."""
     angles = np.take_along_axis(simulated.angles, simulated.common, axis=1)
     changed = [level.setting(effects, setting) for setting in simulated.settings]

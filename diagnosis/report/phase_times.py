@@ -31,7 +31,6 @@ from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.force_start import smoothed
-from dogshape.diagnosis.bench.reading import Cell
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch
@@ -50,17 +49,12 @@ Tracer = Callable[[Sequence[Block]], list[list[Trace]]]  #: simulates blocks, tr
 
 @dataclass(frozen=True)
 class PhaseGap:
-    """One phase: mean duration on the bench and simulated, s, and the error of the gap.
-
-    ``bench`` and ``simulated`` count the shifts behind the means.
-    """
+    """One phase: mean duration on the bench and simulated, s, and the error of the gap."""
 
     name: str
     bench_mean: float
     simulated_mean: float
     standard_error: float
-    bench: int
-    simulated: int
 
     @property
     def gap(self) -> float:
@@ -73,71 +67,33 @@ class PhaseGap:
         return self.gap / self.standard_error
 
 
-@dataclass(frozen=True)
-class CellPhases:
-    """The phases of one operating point; durations in s, (shifts, 5), in the order of PHASES."""
-
-    cell: Cell
-    bench: Series
-    simulated: Series
-
-    @property
-    def phases(self) -> tuple[PhaseGap, ...]:
-        """Gap of each phase; the spread of single shifts is the simulation's."""
-        return tuple(_phase_gap(name, self, place) for place, name in enumerate(PHASES))
-
-
-def _phase_gap(name: str, cell: CellPhases, place: int) -> PhaseGap:
-    bench, simulated = cell.bench[:, place], cell.simulated[:, place]
-    spread = float(simulated.std(ddof=1))
-    # A spread of nothing (no shift of the simulation has a face contact) is never less than
-    # what a sample of the bench's traces resolves.
-    spread = math.hypot(spread, resolution(cell.cell) / math.sqrt(6.0))
-    error = spread * math.sqrt(1.0 / bench.size + 1.0 / simulated.size)
-    means = float(bench.mean()), float(simulated.mean())
-    return PhaseGap(name, *means, error, bench.size, simulated.size)
-
-
-def resolution(cell: Cell) -> float:
-    """Return the time from sample to sample in the traces of a cell, s; 1 ms without a trace."""
-    return float(np.median([trace.step for trace in cell.traces])) if cell.traces else 1e-3
-
-
-def overall(cells: Sequence[CellPhases]) -> tuple[PhaseGap, ...]:
-    """Return the gap of each phase over all cells, which count the same."""
-    columns = zip(*(cell.phases for cell in cells), strict=True)
-    return tuple(_mean_phase(phases) for phases in columns)
-
-
-def _mean_phase(phases: Sequence[PhaseGap]) -> PhaseGap:
-    count = len(phases)
-    return PhaseGap(
-        phases[0].name,
-        sum(p.bench_mean for p in phases) / count,
-        sum(p.simulated_mean for p in phases) / count,
-        math.sqrt(sum(p.standard_error**2 for p in phases)) / count,
-        sum(p.bench for p in phases),
-        sum(p.simulated for p in phases),
-    )
-
-
-def along(
+def phase_gaps(
     bench: Bench, trace: Tracer | None = None, angles: int = ANGLES, seed: int = 1
-) -> tuple[CellPhases, ...]:
-    """Measure the phases of every cell of which the bench has the trace of a finished shift.
+) -> tuple[PhaseGap, ...]:
+    """Measure the gap of each phase over all cells with traces of finished shifts, all alike.
 
-    ``trace`` simulates; by default in this process, a tenth of a second and more a shift.
+    ``trace`` simulates; by default in this process, a tenth of a second and more a shift. The
+    spread of single shifts is that of the simulation. Empty where there is no such cell.
     """
     measured = [(cell, _all_durations(bench.clutch, cell.traces)) for cell in bench.cells]
     having = [(cell, durations) for cell, durations in measured if len(durations)]
     blocks = even_blocks(bench.clutch, [cell.point for cell, _ in having], angles, seed)
-    found = []
-    for (cell, durations), traces in zip(having, (trace or simulate)(blocks), strict=True):
-        sampled = [resampled(one, resolution(cell)) for one in traces]
-        simulated = _all_durations(bench.clutch, sampled)
+    rows = []
+    for (cell, real), traces in zip(having, (trace or simulate)(blocks), strict=True):
+        step = float(np.median([one.step for one in cell.traces]))
+        simulated = _all_durations(bench.clutch, [resampled(one, step) for one in traces])
         if len(simulated) > 1:
-            found.append(CellPhases(cell, durations, simulated))
-    return tuple(found)
+            # No spread is less than that of two rounded times.
+            variance = simulated.var(axis=0, ddof=1) + step**2 / 6.0
+            error = variance * (1.0 / len(real) + 1.0 / len(simulated))
+            rows.append((real.mean(axis=0), simulated.mean(axis=0), error))
+    if not rows:
+        return ()
+    means, simulated_means, squares = (np.array(part) for part in zip(*rows, strict=True))
+    errors = np.sqrt(squares.sum(axis=0)) / len(rows)
+    columns = means.mean(axis=0), simulated_means.mean(axis=0), errors
+    numbers = np.array(columns).T.tolist()
+    return tuple(PhaseGap(name, *one) for name, one in zip(PHASES, numbers, strict=True))
 
 
 def simulate(blocks: Sequence[Block]) -> list[list[Trace]]:

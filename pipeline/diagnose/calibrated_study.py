@@ -1,8 +1,8 @@
-"""A calibrated study: a study file with the effects that a diagnosis found, and draws of them.
+"""A calibrated study: a study file with the effects of a diagnosis, and draws of them.
 
-The file has the most probable hypothesis that holds every named effect, at its posterior means.
-The draws are of the whole posterior as far as it holds these: other sizes, and other effects
-beside the named ones. Their columns are keys of the study, as ``--set`` takes them.
+The file has the most probable hypothesis that contains every named effect, at its posterior means.
+The draws are of all hypotheses that contain them: other sizes, and other effects beside. Their
+columns are keys of the study, as ``--set`` takes them.
 """
 
 from __future__ import annotations
@@ -18,11 +18,8 @@ from typing import Any
 
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.inference.posterior import inclusion
-from dogshape.diagnosis.inference.verdict import PART
-from dogshape.diagnosis.prediction.hypotheses import plain, without
-from dogshape.diagnosis.report.wording import chance, described, headline
-from dogshape.diagnosis.terms import Hypothesis
+from dogshape.diagnosis.report.wording import chance, described, headline_of
+from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, plain
 from dogshape.pipeline.config.mechanism import PROBE
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study, load_study
@@ -32,11 +29,10 @@ from dogshape.pipeline.diagnose.effect_keys import EffectKeys
 from dogshape.pipeline.diagnose.posterior_draws import (
     DRAWS,
     drawn_from,
-    effects_beside,
     rivals_of,
     row_of,
+    uncertain_of,
 )
-from dogshape.pipeline.diagnose.uncertain_effects import uncertain_of
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import validate
@@ -48,23 +44,24 @@ from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 
-LIKELY = 0.5  #: probability above which an open effect is likelier than not
 SHOWN = 5  #: hypotheses that an error names
+OF_POINTS = {"mismatch_speed", REVERSED}  #: effects that change operating points of the bench
 Data = dict[str, Any]  #: a TOML file as it is read
+Sizes = dict[str, dict[str, float]]  #: mean of each parameter of each effect
 
 
 @dataclass(frozen=True)
 class CalibratedStudy:
-    """A study with what a diagnosis found.
+    """A study with the effects of a diagnosis.
 
     Parameters
     ----------
     study : as it was read back from ``text``.
     text : the study file.
-    hypothesis, probability : effects that it has, and how probable just these are.
-    named : those that are part of the cause by the verdict.
+    hypothesis, probability : effects of the file, and the probability of just these.
+    named : effects that are part of the cause by the verdict.
     draws : keys of the study with their values, a row for each draw.
-    remarks : sentences on what the file leaves out or replaces.
+    remarks : sentences on effects left out and keys replaced.
     """
 
     study: Setup
@@ -92,7 +89,7 @@ class CalibratedStudy:
         return text.getvalue()
 
     def as_dict(self, path: Path) -> Data:
-        """Write the record: where the files are, what they have and what they leave out."""
+        """Write the record: files, effects, number of draws, and remarks."""
         file = self.study.file
         return {
             "study": str(path),
@@ -143,75 +140,53 @@ def calibrated_study(
     path : of the study file, whose stem becomes the study's name.
     base : study that takes the effects; None for one of the bench's own clutch and points.
     draws, seed : number of draws from the posterior, and their seed.
-    causes : effects that the file gets, all that are part of the cause among them; None for the
-        most probable set of such.
+    causes : effects of the file, all that are part of the cause among them; None for the most
+        probable set of such.
 
     Raises
     ------
     InputError
-        The diagnosis names no effect, or none that a study can take, or has not looked into
-        ``causes``; with what to do.
+        The diagnosis names no effect, or none that a study takes, or has no fit of ``causes``;
+        with the remedy.
     """
     hypothesis = _chosen(found, path) if causes is None else _asked(found, causes)
+    fit = found.fits[hypothesis]
+    sizes: Sizes = {
+        name: {p.name: fit.interval(p.name).mean for p in found.effects[name].parameters}
+        for name in hypothesis
+    }
     data = study_of(found.bench, path.stem) if base is None else read_toml(find_study(base))
-    plain_study = _built({**data, "name": path.stem}, path)
-    clutch = plain_study.clutch
-    keys = EffectKeys(Setting(clutch, PROBE), frozenset(registry.load()))
+    given = _built({**data, "name": path.stem}, path)
+    keys = EffectKeys(Setting(given.clutch, PROBE), frozenset(registry.load()))
     taken = {n: found.effects[n] for n in hypothesis if keys.takes(found.effects[n])}
     remarks = _left_out(found, hypothesis, taken, base)
-    if not set(hypothesis) & (set(taken) | _of_points(base)):
+    if not set(hypothesis) & (set(taken) | (OF_POINTS if base is None else set())):
         raise InputError(
-            f"--write is '{path}', but a study has no key for what was found "
+            f"--write is '{path}', but a study has no key for the cause "
             f"({plain(hypothesis, found.effects)}); {'; '.join(remarks)}"
         )
-    values = {
-        name: {p.name: found.intervals[hypothesis][p.name].mean for p in effect.parameters}
-        for name, effect in found.effects.items()
-        if name in hypothesis
-    }
-    gone = _clashing(data, taken, keys)
-    remarks += [f"{key} of the study gives way to what the bench shows" for key in sorted(gone)]
-    data, carried = _without(data, gone), _carried(found, clutch, gone)
-    if carried:
-        # What is found comes on top of a ring that had this mass already.
-        mass = rounded(found.bench.clutch.rings.mass)
-        data["sliding"] = {**data["sliding"], "mass_kg": mass}
-        remarks.append(
-            f"the ring has the bench's mass, {mass:g} kg, with {carried:g} kg that move along"
-        )
-    for name, effect in taken.items():
-        _put(data, keys.settings(effect, values[name]))
-    rivals = rivals_of(found, hypothesis, () if causes is None else causes)
-    more = {h: effects_beside(found, h, hypothesis, keys) for h in (hypothesis, *rivals)}
-    kept = [h for h in rivals if not _clashing(data, more[h], keys)]
-    remarks += [
-        f"{plain(h, found.effects)} ({chance(found.posterior[h])}) is not drawn: the study gives "
-        "one of its keys itself"
-        for h in rivals
-        if h not in kept
-    ]
+    data, replaced = _with_effects(data, taken, sizes, keys, _carried(found, given.clutch))
+    rivals = rivals_of(found, hypothesis, causes or ())
+    beside = {h: _beside(found, h, hypothesis, keys) for h in rivals}
+    kept = [h for h in rivals if not _clashing(data, beside[h], keys)]
+    remarks += replaced + _not_drawn(found, [h for h in rivals if h not in kept])
     drawn = drawn_from(found, [hypothesis, *kept], draws, seed)
-    columns = dict(taken)
-    for h in dict.fromkeys(h for h, _ in drawn):
-        columns |= more[h]
+    columns = taken | {n: e for h in kept if h in dict(drawn) for n, e in beside[h].items()}
     if base is None:
-        data["operating"] = _true_points(found, hypothesis, values)
+        data["operating"] = _true_points(found, sizes)
     data["name"] = path.stem
-    remarks += _other_contact(found, plain_study)
-    unsure, told = uncertain_of(found.scored[hypothesis], values)
-    for key, section in unsure.items():
-        data["uncertain"] = {**data.get("uncertain", {}), key: section}
-    remarks += told
-    text = toml_text(data, _comments(found, hypothesis, base, remarks, draws_beside(path).name))
-    study = _built(tomllib.loads(text), path)
-    rows = tuple(row_of(k, *one, columns, keys) for k, one in enumerate(drawn, start=1))
+    unsure, certain = uncertain_of(fit, found.effects, sizes)
+    data |= {"uncertain": {**data.get("uncertain", {}), **unsure}} if unsure else {}
+    remarks += _other_contact(found, given) + certain
+    comments = _comments(found, hypothesis, base, remarks, draws_beside(path).name)
+    text = toml_text(data, comments)
     return CalibratedStudy(
-        study,
+        _built(tomllib.loads(text), path),
         text,
         hypothesis,
         found.posterior.get(hypothesis, 0.0),
         found.verdict.causes,
-        rows,
+        tuple(row_of(k, *one, columns, keys) for k, one in enumerate(drawn, start=1)),
         tuple(remarks),
     )
 
@@ -221,24 +196,16 @@ def _built(data: Data, path: Path) -> Setup:
 
 
 def _chosen(found: Diagnosis, path: Path) -> Hypothesis:
-    """Return the most probable hypothesis that holds all named effects; none is refused."""
+    """Return the most probable hypothesis that contains all named effects; none is refused."""
     causes = set(found.verdict.causes)
     if causes:
-        return next(h for h in found.posterior if h in found.scored and causes <= set(h))
-    test = found.tests[0]
+        return next(h for h in found.posterior if h in found.fits and causes <= set(h))
+    remedy = f"make the next test ({found.tests[0].name}) and diagnose again"
     if found.verdict.kind == "none":
-        rule, remedy = "no effect is needed", "take the study as it is"
-    elif found.verdict.kind == "unknown":
-        rule = "no known effect explains the data"
-        remedy = f"{test.how} Then diagnose again"
-    else:
-        best = max(inclusion(found.posterior).items(), key=lambda one: one[1], default=None)
-        likeliest = f" (likeliest: {best[0]}, {chance(best[1])})" if best else ""
-        rule = f"no effect is part of the cause with more than {PART:.0%}{likeliest}"
-        remedy = f"{test.how} Add what it shows ('dogshape gap update') and diagnose again"
+        remedy = "take the study as it is"
     raise InputError(
-        f"--write is '{path}', but the diagnosis of {found.bench.name} names nothing to write: "
-        f"{rule} ({headline(found.found)}); {remedy}"
+        f"--write is '{path}', but the diagnosis of {found.bench.name} names no effect "
+        f"({headline_of(found.verdict, found.effects)}); {remedy}"
     )
 
 
@@ -253,37 +220,28 @@ def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> Non
 
 
 def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
-    """Return the hypothesis of some effects; InputError where it is none that can be written."""
+    """Return the hypothesis of some effects; InputError where it has no fit."""
     require_effects(causes, found.effects)
     asked, named = ", ".join(causes), found.verdict.causes
-    there = [h for h in found.scored if h and set(named) <= set(h)]
-    there.sort(key=lambda h: -found.posterior.get(h, 0.0))
-    for hypothesis in there:
-        if set(hypothesis) == set(causes):
-            return hypothesis
+    hypothesis = tuple(sorted(causes))
     if lacking := [name for name in named if name not in causes]:
         rule = f"{' and '.join(lacking)} is part of the cause in any case; name it too"
+    elif hypothesis in found.fits:
+        return hypothesis
     else:
+        there = [h for h in found.posterior if h and h in found.fits and set(named) <= set(h)]
         likely = "; ".join(", ".join(h) for h in there[:SHOWN])
-        rule = f"the diagnosis has not looked into just these together; name one of: {likely}"
+        rule = f"just these together have less than 0.1 %; name one of: {likely}"
     raise InputError(f"--causes is '{asked}', but {rule}")
 
 
-def _of_points(base: str | None) -> set[str]:
-    """List the effects that change operating points, which a study of the bench takes so."""
-    return {"mismatch_speed", REVERSED} if base is None else set()
-
-
-def _true_points(
-    found: Diagnosis, hypothesis: Hypothesis, values: Mapping[str, Mapping[str, float]]
-) -> Data:
-    """Return the bench's operating points with the mismatches that the cause says are true."""
+def _true_points(found: Diagnosis, sizes: Sizes) -> Data:
+    """Return the bench's operating points with the mismatches of the cause."""
     points: dict[tuple[float, float], None] = {}
     for cell in found.bench.cells:
         setting = Setting(found.bench.clutch, cell.point)
-        for name in hypothesis:
-            if name in _of_points(None):
-                setting = found.effects[name].apply(setting, values[name])
+        for name in OF_POINTS & set(sizes):
+            setting = found.effects[name].apply(setting, sizes[name])
         force = rounded(cell.point.profile.force)
         points[rounded(setting.point.mismatch / RPM, 6), force] = None
     return operating_of(list(points))
@@ -292,30 +250,46 @@ def _true_points(
 def _left_out(
     found: Diagnosis, hypothesis: Hypothesis, taken: Mapping[str, Effect], base: str | None
 ) -> list[str]:
-    """Explain which of the effects no key of the study takes."""
-    told = []
-    for name in hypothesis:
-        if name in taken or name in _of_points(base):
-            continue
-        reason = "a study takes all relative angles alike"
-        if name in _of_points(None):
-            reason = "it is the stand's and says nothing of the operating points of another study"
-        told.append(f"{found.effects[name].plain} ({name}) is left out: {reason}")
-    return told
+    """List the effects that no key of the study takes, with the reason."""
+    reasons = {
+        name: "it belongs to the stand, not to another study" if name in OF_POINTS
+        else "a study takes all relative angles alike"
+        for name in hypothesis
+        if name not in taken and not (base is None and name in OF_POINTS)
+    }  # fmt: skip
+    return [
+        f"{found.effects[n].plain} ({n}) is left out: {reason}" for n, reason in reasons.items()
+    ]
 
 
 def _other_contact(found: Diagnosis, base: Setup) -> list[str]:
-    """Remark on a study whose dogs rub otherwise than those with which the sizes were found."""
-    bench, study = found.bench.clutch.contact, base.clutch.contact
-    pairs = [(c.static_friction, c.dynamic_friction) for c in (bench, study)]
-    if pairs[0] == pairs[1]:
-        return []
-    said = [f"{static:g} and {dynamic:g}" for static, dynamic in pairs]
-    return [f"sizes were found with the bench's friction {said[0]}, and the study has {said[1]}"]
+    """Remark on a study with other coefficients of friction than the bench."""
+    pairs = [
+        f"{one.contact.static_friction:g} and {one.contact.dynamic_friction:g}"
+        for one in (found.bench.clutch, base.clutch)
+    ]
+    same = pairs[0] == pairs[1]
+    return [] if same else [f"friction of the bench is {pairs[0]}, that of the study {pairs[1]}"]
+
+
+def _beside(
+    found: Diagnosis, rival: Hypothesis, chosen: Hypothesis, keys: EffectKeys
+) -> dict[str, Effect]:
+    """Return the effects of a rival that the chosen hypothesis lacks and a study takes."""
+    names = [name for name in rival if name not in chosen]
+    return {n: found.effects[n] for n in names if keys.takes(found.effects[n])}
+
+
+def _not_drawn(found: Diagnosis, rivals: Sequence[Hypothesis]) -> list[str]:
+    return [
+        f"{plain(h, found.effects)} ({chance(found.posterior[h])}) is not drawn: the study has "
+        "one of its keys itself"
+        for h in rivals
+    ]
 
 
 def _clashing(data: Data, taken: Mapping[str, Effect], keys: EffectKeys) -> set[str]:
-    """List the keys of a study that set what some effects set."""
+    """List the keys of a study that set the same as some effects."""
     touched = {key for effect in taken.values() for key in keys.touched(effect)}
     given = {f"{t}.{key}" for t in ("mechanism", "contact") for key in data.get(t, {})}
     effects = {
@@ -326,33 +300,39 @@ def _clashing(data: Data, taken: Mapping[str, Effect], keys: EffectKeys) -> set[
     return (given & touched) | effects
 
 
-def _without(data: Data, gone: set[str]) -> Data:
-    """Return the tables of a study file without some keys."""
-    found = dict(data)
+def _with_effects(
+    data: Data, taken: Mapping[str, Effect], sizes: Sizes, keys: EffectKeys, carried: float
+) -> tuple[Data, list[str]]:
+    """Set the keys of effects in the tables of a study file, in place of its own.
+
+    ``carried`` is the mass of the study's mechanism that the bench has in its ring, kg; a mass of
+    the cause comes on top of it. The remarks name each key that is replaced.
+    """
+    found, gone = dict(data), sorted(_clashing(data, taken, keys))
+    remarks = [f"{key} of the study is replaced by that of the bench" for key in gone]
     for key in gone:
         table, _, name = key.partition(".")
         found[table] = {k: v for k, v in found[table].items() if k != name}
-    return found
+    if carried and "mechanism.added_mass_kg" in gone:
+        mass = rounded(keys.base.clutch.rings.mass + carried)
+        found["sliding"] = {**found["sliding"], "mass_kg": mass}
+        remarks.append(f"the ring has the bench's mass, {mass:g} kg, with {carried:g} kg of forks")
+    for name, effect in taken.items():
+        for key, value in keys.settings(effect, sizes[name]).items():
+            *tables, last = key.split(".")
+            inner = found
+            for table in tables:
+                inner[table] = dict(inner.get(table, {}))
+                inner = inner[table]
+            inner[last] = value
+    return found, remarks
 
 
-def _carried(found: Diagnosis, clutch: Clutch, gone: set[str]) -> float:
+def _carried(found: Diagnosis, clutch: Clutch) -> float:
     """Return the mass of a study's mechanism that the bench has in its ring, kg, else 0."""
     carried = clutch.mechanism.added_mass
-    if "mechanism.added_mass_kg" not in gone or not carried:
-        return 0.0
-    there = math.isclose(found.bench.clutch.rings.mass, clutch.rings.mass + carried, rel_tol=1e-6)
-    return carried if there else 0.0
-
-
-def _put(data: Data, settings: Mapping[str, Any]) -> None:
-    """Set dotted keys in the tables of a study file."""
-    for key, value in settings.items():
-        *tables, last = key.split(".")
-        inner = data
-        for name in tables:
-            inner[name] = dict(inner.get(name, {}))
-            inner = inner[name]
-        inner[last] = value
+    whole = clutch.rings.mass + carried
+    return carried if math.isclose(found.bench.clutch.rings.mass, whole, rel_tol=1e-6) else 0.0
 
 
 def _comments(
@@ -363,49 +343,34 @@ def _comments(
     table: str,
 ) -> dict[str, list[str]]:
     """Write the comments of the study file."""
-    part, sizes = inclusion(found.posterior), found.intervals[hypothesis]
-    causes = found.verdict.causes
-    what = "the clutch and operating points of the bench" if base is None else f"the study {base}"
+    source = "clutch and operating points of the bench" if base is None else f"the study {base}"
+    others = [
+        f"{plain(h, found.effects)} ({chance(found.posterior[h])})"
+        for h in rivals_of(found, hypothesis)
+        if h != UNKNOWN
+    ]
     head = [
-        f"Calibrated study: {what} with what the diagnosis of '{found.bench.name}' found.",
-        f"{headline(found.found)}.",
-        f"Just these effects together have {chance(found.posterior.get(hypothesis, 0.0))}.",
-        *_in_place(found, hypothesis),
-        *(_sentence(remark) for remark in remarks),
-        f"Values are posterior means, intervals hold 90 %. {table} has draws from the posterior: "
+        f"Calibrated study: {source} with the cause from the diagnosis of '{found.bench.name}'.",
+        f"{headline_of(found.verdict, found.effects)}.",
+        f"Just these effects have {chance(found.posterior.get(hypothesis, 0.0))}.",
+        *([f"Other sets: {', '.join(others)}."] if others else []),
+        *(f"{remark[0].upper()}{remark[1:]}." for remark in remarks),
+        f"Values are posterior means, intervals hold 90 %. {table} has draws from the posterior; "
         "its columns are keys of this file, as --set takes them.",
     ]
     if base is None:
         head.append(
             "The data set gives no loads, material or limits of manufacture: those of the program "
-            "stand for them until [load], [material] and [manufacturing] say better."
+            "stand in [load], [material] and [manufacturing]."
         )
-    told = {"": head}
+    comments = {"": head}
     for name in hypothesis:
-        effect = found.effects[name]
-        size = "; ".join(described(p.name, sizes[p.name]) for p in effect.parameters)
-        likely = "open, though likely" if part.get(name, 0.0) > LIKELY else "open"
-        sure = "part of the cause" if name in causes else likely
-        alias = f" It cannot be told from {' or '.join(effect.aliases)}." if effect.aliases else ""
-        told[f"effects.{name}"] = [f"{size}; {sure} ({chance(part.get(name, 0.0))}).{alias}"]
-    return told
-
-
-def _sentence(remark: str) -> str:
-    """Write a remark as a sentence; one that begins with a key keeps its first letter."""
-    key = "." in remark.partition(" ")[0]
-    return f"{remark if key else remark[0].upper() + remark[1:]}."
-
-
-def _in_place(found: Diagnosis, hypothesis: Hypothesis) -> list[str]:
-    """Name what else may stand beside the named effects."""
-    causes = tuple(sorted(found.verdict.causes))
-    others = [
-        f"{plain(without(h, causes), found.effects)} ({chance(found.posterior[h])})"
-        for h in rivals_of(found, hypothesis)
-    ]
-    rest = tuple(sorted(set(hypothesis) - set(causes)))
-    if not others:
-        return []
-    begun = f"In place of {plain(rest, found.effects)}" if rest else "There may also be"
-    return [f"{begun}: {', '.join(others)}."]
+        parameters = found.effects[name].parameters
+        size = "; ".join(
+            described(p.name, found.fits[hypothesis].interval(p.name)) for p in parameters
+        )
+        part = "part of the cause" if name in found.verdict.causes else "open"
+        comments[f"effects.{name}"] = [
+            f"{size}; {part} ({chance(found.inclusion.get(name, 0.0))})."
+        ]
+    return comments

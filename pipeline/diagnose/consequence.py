@@ -1,12 +1,9 @@
-"""So what: whether the best design stays the best once a named effect is in.
+"""Effect of a cause on the design choice: prototype and best designs of a study with the cause.
 
-Prototype and the leading designs of a study's kept result are simulated without and with the
-effect, at the same relative angles, which the search did not use. The study chose a design without
-the effect. The cost of ignoring the effect is the time of that design less the time of the best
-design, both with the effect. Designs that only a search with the effect would have found are not
-among them, so the cost may be more; that the best is the best of several estimates makes it seem
-more. Landings count beside the times: an effect that makes blows harder than the dogs take leaves
-nothing of a quick design.
+Designs are simulated without and with the cause at the same relative angles, which the search did
+not use. The cost of ignoring the cause is the time of the chosen design less that of the best
+design, both with it. Only designs of the search without the cause are compared, so the cost may be
+larger. Designs whose dogs do not withstand the landings with the cause are not best.
 """
 
 from __future__ import annotations
@@ -20,12 +17,11 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.prediction.levels import Level
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.bundled import bundled_root
-from dogshape.sim.effect import Effect
+from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import even_block
@@ -37,15 +33,16 @@ from dogshape.sim.strength.landing import demand_checks
 
 ANGLES = 6  #: of each design at each operating point
 DESIGNS = 6  #: of the search, the fastest
-SURE = 2.0  #: standard errors from which a cost is one
+SURE = 2.0  #: standard errors from which a cost is significant
 GRID = 720  #: places in a pitch at which a distribution of angles is summed
 
 Params = Mapping[str, float]
+Cause = Mapping[str, Values]  #: values of the parameters of each effect
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A design with its expected shift time, at the sleeve, without and with the effect.
+    """A design with its expected shift time, at the sleeve, without and with the cause.
 
     ``landing`` and ``landing_with`` are the checks of its landings that have the least margin.
     """
@@ -57,32 +54,47 @@ class Candidate:
     landing: Check
     landing_with: Check
 
+    @property
+    def record(self) -> dict[str, Any]:
+        """Record as JSON takes it."""
+        return {
+            "name": self.name,
+            **self.params,
+            "without_s": self.without.mean,
+            "without_standard_error_s": self.without.standard_error,
+            "with_s": self.with_effect.mean,
+            "with_standard_error_s": self.with_effect.standard_error,
+            "without_landing_margin": self.landing.margin,
+            "with_landing_margin": self.landing_with.margin,
+            "with_landing_check": self.landing_with.name,
+        }
+
 
 @dataclass(frozen=True)
 class Consequence:
-    """Consequence of an effect for the choice of a design.
+    """Consequence of a cause for the choice of a design.
 
-    Of the candidates the first is the prototype, the second what the study chose.
+    Of the candidates the first is the prototype, the second the choice of the study.
     """
 
     study: str
-    level: Level
+    cause: Cause
     candidates: tuple[Candidate, ...]
 
     @property
     def chosen(self) -> Candidate:
-        """Choice of the study, without the effect."""
+        """Choice of the study, without the cause."""
         return self.candidates[1]
 
     @property
     def best(self) -> Candidate:
-        """Best candidate with the effect, of those whose dogs take its landings, if any do."""
+        """Fastest candidate with the cause, of those that withstand its landings, if any do."""
         lasting = [one for one in self.candidates if one.landing_with.passed]
         return min(lasting or self.candidates, key=lambda one: one.with_effect.mean)
 
     @property
     def regret(self) -> float:
-        """Cost of choosing without the effect, with the effect acting, s."""
+        """Cost of choosing without the cause, with the cause acting, s."""
         return self.chosen.with_effect.mean - self.best.with_effect.mean
 
     @property
@@ -95,62 +107,28 @@ class Consequence:
 
     @property
     def sentence(self) -> str:
-        """Consequence in words."""
-        return f"{self._times} {self._landings}".strip()
-
-    @property
-    def _landings(self) -> str:
-        """Write which designs land harder with the effect than they take; empty where none does."""
-        fail = [one for one in self.candidates if not one.landing_with.passed]
-        if not fail:
-            return ""
-        who = ", ".join(one.name for one in fail)
-        if len(fail) == len(self.candidates):
-            who = "all designs that were compared"
-        worst = min(fail, key=lambda one: one.landing_with.margin)
-        check, over = worst.landing_with.name.replace("_", " "), -worst.landing_with.margin
-        before = ", ".join(one.name for one in fail if not one.landing.passed)
-        return (
-            f"With it landings are harder than the dogs take, of {who}: "
-            f"{worst.name} by {over:.0%} ({check}). Without it "
-            f"{f'those of {before} are so too' if before else 'all of these hold'}."
-        )
-
-    @property
-    def _times(self) -> str:
-        """Write what the effect means for the order of the designs' times."""
-        prototype, chosen, best = self.candidates[0], self.chosen, self.best
-        gain = prototype.with_effect.mean - best.with_effect.mean
-        gained = (
-            f"with it {best.name} gains {gain * 1e3:.1f} ms over the prototype, "
-            f"{gain / prototype.with_effect.mean:.0%}"
-        )
-        if chosen is best:
-            return f"The chosen design stays the best ({chosen.name}); {gained}."
-        if self.regret < 0.0:  # The best is one that lasts, and the chosen design does not.
-            return (
-                f"Without the effect the study chose {chosen.name}, whose dogs do not take its "
-                f"landings with it; of those that do {best.name} is best; {gained}."
-            )
+        """Consequence in words: the choice, its cost, and designs that fail at landings."""
+        chosen, best = self.chosen, self.best
         cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
-        if self.regret < SURE * self.standard_error:
-            return (
-                f"The chosen design ({chosen.name}) stays as good as any within the error: "
-                f"{best.name} is {cost} faster; {gained}."
-            )
-        return (
-            f"Without the effect the study chose {chosen.name}, with it {best.name} is best; "
-            f"ignoring it costs {cost}; {gained}."
-        )
+        if chosen is best:
+            said = f"The chosen design stays the best ({chosen.name})."
+        elif not chosen.landing_with.passed:
+            said = f"With the cause the chosen design ({chosen.name}) fails; {best.name} is best."
+        elif self.regret < SURE * self.standard_error:
+            said = f"The chosen design ({chosen.name}) stays as good as {best.name} ({cost})."
+        else:
+            said = f"With the cause {best.name} is best; the chosen {chosen.name} costs {cost}."
+        fail = [one.name for one in self.candidates if not one.landing_with.passed]
+        return f"{said} Landings with the cause overload {', '.join(fail)}." if fail else said
 
     @property
     def record(self) -> dict[str, Any]:
         """Record as JSON takes it."""
         return {
             "study": self.study,
-            "effects": list(self.level.hypothesis),
-            "values": list(self.level.values),
-            "candidates": [_record(one) for one in self.candidates],
+            "effects": list(self.cause),
+            "values": [value for values in self.cause.values() for value in values.values()],
+            "candidates": [one.record for one in self.candidates],
             "best_without": self.chosen.name,
             "best_with": self.best.name,
             "regret_s": self.regret,
@@ -159,24 +137,12 @@ class Consequence:
         }
 
 
-def _record(one: Candidate) -> dict[str, Any]:
-    return {
-        "name": one.name,
-        **one.params,
-        "without_s": one.without.mean,
-        "without_standard_error_s": one.without.standard_error,
-        "with_s": one.with_effect.mean,
-        "with_standard_error_s": one.with_effect.standard_error,
-        "without_landing_margin": one.landing.margin,
-        "with_landing_margin": one.landing_with.margin,
-        "with_landing_check": one.landing_with.name,
-    }
-
-
 def studied(where: str | Path, count: int = DESIGNS) -> tuple[Setup, dict[str, Params]]:
-    """Read a study and the designs of its result, by a folder of results or a study.
+    """Read a study, and prototype and fastest feasible designs of its result by name.
 
-    Raises DataError where nothing is kept, StorageError where it is damaged.
+    ``where`` is a folder of results or a study. The chosen design comes first after the prototype;
+    designs that failed at new angles are left out. Raises DataError where no result is kept,
+    StorageError where it is damaged.
     """
     folder = StudyFolder(Path(where))
     if folder.manifest.is_file():
@@ -188,18 +154,14 @@ def studied(where: str | Path, count: int = DESIGNS) -> tuple[Setup, dict[str, P
             )
         return study, _designs(study, folder.stored_result(), count)
     study = load_study(where)
-    return study, _designs(study, json.loads(_kept(study, where).read_text("utf-8")), count)
-
-
-def designs_of(study: Setup, count: int = DESIGNS) -> dict[str, Params]:
-    """List the prototype and the fastest feasible designs of a study's kept result, by name.
-
-    The chosen one comes first; designs that failed when re-simulated at new angles are left out.
-
-    Raises DataError where nothing is kept.
-    """
-    kept = _kept(study, study.name).read_text(encoding="utf-8")
-    return _designs(study, json.loads(kept), count)
+    own = StudyFolder(default_out(study))
+    for path in (own.result, bundled_root() / study.name / "result.json"):
+        if path.is_file():
+            return study, _designs(study, json.loads(path.read_text(encoding="utf-8")), count)
+    raise DataError(
+        f"there is no result of the study {study.name} in {own.root}; run 'dogshape study {where}' "
+        "first, or name the folder of its results"
+    )
 
 
 def _designs(study: Setup, result: Mapping[str, Any], count: int) -> dict[str, Params]:
@@ -209,27 +171,17 @@ def _designs(study: Setup, result: Mapping[str, Any], count: int) -> dict[str, P
         for one in confirmation["designs"]
         if not all(check["passed"] for check in one["checks"])
     }
-    rows = [row for row in result["trials"] if row["feasible"] and not row["prototype"]]
-    rows = [row for row in rows if row["trial"] not in failed]
-    rows.sort(key=lambda row: row["expected_shift_time_s"])
+    rows = [
+        row
+        for row in result["trials"]
+        if row["feasible"] and not row["prototype"] and row["trial"] not in failed
+    ]
     chosen = confirmation["chosen"]
-    rows.sort(key=lambda row: row["trial"] != chosen)
+    rows.sort(key=lambda row: (row["trial"] != chosen, row["expected_shift_time_s"]))
     named = {f"design {row['trial']}": row for row in rows[:count]}
-    found: dict[str, Params] = {"prototype": study.prototype}
-    for name, row in named.items():
-        found[name] = {key: row[key] for key in study.variables}
-    return found
-
-
-def _kept(study: Setup, where: str | Path) -> Path:
-    own = StudyFolder(default_out(study))
-    for path in (own.result, bundled_root() / study.name / "result.json"):
-        if path.is_file():
-            return path
-    raise DataError(
-        f"there is no result of the study {study.name} in {own.root}; run 'dogshape study {where}' "
-        "first, or name the folder of its results"
-    )
+    return {"prototype": study.prototype} | {
+        name: {key: row[key] for key in study.variables} for name, row in named.items()
+    }
 
 
 def shifts_of(study: Setup, designs: Mapping[str, Params]) -> int:
@@ -240,19 +192,18 @@ def shifts_of(study: Setup, designs: Mapping[str, Params]) -> int:
 def consequence(
     study: Setup,
     designs: Mapping[str, Params],
-    level: Level,
+    cause: Cause,
     effects: Mapping[str, Effect],
     run: Runner,
 ) -> Consequence:
-    """Simulate designs without and with an effect.
+    """Simulate designs without and with a cause.
 
-    ``run`` simulates blocks. An effect of which there is no such bench raises InputError.
+    ``run`` simulates blocks. Values of which there is no such bench raise InputError.
     """
-    settings = [_settings(study, params) for params in designs.values()]
-    changed = [[level.setting(effects, one) for one in mine] for mine in settings]
-    every = [one for group in (settings, changed) for mine in group for one in mine]
-    seed = study.file.expectation.seed + 3 * NEW_ANGLES
     places = len(study.points)
+    plain = [one for params in designs.values() for one in _settings(study, params)]
+    every = plain + [_with(one, cause, effects) for one in plain]
+    seed = study.file.expectation.seed + 3 * NEW_ANGLES
     blocks = [
         replace(
             even_block(one.clutch, one.point, ANGLES, (seed, k % places)),
@@ -262,27 +213,29 @@ def consequence(
     ]
     rows = run(blocks)
     found = [
-        _expectation(study, every[k : k + places], rows[k : k + places])
+        (time := _expectation(study, every[k : k + places], mine := rows[k : k + places]),
+         _landing(study, every[k], time, mine))
         for k in range(0, len(every), places)
-    ]
-    landings = [
-        _landing(study, every[k], one, rows[k : k + places])
-        for k, one in zip(range(0, len(every), places), found, strict=True)
-    ]
-    half = len(designs)
-    return Consequence(
-        study.name,
-        level,
-        tuple(
-            Candidate(name, params, found[k], found[half + k], landings[k], landings[half + k])
-            for k, (name, params) in enumerate(designs.items())
-        ),
+    ]  # fmt: skip
+    pairs = zip(found[: len(designs)], found[len(designs) :], strict=True)
+    candidates = tuple(
+        Candidate(name, params, before, after, landing, landing_with)
+        for (name, params), ((before, landing), (after, landing_with)) in zip(
+            designs.items(), pairs, strict=True
+        )
     )
+    return Consequence(study.name, cause, candidates)
 
 
 def _settings(study: Setup, params: Params) -> list[Setting]:
     clutch = study.clutch.with_dog(study.dog_with(dict(params)))
     return [Setting(clutch, point) for point in study.points]
+
+
+def _with(setting: Setting, cause: Cause, effects: Mapping[str, Effect]) -> Setting:
+    for name, values in cause.items():
+        setting = effects[name].apply(setting, values)
+    return setting
 
 
 def angles_of(setting: Setting, draw: tuple[int, int]) -> tuple[float, ...]:

@@ -31,6 +31,7 @@ EFFECT = Effect(
             "since a shifted zero has no scale",
             least=0.0,
             most=1.0,
+            ordinary=(0.15, "valve, pipe and filling of a cylinder"),
         ),
     ),
     change=_change,

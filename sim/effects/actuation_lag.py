@@ -32,6 +32,7 @@ EFFECT = Effect(
             "litres a minute fills with time constants of 10 to 300 ms; a throttled one up to "
             "half a second",
             most=1.0,
+            ordinary=(0.3, "a cylinder behind its valve"),
         ),
     ),
     change=_change,

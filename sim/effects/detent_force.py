@@ -28,6 +28,7 @@ EFFECT = Effect(
             source="ball detents of passenger cars take 10 to 100 N at the rod; above "
             "the least shift force nothing would move",
             most=1000.0,
+            ordinary=(100.0, "ball detents of passenger cars"),
         ),
         Parameter(
             "position_mm",

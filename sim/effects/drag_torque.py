@@ -24,6 +24,7 @@ EFFECT = Effect(
             source="bearings and seals of an input shaft take 0.05 to 0.5 N m, cold "
             "oil and a dragging clutch some N m, both together up to 8",
             most=40.0,
+            ordinary=(0.5, "bearings and seals of an input shaft"),
         ),
     ),
     change=_change,

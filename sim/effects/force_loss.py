@@ -30,6 +30,7 @@ EFFECT = Effect(
             source="a gauge read to 10 mbar on a piston of 20 cm2 errs by 2 N; return springs and "
             "preloaded seals of such cylinders hold 10 to 50 N, springs of a fork up to 150 N",
             most=1000.0,
+            ordinary=(50.0, "return spring and seals of a cylinder"),
         ),
     ),
     change=_change,

@@ -28,6 +28,7 @@ EFFECT = Effect(
             source="a new fork has 0.1 to 0.3 mm in its groove; worn joints of a "
             "linkage add up to some millimetres",
             most=6.0,
+            ordinary=(0.3, "a new fork in its groove"),
         ),
     ),
     change=_change,

@@ -33,6 +33,7 @@ EFFECT = Effect(
             source="a steel fork and rod give 0.3 mm/kN; Bowden cables, the published "
             "stand among them, 3.4 to 4.3 at the sleeve; long or worn ones ten times as much",
             most=120.0,
+            ordinary=(4.3, "Bowden cables"),
         ),
         Parameter(
             "mass_behind_kg",

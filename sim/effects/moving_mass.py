@@ -28,6 +28,7 @@ EFFECT = Effect(
             source="fork and rod weigh 0.1 to 1 kg; an arm of 0.5 kg behind a ratio "
             "of 3.2 feels like 5 kg, a robot's drive like three times that",
             most=60.0,
+            ordinary=(1.0, "fork and rod"),
         ),
     ),
     change=_change,

@@ -34,6 +34,7 @@ EFFECT = Effect(
             "a ratio of 2.8 that was left out counts squared, 8",
             least=0.1,
             most=50.0,
+            ordinary=(2.0, "other wheels in mesh"),
         ),
     ),
     change=_change,

@@ -24,6 +24,7 @@ EFFECT = Effect(
             source="shear in a spline of 10 cm2 with gaps of 20 um at 0.1 Pa s gives "
             "5 N s/m; oil that must leave a closed pocket some hundred, a cold one above 1000",
             most=6000.0,
+            ordinary=(5.0, "shear of oil in a spline"),
         ),
     ),
     change=_change,

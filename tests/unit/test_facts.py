@@ -20,7 +20,6 @@ from dogshape.diagnosis.inference.static_readings import (
     log_unknown,
     measured_facts,
     require_measured,
-    shown,
 )
 from dogshape.sim.errors import DataError
 from tests.fits import SETTING, Space
@@ -137,8 +136,6 @@ def test_results_of_direct_tests_are_facts_of_their_effects() -> None:
     for effects in (EFFECTS, {}):
         (fact,) = measured_facts(bench, effects)
         assert (fact.effect, fact.value, fact.error, fact.neutral) == ("drag_torque", 1.5, 0.1, 0.0)
-    assert shown([fact]) == {"drag_torque"}
-    assert shown([replace(fact, value=0.1)]) == frozenset()
 
 
 @pytest.mark.parametrize(

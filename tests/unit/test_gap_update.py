@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Callable
 from html import escape
 from pathlib import Path
@@ -15,7 +16,7 @@ import pytest
 import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.table import COLUMNS
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.diagnose.gap_update import sentence
 from dogshape.sim.bundled import bundled_root
@@ -23,23 +24,33 @@ from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.units import RPM
 from tests.benches import GOOD
 from tests.conftest import Said
-from tests.toy import EFFECTS, Toy, bench_of, points_of
+from tests.diagnosed import EFFECTS, diagnosis_of
+from tests.toy import bench_of, points_of
 
 Call = Callable[..., Said]
-NAMES = ("actuation_delay", "moving_mass", "sleeve_friction")
+FRICTION, MASS = ("sleeve_friction",), ("moving_mass",)
+MIDDLE = 0.02  #: s, mean time at which a reading says nothing
+NATS = 1.0  #: per second and shift, log odds of friction over mass
 POINTS = points_of((235.2, 641.5))[2:10]
 
 
+def _log_odds(rows: Any) -> float:
+    """Compute the log odds of friction over mass by the times of some rows."""
+    return sum(NATS * row.n * (row.time - MIDDLE) for row in rows if row.time is not None)
+
+
+def _diagnosed(bench: Bench, _: Any) -> Any:
+    """Diagnose by a rule: slow readings are evidence of friction, fast ones of mass."""
+    log = float(np.clip(_log_odds(bench.readings), -30.0, 30.0))
+    friction, mass = 1.0 / (1.0 + math.exp(-log)), 1.0 / (1.0 + math.exp(log))
+    every = {FRICTION: 0.96 * friction, MASS: 0.96 * mass, NONE: 0.02, UNKNOWN: 0.02}
+    return diagnosis_of(dict(sorted(every.items(), key=lambda one: -one[1])), bench)
+
+
 @pytest.fixture(autouse=True)
-def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Diagnose by the toy, whatever the operating points."""
-
-    def diagnosed(bench: Bench, _: Any) -> Diagnosis:
-        points = tuple(cell.point for cell in bench.cells)
-        return diagnose(bench, Toy(points), {n: EFFECTS[n] for n in NAMES}, pairs=[])
-
-    monkeypatch.setattr("dogshape.gap.diagnosed", diagnosed)
-    monkeypatch.setattr("dogshape.update.diagnosed", diagnosed)
+def _by_rule(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dogshape.gap.diagnosed", _diagnosed)
+    monkeypatch.setattr("dogshape.update.diagnosed", _diagnosed)
 
 
 def _table(
@@ -95,7 +106,7 @@ def test_an_update_is_the_diagnosis_of_all_readings_at_once(stand: Path) -> None
     at_once = ds.diagnose(whole)
     assert found.diagnosis.probabilities.to_dict() == at_once.probabilities.to_dict()
     assert found.diagnosis.causes == ("sleeve_friction",)
-    assert _record(stand / "out")["hypotheses"] == at_once.inference.as_dict()["hypotheses"]
+    assert _record(stand / "out")["hypotheses"] == at_once.inference.to_dict()["hypotheses"]
     # Both answers stay.
     assert json.loads((stand / "out" / "gap-0.json").read_text()) == earlier
     (update,) = json.loads((stand / "out" / "updates.json").read_text())
@@ -111,36 +122,27 @@ def test_an_update_is_the_diagnosis_of_all_readings_at_once(stand: Path) -> None
 def test_an_update_keeps_the_engine_of_the_diagnosis(
     stand: Path, engine: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    toy, asked = ds.update.diagnosed, list[str | None]()
+    asked = list[str | None]()
 
-    def told(bench: Bench, means: Means) -> Diagnosis:
+    def noted(bench: Bench, means: Means) -> Any:
         asked.append(means.engine)
-        return toy(bench, means)
+        return _diagnosed(bench, means)
 
     record = {**_record(stand / "out"), "engine": engine}
     (stand / "out" / "gap.json").write_text(json.dumps(record))
-    monkeypatch.setattr("dogshape.update.diagnosed", told)
+    monkeypatch.setattr("dogshape.update.diagnosed", noted)
     ds.update_diagnosis(stand / "out", _table(stand / "new.csv", 2, 20))
     assert asked == [engine]
 
 
-def test_the_reason_is_the_bayes_factor_of_the_new_readings(stand: Path) -> None:
-    """Of two hypotheses with equal priors the odds of probabilities move by it."""
-    earlier = _record(stand / "out")
-    found = ds.update_diagnosis(stand / "out", _table(stand / "new.csv", 2, 2, POINTS[4:5], 9.0))
-    after = found.diagnosis.inference.as_dict()
-
-    def odds(record: Any, one: list[str], other: list[str]) -> float:
-        raw = {tuple(h["effects"]): h["evidence_probability"] for h in record["hypotheses"]}
-        return float(raw[tuple(one)] / raw[tuple(other)])
-
-    names = [h["effects"] for h in earlier["hypotheses"]]
-    now = after["hypotheses"][0]["effects"]
-    first = names[0]
-    rival = first if now != first else next(n for n in names if n not in (now, ["unknown"]))
-    ratio = odds(after, now, rival) / odds(earlier, now, rival)
-    told = found.record["sentence"].split("speak ")[1].split(" : 1")[0]
-    assert float(told) == pytest.approx(max(ratio, 1.0 / ratio), rel=0.06)
+def test_the_odds_are_the_bayes_factor_of_the_new_readings(stand: Path) -> None:
+    """Evidences change by the log odds of the new rows alone."""
+    new = _table(stand / "new.csv", 2, 2, POINTS[4:5], 9.0)
+    found = ds.update_diagnosis(stand / "out", new)
+    added = found.diagnosis.inference.bench.readings[-1:]
+    factor = math.exp(abs(_log_odds(added)))
+    said = float(found.record["sentence"].split("the new shifts alone are ")[1].split(" : 1")[0])
+    assert said == pytest.approx(factor, rel=0.06)
 
 
 def test_updates_add_up(stand: Path) -> None:
@@ -185,7 +187,10 @@ def test_readings_that_cannot_join_change_nothing(stand: Path) -> None:
         ds.update_diagnosis(out, new)
     text = new.read_text()
     for changed, words in (
-        (text.replace("0.251,", "0.25,"), "another rise time is another operating point"),
+        (
+            text.replace("0.251,", "0.25,"),
+            "235.2 N and 0.25 s, but there are .* and 0.251 s already",
+        ),
         (text.replace("force_N", "force"), "'force' is not a known column"),
         (text.splitlines()[0] + "\n", "has no rows"),
         (text + "50,235.2,0.251,1,9.0,true,\n", "row 10"),
@@ -291,32 +296,32 @@ def test_the_verb_says_before_now_and_why(stand: Path, dogshape: Call) -> None:
     assert (again.status, "joined this diagnosis already" in again.sentence) == (2, True)
     text = dogshape("gap", "update", stand / "out", _table(stand / "more.csv", 5, 3)).out
     assert "before" in text
-    assert "The answer stays" in text
+    assert "The answer stays dry friction of the sliding ring" in " ".join(text.split())
     assert "Example: dogshape gap update" in dogshape("gap", "update", "--help").out
 
 
-def _state(*chances: tuple[tuple[str, ...], float, float | None]) -> dict[str, Any]:
-    rows = [{"effects": list(h), "probability": p, "log_evidence": log} for h, p, log in chances]
-    return {"hypotheses": rows}
+def _state(*chances: tuple[tuple[str, ...], float, float]) -> dict[str, Any]:
+    names = "effects", "probability", "evidence_probability"
+    return {"hypotheses": [dict(zip(names, (list(h), *p), strict=True)) for h, *p in chances]}
 
 
-def test_the_sentence_tells_odds_in_closed_form_and_where_no_cause_fits() -> None:
-    """Evidences that move by 3 and by 3 - ln 20 make odds of 20 : 1."""
+def test_the_sentence_has_odds_in_closed_form() -> None:
+    """Odds of evidence that go from 2 : 1 to 1 : 10 make a factor of 20."""
     delay, mass, unknown = ("actuation_delay",), ("moving_mass",), ("unknown",)
-    before = _state((delay, 0.6, 10.0), (mass, 0.3, 9.0), (unknown, 0.1, None))
-    log = 10.0 + 3.0 - float(np.log(20.0))
-    after = _state((mass, 0.9, 12.0), (delay, 0.1, log), (unknown, 0.0, None))
+    before = _state((delay, 0.6, 0.6), (mass, 0.3, 0.3), (unknown, 0.1, 0.1))
+    after = _state((mass, 0.9, 0.8), (delay, 0.1, 0.08), (unknown, 0.0, 0.12))
     point = {
         "mismatch_rpm": 50.0, "force_N": 469.0, "shifts": 7, "mean_s": 0.12,
-        "foretold_s": 0.1, "z": 2.04,
+        "predicted_s": 0.1, "z": 2.04,
     }  # fmt: skip
-    told = sentence(before, after, [point], EFFECTS)
-    assert "The answer moves from dead time of the actuation (60 % before, 10 % now)" in told
-    assert "the 7 new shifts at 1 operating point speak 20 : 1 for mass of actuator" in told
-    assert told.endswith("foretold 100 ms (+2.0 standard errors).")
-    nothing = _state((unknown, 0.9, None), (delay, 0.1, 3.0))
-    told = sentence(before, nothing, [point], EFFECTS)
-    assert "fit no known cause together with the earlier ones" in told
-    stays = sentence(before, _state((delay, 0.9, 11.0), (mass, 0.1, 9.0)), [point], EFFECTS)
-    assert "stays dead time of the actuation: 60 % before, 90 % now" in stays
-    assert "speak 2.7 : 1 for dead time of the actuation against mass" in stays
+    said = sentence(before, after, [point], EFFECTS)
+    assert "The answer moves from dead time of the actuation (60 % before, 10 % now)" in said
+    assert "the new shifts alone are 20 : 1 for mass of actuator and linkage against dead" in said
+    assert said.endswith("120 ms measured, 100 ms predicted (+2.0 standard errors).")
+    lost = _state((unknown, 0.9, 0.9), (delay, 0.1, 0.1))
+    assert " : 1" not in sentence(before, lost, [point], EFFECTS)
+    stays = _state((delay, 0.9, 0.9), (mass, 0.1, 0.1))
+    said = sentence(before, stays, [], EFFECTS)
+    assert said.startswith("The answer stays dead time of the actuation: 60 % before, 90 % now")
+    assert said.endswith("are 4.5 : 1 for dead time of the actuation against mass of actuator "
+                         "and linkage.")  # fmt: skip

@@ -13,10 +13,9 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.reading import Cell, Reading
 from dogshape.diagnosis.report.phase_times import (
     PHASES,
-    along,
     durations,
     entry_depth,
-    overall,
+    phase_gaps,
     resampled,
 )
 from dogshape.sim.shift.actuation import ForceProfile
@@ -83,17 +82,16 @@ def test_gap_along_the_shift_shows_where_it_is(tmp_path: Path) -> None:
         pairs = zip(blocks, bench.cells, strict=True)
         return [[one for _ in range(3) for one in as_simulated(cell)] for _, cell in pairs]
 
-    still = overall(along(bench, same))
+    still = phase_gaps(bench, same)
     assert [phase.name for phase in still] == list(PHASES)
     assert all(abs(phase.z) < 1.0 for phase in still)
     cells = tuple(
         replace(cell, readings=tuple(map(delayed, cell.readings))) for cell in bench.cells
     )
-    before, *others = overall(along(replace(bench, cells=cells), same))
+    before, *others = phase_gaps(replace(bench, cells=cells), same)
     assert before.gap == pytest.approx(0.02, abs=5e-4)
     assert before.z > 20.0
     assert all(abs(phase.z) < 1.0 for phase in others)
-    assert before.bench == 8
 
 
 def as_simulated(cell: Cell) -> list[Trace]:

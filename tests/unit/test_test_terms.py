@@ -5,66 +5,49 @@ from __future__ import annotations
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.stand_file import TestTerms
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.inference.next_test import SHIFT, require_terms
+from dogshape.diagnosis.inference.next_test import SHIFT, NextTest, choose, require_terms
 from dogshape.sim.errors import DataError, InputError
 from tests.benches import good_set
-from tests.toy import EFFECTS, Toy, bench_of, points_of
+from tests.fits import BENCH, diagnosis_of, fit_of
+from tests.toy import EFFECTS
 
-POINTS = points_of((235.2, 641.5))
-NAMES = ("actuation_delay", "sleeve_friction", "moving_mass")
-FORCE = EFFECTS["actuation_delay"].test.name
-WAVE = 0.04 * np.sin(1.3 * np.arange(len(POINTS)))
+FORCE, RUN_DOWN = EFFECTS["actuation_delay"].test.name, EFFECTS["drag_torque"].test.name
+DELAY, DRAG = ("actuation_delay",), ("drag_torque",)
 
 
-def _found(*terms: TestTerms, wave: bool = False) -> Diagnosis:
-    extra = WAVE if wave else None
-    bench = bench_of(
-        {"delay_s": 0.08}, np.random.default_rng(1), shifts=20, points=POINTS, extra=extra
-    )
-    few = {name: EFFECTS[name] for name in NAMES}
-    return diagnose(replace(bench, tests=terms), Toy(POINTS), few, pairs=[])
+def _tests(*terms: TestTerms) -> tuple[NextTest, ...]:
+    shares = np.linspace(0.3, 0.7, 64)[:, None]
+    fits: Any = {h: fit_of(h, shares) for h in (DELAY, DRAG)}
+    return choose(diagnosis_of({DELAY: 0.5, DRAG: 0.5}, fits, replace(BENCH, tests=terms)))
 
 
 def test_a_test_that_cannot_be_done_is_not_advised() -> None:
-    assert FORCE in {test.name for test in _found().tests}
-    without = _found(TestTerms(FORCE, possible=False))
-    assert FORCE not in {test.name for test in without.tests}
-    direct = _found(TestTerms("more shifts", possible=False))
-    assert {test.asked.kind for test in direct.tests} == {"direct"}
-    assert _found(wave=True).tests[0].asked.kind == "traces"
-    blind = _found(TestTerms("traces", possible=False), wave=True)
-    assert "traces" not in {test.asked.kind for test in blind.tests}
-    # Nothing else of the answer depends on the terms.
-    assert without.posterior == _found().posterior
+    assert {FORCE, RUN_DOWN} <= {test.name for test in _tests()}
+    assert FORCE not in {test.name for test in _tests(TestTerms(FORCE, possible=False))}
+    direct = _tests(TestTerms("more shifts", possible=False))
+    assert {test.kind for test in direct} == {"direct"}
 
 
 def test_hours_are_those_of_the_stand() -> None:
-    found = _found(TestTerms(FORCE, 7.0), TestTerms("more shifts", 3.0))
-    hours = {test.name: test.hours for test in found.tests}
+    found = _tests(TestTerms(FORCE, 7.0), TestTerms("more shifts", 3.0))
+    hours = {test.name: test.hours for test in found}
     assert hours[FORCE] == 7.0
-    ten = next(test for test in found.tests if test.asked.shifts == 10)
+    ten = next(test for test in found if test.shifts == 10)
     assert ten.hours == pytest.approx(3.0 + 10 * SHIFT)
 
 
 def test_a_dear_test_yields_to_a_cheap_one() -> None:
-    """Where the cause is open each hour costs some chance to settle it."""
-    some = POINTS[:2]
-    bench = bench_of({"delay_s": 0.01}, np.random.default_rng(1), shifts=2, points=some)
-    few = {name: EFFECTS[name] for name in NAMES}
-    plain = diagnose(bench, Toy(some), few, pairs=[])
-    first = plain.tests[0]
-    name = "more shifts" if first.asked.kind == "shifts" else first.name
-    dear = diagnose(replace(bench, tests=(TestTerms(name, 100.0),)), Toy(some), few, pairs=[])
-    assert plain.verdict.kind == "ambiguous"
-    assert dear.tests[0].name != first.name
-    assert dear.tests[-1].hours >= 100.0
+    """Either direct test settles the cause: that of fewer hours leads."""
+    assert _tests()[0].name == RUN_DOWN
+    assert _tests(TestTerms(RUN_DOWN, 3.0))[0].name == FORCE
+    assert _tests(TestTerms(RUN_DOWN, 3.0), TestTerms(FORCE, 4.0))[0].name == RUN_DOWN
 
 
 def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from dogshape.plan import Plan
 from dogshape.sim.errors import number
 from dogshape.sim.units import RPM
 
-SHOWN = 4  #: rivals that are named
+SHOWN = 4  #: rivals in a row
 
 
 def plan_table(found: Plan) -> RenderableType:
@@ -18,7 +18,7 @@ def plan_table(found: Plan) -> RenderableType:
     plan = found.inference
     total, cells = sum(plan.shifts), plan.field.cells
     used = sum(n > 0 for n in plan.shifts)
-    shares = f"{found.told_apart:.0%} of pairs and strengths told apart"
+    shares = f"{found.told_apart:.0%} of pairs and strengths distinguished"
     evenly = found.to_dict()["all_points"]
     return Group(
         _order(found),
@@ -26,11 +26,11 @@ def plan_table(found: Plan) -> RenderableType:
         _causes(found),
         "",
         f"{total} shifts at {used} of {cells} operating points, about {number(plan.hours)} h: "
-        f"a pair of causes is decided rightly with {plan.worth:.1%}, {shares}",
+        f"chance to decide a pair of causes rightly {plan.worth:.1%}, {shares}",
         f"as many spread evenly over all {cells}, about {number(plan.hours_evenly)} h: "
         f"{plan.evenly:.1%}, {evenly['told_apart']:.0%}",
-        "told apart: the true cause is expected to have odds of 4.5 : 1 and more; over the "
-        "strengths that the priors hold possible. Combinations of effects are not planned for.",
+        "distinguished: expected odds of 4.5 : 1 and more for the true cause, over the strengths "
+        "of the priors. Combinations of effects are not planned for.",
         *([f"table to fill in: {found.sheet}"] if found.sheet else []),
     )
 
@@ -48,7 +48,9 @@ def _order(found: Plan) -> Table:
 
 def _causes(found: Plan) -> Table:
     effects = found.inference.field.hypotheses
-    table = columns("if this is the cause", "seen", "told from", "not told from, in most strengths")
+    table = columns(
+        "true cause", "seen", "rivals distinguished", "not distinguished in most strengths"
+    )
     for place, hypothesis in enumerate(effects):
         if not hypothesis:
             continue

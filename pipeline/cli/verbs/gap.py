@@ -1,4 +1,4 @@
-"""``gap``: which effect makes a bench differ from the simulation."""
+"""``gap``: cause of the difference between bench and simulation."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def gap(
     ] = None,
     write: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="write a study with what was found; draws beside it"),
+        typer.Option(metavar="FILE", help="write a study with the cause; draws beside it"),
     ] = None,
     base: Annotated[
         str | None,
@@ -65,11 +65,11 @@ def gap(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Find which unmodelled effect makes a bench differ from the simulation.
+    """Identify the effects that make a bench differ from the simulation.
 
-    The simulations of a clutch and its operating points take some minutes in the compiled engine,
-    once; those of the published clutch, of Drake, come with the package. 'dogshape gap plan' says
-    before which shifts to make, 'dogshape gap update' joins new ones to a diagnosis.
+    Simulations of a clutch and its operating points take some minutes, once; those of the published
+    clutch come with the package. 'dogshape gap plan' plans the shifts before, 'dogshape gap update'
+    joins new ones to a diagnosis.
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
@@ -97,9 +97,9 @@ def gap(
     if write is None or made is None:
         emit(record, json, lambda: diagnosis_table(found.inference, record))
         return
-    told = made.as_dict(write)
+    kept = made.as_dict(write)
     emit(
-        {**record, "calibrated": told},
+        {**record, "calibrated": kept},
         json,
-        lambda: Group(diagnosis_table(found.inference, record), *calibrated_lines(told)),
+        lambda: Group(diagnosis_table(found.inference, record), *calibrated_lines(kept)),
     )

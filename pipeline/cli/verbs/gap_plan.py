@@ -1,4 +1,4 @@
-"""``gap plan``: which shifts to make before anyone goes to the bench."""
+"""``gap plan``: shifts to make before any is made."""
 
 from __future__ import annotations
 
@@ -36,11 +36,11 @@ def gap_plan(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Plan the shifts of a bench: where, how many, in which order, and what they can tell apart.
+    """Plan the shifts of a bench: operating points, numbers, order, and causes they distinguish.
 
-    The order is random but for a reference point that comes at the beginning, in the middle and
-    at the end, so that a drift of the stand shows. Times that a data set has are not looked at. A
-    study, or a clutch of your own, has to be simulated once, as for 'dogshape gap'.
+    The order is random but for a reference point at the beginning, in the middle and at the end,
+    so that a drift of the stand shows. Times of a data set are not used. A study, or a clutch of
+    your own, is simulated once, as for 'dogshape gap'.
 
     Example: dogshape gap plan mq200_stand --shifts 120 --out shifts.csv
     """

@@ -28,7 +28,7 @@ def gap_update(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Join new readings to the data of an earlier diagnosis, and say what they change and why.
+    """Join new readings to the data of an earlier diagnosis, and compare both answers.
 
     Units and corrections are those of the earlier data. The folder keeps the earlier record as
     gap-0.json, gap-1.json and so on, and all updates in updates.json.

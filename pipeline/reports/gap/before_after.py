@@ -16,18 +16,18 @@ from dogshape.pipeline.reports.kit.text import place_name
 BESIDE = 4  #: panels side by side
 MOST = 8  #: forces that have a panel each
 BENCH: Row = {"color": INK, "size": 8, "symbol": "circle"}
-PLAIN = "without any effect"  #: name of the simulation before
+PLAIN, LEADING = "without effects", "leading hypothesis, point held out"  #: names of curves
 _Pick = Callable[[CellRow], tuple[float | None, float]]  #: time, s, and half its interval, ms
 
 
-def before_figure(cells: list[CellRow], leading: str, plain: str = PLAIN) -> go.Figure:
+def before_figure(cells: list[CellRow], plain: str = PLAIN) -> go.Figure:
     """Draw mean times over mismatch, a panel for each force; a line each where forces are many.
 
-    ``leading`` names what the second curve has, empty for no such curve; ``plain`` is the first.
+    ``plain`` names the simulation; cells with a prediction have a second curve.
     """
     forces = sorted({cell.force_N for cell in cells})
     if len(forces) > MOST or len(cells) < 2 * len(forces):
-        return _listed(cells, leading, plain)
+        return _listed(cells, plain)
     columns = min(BESIDE, len(forces))
     rows = -(-len(forces) // columns)
     figure = make_subplots(
@@ -36,7 +36,7 @@ def before_figure(cells: list[CellRow], leading: str, plain: str = PLAIN) -> go.
     )  # fmt: skip
     for place, force in enumerate(forces):
         those = sorted((c for c in cells if c.force_N == force), key=lambda c: c.mismatch_rpm)
-        for trace in _curves(those, leading, plain, first=place == 0):
+        for trace in _curves(those, plain, first=place == 0):
             figure.add_trace(trace, place // columns + 1, place % columns + 1)
     figure = mismatch_axes(figure, [c.mismatch_rpm for c in cells], 130 + 290 * rows, rows)
     return figure.update_layout(legend={"y": 1.0 + 0.12 / rows}, margin={"t": 80})
@@ -48,7 +48,7 @@ def compared_figure(compared: Comparison) -> go.Figure:
     The band is 90 % of what the difference may be by chance; it is drawn about the simulation.
     """
     cells = [row_of(one, one.standard_error) for one in compared.differences]
-    return before_figure(cells, "", plain="simulated")
+    return before_figure(cells, "simulated")
 
 
 def _simulated(cell: CellRow) -> tuple[float | None, float]:
@@ -56,7 +56,7 @@ def _simulated(cell: CellRow) -> tuple[float | None, float]:
 
 
 def _predicted(cell: CellRow) -> tuple[float | None, float]:
-    return cell.foretold_s, _half(cell.foretold_error_s)
+    return cell.predicted_s, _half(cell.predicted_error_s)
 
 
 def _bench(cell: CellRow) -> tuple[float | None, float]:
@@ -73,11 +73,12 @@ def _known(cells: Sequence[CellRow], pick: _Pick) -> list[tuple[CellRow, float, 
     return [(cell, 1e3 * mean, half) for cell, mean, half in picked if mean is not None]
 
 
-def _curves(cells: Sequence[CellRow], leading: str, plain: str, *, first: bool) -> list[go.Scatter]:
+def _curves(cells: Sequence[CellRow], plain: str, *, first: bool) -> list[go.Scatter]:
     """Draw bands, lines and points of one force."""
-    sides = [(plain, ORANGE, "rgba(200,89,12,0.16)", "dash", _simulated)]
-    if leading:
-        sides.append((f"with {leading}", BLUE, "rgba(31,95,168,0.22)", "solid", _predicted))
+    sides = (
+        (plain, ORANGE, "rgba(200,89,12,0.16)", "dash", _simulated),
+        (LEADING, BLUE, "rgba(31,95,168,0.22)", "solid", _predicted),
+    )
     found = []
     for name, color, pale, dash, pick in sides:
         rows = _known(cells, pick)
@@ -103,13 +104,13 @@ def _curves(cells: Sequence[CellRow], leading: str, plain: str, *, first: bool) 
     return [*found, points]
 
 
-def _listed(cells: list[CellRow], leading: str, plain: str) -> go.Figure:
+def _listed(cells: list[CellRow], plain: str) -> go.Figure:
     """Draw a line for each operating point."""
     ordered = sorted(cells, key=lambda c: c.place, reverse=True)
     figure = go.Figure()
     for name, marker, pick in (
         (plain, {"color": ORANGE, "symbol": "square-open", "size": 10}, _simulated),
-        (f"with {leading}", {"color": BLUE, "symbol": "diamond", "size": 10}, _predicted),
+        (LEADING, {"color": BLUE, "symbol": "diamond", "size": 10}, _predicted),
         ("bench", BENCH, _bench),
     ):
         if rows := _known(ordered, pick):

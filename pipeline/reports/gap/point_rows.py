@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from dogshape.diagnosis.bench.comparison import PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.prediction.hypotheses import NONE
+from dogshape.diagnosis.terms import NONE
 from dogshape.sim.units import RPM
 
 NINETY = 1.645  #: standard errors of a 90 % interval, either side
@@ -25,10 +24,10 @@ class CellRow:
     ----------
     shifts : that have a time.
     engaged, failed, unknown : shifts counted.
-    bench_s, bench_error_s : mean on the bench, and its error from the simulated spread.
+    bench_s, bench_error_s : mean on the bench, and its error from the predicted spread.
     simulated_s, simulated_error_s : without any effect.
     gap_s, error_s, z : bench less simulation, its error, and one over the other.
-    foretold_s, foretold_error_s : mean with the leading hypothesis; None where that is none.
+    predicted_s, predicted_error_s : mean of the leading hypothesis, fitted to all other points.
     """
 
     mismatch_rpm: float
@@ -44,8 +43,8 @@ class CellRow:
     gap_s: float | None
     error_s: float | None
     z: float | None
-    foretold_s: float | None
-    foretold_error_s: float | None
+    predicted_s: float | None
+    predicted_error_s: float | None
 
     @property
     def place(self) -> tuple[float, float]:
@@ -55,7 +54,19 @@ class CellRow:
 
 def cells_of(found: Diagnosis) -> list[CellRow]:
     """List the operating points of a diagnosis, in the order of its data set."""
-    return [_cell(found, place) for place in range(len(found.bench.cells))]
+    held_out, nearest = found.held_out, found.fits[found.leading].predicted
+    spread = np.sqrt((nearest.sd**2).mean(axis=0))
+    errors = found.fits[NONE].predicted.error.mean(axis=0)
+    return [
+        row_of(
+            point,
+            simulated_error=_number(errors[k]),
+            bench_error=_number(spread[k] / point.cell.n**0.5) if point.cell.n else None,
+            predicted=_number(held_out.mean[k]) if found.leading != NONE else None,
+            predicted_error=_number(held_out.sd[k]) if found.leading != NONE else None,
+        )
+        for k, point in enumerate(found.gaps)
+    ]
 
 
 def row_of(
@@ -78,21 +89,8 @@ def row_of(
         gap_s=point.gap,
         error_s=None if point.gap is None else _number(point.standard_error),
         z=None if point.z is None else _number(point.z),
-        foretold_s=predicted,
-        foretold_error_s=predicted_error,
-    )
-
-
-def _cell(found: Diagnosis, place: int) -> CellRow:
-    cell, said, base = found.bench.cells[place], found.mean_prediction, found.baseline
-    single = _number(said.single[place]) or _number(base.sd[0, place] ** 2) or math.nan
-    led = found.leading != NONE
-    return row_of(
-        PointGap(cell, _number(base.mean[0, place]), float(found.metric.mean[place])),
-        simulated_error=_number(base.error[0, place]),
-        bench_error=_number(math.sqrt(single / cell.n)) if cell.n else None,
-        predicted=_number(said.mean[place]) if led else None,
-        predicted_error=_number(math.sqrt(said.variance[place])) if led else None,
+        predicted_s=predicted,
+        predicted_error_s=predicted_error,
     )
 
 
@@ -103,10 +101,9 @@ def _number(value: float) -> float | None:
 def table(cells: list[CellRow]) -> str:
     """Write all operating points as CSV."""
     text = io.StringIO()
-    rows = [asdict(cell) for cell in cells]
     writer = csv.DictWriter(text, list(CellRow.__dataclass_fields__), lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    writer.writerows(asdict(cell) for cell in cells)
     return text.getvalue()
 
 

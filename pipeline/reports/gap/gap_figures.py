@@ -1,15 +1,18 @@
-"""Map of the gap over mismatch and force, in ms and in standard errors."""
+"""Figures of a diagnosis: map of the gap, inclusion of the effects, phases along the shift."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.gap.point_rows import CellRow, unreadable
-from dogshape.pipeline.reports.kit.look import GREY, styled
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.report.phase_times import PhaseGap
+from dogshape.diagnosis.report.wording import chance
+from dogshape.pipeline.reports.gap.point_rows import NINETY, CellRow, unreadable
+from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, ORANGE, Row, styled
 from dogshape.pipeline.reports.kit.maps import (
     LOSS_TO_GAIN,
     cover,
@@ -24,10 +27,18 @@ from dogshape.pipeline.reports.kit.text import minus, place_name
 CLEAR = 2.0  #: standard errors from which a gap is framed
 DEEP = 4.0  #: standard errors that have the deepest color, if none is larger
 FILLED = 0.5  #: share of a grid that must be filled to be drawn as one
+LEAST = 0.01  #: probability from which an effect has a bar
 FASTER_TO_SLOWER = tuple(
     (share, color)
     for (share, _), (_, color) in zip(LOSS_TO_GAIN, reversed(LOSS_TO_GAIN), strict=True)
 )
+#: Bars that differ without colour.
+SOLID: Row = {"color": BLUE, "line": {"color": INK, "width": 1}}
+HOLLOW: Row = {"color": "white", "line": {"color": INK, "width": 1}}
+HATCHED: Row = {
+    "color": ORANGE, "line": {"color": INK, "width": 1},
+    "pattern": {"shape": "/", "fgcolor": "white", "size": 7},
+}  # fmt: skip
 
 
 def gap_map_figure(cells: list[CellRow]) -> go.Figure:
@@ -98,3 +109,54 @@ def _in_errors(cell: CellRow) -> tuple[float | None, str]:
 def _plus(value: float) -> str:
     digits = 0 if math.fabs(value) >= 9.95 else 1
     return minus(f"{value:+.{digits}f}")
+
+
+def inclusion_figure(found: Diagnosis) -> go.Figure:
+    """Draw the probability of each effect to be part of the cause; named effects are filled."""
+    those = [(n, p) for n, p in found.inclusion.items() if p >= LEAST or n in found.verdict.causes]
+    those.sort(key=lambda one: one[1])
+    named = [name in found.verdict.causes for name, _ in those]
+    figure = go.Figure()
+    for title, marker, inside in (("named", SOLID, True), ("not named", HOLLOW, False)):
+        bars = [one for one, there in zip(those, named, strict=True) if there == inside]
+        if bars:
+            figure.add_bar(
+                y=[found.effects[name].plain for name, _ in bars], x=[p for _, p in bars],
+                name=title, orientation="h", marker=marker, width=0.6,
+                text=[chance(p) for _, p in bars], textposition="outside", cliponaxis=False,
+                hovertemplate="%{y}: %{text}<extra></extra>",
+            )  # fmt: skip
+    names = [found.effects[name].plain for name, _ in those]
+    figure.update_layout(barmode="overlay", legend={"traceorder": "normal"})
+    figure.update_yaxes(categoryorder="array", categoryarray=names, automargin=True, ticks="")
+    fifths = [0.0, 0.2, 0.4, 0.6, 0.8, 1.0]
+    figure.update_xaxes(title="probability", range=[0.0, 1.12], tickformat=".0%", tickvals=fifths)
+    return styled(figure, 130 + 34 * len(names))
+
+
+def phases_figure(phases: Sequence[PhaseGap]) -> go.Figure:
+    """Draw the mean duration of each phase on the bench and in the simulation, ms."""
+    figure = go.Figure()
+    names = [phase.name for phase in phases]
+    sides = (
+        ("simulation", HATCHED, [p.simulated_mean for p in phases]),
+        ("bench", SOLID, [p.bench_mean for p in phases]),
+    )
+    for name, marker, means in sides:
+        figure.add_bar(
+            x=names, y=[1e3 * mean for mean in means], name=name, marker=marker,
+            hovertemplate=f"{name}, %{{x}}: %{{y:.1f}} ms<extra></extra>",
+        )  # fmt: skip
+    for phase in phases:
+        top = 1e3 * max(phase.bench_mean, phase.simulated_mean)
+        figure.add_annotation(
+            x=phase.name, y=top, text=phase_words(phase), showarrow=False, yshift=14,
+        )  # fmt: skip
+    figure.update_layout(barmode="group")
+    figure.update_yaxes(title="mean duration, ms", rangemode="tozero")
+    return styled(figure, 360)
+
+
+def phase_words(phase: PhaseGap) -> str:
+    """Print the gap of a phase with its 90 % interval, ms."""
+    return minus(f"{1e3 * phase.gap:+.1f} ± {NINETY * 1e3 * phase.standard_error:.1f}")

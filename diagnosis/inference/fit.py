@@ -1,0 +1,115 @@
+"""A hypothesis fitted to a data set: equally weighted draws of its posterior."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import chi2
+
+from dogshape.diagnosis.inference.sampling import Sample
+from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
+from dogshape.diagnosis.prediction.model import Predicted, Space
+from dogshape.diagnosis.terms import Array, Hypothesis
+
+DRAWN = 400  #: posterior draws
+CHECKED = 60  #: of these, for the predictive check
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Posterior mean, and the ends of 90 %."""
+
+    mean: float
+    low: float
+    high: float
+
+    @classmethod
+    def of(cls, draws: Array) -> Interval:
+        """Summarise draws."""
+        low, high = np.quantile(draws, (0.05, 0.95))
+        return cls(float(draws.mean()), float(low), float(high))
+
+    def as_dict(self) -> dict[str, float]:
+        """Write the numbers by name."""
+        return {"mean": self.mean, "low": self.low, "high": self.high}
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A hypothesis fitted to a data set.
+
+    Parameters
+    ----------
+    space : parameters of the hypothesis.
+    shares : K equally weighted draws of the posterior, in the unit cube of the ranges, (K, p).
+    predicted : of each draw, (K, C).
+    amplitude : of the discrepancy, as a share of the predicted time, (K,).
+    offset : errors in common, discrepancy among them, drawn with each, s, (K, C).
+    log_evidence : and its standard error.
+    p : predictive p-value.
+    """
+
+    hypothesis: Hypothesis
+    space: Space
+    shares: Array
+    predicted: Predicted
+    amplitude: Array
+    offset: Array
+    log_evidence: float
+    error: float
+    p: float
+
+    @cached_property
+    def values(self) -> Array:
+        """Values of the parameters, (K, p)."""
+        return self.space.values(self.shares)
+
+    def interval(self, parameter: str) -> Interval:
+        """Summarise a parameter."""
+        names = [one.name for one in self.space.parameters]
+        return Interval.of(self.values[:, names.index(parameter)])
+
+    @property
+    def intervals(self) -> dict[str, Interval]:
+        """All parameters with their intervals."""
+        return {one.name: self.interval(one.name) for one in self.space.parameters}
+
+
+def fit(likelihood: Likelihood, sample: Sample) -> Fit:
+    """Draw the posterior of a hypothesis."""
+    generator = np.random.default_rng(1)
+    places = sample.draw(DRAWN, generator)
+    predicted = sample.predicted.only(places)
+    amplitude, offset = likelihood.drawn(predicted, generator)
+    return Fit(
+        sample.hypothesis,
+        likelihood.model.space(sample.hypothesis),
+        sample.shares[places],
+        predicted,
+        amplitude,
+        offset,
+        sample.log_evidence,
+        sample.error,
+        predictive_p(likelihood, predicted, amplitude),
+    )
+
+
+def predictive_p(likelihood: Likelihood, predicted: Predicted, amplitude: Array) -> float:
+    """Compute the p-value of the squared distance of means and spreads at the best draw.
+
+    Its degrees of freedom are the observations less the parameters that the data determine, which
+    are the excess of the mean distance over the draws above the least one.
+    """
+    some = np.linspace(0, len(amplitude) - 1, CHECKED).astype(int)
+    p = predicted.only(some)
+    found = likelihood.terms(p)
+    simulated = (p.mean - p.delay)[..., None]
+    smooth = amplitude[some, None, None] * simulated * likelihood.smooth
+    columns = np.concatenate([smooth, likelihood.columns(p)], axis=2)[:, likelihood.having]
+    distance = squared_distance(found.residual, found.variance, columns)
+    distance = distance + np.nansum(found.spread**2, axis=1)
+    count = found.residual.shape[1] + np.isfinite(found.spread[0]).sum()
+    determined = float(distance.mean() - distance.min())
+    return float(chi2.sf(distance.min(), max(1.0, count - determined)))
