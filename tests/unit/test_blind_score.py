@@ -46,7 +46,7 @@ def _found(
     chances: dict[tuple[str, ...], float], verdict: str, causes: list[str], **more: Any
 ) -> dict[str, Any]:
     hypotheses = [
-        {"effects": list(h), "probability": p, "evidence_probability": p, "p": 0.4}
+        {"effects": list(h), "probability": p, "evidence_probability": p, "predictive_p": 0.4}
         for h, p in chances.items()
     ]
     hypotheses[0]["parameters"] = more.pop("parameters", {})
@@ -100,7 +100,7 @@ def test_figures_of_made_up_results() -> None:
 
 
 def test_what_is_outside_is_recognised_by_unknown_or_by_its_drift() -> None:
-    drift = {"drift": {"mean": -0.3, "sd": 0.1}}
+    drift = {"drift": {"share": {"mean": -0.3, "low": -0.5, "high": -0.1}}}
     plain = _found({(): 0.9, MASS: 0.1}, "none", [])
     said = _found({(): 0.9, MASS: 0.1}, "none", [], **drift)
     named = _found({MASS: 0.9, (): 0.1}, "effect", ["moving_mass"], **drift)

@@ -43,7 +43,7 @@ class Mark:
     posterior, evidence : probabilities; empty where the data were refused.
     inside : for each true size whether its 90 % interval holds it, where the truth leads.
     p : predictive p-value of the leading hypothesis.
-    drift : whether a drift over the series is said.
+    drift : whether a drift over the series is said, with its 90 % interval on one side of 0.
     """
 
     name: str
@@ -141,10 +141,10 @@ def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advi
     also = between([tuple(p) for p in yard.get("seen_as", ())], causes)
     posterior = {h: float(one["probability"]) for h, one in every.items()}
     top = max(posterior, key=lambda h: posterior[h], default=UNKNOWN)
-    drift = found.get("drift")
+    drift = (found.get("drift") or {}).get("share")
     sizes = {n: v for values in truth["parameters"].values() for n, v in values.items()}
     given: Record = every.get(top, {}).get("parameters", {}) if top == causes else {}
-    open_ = found.get("verdict") == "ambiguous" and "next_test" in found
+    open_ = found.get("verdict") == "ambiguous" and found.get("next_test")
     return Mark(
         name=name,
         kind=truth["kind"],
@@ -163,8 +163,8 @@ def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advi
         inside=tuple(
             given[n]["low"] <= v <= given[n]["high"] for n, v in sizes.items() if n in given
         ),
-        p=every[top].get("p") if top in every else None,
-        drift=bool(drift and abs(drift["mean"]) > 2.0 * drift["sd"]),
+        p=every.get(top, {}).get("predictive_p"),
+        drift=bool(drift and drift["low"] * drift["high"] > 0.0),
         cpu=float(result["cpu_s"]),
         advised=advise(folder / "cases" / name, truth, (causes, *also)) if open_ else None,
     )

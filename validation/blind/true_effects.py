@@ -7,7 +7,6 @@ of the prior: of the range where the prior is uniform, of the logarithm where it
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any

@@ -141,11 +141,11 @@ def rivals_of(kind: str, causes: Sequence[str], effects: Iterable[str]) -> list[
     """List the rivals of a truth: none and each other single effect, and pairs that can be it.
 
     Of two and more causes pairs with one of them at least are rivals, of what is outside the list
-    all pairs.
+    all pairs. The reversed sense is a rival alone.
     """
-    names, mine = sorted(effects), tuple(sorted(causes))
-    singles: list[Hypothesis] = [NONE, *((n,) for n in names if (n,) != mine)]
-    pairs = list(itertools.combinations([n for n in names if n != REVERSED], 2))
+    names, mine = sorted({*effects} - {REVERSED}), tuple(sorted(causes))
+    singles: list[Hypothesis] = [NONE, *((n,) for n in (*names, REVERSED) if (n,) != mine)]
+    pairs = list(itertools.combinations(names, 2))
     if kind == "outside":
         return [*singles, *pairs]
     if len(mine) < 2:
