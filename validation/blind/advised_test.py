@@ -69,7 +69,7 @@ def judged_by_test(
     if test.information is None:
         return None
     outcome = outcome_of(folder, case, diagnosis, test)
-    after: Mapping[Names, float] = settle(diagnosis, test, outcome)
+    after: Mapping[Names, float] = settle(diagnosis, test, outcome, diagnosis.flights.marks)
     top = max(after, key=lambda h: after[h])
     sure = after[top] > diagnosis.settings.named
     wrong = not set(top) <= set(right[0])
@@ -85,8 +85,7 @@ def outcome_of(
     """Make the outcome of a test; NaN for what is not shown."""
     generator = np.random.default_rng([case.seed, 73])
     if test.kind == "record":
-        true = {"time_zero": "command", "displacement_at": case.sensor, "empty_cells": "failed"}
-        return true[test.question]
+        return {"time_zero": "command", "displacement_at": case.sensor}[test.question]
     if test.kind == "direct":
         exact = readings_of(case, diagnosis, test)
         return generator.normal(exact, diagnosis.settings.test_error).tolist()
