@@ -19,7 +19,7 @@ import numpy as np
 from dogshape.validation.blind.stand import Point, Truth
 from dogshape.validation.blind.true_effects import RANGES, Values, contact_of, truth_of, values_of
 
-Kind = Literal["none", "single", "pair", "three", "beyond", "outside"]
+Kind = Literal["none", "single", "pair", "three", "outside"]
 Form = Literal["means", "singles", "traces"]
 
 #: Clutches by name: folders of the bundled data.
@@ -27,7 +27,7 @@ CLUTCHES = {"prototype": "bench/mq200_adams", "large": "blind/large", "hub": "bl
 SEED = 7042  #: of the draws, unless another is given
 #: Cases by engine and kind; those outside the list by name.
 COUNTS: dict[str, dict[str, int]] = {
-    "planar": {"none": 31, "single": 36, "pair": 28, "three": 6, "beyond": 4},
+    "planar": {"none": 31, "single": 38, "pair": 30, "three": 6},
     "mujoco": {"none": 14, "single": 14, "pair": 7, "three": 2},
 }
 OUTSIDE: dict[str, dict[str, int]] = {
@@ -53,7 +53,7 @@ OUTSIDE: dict[str, dict[str, int]] = {
 SMALL = {"none": 1, "single": 1, "pair": 1}
 #: Candidates of a case by engine and kind, where there are several.
 DRAWS: dict[str, dict[str, int]] = {
-    "planar": {"single": 2, "pair": 5, "three": 2, "beyond": 2, "outside": 2},
+    "planar": {"single": 2, "pair": 5, "three": 2, "outside": 2},
     "mujoco": {"pair": 2, "outside": 2},
 }
 COMMON = ("actuation_delay", "sleeve_friction")  #: likely in every bench
@@ -68,15 +68,6 @@ SPREADS = 0.5  #: share of cases with means only that have standard deviations
 UNLABELLED = 0.25  #: share of records that leave a convention unknown
 LEAST = 0.5  #: least strength of an effect
 DRIFTS, STRENGTHS = (0.4, 0.8), (0.7, 1.0)  #: of a drift, and of anything else outside the list
-#: Effects beyond their priors, in units of the parameters, from and to.
-BEYOND: dict[str, tuple[str, float, float]] = {
-    "actuation_delay": ("delay_s", 0.42, 0.55),
-    "actuation_lag": ("lag_s", 0.48, 0.7),
-    "viscous_damping": ("damping_Ns_m", 1700.0, 2600.0),
-    "moving_mass": ("added_mass_kg", 19.0, 30.0),
-    "force_scale": ("force_factor", 0.35, 0.47),
-    "drag_torque": ("drag_Nm", 8.4, 13.0),
-}
 #: Outside the list, seen by the spread of single shifts or by their order alone.
 BY_SINGLES = ("drift", "sticking_valve", "hanging_valve")
 
@@ -176,10 +167,9 @@ def _wanted(
 ) -> list[tuple[Kind, str]]:
     """List kind, and effect or thing outside the list where it is fixed, of an engine's cases."""
     listed = generator.permutation(sorted(RANGES)).tolist()
-    beyond = generator.permutation(sorted(BEYOND)).tolist()
     found: list[tuple[Kind, str]] = []
     for kind, count in counts.items():
-        names = {"single": listed, "beyond": beyond}.get(kind, [""])
+        names = listed if kind == "single" else [""]
         found += [(kind, names[k % len(names)]) for k in range(count)]  # type: ignore[misc]
     outside = OUTSIDE[engine] if counts is not SMALL else dict.fromkeys([*OUTSIDE[engine]][:1], 1)
     return found + [("outside", name) for name, count in outside.items() for _ in range(count)]
@@ -193,9 +183,6 @@ def _causes(
         return {}, {}
     if kind == "outside":
         return {}, {name: float(generator.uniform(*(DRIFTS if name == "drift" else STRENGTHS)))}
-    if kind == "beyond":
-        parameter, low, high = BEYOND[name]
-        return {name: {parameter: float(generator.uniform(low, high))}}, {}
     names = [name]
     if kind != "single":
         many = 2 if kind == "pair" else 3

@@ -224,21 +224,9 @@ def headline(marks: Sequence[Mark]) -> dict[str, Interval]:
         "test_misleads": share(one.misled for one in tests),
         "test_foreseen": mean(one.foreseen - one.settled for one in tests),
         "cpu_s": mean(m.cpu for m in marks),
-        "p_median": median(p),
+        "p_median": _alone(float(np.median(p)) if p else None, len(p)),
         "p_uniform": _alone(float(kstest(p, "uniform").pvalue) if len(p) > 1 else None, len(p)),
     }
-
-
-def median(values: Sequence[float], seed: int = 0) -> Interval:
-    """Compute a median with a bootstrap's 95 % interval."""
-    if not values:
-        return _alone(None, 0)
-    given = np.array(values)
-    drawn = np.random.default_rng(seed).integers(given.size, size=(2000, given.size))
-    low, high = np.quantile(np.median(given[drawn], axis=1), (0.025, 0.975))
-    return {
-        "value": float(np.median(given)), "low": float(low), "high": float(high), "n": given.size
-    }  # fmt: skip
 
 
 def _alone(value: float | None, n: int) -> Interval:

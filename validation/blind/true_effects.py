@@ -21,12 +21,14 @@ Values = dict[str, float]
 
 @dataclass(frozen=True)
 class Range:
-    """A parameter in the unit that its name ends in: its prior and what changes nothing.
+    """A parameter in the unit that its name ends in: its field of the truth, and its prior.
 
-    ``by_strength`` is False for a place that is drawn anew, such as that of a detent.
+    ``neutral`` changes nothing. ``by_strength`` is False for a place, such as that of a detent.
     """
 
     name: str
+    field: str
+    unit: float
     low: float
     high: float
     log: bool = False
@@ -52,70 +54,41 @@ class Range:
 
 #: The list: parameters by effect.
 RANGES: dict[str, tuple[Range, ...]] = {
-    "actuation_delay": (Range("delay_s", 0.0, 0.4),),
-    "actuation_lag": (Range("lag_s", 0.003, 0.45, True),),
-    "axial_gap": (Range("gap_offset_mm", -0.8, 0.8),),
-    "chamfer_angle": (Range("chamfer_offset_deg", -4.0, 4.0),),
+    "actuation_delay": (Range("delay_s", "delay", 1.0, 0.0, 0.4),),
+    "actuation_lag": (Range("lag_s", "lag", 1.0, 0.003, 0.45, True),),
+    "axial_gap": (Range("gap_offset_mm", "gap_offset", MM, -0.8, 0.8),),
+    "chamfer_angle": (Range("chamfer_offset_deg", "chamfer_offset", DEG, -4.0, 4.0),),
     "contact_friction": (
-        Range("static_friction", 0.05, 0.45, neutral=0.30),
-        Range("dynamic_friction", 0.03, 0.35, neutral=0.16),
+        Range("static_friction", "static_friction", 1.0, 0.05, 0.45, neutral=0.30),
+        Range("dynamic_friction", "dynamic_friction", 1.0, 0.03, 0.35, neutral=0.16),
     ),
     "detent_force": (
-        Range("detent_N", 10.0, 200.0, True),
-        Range("position_mm", 0.5, 4.5, neutral=0.5, by_strength=False),
+        Range("detent_N", "detent", 1.0, 10.0, 200.0, True),
+        Range("position_mm", "detent_position", MM, 0.5, 4.5, neutral=0.5, by_strength=False),
     ),
-    "drag_torque": (Range("drag_Nm", 0.02, 8.0, True),),
-    "force_loss": (Range("loss_N", 2.0, 150.0, True),),
-    "force_rise": (Range("rise_factor", 0.4, 2.5, True, 1.0),),
-    "force_scale": (Range("force_factor", 0.5, 1.5, neutral=1.0),),
-    "free_play": (Range("free_play_mm", 0.05, 2.0, True),),
+    "drag_torque": (Range("drag_Nm", "drag_torque", 1.0, 0.02, 8.0, True),),
+    "force_loss": (Range("loss_N", "force_loss", 1.0, 2.0, 150.0, True),),
+    "force_rise": (Range("rise_factor", "rise_factor", 1.0, 0.4, 2.5, True, 1.0),),
+    "force_scale": (Range("force_factor", "force_factor", 1.0, 0.5, 1.5, neutral=1.0),),
+    "free_play": (Range("free_play_mm", "free_play", MM, 0.05, 2.0, True),),
     "linkage_compliance": (
-        Range("compliance_mm_kN", 0.3, 35.0, True),
-        Range("mass_behind_kg", 0.03, 18.0, True, by_strength=False),
+        Range("compliance_mm_kN", "compliance", 1e-6, 0.3, 35.0, True),
+        Range("mass_behind_kg", "added_mass", 1.0, 0.03, 18.0, True, by_strength=False),
     ),
     "mismatch_speed": (
-        Range("offset_rpm", -4.0, 4.0),
-        Range("mismatch_factor", 0.75, 1.25, neutral=1.0),
+        Range("offset_rpm", "mismatch_offset", RPM, -4.0, 4.0),
+        Range("mismatch_factor", "mismatch_factor", 1.0, 0.75, 1.25, neutral=1.0),
     ),
-    "moving_mass": (Range("added_mass_kg", 0.03, 18.0, True),),
+    "moving_mass": (Range("added_mass_kg", "added_mass", 1.0, 0.03, 18.0, True),),
     "relative_angle": (
-        Range("concentration", 0.1, 10.0, True),
-        Range("centre_pitch", 0.0, 1.0, by_strength=False),
+        Range("concentration", "concentration", 1.0, 0.1, 10.0, True),
+        Range("centre_pitch", "centre", 1.0, 0.0, 1.0, by_strength=False),
     ),
     "reversed_mismatch": (),
-    "sleeve_friction": (Range("friction_N", 3.0, 200.0, True),),
-    "sliding_inertia": (Range("inertia_factor", 1.1, 8.0, True, 1.0),),
-    "spline_friction": (Range("spline_friction", 0.01, 0.3, True),),
-    "viscous_damping": (Range("damping_Ns_m", 5.0, 1600.0, True),),
-}
-
-#: Field of the truth and factor to it, by parameter.
-FIELDS: dict[str, tuple[str, float]] = {
-    "delay_s": ("delay", 1.0),
-    "lag_s": ("lag", 1.0),
-    "gap_offset_mm": ("gap_offset", MM),
-    "chamfer_offset_deg": ("chamfer_offset", DEG),
-    "static_friction": ("static_friction", 1.0),
-    "dynamic_friction": ("dynamic_friction", 1.0),
-    "detent_N": ("detent", 1.0),
-    "position_mm": ("detent_position", MM),
-    "drag_Nm": ("drag_torque", 1.0),
-    "force_factor": ("force_factor", 1.0),
-    "free_play_mm": ("free_play", MM),
-    "compliance_mm_kN": ("compliance", 1e-6),
-    "offset_rpm": ("mismatch_offset", RPM),
-    "mismatch_factor": ("mismatch_factor", 1.0),
-    "added_mass_kg": ("added_mass", 1.0),
-    # A mass behind a linkage is where added mass is; both add up.
-    "mass_behind_kg": ("added_mass", 1.0),
-    "loss_N": ("force_loss", 1.0),
-    "rise_factor": ("rise_factor", 1.0),
-    "inertia_factor": ("inertia_factor", 1.0),
-    "concentration": ("concentration", 1.0),
-    "centre_pitch": ("centre", 1.0),
-    "friction_N": ("friction", 1.0),
-    "spline_friction": ("spline_friction", 1.0),
-    "damping_Ns_m": ("damping", 1.0),
+    "sleeve_friction": (Range("friction_N", "friction", 1.0, 3.0, 200.0, True),),
+    "sliding_inertia": (Range("inertia_factor", "inertia_factor", 1.0, 1.1, 8.0, True, 1.0),),
+    "spline_friction": (Range("spline_friction", "spline_friction", 1.0, 0.01, 0.3, True),),
+    "viscous_damping": (Range("damping_Ns_m", "damping", 1.0, 5.0, 1600.0, True),),
 }
 
 #: Field of the truth that an effect without parameters sets.
@@ -180,10 +153,10 @@ def truth_of(
     """
     fields: dict[str, Any] = {**(contact or {}), "sensor": sensor}
     fields |= {SWITCHES[effect]: True for effect in parameters if effect in SWITCHES}
-    for values in parameters.values():
-        for name, value in values.items():
-            field, factor = FIELDS[name]
-            fields[field] = fields.get(field, 0.0) + factor * value
+    for effect, values in parameters.items():
+        for one in RANGES[effect]:
+            if one.name in values:  # a mass behind a linkage and an added mass add up
+                fields[one.field] = fields.get(one.field, 0.0) + one.unit * values[one.name]
     for name, strength in outside.items():
         fields |= OUTSIDE[name](strength)
     return Truth(**fields)
