@@ -37,7 +37,7 @@ CASES = {
     "case_01": _truth("single", {"sleeve_friction": {"friction_N": 50.0}}, 50.0),
     "case_02": _truth("none", {}, 0.0),
     "case_03": _truth("pair", PAIR, 5.0),
-    "case_04": _truth("outside", {}, 50.0, causes=["unknown"], outside={"drift": 0.5}),
+    "case_04": _truth("outside", {}, 50.0, causes=["unknown"], outside={"driven_pump": 0.9}),
 }
 CASES["case_03"]["yardstick"]["seen_as"] = [["actuation_delay"]]
 
@@ -97,15 +97,6 @@ def test_figures_of_made_up_results() -> None:
     assert found["test_foreseen"] == (pytest.approx(-0.4), 1)
     assert found["cpu_s"] == (pytest.approx(2.6), 5)
     assert found["p_median"] == (0.4, 2)
-
-
-def test_what_is_outside_is_recognised_by_unknown_or_by_its_drift() -> None:
-    drift = {"drift": {"share": {"mean": -0.3, "low": -0.5, "high": -0.1}}}
-    plain = _found({(): 0.9, MASS: 0.1}, "none", [])
-    said = _found({(): 0.9, MASS: 0.1}, "none", [], **drift)
-    named = _found({MASS: 0.9, (): 0.1}, "effect", ["moving_mass"], **drift)
-    marks = [mark_of(Path(), "", CASES["case_04"], one, _advise) for one in (plain, said, named)]
-    assert [m.recognised for m in marks] == [False, True, False]
 
 
 def test_of_a_truth_everything_counts_that_has_what_is_seen_of_it() -> None:

@@ -97,15 +97,10 @@ def readings_of(case: Case, diagnosis: Diagnosis, test: NextTest) -> list[float]
     """Compute the exact readings of a direct test, as shares of the parameters' ranges.
 
     An effect without parameters reads 1 where it is there, else 0. What is outside the list reads
-    as what acts: a valve that sticks as its mean delay, drift as half of the force that it takes,
-    and a dog that stands out as a smaller gap.
+    as what acts: a valve that sticks as its mean delay, a dog that stands out as a smaller gap.
     """
     truth = case.truth
-    more = {
-        "delay_s": truth.waiting[0],
-        "force_factor": -0.5 * truth.drift,
-        "gap_offset_mm": -truth.high_dog / MM,
-    }
+    more = {"delay_s": truth.waiting[0], "gap_offset_mm": -truth.high_dog / MM}
     found = []
     for name in test.effects:
         effect, given = diagnosis.effects[name], case.parameters.get(name)

@@ -10,6 +10,7 @@ from typing import Any
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed, models_of
 from dogshape.sim.effects import load
 from dogshape.validation.blind.advised_test import Advised, Names, judged_by_test
@@ -24,16 +25,18 @@ def diagnose_folder(folder: Path) -> dict[str, Any]:
     return diagnosed(load_bench(folder), _means(1)).to_dict()
 
 
-def likelihood_of(folder: Path, sensor: str) -> Likelihood:
+def likelihood_of(folder: Path, sensor: str, model: Model | None = None) -> Likelihood:
     """Build the likelihood of a data set whose displacement is read at a side of the linkage.
 
-    A clutch is simulated where no bank has it.
+    ``model`` is that of its clutch and points, where it is known. A clutch is simulated where no
+    bank has it.
     """
     bench: Bench = load_bench(folder)
     record = replace(bench.record, displacement_at=sensor)
     bench = replace(bench, clutch=bench.clutch.with_engine(ENGINE), record=record)
     means = _means(0)
-    (model,) = models_of(bench, load(None), means).values()
+    if model is None:
+        (model,) = models_of(bench, load(None), means).values()
     return Likelihood(bench, observe(bench, model), model, means.settings)
 
 

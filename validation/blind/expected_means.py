@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from dogshape.validation.blind.cases import Case
-from dogshape.validation.blind.data import Array, engine_of, series_places, swapped
+from dogshape.validation.blind.data import Array, engine_of, swapped
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.stand import Point, Stand, Truth
 
-THIRDS = (1.0 / 6.0, 0.5, 5.0 / 6.0)  #: quantiles of the places in a series
-ANGLES = {"planar": 64, "mujoco": 20}  #: even ones, by engine
+ANGLES = {"planar": 48, "mujoco": 20}  #: even ones, by engine
 FAR, LEAST_FAR, SLOT = 8.0, 8e-3, 0.5  #: behind the median, from which a shift is late
 
 
@@ -27,43 +26,21 @@ class Expected:
 
 def expected_of(case: Case, stand: Stand, points: Sequence[Point]) -> Expected:
     """Simulate the means that the engine of a case expects of its truth, as the table has them."""
-    truth = case.truth
-    if not truth.drift:
-        found = expected(case.engine, stand, points, truth)
-    else:
-        steady = replace(truth, drift=0.0)
-        parts = [expected(case.engine, stand, points, steady, fades) for fades in fades_of(case)]
-        means = np.array([part.mean for part in parts])
-        inner = np.mean([part.sd**2 for part in parts], axis=0)
-        found = Expected(means.mean(axis=0), np.sqrt(inner + means.var(axis=0)))
-    order = swapped(case, points)
+    found, order = expected(case.engine, stand, points, case.truth), swapped(case, points)
     return Expected(found.mean[order], found.sd[order])
 
 
-def expected(
-    name: str,
-    stand: Stand,
-    points: Sequence[Point],
-    truth: Truth,
-    fades: Sequence[float] | None = None,
-) -> Expected:
+def expected(name: str, stand: Stand, points: Sequence[Point], truth: Truth) -> Expected:
     """Simulate even angles of nominal operating points, weighted as the truth draws them.
 
-    ``fades`` are the shares of the force that a drift has left at each point. A valve that sticks
-    or hangs delays by its mean, and its own spread joins that of the angles.
+    A valve that sticks or hangs delays by its mean, and its own spread joins that of the angles.
     """
     engine, count = engine_of(name, stand, truth), ANGLES[name]
     turns = (np.arange(count) + 0.5) / count
     late, spread = truth.waiting
     # Phases of a ripple go round several times while the angles go round once.
     draws = [Draw(turn * stand.pitch, late, 2.0 * np.pi * (7.0 * turn % 1.0)) for turn in turns]
-    times = np.array(
-        [
-            [engine.shift(point, replace(draw, fade=fade)).time for draw in draws]
-            for point, fade in zip(points, fades or [1.0] * len(points), strict=True)
-        ],
-        float,
-    )
+    times = np.array([[engine.shift(point, d).time for d in draws] for point in points], float)
     waits = np.array([min(stand.timeout, stand.pitch / abs(point.mismatch)) for point in points])
     weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
     return moments(timely(times, waits), weights, spread)
@@ -92,14 +69,3 @@ def moments(times: Array, weights: Array, more: float = 0.0) -> Expected:
     mean = (np.where(having, times, 0.0) * weights).sum(axis=1) / share
     apart = np.where(having, times - mean[:, None], 0.0)
     return Expected(mean, np.sqrt((apart**2 * weights).sum(axis=1) / share + more**2))
-
-
-def fades_of(case: Case) -> list[list[float]]:
-    """Compute shares of the force that a drift leaves, early, middle and late ones of each point.
-
-    They are (3, points), each for a third of the point's shifts.
-    """
-    last = max(1, sum(case.numbers) - 1)
-    places = [np.quantile(mine, THIRDS) for mine in series_places(case)]
-    fades: list[list[float]] = (1.0 - case.truth.drift * (np.array(places).T - 1) / last).tolist()
-    return fades

@@ -6,8 +6,8 @@
     DIR/key.json            truths, yardsticks and a salt
     DIR/making/             while a set is made: what is finished; gone once it is sealed
 
-Of several candidates of a case the one with the largest yardstick is kept. The yardstick
-(``validation.blind.yardstick``) is computed before anything is diagnosed, and sealed with the truth
+Of several candidates of a case the first one that is clear is kept, else the one with the largest
+yardstick. The yardstick (``validation.blind.yardstick``) is computed before anything is diagnosed, and sealed with the truth
 that it belongs to.
 """
 
@@ -24,20 +24,22 @@ from shutil import rmtree
 from typing import Any
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from dogshape.validation.blind.cases import CLUTCHES, Case, case_of, field_cases
 from dogshape.validation.blind.data import bench_text, simulated, write_case
 from dogshape.validation.blind.expected_means import expected, expected_of
-from dogshape.validation.blind.figures import HEADLINES, scoring_code
+from dogshape.validation.blind.figures import CLEAR, HEADLINES, scoring_code
 from dogshape.validation.blind.sealed import FORMAT, Advance, hash_of, ignore, pool, read
 from dogshape.validation.blind.stand import read_points, read_stand
 from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, seen_as
 
 Record = dict[str, Any]  #: key, manifest and parts of them, as they are kept in JSON
-#: Likelihood of a data set's folder, with the sensor at a side of the linkage.
-LikelihoodOf = Callable[[Path, str], Likelihood]
+#: Likelihood of a data set's folder, with the sensor at a side of the linkage; and its model,
+#: where that is known.
+LikelihoodOf = Callable[[Path, str, Model | None], Likelihood]
 
 MAKING, STANDS = "making", "stands"
 
@@ -75,7 +77,7 @@ def make_field(
         where.mkdir(parents=True, exist_ok=True)
         write_whole(where / "bench.toml", bench_text(base(stand), stand))
         write_whole(where / "shifts.csv", (base(stand) / "shifts.csv").read_text(encoding="utf-8"))
-        likelihood_of(where, "sleeve")
+        likelihood_of(where, "sleeve", None)
     with pool(jobs) as submit:
         pending = [
             submit(_made, folder, name, [one.record() for one in some], likelihood_of)
@@ -93,10 +95,24 @@ def _made(folder: Path, name: str, asked: list[Record], likelihood_of: Likelihoo
     asked = json.loads(json.dumps(asked))
     if path.exists() and read(path, "remove it")["asked"] == asked:
         return
-    made = [
-        _candidate(folder / MAKING / f"{name}_{k}" / name, case_of(record), likelihood_of)
-        for k, record in enumerate(asked)
-    ]
+    cases = [case_of(record) for record in asked]
+    where = base(cases[0].stand)
+    stand, every = read_stand(where), read_points(where)
+    points = [every[k] for k in cases[0].places]
+    # Candidates differ in their causes alone.
+    plain, model, made = expected(cases[0].engine, stand, points, cases[0].plain), None, []
+    for k, case in enumerate(cases):
+        data = folder / MAKING / f"{name}_{k}" / name
+        times = write_case(data, where, case, points, simulated(case, stand, points))
+        truth = plain if case.kind == "none" else expected_of(case, stand, points)
+        likelihood = likelihood_of(data, case.sensor, model)
+        model = likelihood.model
+        yardstick = yardstick_of(Yardstick(likelihood, truth, plain), case)
+        expectation = {key: part.tolist() for key, part in asdict(truth).items()}
+        more = {"times_s": times, "expected": expectation, "yardstick": yardstick}
+        made.append(case.record() | more)
+        if yardstick.get("noncentrality", 0.0) >= CLEAR:
+            break
     best = max(range(len(made)), key=lambda k: float(made[k]["yardstick"].get("noncentrality", 0)))
     rmtree(folder / "cases" / name, ignore_errors=True)
     (folder / "cases").mkdir(exist_ok=True)
@@ -104,23 +120,6 @@ def _made(folder: Path, name: str, asked: list[Record], likelihood_of: Likelihoo
     for k in range(len(made)):
         rmtree(folder / MAKING / f"{name}_{k}", ignore_errors=True)
     write_whole(path, json.dumps({"asked": asked, "made": made[best]}))
-
-
-def _candidate(folder: Path, case: Case, likelihood_of: LikelihoodOf) -> Record:
-    """Write the data of a case, and return its truth with expectations and yardstick."""
-    where = base(case.stand)
-    stand, every = read_stand(where), read_points(where)
-    points = [every[k] for k in case.places]
-    times = write_case(folder, where, case, points, simulated(case, stand, points))
-    plain = expected(case.engine, stand, points, case.plain)
-    truth = plain if case.kind == "none" else expected_of(case, stand, points)
-    stick = Yardstick(likelihood_of(folder, case.sensor), truth, plain)
-    return {
-        **case.record(),
-        "times_s": times,
-        "expected": {key: part.tolist() for key, part in asdict(truth).items()},
-        "yardstick": yardstick_of(stick, case),
-    }
 
 
 def yardstick_of(stick: Yardstick, case: Case) -> Record:

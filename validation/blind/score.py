@@ -43,7 +43,6 @@ class Mark:
     posterior, evidence : probabilities; empty where the data were refused.
     inside : for each true size whether its 90 % interval holds it, where the truth leads.
     p : predictive p-value of the leading hypothesis.
-    drift : whether a drift over the series is said, with its 90 % interval on one side of 0.
     """
 
     name: str
@@ -62,7 +61,6 @@ class Mark:
     credible: tuple[Names, ...]
     inside: tuple[bool, ...]
     p: float | None
-    drift: bool
     cpu: float
     advised: Advised | None = None
 
@@ -80,12 +78,6 @@ class Mark:
     def seen(self) -> tuple[Names, ...]:
         """Truth, and what of it the data can show."""
         return (self.truth, *self.also)
-
-    @property
-    def recognised(self) -> bool:
-        """Test that what is outside the list is said to be unknown, or a drift to be one."""
-        said = self.verdict in ("unknown", "refused")
-        return said or ("drift" in self.outside and self.drift and not self.causes)
 
     @property
     def said_less_right(self) -> float | None:
@@ -141,7 +133,6 @@ def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advi
     also = between([tuple(p) for p in yard.get("seen_as", ())], causes)
     posterior = {h: float(one["probability"]) for h, one in every.items()}
     top = max(posterior, key=lambda h: posterior[h], default=UNKNOWN)
-    drift = (found.get("drift") or {}).get("share")
     sizes = {n: v for values in truth["parameters"].values() for n, v in values.items()}
     given: Record = every.get(top, {}).get("parameters", {}) if top == causes else {}
     open_ = found.get("verdict") == "ambiguous" and found.get("next_test")
@@ -164,7 +155,6 @@ def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advi
             given[n]["low"] <= v <= given[n]["high"] for n, v in sizes.items() if n in given
         ),
         p=every.get(top, {}).get("predictive_p"),
-        drift=bool(drift and drift["low"] * drift["high"] > 0.0),
         cpu=float(result["cpu_s"]),
         advised=advise(folder / "cases" / name, truth, (causes, *also)) if open_ else None,
     )
@@ -204,6 +194,7 @@ def scored(marks: Sequence[Mark]) -> Record:
 def headline(marks: Sequence[Mark]) -> dict[str, Interval]:
     """Compute the headline figures of some cases, by name."""
     listed = [m for m in marks if m.clear and m.kind != "outside"]
+    outside = [m for m in marks if m.clear and m.kind == "outside"]
     none, named = [m for m in marks if m.kind == "none"], [m for m in marks if m.named]
     sure = [m for m in named if m.posterior.get(m.top, 0.0) > SURE]
     tests = [m.advised for m in marks if m.advised is not None]
@@ -216,7 +207,7 @@ def headline(marks: Sequence[Mark]) -> dict[str, Interval]:
         "wrong_sure": share(m.causes not in m.seen for m in sure),
         "false_alarms": share(m.named for m in none),
         "none_shown": share(m.verdict == "none" for m in none if m.shown),
-        "unknown": share(m.recognised for m in marks if m.clear and m.kind == "outside"),
+        "unknown": share(m.verdict in ("unknown", "refused") for m in outside),
         "credible": share(any(one in m.credible for one in m.seen) for m in marks if m.posterior),
         "sizes": share(inside for m in marks for inside in m.inside),
         "pairs_said": mean(m.said_less_right for m in marks if m.kind == "pair"),

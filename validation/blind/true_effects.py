@@ -96,7 +96,6 @@ SWITCHES = {"reversed_mismatch": "reversed"}
 
 #: Outside the list: fields of the truth at a strength in [0, 1].
 OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
-    "drift": lambda s: {"drift": min(0.95, 1.05 * s)},
     "sticking_valve": lambda s: {"sticking": 0.2 * s},
     #: Every other shift waits for a valve that hangs.
     "hanging_valve": lambda s: {"hang": 0.5, "hang_time": 0.15 * s},
