@@ -15,7 +15,6 @@ from scipy.special import logsumexp
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import PointGap
 from dogshape.diagnosis.bench.sense import REVERSED
-from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.inference.fit import Fit, Interval, fit
 from dogshape.diagnosis.inference.held_out import HeldOut, held_out
 from dogshape.diagnosis.inference.next_test import NextTest, choose
@@ -28,13 +27,14 @@ from dogshape.diagnosis.inference.static_readings import (
     measured_facts,
 )
 from dogshape.diagnosis.inference.verdict import Verdict, decide, inclusion, within_margin
-from dogshape.diagnosis.inference.visible import seen_apart
+from dogshape.diagnosis.inference.visible import Unseen, seen_apart, unseen
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.mark_density import log_flights
 from dogshape.diagnosis.likelihood.mark_density import log_unknown as log_unknown_flights
 from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.model import Model
+from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
@@ -295,9 +295,13 @@ def diagnose(
     likelihood = best.likelihood
     plausible = [h for h, p in evidence.items() if p > FITTED and h in best.samples]
     fits = {h: fit(likelihood, best.samples[h]) for h in dict.fromkeys((NONE, *plausible))}
-    posterior = seen_apart(likelihood, fits, evidence)
+    shares = unseen(likelihood, fits, evidence)
+    posterior = seen_apart(shares, evidence)
+    even = seen_apart(
+        shares, _floored(_mixed([_even(one) for one in answers]), answers[0].ranking, settings)
+    )
     within = within_margin(likelihood, fits, evidence, bench.margin)
-    verdict = decide(posterior, fits, within, settings)
+    verdict = decide(posterior, even, fits, within, settings)
     known = [h for h in posterior if h in fits]
     rival = next((h for h in known[1:] if h != NONE), None)
     plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
@@ -316,7 +320,7 @@ def diagnose(
         verdict,
         within,
         held_out(likelihood, fits[known[0]], fits[rival] if rival else None, times - plain),
-        _readings(answers, likelihood, fits, settings, within),
+        _readings(answers, shares, fits, settings, within),
         (*facts_of(bench), *measured_facts(bench, likelihood.model.effects)),
         Flights(likelihood.model.effects, likelihood.model.settings),
         0.0,
@@ -407,6 +411,17 @@ def _mixed(answers: Sequence[_Answer]) -> dict[Hypothesis, float]:
     return found
 
 
+def _even(one: _Answer) -> _Answer:
+    """Give an answer as if all effects were as rare."""
+    settings = one.ranking.likelihood.settings
+    odds = {
+        name: np.log(settings.rare / (1.0 - settings.rare)) - np.log(p / (1.0 - p))
+        for name, p in settings.included.items()
+    }
+    logs = {h: log + sum(odds.get(name, 0.0) for name in h) for h, log in one.logs.items()}
+    return replace(one, logs=logs)
+
+
 def _floored(
     found: Mapping[Hypothesis, float], ranking: Ranking, settings: Settings
 ) -> dict[Hypothesis, float]:
@@ -423,7 +438,7 @@ def _floored(
 
 def _readings(
     answers: Sequence[_Answer],
-    likelihood: Likelihood,
+    shares: Unseen,
     fits: Mapping[Hypothesis, Fit],
     settings: Settings,
     within: float,
@@ -434,11 +449,12 @@ def _readings(
     for key, value in keys:
         mine = [one for one in answers if one.record.get(key) == value]
         log = float(logsumexp([one.log for one in mine]))
-        evidence = _floored(
-            _mixed([replace(one, log=one.log - log) for one in mine]), mine[0].ranking, settings
+        mine = [replace(one, log=one.log - log) for one in mine]
+        posterior, even = (
+            seen_apart(shares, _floored(_mixed(some), mine[0].ranking, settings))
+            for some in (mine, [_even(one) for one in mine])
         )
-        posterior = seen_apart(likelihood, fits, evidence)
-        verdict = decide(posterior, fits, within, settings)
+        verdict = decide(posterior, even, fits, within, settings)
         prior = 1.0 / sum(k == key for k, _ in keys)
         probability = (1.0 - settings.floor) * float(np.exp(log)) + settings.floor * prior
         found.append(Reading(key, value, probability, verdict, posterior))

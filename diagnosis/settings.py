@@ -59,6 +59,10 @@ class Settings:
         0.025, "of the mean", "further error of that spread", "judged",
         "opened cases of a foreign engine",
     )  # fmt: skip
+    odd_spread: float = constant(
+        0.1, "probability", "that a spread is off by a factor of e, whatever the cause", "judged",
+        "few shifts of a distribution with two modes are often all of one",
+    )  # fmt: skip
     late_known: float = constant(
         24.0, "shifts", "number of shifts that a simulated share of late or engaged ones counts as",
         "judged", "opened cases of a foreign engine",
@@ -100,7 +104,7 @@ class Settings:
         0.7, "of the variance", "share of it that neighbouring points have in common", "judged", ""
     )
     unlisted_lengths: tuple[float, ...] = constant(
-        (0.5, 1.5), "of ln force and ln mismatch", "lengths over which that is alike", "judged",
+        (1.0,), "of ln force and ln mismatch", "lengths over which that is alike", "judged",
         "from a neighbour to the whole table",
     )  # fmt: skip
     reversed_known: float = constant(
@@ -135,6 +139,10 @@ class Settings:
     named: float = constant(
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",
         "wrong once in five at most, if probabilities hold",
+    )  # fmt: skip
+    even: float = constant(
+        0.5, "probability", "that a named hypothesis has at least where all effects are as rare",
+        "judged", "a name that rests on the prior of an effect alone is none",
     )  # fmt: skip
     part: float = constant(
         0.95, "probability", "from which an effect is part of the cause, whatever else is",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,98 +11,47 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
+from dogshape.diagnosis.inference.fit import Fit
+from dogshape.diagnosis.inference.shift_plan import Field, field_of
+from dogshape.diagnosis.prediction.model import Predicted, Space
+from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis
-from dogshape.sim.effect import Effect, Parameter
-from tests.toy import EFFECTS, bench_of, points_of
+from dogshape.sim.shift.clutch import OperatingPoint
+from tests.toy import EFFECTS, bench_of, points_of, times_of
 
 Array = NDArray[np.float64]
 POINTS = points_of((235.2, 641.5))
 BENCH = bench_of({}, np.random.default_rng(1), shifts=10, points=POINTS)
 SETTING = setting_of(BENCH)
 CELLS = len(POINTS)
-#: Constants of the advice and of the errors, as the diagnosis has them.
-SETTINGS = SimpleNamespace(
-    named=0.8,
-    unlisted=0.15,
-    imitated=0.5,
-    hour=0.04,
-    test_error=0.05,
-    model_error=0.0,
-    least_error=1e-9,
-    unlisted_sizes=(0.1, 0.8),
-    flight_freedom=5.0,
-    discrepancy=0.05,
-    spread_share=0.2,
-    spread_error=0.0,
-    prior=lambda name: 0.05,
-)
-
-
-@dataclass(frozen=True)
-class Space:
-    """Parameters of some effects as a unit cube."""
-
-    effects: tuple[Effect, ...]
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters, effect by effect."""
-        return tuple(p for effect in self.effects for p in effect.parameters)
-
-    def columns(self, name: str) -> slice:
-        """Find the columns of an effect."""
-        sizes = [len(effect.parameters) for effect in self.effects]
-        place = [effect.name for effect in self.effects].index(name)
-        return slice(sum(sizes[:place]), sum(sizes[: place + 1]))
-
-    def values(self, shares: Array) -> Array:
-        """Return the values at shares (m, p)."""
-        columns = [[p.at(s) for s in shares[:, k].tolist()] for k, p in enumerate(self.parameters)]
-        return np.array(columns).T.reshape(shares.shape)
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """Predicted shift times, (m, C)."""
-
-    mean: Array
-    sd: Array
-    error: Array
-    engaged: Array
-    delay: Array
+WAITS = (np.arange(16) + 0.5) / 16  #: shares of the wait at which the toy is predicted
+#: Without errors of the simulation but those that a prediction states.
+SETTINGS = replace(USUAL, model_error=0.0, least_error=1e-9, spread_error=0.0)
 
 
 def predicted(
     mean: Array, sd: float = 0.02, error: float = 1e-3, engaged: float = 1.0
 ) -> Predicted:
     """Make a prediction of one spread and error from means (m, C)."""
-    ones = np.ones_like(mean)
-    return Predicted(mean, sd * ones, error * ones, engaged * ones, 0.0 * ones)
+    one, none = np.ones_like(mean), np.zeros_like(mean)
+    return Predicted(mean, sd * one, error * one, none, none, engaged * one, none)
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A fitted hypothesis: equally weighted draws."""
-
-    space: Space
-    shares: Array
-    predicted: Predicted
-    offset: Array
-
-    @property
-    def values(self) -> Array:
-        """Values of the draws, (K, p)."""
-        return self.space.values(self.shares)
+def space_of(hypothesis: Hypothesis) -> Space:
+    """Return the parameters of a hypothesis."""
+    return Space(tuple(EFFECTS[name] for name in hypothesis), SETTING)
 
 
 def fit_of(
     hypothesis: Hypothesis, shares: float | Array = 0.5, time: float = 0.3, count: int = 64
 ) -> Fit:
     """Fit a hypothesis by draws of its shares, and one mean time everywhere."""
-    space = Space(tuple(EFFECTS[name] for name in hypothesis))
+    space = space_of(hypothesis)
     rows = np.broadcast_to(shares, (count, len(space.parameters)))
     mean = np.full((count, CELLS), time)
-    return Fit(space, np.array(rows), predicted(mean), 0.0 * mean)
+    amplitude = np.zeros(count)
+    draws = np.array(rows), predicted(mean), amplitude, 0.0 * mean
+    return Fit(hypothesis, space, *draws, log_evidence=0.0, error=0.0, p=0.5)
 
 
 def diagnosis_of(
@@ -131,3 +80,54 @@ def at_times(fit: Fit, mean: Array) -> Fit:
     """Return a fit with other mean times, (K, C) or (C,)."""
     whole = np.broadcast_to(mean, fit.predicted.mean.shape)
     return replace(fit, predicted=replace(fit.predicted, mean=np.array(whole)))
+
+
+class ToyModel:
+    """The toy's times, with errors of 1 ms."""
+
+    effects: dict[str, Any]
+
+    def __init__(self, names: tuple[str, ...], points: Sequence[OperatingPoint]) -> None:
+        """Take the names of its effects and its operating points."""
+        self.effects = {name: EFFECTS[name] for name in names}
+        self.points = points
+
+    def space(self, hypothesis: Hypothesis) -> Space:
+        """Return the parameters of a hypothesis."""
+        return space_of(hypothesis)
+
+    def possible(self, _: Hypothesis, shares: Array) -> Array:
+        """Mark all values."""
+        return np.ones(len(shares), dtype=bool)
+
+    def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
+        """Return mean and spread of the toy's times."""
+        space = self.space(hypothesis)
+        values = {p.name: space.values(shares)[:, [k]] for k, p in enumerate(space.parameters)}
+        times = np.stack(
+            [
+                np.broadcast_to(times_of(values, point, WAITS), (len(shares), WAITS.size))
+                for point in self.points
+            ],
+            axis=1,
+        )
+        found = predicted(times.mean(axis=2))
+        return replace(found, sd=np.maximum(1e-3, times.std(axis=2)))
+
+
+def field_at(
+    names: tuple[str, ...],
+    points: Sequence[OperatingPoint] = POINTS,
+    discrepancy: float = 0.0,
+    **more: Any,
+) -> Field:
+    """Predict some of the toy's effects at operating points; ``more`` replaces likelihood parts."""
+    cells = len(points)
+    given = {
+        "model": ToyModel(names, points),
+        "settings": replace(SETTINGS, discrepancy=discrepancy),
+        "smooth": np.ones((cells, 1)),
+        "columns": lambda p: np.zeros((len(p.mean), cells, 0)),
+        "own_variance": lambda p: p.error**2,
+    }
+    return field_of(SimpleNamespace(**(given | more)))  # type: ignore[arg-type]

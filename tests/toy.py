@@ -8,7 +8,6 @@ names change nothing, as some do on a bench.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,6 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.prediction.prediction import Prediction
-from dogshape.diagnosis.terms import Hypothesis
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -70,30 +67,6 @@ def times_of(values: Mapping[str, Array], point: OperatingPoint, shares: Array) 
     wait = 24.0 * np.pi / 180.0 / np.maximum(slip, 0.5 * RPM)
     excess = np.maximum(0.0, shares - (1.0 - blocked)) / blocked
     return _get(values, "delay_s") + late + flight + excess * blocked * np.minimum(wait, 0.4)
-
-
-@dataclass(frozen=True)
-class Toy:
-    """An emulator of the toy at some operating points (``diagnosis.prediction.prediction``)."""
-
-    points: tuple[OperatingPoint, ...]
-    quantiles: int = 32
-    error: float = 1e-3
-
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
-        """Return what a hypothesis says of an operating point."""
-        shares = (np.arange(self.quantiles) + 0.5) / self.quantiles
-        named = named_values(hypothesis, values)
-        times = times_of(named, self.points[cell], shares)
-        times = np.broadcast_to(times, (len(values), self.quantiles)).copy()
-        one = np.ones(len(values))
-        return Prediction.plain(times, one, self.error * one, 0.02 * one)
-
-
-def named_values(hypothesis: Hypothesis, values: Array) -> dict[str, Array]:
-    """Return the columns of values (m, p) by the names of their parameters, (m, 1) each."""
-    names = [p.name for effect in hypothesis for p in EFFECTS[effect].parameters]
-    return {name: values[:, [k]] for k, name in enumerate(names)}
 
 
 def points_of(forces: Sequence[float] = tuple(FORCES)) -> tuple[OperatingPoint, ...]:

@@ -13,28 +13,31 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.sense import REVERSED, forward, turned
-from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.prediction.simulations import simulate_together
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 
 WITHIN = (12.0, 8.0, 5.0)  #: nats below the best, in which hypotheses are refined round by round
 MANY = (24, 12, 8)  #: hypotheses refined in a round, at most
 ROUNDS = (2, 3, 5)
+HOPELESS = 60.0  #: nats below the best, from which no simulation is tried
 JOINT_WITHIN = 7.0  #: nats below the best, in which sets are simulated together
 #: Sets of effects and draws of each that are simulated together, round by round: many sets at few
 #: draws, so that none is excluded unseen, then those that stay plausible.
-JOINT_ROUNDS = ((8, 2), (3, 6))
+JOINT_ROUNDS = {2: ((4, 2), (1, 4)), 3: ((2, 2), (1, 3))}
+DOUBT = 0.7  #: of a point's own errors, emulation from which a set is simulated
 OPTIMISTIC = 2.5  #: stated errors of effects together within which a mean may lie
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
-OPEN = 96  #: draws of a hypothesis on which something unlisted is put
+OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed
 def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
     """List the sets of so many effects, those of the reversed sense behind them."""
     names = sorted(name for name in model.effects if name != REVERSED)
-    plain = [h for h in itertools.combinations(names, size) if not REDUNDANT <= set(h)]
+    plain = [h for h in itertools.combinations(names, size) if not set(h) >= REDUNDANT]
     if model.turned is None:
         return plain
     return plain + [turned(h) for h in plain if set(h) <= set(model.turned.effects)]
@@ -122,25 +125,24 @@ class _Search:
             )
 
     def distance(self, p: Predicted) -> Array:
-        """Compute squared distances of predicted means from the data, (m,)."""
+        """Compute squared distances of predicted means from the data, optimistic, (m,)."""
         some, seen = self.likelihood.having, self.likelihood.seen
-        simulated = (p.mean - p.delay)[:, some]
-        gaps = (seen.mean[some] - p.mean[:, some]) / np.maximum(simulated, 1e-3)
-        return np.asarray(((gaps @ self._white) ** 2).sum(axis=1))
+        gap = seen.mean[some] - p.mean[:, some]
+        wide = OPTIMISTIC * np.hypot(p.common, p.emulated)[:, some]
+        simulated = np.maximum((p.mean - p.delay)[:, some], 1e-3)
+        scaled = (gap - np.clip(gap, -wide, wide)) / simulated
+        return np.asarray(((scaled @ self._white) ** 2).sum(axis=1))
 
-    @property
+    @cached_property
     def _white(self) -> Array:
-        if not hasattr(self, "_whitening"):
-            like, some = self.likelihood, self.likelihood.having
-            base = like.model.predict(NONE, np.zeros((1, 0)))
-            simulated = (base.mean - base.delay)[0, some]
-            own = base.sd[0, some] ** 2 / np.maximum(like.seen.count[some], 1.0)
-            relative = own / simulated**2 + 0.02**2
-            columns = np.hstack([like.settings.discrepancy * like.smooth, like.shared])[some]
-            self._whitening = np.linalg.inv(
-                np.linalg.cholesky(np.diag(relative) + columns @ columns.T)
-            ).T
-        return self._whitening
+        """Matrix that whitens relative gaps, (c, c)."""
+        like, some = self.likelihood, self.likelihood.having
+        base = like.model.predict(NONE, np.zeros((1, 0)))
+        simulated = (base.mean - base.delay)[0, some]
+        own = base.sd[0, some] ** 2 / np.maximum(like.seen.count[some], 1.0)
+        columns = np.hstack([like.settings.discrepancy * like.smooth, like.shared])[some]
+        whole = np.diag(own / simulated**2 + 0.02**2) + columns @ columns.T
+        return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)).T)
 
     def value(self, h: Hypothesis) -> float:
         return self.samples[h].log_evidence + self.priors[h]
@@ -161,9 +163,9 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, ROUNDS[step], self.generator
             )
 
-    def join(self) -> None:
-        """Simulate plausible sets of several effects together, and sample them again."""
-        for sets, draws in JOINT_ROUNDS:
+    def join(self, size: int) -> None:
+        """Simulate plausible sets of so many effects or fewer, and sample them again."""
+        for sets, draws in JOINT_ROUNDS[size]:
             model = self.likelihood.model
             chosen = self.waiting(draws)[:sets]
             if not chosen:
@@ -177,13 +179,20 @@ class _Search:
                 columns = model.acting_columns(model.space(h))
                 model = model.with_joint(acting, shares[:, columns], np.array(times))
             self.likelihood = replace(self.likelihood, model=model)
-            known = {model.acting(h) for h in chosen}
-            changed = [h for h in self.samples if model.acting(h) in known and REVERSED not in h]
+            changed = [h for h in self.samples if self.touched(h, chosen)]
             self.screen(changed)
             for h in changed:
                 self.samples[h] = refined(
                     self.likelihood, self.samples[h], self.more, ROUNDS[1], self.generator
                 )
+
+    def touched(self, h: Hypothesis, simulated: Sequence[Hypothesis]) -> bool:
+        """Check that a set is predicted by effects that were simulated, and is not hopeless."""
+        acting = self.likelihood.model.acting(h)
+        every = {self.likelihood.model.acting(one) for one in simulated}
+        single = {one[0] for one in every if len(one) == 1}
+        near = self.value(h) > max(map(self.value, self.samples)) - 0.5 * HOPELESS
+        return REVERSED not in h and (acting in every or (near and bool(single & set(acting))))
 
     def waiting(self, draws: int) -> list[Hypothesis]:
         """List the sets to simulate together, the most promising first; one of equal acting sets."""
@@ -192,45 +201,47 @@ class _Search:
         hopes: dict[Hypothesis, tuple[float, Hypothesis]] = {}
         for h in self.samples:
             acting = model.acting(h)
-            if len(acting) < 2 or REVERSED in h:
-                continue
             known = len(model.joint[acting].shares) if acting in model.joint else 0
+            far = self.value(h) < top - HOPELESS
+            if not acting or REVERSED in h or known >= draws or far or not self.uncertain(h):
+                continue
             hope = self.value(h) if known else self.hope(h)
-            if known >= draws or hope < top - JOINT_WITHIN or not self.uncertain(h):
+            if hope < top - JOINT_WITHIN:
                 continue
             hopes[acting] = max(hopes.get(acting, (-np.inf, h)), (hope, h))
         return [h for _, h in sorted(hopes.values(), reverse=True)]
 
-    def optimistic(self, one: Sample) -> Array:
-        """Compute log likelihoods as if effects together had the means that suit the data, (n,)."""
-        wide = OPTIMISTIC * abs(one.predicted.common)
-        seen = self.likelihood.seen
-        gap = np.where(seen.having, seen.mean - one.predicted.mean, 0.0)
-        moved = replace(one.predicted, mean=one.predicted.mean + np.clip(gap, -wide, wide))
-        log = self.likelihood.terms(moved).log + self.more(one.hypothesis, one.shares)
-        return np.where(np.isfinite(one.log), log, -np.inf)
+    def optimistic(self, one: Sample) -> tuple[Array, Array]:
+        """Compute log likelihoods as if emulated means suited the data: places and logs, (k,)."""
+        places = one.log.argsort()[::-1][:OPEN]
+        p, seen = one.predicted.only(places), self.likelihood.seen
+        wide = OPTIMISTIC * np.hypot(p.common, p.emulated)
+        gap = np.where(seen.having, seen.mean - p.mean, 0.0)
+        moved = replace(p, mean=p.mean + np.clip(gap, -wide, wide))
+        log = self.likelihood.terms(moved).log + self.more(one.hypothesis, one.shares[places])
+        return places, np.where(np.isfinite(one.log[places]), log, -np.inf)
 
     def hope(self, h: Hypothesis) -> float:
         """Estimate what evidence and prior may come to once effects are simulated together."""
         one = self.samples[h]
         spent = 1.5 * one.shares.shape[1]
-        return max(self.value(h), float(self.optimistic(one).max()) - spent + self.priors[h])
+        return max(self.value(h), float(self.optimistic(one)[1].max()) - spent + self.priors[h])
 
     def uncertain(self, h: Hypothesis) -> bool:
-        """Check that effects together are uncertain by more than their points' own errors."""
+        """Check that emulation errs by more than scatter and other errors of a point."""
         one, like = self.samples[h], self.likelihood
         best = one.predicted.only(one.log.argsort()[-10:])
         scatter = best.sd**2 / np.maximum(like.seen.count, 1.0)
-        own = np.sqrt(like.own_variance(best) + scatter)
-        return bool((abs(best.common) / own).max() > 0.5)
+        own = np.sqrt(like.own_variance(best) - best.emulated**2 + scatter)
+        return bool((np.hypot(best.common, best.emulated) / own).max() > DOUBT)
 
     def promising(self, h: Hypothesis, draws: int) -> Array:
         """Choose draws with much likelihood that lie apart, (K, p)."""
         one = self.samples[h]
-        log = self.optimistic(one)
+        near, log = self.optimistic(one)
         best = log.argsort()[::-1][: 8 * draws]
         best = best[log[best] > log[best[0]] - 10.0]
-        places = one.shares[best]
+        places = one.shares[near[best]]
         chosen = [0]
         near = np.linalg.norm(places - places[0], axis=1)
         while len(chosen) < min(draws, len(places)):
@@ -272,14 +283,14 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     search.refine(0)
     compiled = likelihood.bench.clutch.solver.engine == "planar"
     if compiled:
-        search.join()
+        search.join(2)
     search.refine(1)
     if likelihood.settings.most > 2:
         thirds = search.thirds()
         search.screen(thirds)
         search.refine(1, thirds)
         if compiled:
-            search.join()
+            search.join(3)
     search.refine(2)
     found = Ranking(search.likelihood, search.samples, search.priors, 0.0)
     priors = {

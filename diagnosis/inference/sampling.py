@@ -21,7 +21,7 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 
 PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters
 MANY = 2048  #: of more parameters
-NEAR, SHARE = 96, 12  #: prior draws that get a likelihood: at least, and one in so many
+NEAR, SHARE = 64, 16  #: prior draws that get a likelihood: at least, and one in so many
 ROUND = 320  #: draws of a round
 FREEDOM = 5.0  #: of the Student distribution
 WIDE = 1.5  #: of its covariance over that of the draws

@@ -16,8 +16,8 @@ operating point that adds most.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -29,7 +29,6 @@ from dogshape.diagnosis.terms import NONE, Array, Hypothesis
 from dogshape.sim.errors import InputError, refusal
 
 if TYPE_CHECKING:
-    from dogshape.diagnosis.inference.fit import Fit
     from dogshape.diagnosis.likelihood.likelihood import Likelihood
     from dogshape.diagnosis.prediction.model import Model, Predicted
 
@@ -112,17 +111,16 @@ class Field:
         return np.array([(0.5 * one > APART).mean(axis=0) for one in self.distances(shifts)])
 
 
-def field_of(likelihood: Likelihood, hypotheses: Sequence[Hypothesis] | None = None) -> Field:
-    """Predict hypotheses at the operating points of a likelihood: none and each effect alone."""
+def field_of(likelihood: Likelihood) -> Field:
+    """Predict none and each effect alone at the operating points of a likelihood."""
     model, settings = likelihood.model, likelihood.settings
     base = model.predict(NONE, np.zeros((1, 0)))
-    if hypotheses is None:
-        hypotheses = [NONE, *((name,) for name in sorted(model.effects))]
+    hypotheses = (NONE, *((name,) for name in sorted(model.effects)))
     time = (base.mean - base.delay)[0]
     smooth = settings.discrepancy * time[:, None] * likelihood.smooth
     common = np.hstack([smooth, likelihood.columns(base)[0]])
     return Field(
-        tuple(hypotheses),
+        hypotheses,
         *(
             tuple(_values(model.predict(h, _shares(model, h, count)), base) for h in hypotheses)
             for count in (TRUTHS, RIVALS)
@@ -132,27 +130,6 @@ def field_of(likelihood: Likelihood, hypotheses: Sequence[Hypothesis] | None = N
         np.hypot(settings.spread_share, np.log1p(settings.spread_error * time / base.sd[0])),
         common @ common.T,
     )
-
-
-def classes_of(
-    likelihood: Likelihood, fits: Mapping[Hypothesis, Fit]
-) -> tuple[tuple[Hypothesis, ...], ...]:
-    """Group fitted hypotheses that data of this kind and number cannot tell apart either way.
-
-    The posterior of each is compared with that of the other and with values over its range. In a
-    class each is near all others, from the first hypothesis on.
-    """
-    field = field_of(likelihood, list(fits))
-    drawn = tuple(_values(fit.predicted, field.baseline) for fit in fits.values())
-    rivals = tuple(np.concatenate(both) for both in zip(drawn, field.rivals, strict=True))
-    apart = replace(field, truths=drawn, rivals=rivals).log_odds(likelihood.seen.count)
-    near, groups = np.maximum(apart, apart.T) < APART, list[list[int]]()
-    for place in range(len(near)):
-        group = next((g for g in groups if near[place, g].all()), None)
-        if group is None:
-            groups.append(group := [])
-        group.append(place)
-    return tuple(tuple(field.hypotheses[k] for k in group) for group in groups)
 
 
 def _shares(model: Model, hypothesis: Hypothesis, count: int) -> Array:

@@ -8,9 +8,9 @@ from typing import Literal
 
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.bench.stand_file import Margin
-from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 
 Kind = Literal["effect", "none", "unknown", "ambiguous"]
@@ -63,6 +63,7 @@ def within_margin(
 
 def decide(
     posterior: Mapping[Hypothesis, float],
+    even: Mapping[Hypothesis, float],
     fits: Mapping[Hypothesis, Fit],
     within: float,
     settings: Settings,
@@ -71,7 +72,8 @@ def decide(
 
     *None* where the gap is within its margin, *unknown* where nothing listed explains it, *effect*
     where one hypothesis is named that passes the predictive check. Otherwise *ambiguous*, with the
-    effects that are part of the cause under nearly all hypotheses.
+    effects that are part of the cause under nearly all hypotheses. ``even`` are the probabilities
+    where all effects are as rare: no name rests on the prior of an effect alone.
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
     top, part = order[0], inclusion(posterior)
@@ -81,19 +83,20 @@ def decide(
             break
         credible.append(h)
         whole += posterior[h]
-    causes: tuple[str, ...] = tuple(n for n, p in part.items() if p > settings.part)
+    evenly = inclusion(even)
+    sure = {n for n, p in part.items() if p > settings.part and evenly[n] > settings.named}
     kind: Kind = "ambiguous"
-    fails = [h for h in credible if h in fits and fits[h].p < settings.adequate]
+    causes = tuple(sorted(sure))
+    known = [h for h in credible if h in fits]
+    fails = [h for h in known if fits[h].p < settings.adequate]
     if within > settings.named:
         kind, causes = "none", ()
-    elif posterior[UNKNOWN] > settings.named or len(fails) == len(
-        [h for h in credible if h != UNKNOWN]
-    ):
+    elif posterior[UNKNOWN] > settings.named or (known and len(fails) == len(known)):
         kind, causes = "unknown", ()
     elif top in fails:
         causes = ()
-    elif posterior[top] > settings.named and top != NONE:
+    elif posterior[top] > settings.named and even[top] > settings.even and top != NONE:
         doubted = REVERSED not in top and part.get(REVERSED, 0.0) > 1.0 - settings.part
         if not doubted:
             kind, causes = "effect", top
-    return Verdict(kind, tuple(sorted(causes)), tuple(credible))
+    return Verdict(kind, causes, tuple(credible))

@@ -6,7 +6,7 @@ the hypothesis that lacks this effect.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 
@@ -22,25 +22,28 @@ FOLDED = 100  #: draws of a hypothesis
 ALIKE = {"linkage_compliance": "moving_mass"}  #: a stiff linkage with mass is a mass
 
 
-def seen_apart(
-    likelihood: Likelihood, fits: Mapping[Hypothesis, Fit], raw: Mapping[Hypothesis, float]
-) -> Probabilities:
+Unseen = Mapping[Hypothesis, Probabilities]  #: shares of draws that smaller hypotheses predict
+
+
+def unseen(
+    likelihood: Likelihood, fits: Mapping[Hypothesis, Fit], known: Collection[Hypothesis]
+) -> Unseen:
+    """Compute for each fitted hypothesis the shares of its draws that fewer effects predict."""
+    return {h: _unseen(likelihood, one, known) for h, one in fits.items() if forward(h)}
+
+
+def seen_apart(shares: Unseen, raw: Mapping[Hypothesis, float]) -> Probabilities:
     """Count what the data cannot show as absent: probabilities, the largest first."""
-    found = dict.fromkeys(raw, 0.0)
+    found = dict(raw)
     for h in sorted(raw, key=lambda h: -len(h)):
-        mine = found[h] + raw[h]
-        if h not in fits or not forward(h):
-            found[h] = mine
-            continue
-        left = 1.0
-        for smaller, share in _unseen(likelihood, fits[h], found).items():
-            found[smaller] += mine * share
-            left -= share
-        found[h] = mine * left
+        whole = found[h]
+        for smaller, share in shares.get(h, {}).items():
+            found[smaller] += whole * share
+            found[h] -= whole * share
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def _unseen(likelihood: Likelihood, one: Fit, known: Mapping[Hypothesis, float]) -> Probabilities:
+def _unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> Probabilities:
     """Compute the shares of a hypothesis' draws that fewer effects predict as well."""
     rows = np.linspace(0, len(one.shares) - 1, FOLDED).astype(int)
     mine, shares = one.predicted.only(rows), one.shares[rows]

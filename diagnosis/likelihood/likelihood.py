@@ -25,19 +25,20 @@ from functools import cached_property
 
 import numpy as np
 from scipy.special import betaln, gammaln, logsumexp
+from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.nominal_errors import Tolerance
-from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
 
 NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])  #: amplitudes over the scale of their prior
 KEPT = 0.02  #: of the largest eigenvalue, from which a direction of the discrepancy counts
-MOST_LATE = 10  #: late shifts within one mean
+MOST_LATE = 6  #: late shifts within one mean
 STEP = 0.05  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
 
@@ -270,20 +271,17 @@ class Likelihood:
         return shift, scatter, weight, self._spread(q, mixed)
 
     def _spread(self, q: Predicted, variance: Array) -> Array:
-        """Compute the log density of the variance of single shifts, (m, c, K)."""
-        seen, some = self.seen, self.having
-        freedom = self._freedom[some][:, None]
-        ratio = np.log(seen.variance[some][:, None] / variance)
+        """Compute the log density of the variance of single shifts, (m, c, K).
+
+        Few shifts of a distribution with two modes may all be of one, so a share of spreads is odd.
+        """
+        freedom = self._freedom[self.having][:, None]
+        ratio = self.seen.variance[self.having][:, None] / variance
         error = self._spread_error(q)[..., None]
-        other = 0.5 / error
-        x = freedom * np.exp(ratio) / other
-        log = gammaln(0.5 * (freedom + other)) - gammaln(0.5 * other) - gammaln(0.5 * freedom)
-        log = (
-            log
-            + 0.5 * freedom * np.log(np.maximum(x, 1e-300))
-            - 0.5 * (freedom + other) * np.log1p(x)
-        )
-        return np.where(freedom > 0.0, log, 0.0)
+        odd = self.settings.odd_spread
+        usual, wide = (_log_f(ratio, freedom, 0.5 / e) for e in (error, error + 1.0))
+        log = np.logaddexp(np.log1p(-odd) + usual, np.log(odd) + wide)
+        return np.where(freedom > 1e-6, log, 0.0)
 
     def _spread_error(self, q: Predicted) -> Array:
         """Compute the variance of ln of a predicted spread, (m, c)."""
@@ -300,12 +298,14 @@ class Likelihood:
         )
 
     def _spread_score(self, q: Predicted) -> Array:
-        """Compute ln of observed over predicted spread in standard errors; NaN for none, (m, c)."""
+        """Compute normal deviates of the observed spreads; NaN for none, (m, c)."""
         seen, some = self.seen, self.having
-        freedom = self._freedom[some]
-        ratio = 0.5 * np.log(seen.variance[some]) - np.log(q.sd) + 0.5 / np.maximum(freedom, 1.0)
-        error = self._spread_error(q) + 0.5 / np.maximum(freedom, 0.5)
-        return np.where((freedom > 1.0) & ~seen.hidden[some], ratio / np.sqrt(error), np.nan)
+        freedom = np.broadcast_to(self._freedom[some], q.sd.shape)
+        error, odd = self._spread_error(q), self.settings.odd_spread
+        ratio = seen.variance[some] / q.sd**2
+        usual, wide = (f_distribution.cdf(ratio, freedom, 0.5 / e) for e in (error, error + 1.0))
+        score = norm.ppf(np.clip((1.0 - odd) * usual + odd * wide, 1e-12, 1.0 - 1e-12))
+        return np.where((freedom > 1.0) & ~seen.hidden[some], score, np.nan)
 
     def _engaged(self, p: Predicted) -> Array:
         """Compute the log probability of the numbers that engaged, (m,)."""
@@ -347,6 +347,14 @@ class Likelihood:
         noise = generator.standard_normal(mean.shape)
         coefficients = mean + np.einsum("mrs,mr->ms", root, noise)
         return amplitude, np.einsum("mcr,mr->mc", every, coefficients)
+
+
+def _log_f(ratio: Array, one: Array, other: Array) -> Array:
+    """Compute the log density of the logarithm of Fisher's F of given degrees of freedom."""
+    x = one * ratio / other
+    log = gammaln(0.5 * (one + other)) - gammaln(0.5 * other) - gammaln(0.5 * one)
+    log = log + 0.5 * one * np.log(np.maximum(x, 1e-300)) - 0.5 * (one + other) * np.log1p(x)
+    return np.asarray(log)
 
 
 def _log_choose(n: Array, k: Array) -> Array:

@@ -89,10 +89,10 @@ class Observed:
 
 def observe(bench: Bench, model: Model) -> Observed:
     """Gather the observations of a data set at the operating points of a model."""
-    drift = drift_of(bench.cells, model.waits)
+    drift = drift_of(bench.cells, model.far)
     rows = [
-        _observed(cell, wait, drift)
-        for cell, wait in zip(bench.cells, model.waits.tolist(), strict=True)
+        _observed(cell, far, drift)
+        for cell, far in zip(bench.cells, model.far.tolist(), strict=True)
     ]
     count, mean, variance, freedom, late, hidden = np.array(rows, dtype=float).reshape(-1, 6).T
     tried = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
@@ -114,12 +114,12 @@ def observe(bench: Bench, model: Model) -> Observed:
     )
 
 
-def _observed(cell: Cell, wait: float, drift: Drift | None) -> tuple[float, ...]:
+def _observed(cell: Cell, far: float, drift: Drift | None) -> tuple[float, ...]:
     """Count one cell: number, mean, variance, freedom, late ones, whether some may hide."""
     rows = [r for r in cell.readings if r.time is not None]
     if not rows:
         return 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
-    times, numbers, late = _split(rows, wait)
+    times, numbers, late = _split(rows, far)
     if drift is not None:
         off = drift.mean * np.average(times, weights=numbers) * drift.places(rows)
         times = np.maximum(times - off, 0.1 * times)
@@ -135,17 +135,17 @@ def _observed(cell: Cell, wait: float, drift: Drift | None) -> tuple[float, ...]
     return count, mean, max(variance, LEAST_SD**2), freedom, float(late.sum()), float(hides)
 
 
-def _split(rows: Sequence[Reading], wait: float) -> tuple[Array, Array, np.ndarray]:
+def _split(rows: Sequence[Reading], far: float) -> tuple[Array, Array, np.ndarray]:
     """Give times, numbers of shifts, and which single shifts are seen to be late, (k,) each."""
     times = np.array([r.time for r in rows], dtype=float)
     numbers = np.array([r.n for r in rows], dtype=float)
     single, late = numbers == 1, np.zeros(len(rows), dtype=bool)
     if single.sum() >= MANY:
-        late[single] = late_times(times[single][None], np.array([wait]))[0]
+        late[single] = late_times(times[single][None], np.array([far]))[0]
     return times, numbers, late
 
 
-def drift_of(cells: Sequence[Cell], waits: Array) -> Drift | None:
+def drift_of(cells: Sequence[Cell], far: Array) -> Drift | None:
     """Estimate the drift over the series; None where the order of the shifts is not known."""
     rows = [[r for r in cell.readings if r.time is not None] for cell in cells]
     places = [r.place for row in rows for r in row]
@@ -159,10 +159,10 @@ def drift_of(cells: Sequence[Cell], waits: Array) -> Drift | None:
     middle = float(np.average((np.array(known) - first) / (last - first), weights=numbers))
     plain = Drift(0.0, DRIFT, np.zeros(len(cells)), 0.0, first, last, middle)
     parts, centres, means = [], np.zeros(len(cells)), np.zeros(len(cells))
-    for k, (row, wait) in enumerate(zip(rows, waits.tolist(), strict=True)):
+    for k, (row, least) in enumerate(zip(rows, far.tolist(), strict=True)):
         if not row:
             continue
-        times, weights, late = _split(row, wait)
+        times, weights, late = _split(row, least)
         times, weights, where = times[~late], weights[~late], plain.places(row)[~late]
         means[k] = np.average(times, weights=weights)
         centres[k] = np.average(where, weights=weights)

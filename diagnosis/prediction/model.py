@@ -51,6 +51,9 @@ NUISANCES = ("contact_dissipation", "contact_stiffness")
 FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
+#: Error of an interpolation over what it misses without the node, along a line and in a plane.
+MISSED = (0.35, 0.6)
+MOST_MISSED = 0.5  #: of the change, the largest error
 SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
 ENOUGH_LATE = 8  #: late shifts from which their delays are known
 LEAST_SD = 5e-4  #: s, resolution of a shift time
@@ -59,6 +62,7 @@ COMBINED = 0.4  #: error of changes that add, over what they differ by from thos
 LEAST_PART = 0.5  #: of the product, below which added changes of shorter times do not fall
 LENGTH, NUGGET = 0.4, 0.05  #: of residuals of joint levels over the unit cube: length, noise share
 MOMENTS = 4
+RECENT = 256  #: results that are kept
 TRIED = 7  #: values of each parameter at which the range of an effect is examined
 
 
@@ -109,7 +113,8 @@ class Predicted:
     Parameters
     ----------
     mean, sd : of timely shifts that engage, dead time included, s, (m, C).
-    error : standard error of ``mean`` by angles and effect laws, s, (m, C).
+    error : standard error of ``mean`` by angles, effect laws and emulation, s, (m, C).
+    emulated : the part of it by interpolation between levels, s, (m, C).
     common : error that all points share with its sign: effects together against alone, s, (m, C).
     late : share of late shifts among those that engage, (m, C).
     engaged : share that engages before the time-out, (m, C).
@@ -119,6 +124,7 @@ class Predicted:
     mean: Array
     sd: Array
     error: Array
+    emulated: Array
     common: Array
     late: Array
     engaged: Array
@@ -198,6 +204,19 @@ class Model:
         return np.array([wait_of(one) for one in self.settings])
 
     @cached_property
+    def far(self) -> Array:
+        """Least distance of a late shift behind the median, s, (C,).
+
+        It is half the passing time of a slot, and ``FAR`` distances of the 10 % quantile of the
+        baseline, whose many shifts show it.
+        """
+        times = self.simulated.baseline
+        ordered = np.sort(np.where(np.isfinite(times), times, np.inf), axis=-1)
+        count = np.isfinite(times).sum(axis=-1)
+        fast, middle = (_quantile(ordered, count, share) for share in (0.1, 0.5))
+        return np.maximum(FAR * (middle - fast), np.maximum(SLOT * self.waits, LEAST_FAR))
+
+    @cached_property
     def base(self) -> Array:
         """Moments of the baseline at all angles, (C, MOMENTS)."""
         return self._moments(self.simulated.baseline)
@@ -205,7 +224,7 @@ class Model:
     @cached_property
     def shape(self) -> Array:
         """Excess kurtosis of timely shifts of the baseline, (C,)."""
-        times = timely(self.simulated.baseline, self.waits)
+        times = timely(self.simulated.baseline, self.far)
         middle = np.nan_to_num(np.nanmean(times, axis=1, keepdims=True))
         parts = np.nan_to_num(times - middle)
         count = np.maximum(1, np.isfinite(times).sum(axis=1))
@@ -216,8 +235,8 @@ class Model:
     def _every(self) -> tuple[Array, Array]:
         """Times of the baseline and all levels, (C, n), and which of them are late."""
         levels = np.moveaxis(self.simulated.times, 1, 0)
-        late = [late_times(row, self.waits[:, None]) for row in (levels,)]
-        base = late_times(self.simulated.baseline, self.waits)
+        late = [late_times(row, self.far[:, None]) for row in (levels,)]
+        base = late_times(self.simulated.baseline, self.far)
         times = np.hstack([self.simulated.baseline, levels.reshape(self.cells, -1)])
         return times, np.hstack([base, late[0].reshape(self.cells, -1)])
 
@@ -274,27 +293,39 @@ class Model:
         added, logs = np.tile(base, (count, 1)), np.zeros((count, self.cells))
         rest = np.zeros((count, self.cells, MOMENTS - 1))
         square, delay = np.zeros((count, self.cells)), np.zeros((count, self.cells))
+        missed = np.zeros((count, self.cells))
+        acting = self.acting(hypothesis)
+        together = self.joint.get(acting) if len(acting) > 1 else None
         for name in hypothesis:
-            change, later = self.changes(name, values[:, space.columns(name)])
+            columns = space.columns(name)
+            change, later = self.changes(name, values[:, columns])
+            error = (self.missed(name) * change[..., 0]) ** 2
+            if together is None and (name,) in self.joint:
+                found, left = self.joint[name,].at(shares[:, columns])
+                change, error = change + found, error * left[:, None]
             added += base * np.expm1(change[..., 0])
             logs += change[..., 0]
             rest += change[..., 1:]
             square += change[..., 0] ** 2
+            missed += error
             delay += later
         product = base * np.exp(logs)
         added = np.maximum(added, LEAST_PART * product)
         common = COMBINED * (product - added)
-        if joint := self.joint.get(self.acting(hypothesis)):
-            found, left = joint.at(shares[:, self.acting_columns(space)])
+        if together is not None:
+            found, left = together.at(shares[:, self.acting_columns(space)])
             added = added * np.exp(found[..., 0])
             rest = rest + found[..., 1:]
             common = common * np.sqrt(left)[:, None]
+            missed = missed * left[:, None]
         sd = np.exp(self.base[:, 1] + rest[..., 0] + np.log(added / product))
         sd = np.clip(sd, LEAST_SD, np.maximum(added, LEAST_SD))
-        error = np.hypot(0.5 * sd / ANGLES**0.5, self.law * np.sqrt(square) * added)
+        emulated = np.sqrt(missed) * added
+        angles = 0.5 * sd / ANGLES**0.5
+        error = np.sqrt(angles**2 + self.law**2 * square * added**2 + emulated**2)
         late = np.clip(self.base[:, 2] + rest[..., 1], 1e-3, 0.9)
         engaged = expit(self.base[:, 3] + rest[..., 2])
-        return Predicted(added + delay, sd, error, common, late, engaged, delay)
+        return Predicted(added + delay, sd, error, emulated, common, late, engaged, delay)
 
     def acting(self, hypothesis: Hypothesis) -> Hypothesis:
         """List the effects of a hypothesis that are simulated, not only read."""
@@ -305,87 +336,128 @@ class Model:
         """Effects that change the reading of a shift alone."""
         return frozenset(n for n, e in self.effects.items() if reads_only(e, self.setting))
 
-    def possible(self, hypothesis: Hypothesis, shares: Array) -> Array:
+    def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
         space = self.space(hypothesis)
-        values = space.values(shares)
-        found = np.ones(len(values), dtype=bool)
+        found = np.ones(len(shares), dtype=bool)
         for effect in space.effects:
-            if effect.name in self._bounded:
-                mine = values[:, space.columns(effect.name)]
-                names = [p.name for p in effect.parameters]
+            mine = shares[:, space.columns(effect.name)]
+            low, high = self._ends[effect.name]
+            if len(effect.parameters) == 1:
+                found &= (mine[:, 0] >= low) & (mine[:, 0] <= high)
+            elif low > high:
                 for k in np.flatnonzero(found):
-                    given = dict(zip(names, mine[k].tolist(), strict=True))
-                    found[k] = effect.possible(self.setting, given)
+                    found[k] = self._exists(effect, mine[k].tolist())
         return found
 
     @cached_property
-    def _bounded(self) -> frozenset[str]:
-        """Effects of which some values within the range give no bench."""
-        found = set()
+    def _ends(self) -> dict[str, tuple[float, float]]:
+        """Ends of the range of which there is a bench; (1, 0) for a plane that has holes."""
+        ticks, found = np.linspace(0.0, 1.0, TRIED).tolist(), {}
         for name, effect in self.effects.items():
-            ticks = np.linspace(0.0, 1.0, TRIED).tolist()
-            for row in itertools.product(*[ticks] * len(effect.parameters)):
-                given = {p.name: p.at(s) for p, s in zip(effect.parameters, row, strict=True)}
-                if not effect.possible(self.setting, given):
-                    found.add(name)
-                    break
-        return frozenset(found)
+            grid = list(itertools.product(*[ticks] * len(effect.parameters)))
+            there = [row for row in grid if self._exists(effect, row)]
+            found[name] = (0.0, 1.0) if len(there) == len(grid) else (1.0, 0.0)
+            if len(effect.parameters) == 1 and len(there) < len(grid):
+                ends = [
+                    self._end(effect, one[0], out)
+                    for one, out in zip(there[:: len(there) - 1 or 1][:2], (-1, 1))
+                ]
+                found[name] = ends[0], ends[-1]
+        return found
+
+    def _end(self, effect: Effect, inside: float, side: int) -> float:
+        """Find the end of the range of which there is a bench, by halving."""
+        outside = inside + side / (TRIED - 1.0)
+        if not 0.0 <= outside <= 1.0:
+            return inside
+        for _ in range(20):
+            middle = 0.5 * (inside + outside)
+            if self._exists(effect, [middle]):
+                inside = middle
+            else:
+                outside = middle
+        return inside
+
+    def _exists(self, effect: Effect, shares: Sequence[float]) -> bool:
+        given = {p.name: p.at(s) for p, s in zip(effect.parameters, shares, strict=True)}
+        return effect.possible(self.setting, given)
 
     def changes(self, name: str, values: Array) -> tuple[Array, Array]:
-        """Compute changes of the moments (m, C, MOMENTS) and dead times (m, C) by an effect."""
-        effect = self.effects.get(name) or self.nuisances[name]
-        if name in self.read_only:
-            return self._read(effect, values)
-        if name not in self._curves:
-            self._curves[name] = self._curve(effect)
-        return self._curves[name](values)
+        """Compute changes of the moments (m, C, MOMENTS) and dead times (m, C) by an effect.
+
+        Hypotheses share prior draws of their effects, so recent results are kept.
+        """
+        key = name, values.shape, values.tobytes()
+        if key not in self._recent:
+            if len(self._recent) >= RECENT:
+                self._recent.clear()
+            effect = self.effects.get(name) or self.nuisances[name]
+            reads = name in self.read_only
+            self._recent[key] = (
+                self._read(effect, values) if reads else self._curve(name)[0](values)
+            )
+        return self._recent[key]
 
     @cached_property
-    def _curves(self) -> dict[str, Callable[[Array], tuple[Array, Array]]]:
+    def _recent(self) -> dict[object, tuple[Array, Array]]:
         return {}
 
-    def _curve(self, effect: Effect) -> Callable[[Array], tuple[Array, Array]]:
-        """Build the interpolator of an effect's changes over its parameters."""
-        places = self.simulated.of((effect.name,))
-        x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
-        moments = self._moments(self.simulated.times[places])
-        y = _filled(moments - self._moments(self.simulated.base), x)
-        neutral = np.array([[p.neutral_of(self.setting) for p in effect.parameters]])
-        x, y = np.vstack([x, self._coordinates(effect, neutral)]), np.vstack([y, 0.0 * y[:1]])
-        delays = np.vstack([self.simulated.delays[places], np.zeros((1, self.cells))])
-        whole = np.concatenate([y.reshape(len(y), -1), delays], axis=1)
-        if not effect.parameters:
-            at = lambda v: np.tile(whole[0], (len(v), 1))  # noqa: E731
-        elif len(effect.parameters) == 1:
-            order = np.unique(np.round(x[:, 0], 9), return_index=True)[1]
-            curve, low, high = PchipInterpolator(x[order, 0], whole[order]), x.min(), x.max()
-            at = lambda v: curve(np.clip(v[:, 0], low, high))  # noqa: E731
-        else:
-            extra = self._idle_places(effect, x)
-            x, whole = (
-                np.vstack([x, extra]),
-                np.vstack([whole, np.zeros((len(extra), whole.shape[1]))]),
-            )
-            low, wide = x.min(axis=0), np.ptp(x, axis=0)
-            order = np.unique(np.round((x - low) / wide, 9), axis=0, return_index=True)[1]
-            x, whole = x[order], whole[order]
-            plane = RBFInterpolator((x - low) / wide, whole, kernel="linear")
-            at = lambda v: plane((v - low) / wide)  # noqa: E731
+    def _curve(self, name: str) -> tuple[Callable[[Array], tuple[Array, Array]], Array]:
+        """Find the interpolator of an effect's changes, and its relative error."""
+        if name not in self._curves:
+            self._curves[name] = self._fitted(self.effects.get(name) or self.nuisances[name])
+        return self._curves[name]
+
+    @cached_property
+    def _curves(self) -> dict[str, tuple[Callable[[Array], tuple[Array, Array]], Array]]:
+        return {}
+
+    def missed(self, name: str) -> Array:
+        """Find the error of an effect's interpolated change of ln mean over that change, (C,)."""
+        return np.zeros(self.cells) if name in self.read_only else self._curve(name)[1]
+
+    def _fitted(self, effect: Effect) -> tuple[Callable[[Array], tuple[Array, Array]], Array]:
+        """Build the interpolator of an effect's changes, and its relative error, (C,)."""
+        x, whole = self._nodes(effect)
+        at = _interpolator(x, whole)
         size = self.cells * MOMENTS
+        missed = np.zeros(self.cells)
+        if x.shape[1]:
+            own = whole[:, :size].reshape(-1, self.cells, MOMENTS)[..., 0]
+            left = np.array([own[k] - _without(x, own, k) for k in _inner(x)])
+            scale = np.maximum(abs(own).mean(axis=0), 1e-3)
+            part = MISSED[min(x.shape[1], 2) - 1]
+            missed = part * np.clip(abs(left).mean(axis=0) / scale, 0.0, MOST_MISSED)
 
         def changes(values: Array) -> tuple[Array, Array]:
             found = at(self._coordinates(effect, values))
             return found[:, :size].reshape(-1, self.cells, MOMENTS), found[:, size:]
 
-        return changes
+        return changes, missed
+
+    def _nodes(self, effect: Effect) -> tuple[Array, Array]:
+        """List coordinates of levels and baseline (n, d), and moments with dead times, (n, k)."""
+        places = self.simulated.of((effect.name,))
+        x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
+        moments = self._moments(self.simulated.times[places])
+        y = _filled(moments - self._moments(self.simulated.base), x).reshape(len(x), -1)
+        if not effect.parameters:
+            return x, np.hstack([y, self.simulated.delays[places]])
+        neutral = np.array([[p.neutral_of(self.setting) for p in effect.parameters]])
+        plain = np.vstack([self._coordinates(effect, neutral), self._idle_places(effect, x)])
+        y = np.vstack([y, np.zeros((len(plain), y.shape[1]))])
+        delays = np.vstack([self.simulated.delays[places], np.zeros((len(plain), self.cells))])
+        x = np.vstack([x, plain])
+        order = np.unique(np.round(_scaled(x, x), 9), axis=0, return_index=True)[1]
+        return x[order], np.hstack([y, delays])[order]
 
     def _idle_places(self, effect: Effect, x: Array) -> Array:
         """List places at which the first parameter is neutral and the others change nothing."""
         neutral = effect.neutral(self.setting)
         first = effect.parameters[0]
         ends = [{**neutral, p.name: v} for p in effect.parameters[1:] for v in (p.low, p.high)]
-        if not all(
+        if not ends or not all(
             effect.possible(self.setting, given)
             and effect.apply(self.setting, given) == self.setting
             for given in ends
@@ -446,7 +518,7 @@ class Model:
         turns = self.simulated.angles / pitch[:, None]
         weights = angle_weights(turns, concentration, centre)
         times = self.simulated.baseline
-        late, ended = late_times(times, self.waits), np.isfinite(times)
+        late, ended = late_times(times, self.far), np.isfinite(times)
         kept = weights * (ended & ~late)
         whole = np.maximum(kept.sum(axis=2), 1e-9)
         known = np.where(ended, times, 0.0)
@@ -467,7 +539,7 @@ class Model:
 
     def _moments(self, times: Array) -> Array:
         """Compute the moments of times (..., C, n), (..., C, MOMENTS)."""
-        late = late_times(times, self.waits)
+        late = late_times(times, self.far)
         ended = np.isfinite(times)
         count = (ended & ~late).sum(axis=-1)
         known = np.where(ended & ~late, times, 0.0)
@@ -581,17 +653,17 @@ def wait_of(setting: Setting) -> float:
     return min(timeout, setting.clutch.dog.pitch_angle / slip) if slip else timeout
 
 
-def late_times(times: Array, waits: Array) -> Array:
-    """Mark late shifts among times (..., C, n) of operating points with ``waits`` (C,), s.
+def late_times(times: Array, least: Array) -> Array:
+    """Mark late shifts among times (..., C, n) of operating points.
 
-    A late shift lies behind the median by half the passing time of a slot, by ``FAR`` distances of
-    the 10 % quantile from it, and by ``LEAST_FAR``. The fast side does not move with late shifts.
+    A late shift lies behind the median by ``least`` (C,), s, and by ``FAR`` distances of the 10 %
+    quantile from it: the fast side does not move with late shifts.
     """
     ended = np.isfinite(times)
     ordered = np.sort(np.where(ended, times, np.inf), axis=-1)
     count = ended.sum(axis=-1)
     fast, middle = (_quantile(ordered, count, share) for share in (0.1, 0.5))
-    far = np.maximum(FAR * (middle - fast), np.maximum(SLOT * waits, LEAST_FAR))
+    far = np.maximum(FAR * (middle - fast), least)
     return ended & (times > (middle + far)[..., None])
 
 
@@ -606,9 +678,36 @@ def _quantile(ordered: Array, count: Array, share: float) -> Array:
     return np.asarray(low + (place - below) * (high - low))
 
 
-def timely(times: Array, waits: Array) -> Array:
+def timely(times: Array, least: Array) -> Array:
     """Replace late shifts and those that did not engage by NaN."""
-    return np.where(np.isfinite(times) & ~late_times(times, waits), times, np.nan)
+    return np.where(np.isfinite(times) & ~late_times(times, least), times, np.nan)
+
+
+def _scaled(x: Array, nodes: Array) -> Array:
+    low, wide = nodes.min(axis=0), np.maximum(np.ptp(nodes, axis=0), 1e-9)
+    return np.asarray((x - low) / wide)
+
+
+def _interpolator(x: Array, values: Array) -> Callable[[Array], Array]:
+    """Build an interpolator of values (n, k) at coordinates x (n, d), constant beyond them."""
+    if x.shape[1] == 0:
+        return lambda v: np.tile(values[0], (len(v), 1))
+    if x.shape[1] == 1:
+        curve = PchipInterpolator(x[:, 0], values)
+        return lambda v: np.asarray(curve(np.clip(v[:, 0], x[0, 0], x[-1, 0])))
+    plane = RBFInterpolator(_scaled(x, x), values, kernel="linear")
+    return lambda v: np.asarray(plane(_scaled(v, x)))
+
+
+def _inner(x: Array) -> list[int]:
+    """List the nodes (n, d) within the others: without the ends of a line."""
+    return list(range(1, len(x) - 1)) if x.shape[1] == 1 else list(range(len(x)))
+
+
+def _without(x: Array, values: Array, node: int) -> Array:
+    """Interpolate the values of a node from all others, (k,)."""
+    kept = np.arange(len(x)) != node
+    return _interpolator(x[kept], values[kept])(x[[node]])[0]
 
 
 def _filled(changes: Array, x: Array) -> Array:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
@@ -30,7 +31,7 @@ from dogshape.sim.units import RPM
 ANGLES = 16  #: even relative angles of each level
 DENSE = 3  #: times as many angles of the baseline
 JOINT_ANGLES = 8  #: of the levels' angles, for effects together
-ALONG, PLANE = 7, 17  #: levels of one parameter, and of two or more
+ALONG, PLANE = 9, 33  #: levels of one parameter, and of two or more
 WIDER = 0.5  #: of a prior's range, by which it is widened at either end
 SEED = 1  #: of where the angles begin
 PRECISE = 1e-6  #: accuracy of the convex integrator, at least: a mean of 16 angles errs by more
@@ -132,7 +133,7 @@ def levels_of(effect: Effect, settings: Sequence[Setting]) -> tuple[Level, ...]:
         shares = np.linspace(0.0, 1.0, 4 * (ALONG - 1) + 1)[:, None]
     else:
         corners = np.array(list(itertools.product((0.0, 1.0), repeat=count)))
-        shares = np.vstack([corners, qmc.Sobol(count, scramble=False).random_base2(6)])
+        shares = np.vstack([corners, qmc.Sobol(count, scramble=False).random_base2(7)])
     levels = [
         Level((effect.name,), tuple(p.at(s) for p, s in zip(effect.parameters, row, strict=True)))
         for row in shares.tolist()

@@ -7,16 +7,15 @@ import io
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import COLUMNS
-from dogshape.diagnosis.inference.shift_plan import ShiftPlan, field_of, shift_plan
-from dogshape.diagnosis.likelihood.observations import observe
-from dogshape.diagnosis.likelihood.scores import Problem
-from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.inference.shift_plan import Field, ShiftPlan, field_of, shift_plan
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.diagnose.bench_study import rounded
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
@@ -73,15 +72,16 @@ def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
             f"number of operating points is {wanted.points}, but {bench.name} has "
             f"{len(bench.cells)}; give 1 to {len(bench.cells)}"
         )
-    effects = load(means.effects)
-    bench = with_bank_engine(bench, effects, means)
-    emulator, flights = emulator_of(bench, effects, means)
+    return shift_plan(predicted_field(bench, means), wanted.shifts, wanted.seed, wanted.points)
+
+
+def predicted_field(bench: Bench, means: Means) -> Field:
+    """Predict the effects at the operating points of a bench."""
+    bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
+    model = next(iter(models_of(bench, load(means.effects), means).values()))
     # A drift of the data set is none of the shifts that are planned.
-    seen = replace(observe(bench), drift=None)
-    problem = Problem(seen, emulator, USUAL, bench.mismatch_sense)
-    field = field_of(problem, effects, setting_of(bench))
-    flights.save()
-    return shift_plan(field, wanted.shifts, wanted.seed, wanted.points)
+    seen = replace(observe(bench, model), drift=None)
+    return field_of(Likelihood(bench, seen, model, means.settings))
 
 
 def sheet(bench: Bench, plan: ShiftPlan) -> str:

@@ -10,6 +10,7 @@ stand still.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,6 +34,7 @@ class Release:
     speed: NDArray[np.float64]
 
 
+@lru_cache(maxsize=64)  # shifts differ by their angle alone
 def release(clutch: Clutch, profile: ForceProfile) -> Release:
     """Find the time at which friction lets the ring go; at once where it need not hold."""
     mechanism = clutch.mechanism

@@ -22,7 +22,7 @@ from dogshape.diagnosis.inference.static_readings import (
     require_measured,
 )
 from dogshape.sim.errors import DataError
-from tests.fits import SETTING, Space
+from tests.fits import SETTING, space_of
 from tests.toy import EFFECTS
 
 STAND = load_bench("mq200_stand")
@@ -76,12 +76,12 @@ def test_readings_at_one_force_tell_nothing() -> None:
 
 def test_a_fact_counts_at_its_parameter_and_where_its_effect_is_absent_at_neutral() -> None:
     """A drag of 1.5 N m beside a delay: density at each value, or at none."""
-    both = Space((EFFECTS["actuation_delay"], EFFECTS["drag_torque"]))
+    both = space_of(("actuation_delay", "drag_torque"))
     values = np.array([[0.1, 1.5], [0.2, 1.2], [0.0, 0.0]])
     width = np.log(2.0 * np.pi) / 2.0
     found = log_density([DRAG], both, values) - width
     assert found == pytest.approx(norm.logpdf(values[:, 1], 1.5, 0.1))
-    alone = log_density([DRAG, DRAG], Space((EFFECTS["actuation_delay"],)), values[:, :1])
+    alone = log_density([DRAG, DRAG], space_of(("actuation_delay",)), values[:, :1])
     assert alone - 2.0 * width == pytest.approx([2.0 * norm.logpdf(0.0, 1.5, 0.1)] * 3)
     assert log_density([], both, values).tolist() == [0.0, 0.0, 0.0]
 
@@ -108,7 +108,7 @@ class _Model:
         """Return mean times at shares of the compliance."""
         mean = np.full((1, 3), 0.3)
         if hypothesis:
-            space = Space(tuple(EFFECTS[name] for name in hypothesis))
+            space = space_of(hypothesis)
             mean[0, 0] += 0.01 * space.values(shares)[0, 0]
         return SimpleNamespace(mean=mean)
 

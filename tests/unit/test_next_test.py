@@ -64,10 +64,10 @@ def test_a_direct_test_that_reads_a_parameter_settles_the_cause() -> None:
 
 
 def test_foreseen_chances_come_true_where_the_truth_is_drawn_from_the_posterior() -> None:
-    """Outcomes of 2,000 truths, each with the error of the test, updated by ``settle``."""
+    """Outcomes of 1,000 truths, each with the error of the test, updated by ``settle``."""
     diagnosis, generator = _open(), np.random.default_rng(3)
     test = _named(choose(diagnosis), FORCE)
-    settled, misled, count = 0, 0, 2000
+    settled, misled, count = 0, 0, 1000
     for _ in range(count):
         truth = generator.choice(3, p=[0.55, 0.43, 0.02])
         imitated = truth < 2 and generator.random() < 1.0 - 1.0 / (1.0 + imitator_odds(SETTINGS))

@@ -6,15 +6,17 @@ import csv
 import shutil
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.likelihood.observations import observe
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.inference.shift_plan import Field
+from dogshape.diagnosis.likelihood.observed import drift_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.sim.bundled import bundled_root
 from tests.conftest import Said
-from tests.toy import EFFECTS, Toy
+from tests.fits import field_at
 
 Call = Callable[..., Said]
 
@@ -23,16 +25,11 @@ Call = Callable[..., Said]
 def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
     """The toy in the place of a bank, at the operating points of the published tables."""
 
-    class _Flights:
-        def save(self) -> None:
-            """Keep nothing."""
+    def predicted_field(bench: Bench, means: Means) -> Field:
+        points = [cell.point for cell in bench.cells]
+        return field_at(("actuation_delay", "moving_mass"), points)
 
-    def emulator_of(bench: Any, effects: Any, means: Any) -> tuple[Toy, _Flights]:
-        return Toy(tuple(cell.point for cell in bench.cells)), _Flights()
-
-    few = {n: EFFECTS[n] for n in ("actuation_delay", "moving_mass")}
-    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.emulator_of", emulator_of)
-    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.load", lambda _: few)
+    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.predicted_field", predicted_field)
 
 
 @pytest.mark.usefixtures("_toy")
@@ -55,7 +52,8 @@ def test_the_verb_plans_and_writes_a_table_to_fill_in(dogshape: Call, tmp_path: 
     lines = (tmp_path / "s.csv").read_text().splitlines()
     filled = [line.replace(",1,,,,", ",1,0.3,true,,") for line in lines]
     (tmp_path / "shifts.csv").write_text("\n".join(filled))
-    drift = observe(load_bench(tmp_path)).drift
+    cells = load_bench(tmp_path).cells
+    drift = drift_of(cells, np.ones(len(cells)))
     assert drift is not None
     assert (drift.first, drift.last) == (1.0, 40.0)
     text = dogshape("gap", "plan", "mq200_paper", "--shifts", 40, "--points", 2).out

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,73 +13,23 @@ from dogshape.diagnosis.inference.shift_plan import (
     RIVALS,
     TRUTHS,
     VISITS,
-    Field,
-    classes_of,
-    field_of,
     shift_plan,
     steadiest,
     visits,
 )
-from dogshape.diagnosis.terms import NONE, Hypothesis
+from dogshape.diagnosis.terms import NONE
 from dogshape.sim.errors import InputError
-from tests.fits import CELLS, POINTS, SETTINGS, Array, Predicted, Space, predicted
-from tests.toy import EFFECTS, times_of
+from tests.fits import POINTS, Array, field_at
+from tests.toy import EFFECTS
 
 LONGEST = EFFECTS["actuation_delay"].parameters[0].high  #: dead time of the range, s
 DELAYS = LONGEST * (np.arange(TRUTHS) + 0.5) / TRUTHS
 STEP = LONGEST / RIVALS  #: s, between rivals
-SHARES = (np.arange(16) + 0.5) / 16
-
-
-class _Model:
-    """The toy's times, with errors of 1 ms."""
-
-    effects: dict[str, Any]
-
-    def __init__(self, names: tuple[str, ...], cells: int) -> None:
-        """Take the names of its effects and the number of its operating points."""
-        self.effects = {name: EFFECTS[name] for name in names}
-        self.cells = cells
-
-    def space(self, hypothesis: Hypothesis) -> Space:
-        """Return the parameters of a hypothesis."""
-        return Space(tuple(self.effects[name] for name in hypothesis))
-
-    def possible(self, _: Hypothesis, shares: Array) -> Array:
-        """Mark all values."""
-        return np.ones(len(shares), dtype=bool)
-
-    def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
-        """Return mean and spread of the toy's times."""
-        space = self.space(hypothesis)
-        values = {p.name: space.values(shares)[:, [k]] for k, p in enumerate(space.parameters)}
-        times = np.stack(
-            [
-                np.broadcast_to(times_of(values, point, SHARES), (len(shares), SHARES.size))
-                for point in POINTS[: self.cells]
-            ],
-            axis=1,
-        )
-        found = predicted(times.mean(axis=2))
-        return replace(found, sd=np.maximum(1e-3, times.std(axis=2)))
-
-
-def _field(
-    names: tuple[str, ...], cells: int = CELLS, discrepancy: float = 0.0, **more: Any
-) -> Field:
-    given = {
-        "model": _Model(names, cells),
-        "settings": SimpleNamespace(**(vars(SETTINGS) | {"discrepancy": discrepancy})),
-        "smooth": np.ones((cells, 1)),
-        "columns": lambda p: np.zeros((len(p.mean), cells, 0)),
-        "own_variance": lambda p: p.error**2,
-    }
-    return field_of(SimpleNamespace(**(given | more)))  # type: ignore[arg-type]
 
 
 def test_the_distance_of_a_dead_time_is_that_of_its_mean() -> None:
     """A dead time d moves all times alike: D = d^2 / (sd^2/n + e^2) at one operating point."""
-    field = _field(("actuation_delay",), 1)
+    field = field_at(("actuation_delay",), POINTS[:1])
     base = field.baseline
     for n in (1, 10, 400):
         variance = base.sd[0, 0] ** 2 / n + 1e-6
@@ -95,7 +43,7 @@ def test_the_distance_of_a_dead_time_is_that_of_its_mean() -> None:
 
 def test_what_all_points_have_in_common_is_no_evidence_however_many_shifts() -> None:
     """With a discrepancy of s t, D of a dead time stays below d^2 / (s^2 t^2 + e^2)."""
-    field = _field(("actuation_delay",), 1, 0.04)
+    field = field_at(("actuation_delay",), POINTS[:1], 0.04)
     time = field.baseline.mean[0, 0]
     many = field.distances(np.array([1e12]))[1][:, 0]
     assert many == pytest.approx(DELAYS**2 / ((0.04 * time) ** 2 + 1e-6), rel=1e-4)
@@ -105,7 +53,7 @@ def test_all_other_errors_in_common_count_as_well() -> None:
     """An offset of 10 ms that both points share leaves their difference alone."""
     offset = np.full((1, 2, 1), 0.01)
     plain, shared = (
-        _field(("actuation_delay",), 2, columns=columns)
+        field_at(("actuation_delay",), POINTS[:2], columns=columns)
         for columns in (lambda _: 0.0 * offset, lambda _: offset)
     )
     many = np.full(2, 1e12)
@@ -116,7 +64,7 @@ def test_all_other_errors_in_common_count_as_well() -> None:
 
 def test_a_spread_is_known_from_several_shifts() -> None:
     """At one shift a point only means tell values apart; else ln of spreads to 1/(2 (n - 1))."""
-    field = _field(("mismatch_speed",), 1)
+    field = field_at(("mismatch_speed",), POINTS[:1])
     wide = replace(field, error=np.full(1, 1e3))
     assert wide.distances(np.ones(1))[1][:, 0].max() < 1e-3
     logs = field.truths[1][:, 1, 0] - np.log(field.baseline.sd[0, 0])
@@ -126,7 +74,7 @@ def test_a_spread_is_known_from_several_shifts() -> None:
 
 def test_a_value_of_large_error_is_not_the_nearest_to_anything() -> None:
     """The part of emulation is subtracted from the nearest value, and does not choose it."""
-    field = _field(("actuation_delay",), 1)
+    field = field_at(("actuation_delay",), POINTS[:1])
     shifts = np.array([10.0])
     doubtful = field.rivals[1].copy()
     doubtful[-1, 3] = 1.0  # the longest dead time, far from none
@@ -137,7 +85,7 @@ def test_a_value_of_large_error_is_not_the_nearest_to_anything() -> None:
 
 def test_what_no_shift_shows_is_a_coin() -> None:
     """The toy knows no drag, so no shift tells it from none."""
-    field = _field(("drag_torque",))
+    field = field_at(("drag_torque",))
     plan = shift_plan(field, 40)
     assert plan.worth == pytest.approx(0.5)
     assert plan.apart[1, 0] == plan.apart[0, 1] == 0.0
@@ -145,7 +93,7 @@ def test_what_no_shift_shows_is_a_coin() -> None:
 
 
 def test_a_pair_is_decided_by_half_the_distance() -> None:
-    field = _field(("actuation_delay",))
+    field = field_at(("actuation_delay",))
     shifts = np.full(field.cells, 5.0)
     none, late = field.distances(shifts)
     both = ndtr(0.5 * np.sqrt(late[:, 0])).mean(), ndtr(0.5 * np.sqrt(none[0, 1]))
@@ -154,7 +102,7 @@ def test_a_pair_is_decided_by_half_the_distance() -> None:
 
 def test_half_the_distance_is_the_mean_log_bayes_factor_of_simulated_means() -> None:
     """A second method: means drawn with scatter and common errors, scored by their density."""
-    field, n, count = _field(("actuation_delay",), 3, 0.03), 10.0, 4000
+    field, n, count = field_at(("actuation_delay",), POINTS[:3], 0.03), 10.0, 4000
     shifts, base = np.full(3, n), field.baseline
     covariance = np.diag(base.sd[0] ** 2 / n + 1e-6) + field.common
     truth = int(np.argmin(abs(field.distances(shifts)[1][:, 0] - 8.0)))
@@ -173,7 +121,7 @@ def test_half_the_distance_is_the_mean_log_bayes_factor_of_simulated_means() -> 
 
 
 def test_more_shifts_are_worth_more_and_a_greedy_choice_beats_the_reference_alone() -> None:
-    field = _field(("actuation_delay", "force_scale", "moving_mass", "sleeve_friction"))
+    field = field_at(("actuation_delay", "force_scale", "moving_mass", "sleeve_friction"))
     plans = [shift_plan(field, n) for n in (20, 60, 240)]
     worths = [plan.worth for plan in plans]
     assert worths == sorted(worths)
@@ -186,7 +134,7 @@ def test_more_shifts_are_worth_more_and_a_greedy_choice_beats_the_reference_alon
 
 
 def test_a_point_at_which_nothing_engages_is_told_by_its_share_alone() -> None:
-    field = _field(("actuation_delay",), 2)
+    field = field_at(("actuation_delay",), POINTS[:2])
     lost = [values.copy() for values in field.truths]
     lost[1][:, 2] = 0.0
     engaged = replace(field, truths=tuple(lost), error=np.full(2, 1e3))
@@ -209,7 +157,7 @@ def test_the_reference_comes_first_amid_and_last_and_the_others_at_random() -> N
 
 
 def test_the_reference_scatters_least_and_a_limit_of_points_is_kept() -> None:
-    field = _field(("actuation_delay", "moving_mass"))
+    field = field_at(("actuation_delay", "moving_mass"))
     plan = shift_plan(field, 60, most=3)
     assert plan.reference == steadiest(field)
     assert field.baseline.sd[0, plan.reference] == field.baseline.sd[0].min()
@@ -222,27 +170,4 @@ def test_the_reference_scatters_least_and_a_limit_of_points_is_kept() -> None:
 @pytest.mark.parametrize("count", [19, 1_000_001])
 def test_a_number_of_shifts_that_makes_no_plan_is_a_sentence(count: int) -> None:
     with pytest.raises(InputError, match=r"number of shifts is .*, but it must lie between 20 and"):
-        shift_plan(_field(("actuation_delay",)), count)
-
-
-def test_effects_that_no_shift_tells_apart_are_one_class() -> None:
-    """No drag changes a time of the toy; a delay of 0.1 s is far from none, one of 1 ms is not."""
-    model = _Model(("actuation_delay", "drag_torque", "spline_friction"), CELLS)
-    given = {
-        "model": model,
-        "settings": SETTINGS,
-        "smooth": np.ones((CELLS, 1)),
-        "columns": lambda p: np.zeros((len(p.mean), CELLS, 0)),
-        "own_variance": lambda p: p.error**2,
-        "seen": SimpleNamespace(count=np.full(CELLS, 10.0)),
-    }
-    blind: tuple[Hypothesis, ...] = ((), ("drag_torque",), ("spline_friction",))
-    late = ("actuation_delay",)
-    for delay, expected in ((0.1, (blind, (late,))), (0.001, ((*blind, late),))):
-        fits = {h: _fit(model, h, delay / LONGEST) for h in (*blind, late)}
-        assert classes_of(SimpleNamespace(**given), fits) == expected  # type: ignore[arg-type]
-
-
-def _fit(model: _Model, hypothesis: Hypothesis, share: float) -> Any:
-    shares = np.full((20, len(model.space(hypothesis).parameters)), share)
-    return SimpleNamespace(predicted=model.predict(hypothesis, shares))
+        shift_plan(field_at(("actuation_delay",)), count)
