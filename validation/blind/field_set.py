@@ -7,8 +7,8 @@
     DIR/making/             while a set is made: what is finished; gone once it is sealed
 
 Of several candidates of a case the first one that is clear is kept, else the one with the largest
-yardstick. The yardstick (``validation.blind.yardstick``) is computed before anything is diagnosed, and sealed with the truth
-that it belongs to.
+yardstick. The yardstick (``validation.blind.yardstick``) is computed before anything is diagnosed,
+and sealed with the truth that it belongs to.
 """
 
 from __future__ import annotations
