@@ -51,7 +51,7 @@ NAMES = tuple(n for n, e in EFFECTS.items() if e.parameters and n not in ("actua
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--clutch", type=Path, default=bundled_root() / "blind" / "fine")
+    parser.add_argument("--clutch", type=Path, default=bundled_root() / "blind" / "hub")
     parser.add_argument("--pairs", type=int, default=40)
     parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()

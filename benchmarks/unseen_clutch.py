@@ -2,7 +2,7 @@
 
     python -m benchmarks.unseen_clutch [--jobs N] [--points N]
 
-The clutch is that of ``studies/blind/fine`` at the 28 operating points of the published tables,
+The clutch is that of ``studies/blind/hub`` at the 28 operating points of the published tables,
 with the sense of rotation unknown, which is the most that a bank has to hold. Simulated are all
 shifts of both banks by the compiled engine into an empty folder, then the flights of every effect
 and of each effect with friction of the sleeve, which data sets with traces ask for. ``--points``
@@ -34,7 +34,7 @@ POINTS = 7  #: of the 28, by default; 0 takes all
 def unseen() -> Bench:
     """Return the clutch at the published operating points, for the compiled engine."""
     bench = load_bench(PUBLISHED)
-    clutch = load_bench(bundled_root() / "blind" / "fine").clutch
+    clutch = load_bench(bundled_root() / "blind" / "hub").clutch
     record = replace(bench.record, sense="unknown")
     return replace(bench, clutch=clutch.with_engine("planar"), record=record)
 
