@@ -88,10 +88,10 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
     """Build the predictions of a data set, by the place where displacement may be read."""
-    return build_models(bench, effects, means.settings, lambda blocks: _run(blocks, means))
+    return build_models(bench, effects, means.settings, lambda blocks: shifts_of(blocks, means))
 
 
-def _run(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
+def shifts_of(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
     """Read the shifts of a bank; simulate what no file has, and keep it."""
     store = BankStore((brought(TIMES), means.bank / TIMES))
     if not store.missing(blocks):
@@ -114,7 +114,7 @@ def _run(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
             rows = store.times(blocks, executor.run)
         journal.say_unfinished(means.progress.say)
         with suppress(OSError):  # the file of banks has them
-            (means.bank / SHIFTS).unlink(missing_ok=True)
+            journal.drop({key for block in lacking for key in block.keys})
         return rows
 
 
