@@ -9,7 +9,7 @@
 # make studies runs all bundled studies and keeps their results in studies/ (half an hour).
 # make samplers compares samplers (half an hour).
 # make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).
-# make blind makes, diagnoses and scores data whose effect is withheld (two hours on two cores);
+# make blind makes, diagnoses and scores data whose effect is withheld (half an hour on two cores);
 # stopped, it goes on.
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
 # make figures puts what sources say into the figures of README.md and docs, and lists what has none.

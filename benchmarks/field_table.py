@@ -7,7 +7,6 @@ commands. Until a set is scored nothing is written.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.blocks import Block
@@ -15,8 +14,6 @@ from benchmarks.entries import ROOT
 
 SCORE = ROOT / "docs" / "evidence" / "blind_field.txt"
 HEAD = ("value (95 %)", "n", "aim", "met")
-FIGURE = re.compile(r"(-?[\d.]+) \((-?[\d.]+) to (-?[\d.]+)\)")
-CALIBRATION = "calibration error"  #: begins the words of a figure that is no share
 
 
 def headline_of(path: Path) -> list[tuple[str, ...]]:
@@ -45,35 +42,18 @@ def passage(path: Path = SCORE) -> str | None:
     """Write what docs/results.md says of a field set; None before one is scored."""
     if not path.exists():
         return None
-    text = path.read_text("utf-8")
+    scored = re.search(r"^scored by .*$", path.read_text("utf-8"), re.MULTILINE)
     lines = [
         "| figure | value (95 %) | cases | aim | met |",
         "|---|---|---|---|---|",
-        *(_line(row) for row in headline_of(path)),
+        *(
+            f"| {words} | {value} | {n} | {aim.strip('-')} | {met.strip('-')} |"
+            for words, value, n, aim, met in headline_of(path)
+        ),
         "",
-        _sentence(text, r"^scored by .*$"),
-        _sentence(text, r"^calibration error of right probabilities.*$"),
+        *([f"{scored[0].capitalize()}."] if scored else []),
     ]
-    return "\n".join([*(line for line in lines if line is not None), ""])
-
-
-def _line(row: Sequence[str]) -> str:
-    words, value, n, aim, met = row
-    return f"| {words} | {_value(words, value)} | {n} | {aim.strip('-')} | {met.strip('-')} |"
-
-
-def _value(words: str, value: str) -> str:
-    found = FIGURE.fullmatch(value)
-    if found is None or words.startswith(CALIBRATION):
-        return value
-    mid, low, high = (100.0 * float(one) for one in found.groups())
-    return f"{mid:.0f} % ({low:.0f} to {high:.0f})"
-
-
-def _sentence(text: str, pattern: str) -> str | None:
-    """Write a line of the score as a sentence, None where it has no such line."""
-    found = re.search(pattern, text, re.MULTILINE)
-    return None if found is None else f"{found[0][0].upper()}{found[0][1:]}."
+    return "\n".join([*lines, ""])
 
 
 FIELD = Block("docs/results.md", "blind field", passage)

@@ -122,11 +122,9 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
 
 def _finer(plant: ClutchPlant) -> ClutchPlant:
     """Build the same plant with steps of at most a tenth."""
-    solver, steps = plant.clutch.solver, plant.steps
+    solver = plant.clutch.solver
     finer = replace(solver, max_step=solver.max_step / FINER)
-    if steps is not None:
-        steps = replace(steps, time_step=steps.time_step / FINER)
-    return ClutchPlant(replace(plant.clutch, solver=finer), steps)
+    return ClutchPlant(replace(plant.clutch, solver=finer))
 
 
 def _simulated(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Run:

@@ -17,7 +17,6 @@ the dynamic one about ten stiction velocities. ``solver_for`` chooses by the set
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +37,6 @@ from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     ContactModel,
     CoulombFriction,
-    DiscreteContactApproximation,
 )
 from pydrake.multibody.tree import (
     PrismaticJoint,
@@ -72,44 +70,19 @@ from dogshape.sim.shift.release import release
 _AXIS = np.array([0.0, 0.0, 1.0])
 
 
-@dataclass(frozen=True)
-class DiscreteSteps:
-    """Steps of a plant that a discrete solver moves, whose speeds jump from step to step.
-
-    ``approximation`` is one of Drake's: ``similar``, ``lagged`` or ``sap``, all with the dynamic
-    coefficient alone; ``time_step`` in s. Such a plant is a second engine for comparison: at
-    1e-4 s its mean times are off by up to a tenth.
-    """
-
-    time_step: float
-    approximation: str = "similar"
-
-
-_APPROXIMATIONS = {
-    "similar": DiscreteContactApproximation.kSimilar,
-    "lagged": DiscreteContactApproximation.kLagged,
-    "sap": DiscreteContactApproximation.kSap,
-}
-
-
 class ClutchPlant:
     """A diagram of the clutch that can be shifted again and again.
 
-    Plants cannot be pickled: ship the clutch and build in the worker. ``steps`` are those of a
-    discrete solver; without them the solver of the clutch moves a continuous plant.
+    Plants cannot be pickled: ship the clutch and build in the worker.
     """
 
-    def __init__(self, clutch: Clutch, steps: DiscreteSteps | None = None) -> None:
-        self.clutch, self.steps = clutch, steps
+    def __init__(self, clutch: Clutch) -> None:
+        self.clutch = clutch
         self.share = clutch.dog.count  # dogs that one modelled dog stands for
         if clutch.solver.all_dogs:
             self.share = 1
         builder = DiagramBuilder()
-        self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(
-            builder, time_step=0.0 if steps is None else steps.time_step
-        )
-        if steps is not None:
-            self.plant.set_discrete_contact_approximation(_APPROXIMATIONS[steps.approximation])
+        self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         self._add_output_ring()
         self._add_stop(self._add_sliding_ring())
         if clutch.mechanism.has_linkage:
@@ -143,15 +116,14 @@ class ClutchPlant:
         configured again, or its step size would carry over. Where friction alone holds the
         sliding ring at first, the run begins when it lets go; ``held`` has what was before.
         """
-        if self.steps is None:
-            solver = self.clutch.solver
-            config = SimulatorConfig(
-                integration_scheme=solver.scheme,
-                accuracy=solver.accuracy,
-                max_step_size=solver.max_step,
-                use_error_control=True,
-            )
-            ApplySimulatorConfig(config, self.simulator)
+        solver = self.clutch.solver
+        config = SimulatorConfig(
+            integration_scheme=solver.scheme,
+            accuracy=solver.accuracy,
+            max_step_size=solver.max_step,
+            use_error_control=True,
+        )
+        ApplySimulatorConfig(config, self.simulator)
         self._force.UpdateTrajectory(_trajectory(point.profile, self.share))
         sliding = self.clutch.rings.initial_speed
         output = sliding + point.mismatch

@@ -1,35 +1,16 @@
-"""The page of results has of the blind check what ``blind score`` prints."""
+"""Passages of pages between two lines, as that of the blind check."""
 
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
-from rich.console import Console
 
 from benchmarks.blocks import Block, filled, outdated, spans
-from benchmarks.field_table import FIELD, headline_of
-from dogshape.pipeline.cli.tables.blind_tables import score_table
-from dogshape.validation.blind.score import field_mark, scored_field
-from tests.unit.test_blind_score import CASES, FREE, RESULTS
+from benchmarks.field_table import FIELD
 
 PAGE = "docs/results.md"
 BLOCK = replace(FIELD, build=lambda: "| 82 % |\n")
-
-
-def test_what_a_score_prints_today_can_be_read(tmp_path: Path) -> None:
-    """So that other words or columns of the table cannot pass unseen."""
-    key = {"references": {"planar_half": {"times_s": FREE}}}
-    marks = [field_mark(n, CASES[n], key, RESULTS[n]) for n in CASES]
-    found = scored_field(marks, {}, {}) | {"code": {"changed": [], "figures_as_sealed": True}}
-    path = tmp_path / "score.txt"
-    with path.open("w", encoding="utf-8") as file:
-        file.write("$ dogshape blind score DIR\n\n")
-        Console(file=file, width=200).print(score_table(found))
-    read = {words: rest for words, *rest in headline_of(path)}
-    assert list(read) == [one["words"] for one in found["headline"]]
-    assert read["no effect: one is named"] == ["1.00 (0.21 to 1.00)", "1", "at most 2 %", "no"]
 
 
 def test_a_passage_without_a_source_leaves_what_stands_there() -> None:

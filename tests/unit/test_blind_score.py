@@ -1,121 +1,118 @@
-"""Marks of blind cases on made-up results, intervals of figures, and the seal."""
+"""Marks and figures of made-up results, intervals, the seal, and the verbs."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
+import sys
+from collections.abc import Callable
+from dataclasses import asdict, replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
-import numpy as np
 import pytest
 
+from benchmarks.field_table import headline_of, passage
 from dogshape.sim.errors import InputError, StorageError
-from dogshape.validation.blind import sealed
-from dogshape.validation.blind.case_marks import CHANCE, gap_size, mark_of
-from dogshape.validation.blind.cases import WHICH
+from dogshape.validation.blind import figures, sealed
+from dogshape.validation.blind.advised_test import Advised
 from dogshape.validation.blind.intervals import calibration, mean, share
-from dogshape.validation.blind.score import score_field
+from dogshape.validation.blind.score import between, headline, mark_of, score_field
+from tests.conftest import Said
 
-FREE = [[0.1, 0.2, 0.3, 0.4]]
 
-
-def _truth(kind: str, parameters: dict[str, Any], shift: float, **more: Any) -> dict[str, Any]:
+def _truth(kind: str, parameters: dict[str, Any], clear: float, **more: Any) -> dict[str, Any]:
+    yard = {"power": 0.95} if kind == "none" else {"noncentrality": clear}
     return {
-        "kind": kind, "form": "means", "causes": sorted(parameters), "parameters": parameters,
-        "outside": {}, "times_s": [[t + shift for t in FREE[0]]], "engine": "planar",
-        "stand": "half", "places": [0], "yardstick": {"engine_off_in_margins": 0.5}, **more,
+        "kind": kind, "form": "means", "engine": "planar", "causes": sorted(parameters),
+        "parameters": parameters, "outside": {}, "yardstick": yard, **more,
     }  # fmt: skip
 
 
+PAIR = {"actuation_delay": {"delay_s": 0.1}, "moving_mass": {"added_mass_kg": 1.0}}
 CASES = {
-    "case_00": _truth("single", {"moving_mass": {"added_mass_kg": 2.0}}, 0.3),
-    "case_01": _truth("single", {"sleeve_friction": {"friction_N": 50.0}}, 0.01),
+    "case_00": _truth("single", {"moving_mass": {"added_mass_kg": 2.0}}, 50.0),
+    "case_01": _truth("single", {"sleeve_friction": {"friction_N": 50.0}}, 50.0),
     "case_02": _truth("none", {}, 0.0),
-    "case_03": _truth(
-        "pair", {"actuation_delay": {"delay_s": 0.1}, "moving_mass": {"added_mass_kg": 1.0}}, 0.5
-    ),
-    "case_04": _truth("outside", {}, 0.4, causes=["unknown"], outside={"drift": 0.5}),
+    "case_03": _truth("pair", PAIR, 5.0),
+    "case_04": _truth("outside", {}, 50.0, causes=["unknown"], outside={"driven_pump": 0.9}),
 }
+CASES["case_03"]["yardstick"]["seen_as"] = [["actuation_delay"]]
 
 
 def _found(
     chances: dict[tuple[str, ...], float], verdict: str, causes: list[str], **more: Any
 ) -> dict[str, Any]:
     hypotheses = [
-        {"effects": list(h), "probability": p, "evidence_probability": p, "parameters": {}}
+        {"effects": list(h), "probability": p, "evidence_probability": p, "predictive_p": 0.4}
         for h, p in chances.items()
     ]
     hypotheses[0]["parameters"] = more.pop("parameters", {})
-    record = {"verdict": verdict, "causes": causes, "hypotheses": hypotheses, **more}
-    return {"diagnosis": record, "time_s": 3.0}
+    leading = [list(max(chances, key=lambda h: chances[h]))]
+    record = {"verdict": verdict, "causes": causes, "hypotheses": hypotheses}
+    return {"diagnosis": {**record, "credible_set": leading, **more}, "cpu_s": 3.0}
 
 
-MASS = ("moving_mass",)
-RESULTS = {
+MASS, DELAY = ("moving_mass",), ("actuation_delay",)
+RESULTS: dict[str, dict[str, Any]] = {
     "case_00": _found(
         {MASS: 0.9, (): 0.1}, "effect", ["moving_mass"],
         parameters={"added_mass_kg": {"mean": 2.1, "low": 1.5, "high": 2.5}},
-        plain={"smallest_rmse": ["actuation_lag"], "aicc": [
-            {"effects": ["moving_mass"], "weight": 0.7}, {"effects": [], "weight": 0.3}]},
     ),
     "case_01": _found(
         {("viscous_damping",): 0.6, ("sleeve_friction",): 0.35, (): 0.05}, "ambiguous", [],
-        classes=[[["viscous_damping"], ["sleeve_friction"]], [["moving_mass"], []]],
+        next_test={"name": "slow push"},
     ),
-    "case_02": _found({MASS: 0.85, (): 0.15}, "effect", ["moving_mass"]),
-    "case_03": _found({("actuation_delay",): 0.7, ("actuation_delay", "moving_mass"): 0.3},
-                      "ambiguous", ["actuation_delay"]),
-    "case_04": {"refused": "the times cannot be", "time_s": 1.0},
+    "case_02": _found({MASS: 0.97, (): 0.03}, "effect", ["moving_mass"]),
+    "case_03": _found({DELAY: 0.7, (*DELAY, *MASS): 0.3}, "effect", ["actuation_delay"]),
+    "case_04": {"refused": "the times cannot be", "cpu_s": 1.0},
 }  # fmt: skip
+TEST = Advised("slow push", "direct", ("sleeve_friction",), 0.9, True, False, 0.6)
 
 
-def test_marks_are_those_of_the_record() -> None:
-    marks = {n: mark_of(n, CASES[n], {"reference_s": FREE}, RESULTS[n]) for n in CASES}
-    assert [m.right for m in marks.values()] == [True, False, False, False, True]
-    assert [m.right_class for m in marks.values()] == [True, True, False, False, True]
-    assert [m.named_right for m in marks.values()] == [True, False, False, False, False]
-    assert [m.found for m in marks.values()] == [1, 0, 0, 1, 1]
-    assert [len(m.credible) for m in marks.values()] == [1, 2, 2, 2, 0]
-    assert marks["case_00"].inside == (True,)
-    assert marks["case_04"].refused
-    assert marks["case_00"].plain == ("actuation_lag",)
+def _advise(folder: Path, truth: dict[str, Any], right: Any) -> Advised:
+    assert (folder.name, right[0]) == ("case_01", ("sleeve_friction",))
+    return TEST
 
 
-def test_classes_are_those_of_the_record() -> None:
-    odd, pair = ("lag + play",), ("actuation_lag", "moving_mass")
-    chances: dict[tuple[str, ...], float] = {odd: 0.5, pair: 0.3, (): 0.2}
-    truth = _truth("single", {}, 0.3, causes=list(pair))
-    result = _found(chances, "ambiguous", [], classes=[[list(odd), list(pair)]])
-    mark = mark_of("case_00", truth, {"reference_s": FREE}, result)
-    assert mark.group == {odd, pair}
-    assert mark.right_class
+MARKS = [mark_of(Path(n), n, CASES[n], RESULTS[n], _advise) for n in CASES]
 
 
-def test_chance_alone_has_no_size_whatever_skips_a_slot() -> None:
-    """Ten draws at 28 points, a late one and two odd points among them, against 24 others."""
-    generator = np.random.default_rng(5)
-    sizes = []
-    for _ in range(40):
-        mine, free = (generator.normal(0.06, 0.003, (28, n)) for n in (10, 24))
-        mine[3, 2] = free[8, 1] = 0.3
-        mine[5, :4] = mine[20, :4] = 0.09
-        sizes.append(gap_size(mine.tolist(), free.tolist()))
-    # The reference errs too, by the root of 10/24 of one error.
-    assert np.mean(sizes) < 1.1
-    assert max(sizes) < 2.0
-    least = np.sort(generator.normal(size=100_000) ** 2)[:90_000]
-    assert pytest.approx(least.mean(), rel=0.02) == CHANCE
+def test_figures_of_made_up_results() -> None:
+    found = {name: (one["value"], one["n"]) for name, one in headline(MARKS).items()}
+    assert found["named"] == found["leads"] == (0.5, 2)
+    assert found["whole_truth"] == (pytest.approx(1 / 3), 3)
+    assert found["whole_seen"] == (pytest.approx(2 / 3), 3)
+    assert found["wrong_sure"] == (1.0, 1)
+    assert found["false_alarms"] == (1.0, 1)
+    assert found["none_shown"] == (0.0, 1)
+    assert found["unknown"] == (1.0, 1)
+    assert found["credible"] == (0.5, 4)
+    assert found["sizes"] == (1.0, 1)
+    assert found["pairs_said"] == (pytest.approx(0.7), 1)
+    assert found["test_settles"] == (1.0, 1)
+    assert found["test_misleads"] == (0.0, 1)
+    assert found["test_foreseen"] == (pytest.approx(-0.4), 1)
+    assert found["cpu_s"] == (pytest.approx(2.6), 5)
+    assert found["p_median"] == (0.4, 2)
 
 
-def test_a_gap_is_measured_in_sampling_errors() -> None:
-    """A shift by s of four readings of spread s0 is s / (s0 / 2) errors."""
-    spread = math.sqrt(0.05 / 3.0)
-    size = gap_size([[t + 0.3 for t in FREE[0]]], FREE)
-    assert size == pytest.approx(math.sqrt((0.3 / (0.5 * spread)) ** 2 - CHANCE))
-    assert gap_size([[t + 0.01 for t in FREE[0]]], FREE) == 0.0
-    assert gap_size([[None, None]], FREE) == math.inf
+def test_of_a_truth_everything_counts_that_has_what_is_seen_of_it() -> None:
+    whole = ("a", "b", "c")
+    assert between([("a",)], whole) == (("a",), ("a", "b"), ("a", "c"))
+    assert between([()], ("a",)) == ((),)
+    assert between([whole], whole) == ()
+    assert between([("a", "b"), ("a", "c")], whole) == (("a", "b"), ("a", "c"))
+
+
+def test_p_values_of_right_answers_are_held_against_uniform_ones() -> None:
+    right = [replace(MARKS[0], p=(k + 0.5) / 40) for k in range(40)]
+    high = [replace(one, p=0.5 + 0.5 * (one.p or 0.0)) for one in right]
+    assert headline(right)["p_uniform"]["value"] == pytest.approx(1.0, abs=0.01)
+    assert (headline(high)["p_uniform"]["value"] or 0.0) < 1e-3
+    assert headline(right)["p_median"]["value"] == pytest.approx(0.5)
 
 
 def test_wilson_interval() -> None:
@@ -139,17 +136,30 @@ def test_calibration_error_of_probabilities_that_are_true_as_often_as_they_say()
     assert calibration([[(0.95, False)]] * 5)["value"] == pytest.approx(0.95)
 
 
+def test_aims_are_met_or_missed() -> None:
+    aims = {one.name: one for one in figures.HEADLINES}
+    assert aims["named"].aim == "at least 72 %"
+    assert aims["pairs_said"].aim == "at most 0.15"
+    assert aims["p_median"].aim == ""
+    assert aims["named"].met(0.71) is False
+    assert aims["wrong_sure"].met(0.0) is True
+    assert aims["p_median"].met(0.5) is None
+
+
 def _sealed(folder: Path) -> Path:
     """A set with made-up data, sealed as ``make`` does it."""
     for name in CASES:
         (folder / "cases" / name).mkdir(parents=True)
         (folder / "cases" / name / "shifts.csv").write_text(f"{name}\n")
-    references = {"planar_half": {"times_s": FREE}}
-    text = json.dumps({"salt": "1f", "set": WHICH, "references": references, "cases": CASES})
-    hashes = {name: sealed.hash_of(folder / "cases" / name) for name in CASES}
-    digest = hashlib.sha256(text.encode()).hexdigest()
+    text = json.dumps({"format": sealed.FORMAT, "salt": "1f", "cases": CASES})
     (folder / "key.json").write_text(text)
-    manifest = {"format": sealed.FORMAT, "set": WHICH, "cases": hashes, "key_sha256": digest}
+    manifest = {
+        "format": sealed.FORMAT,
+        "cases": {name: sealed.hash_of(folder / "cases" / name) for name in CASES},
+        "key_sha256": hashlib.sha256(text.encode()).hexdigest(),
+        "figures": [asdict(one) for one in figures.HEADLINES],
+        "scoring_sha256": figures.scoring_code(),
+    }
     (folder / "manifest.json").write_text(json.dumps(manifest))
     return folder
 
@@ -181,7 +191,7 @@ def test_a_run_never_opens_the_key(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     assert "manifest.json" in opened
     assert sum(counted) == len(CASES)
     (folder / "key.json").write_bytes(key)
-    assert score_field(folder)["cases"] == len(CASES)
+    assert score_field(folder, _advise)["cases"] == len(CASES)
 
 
 def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
@@ -195,7 +205,7 @@ def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         sealed.run(folder, stopped)
     with pytest.raises(InputError, match=r"3 of 5 cases are not diagnosed yet.*blind run"):
-        score_field(folder)
+        score_field(folder, _advise)
     again: list[str] = []
 
     def counted(case: Path) -> dict[str, Any]:
@@ -216,7 +226,7 @@ def test_another_key_or_other_data_are_refused(tmp_path: Path) -> None:
     text = (folder / "key.json").read_text()
     (folder / "key.json").write_text(text.replace("moving_mass", "free_play"))
     with pytest.raises(StorageError, match="not the key that was sealed"):
-        score_field(folder)
+        score_field(folder, _advise)
 
 
 def test_results_of_another_set_are_refused(tmp_path: Path) -> None:
@@ -228,10 +238,39 @@ def test_results_of_another_set_are_refused(tmp_path: Path) -> None:
         sealed.run(folder, _diagnose)
 
 
-@pytest.mark.parametrize("change", [{"set": "published"}, {"format": 0}, {"cases": None}])
+@pytest.mark.parametrize("change", [{"format": 0}, {"cases": None}])
 def test_a_manifest_of_another_kind_is_refused(tmp_path: Path, change: dict[str, Any]) -> None:
     path = _sealed(tmp_path) / "manifest.json"
     manifest = json.loads(path.read_text()) | change
     path.write_text(json.dumps({k: v for k, v in manifest.items() if v is not None}))
     with pytest.raises(StorageError, match="no manifest of a field set; make it again"):
         sealed.run(tmp_path, _diagnose)
+
+
+def test_verbs_run_and_score_and_results_are_written_from_the_score(
+    dogshape: Callable[..., Said], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = ModuleType("dogshape.validation.blind.case_diagnosis")
+    module.diagnose_folder, module.advised = _diagnose, _advise  # type: ignore[attr-defined]
+    module.likelihood_of = None  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "dogshape.validation.blind.case_diagnosis", module)
+    folder = _sealed(tmp_path / "set")
+    assert "5 of 5 cases are not diagnosed yet" in dogshape("blind", "score", folder).err
+    assert "has a set of cases already" in dogshape("blind", "make", folder).err
+    assert "make it with: dogshape blind make" in dogshape("blind", "run", tmp_path / "no").err
+    said = dogshape("blind", "run", folder, "--jobs", 1, "--json")
+    assert set(said.json["cases"]) == set(CASES)
+    assert dogshape("blind", "score", folder, "--json").json["clear"] == 3
+    text = dogshape("blind", "score", folder).out
+    assert "scored by the code and the headline figures that were sealed" in text
+    path = tmp_path / "score.txt"
+    assert passage(path) is None
+    path.write_text(text)
+    assert [words for words, *_ in headline_of(path)] == [one.words for one in figures.HEADLINES]
+    assert "| clear cause: named | 50 % (9 to 91) | 2 | at least 72 % | no |" in passage(path)  # type: ignore[operator]
+    monkeypatch.setattr(figures, "SCORING", ("figures.py",))
+    said = dogshape("blind", "score", folder)
+    assert "scored by other code than sealed: advised_test.py, intervals.py, score.py" in said.out
+    path.write_text("nothing")
+    with pytest.raises(ValueError, match="no headline figures"):
+        headline_of(path)

@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson
 
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.bank import Level, settings_of
-from dogshape.diagnosis.prediction.outliers import bulk
+from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
+from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar.engagement import engage
 from dogshape.sim.planar.plant import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.validation.blind import planar_shift
-from dogshape.validation.blind.expected_means import expected, times_at
+from dogshape.validation.blind.expected_means import expected, moments, timely
 from dogshape.validation.blind.mujoco_shift import Draw
-from dogshape.validation.blind.planar_shift import Law, PlanarEngine
+from dogshape.validation.blind.planar_shift import PlanarEngine
 from dogshape.validation.blind.stand import Point, Truth, read_stand
-from dogshape.validation.blind.true_effects import RANGES, truth_of
+from dogshape.validation.blind.true_effects import RANGES, contact_of, truth_of
 
 BENCH = bundled_root() / "bench" / "mq200_adams"
 STAND = read_stand(BENCH)
@@ -31,35 +31,35 @@ EFFECTS = {
     "actuation_lag": {"lag_s": 0.05},
     "axial_gap": {"gap_offset_mm": 0.3},
     "chamfer_angle": {"chamfer_offset_deg": 1.5},
-    "contact_dissipation": {"dissipation_s_m": 20.0},
     "contact_friction": {"static_friction": 0.2, "dynamic_friction": 0.1},
-    "contact_stiffness": {"stiffness_Pa_m": 3e12},
     "detent_force": {"detent_N": 80.0, "position_mm": 0.8},
     "drag_torque": {"drag_Nm": 1.0},
+    "force_loss": {"loss_N": 60.0},
+    "force_rise": {"rise_factor": 1.6},
     "force_scale": {"force_factor": 0.7},
     "free_play": {"free_play_mm": 0.5},
-    "linkage_compliance": {"compliance_mm_kN": 4.0},
+    "linkage_compliance": {"compliance_mm_kN": 4.0, "mass_behind_kg": 1.2},
     "mismatch_speed": {"offset_rpm": 2.0, "mismatch_factor": 0.9},
     "moving_mass": {"added_mass_kg": 1.5},
     "reversed_mismatch": {},
     "sleeve_friction": {"friction_N": 60.0},
+    "sliding_inertia": {"inertia_factor": 3.0},
     "spline_friction": {"spline_friction": 0.15},
     "viscous_damping": {"damping_Ns_m": 300.0},
 }
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
-def test_with_the_same_contact_each_effect_is_that_of_the_simulation(
-    name: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(planar_shift, "LAW", Law(1.0, 1.0, 1.0))
+def test_with_the_same_contact_each_effect_is_that_of_the_simulation(name: str) -> None:
     values = EFFECTS[name]
     engine = PlanarEngine(STAND, truth_of({name: values}, {}))
     bench = load_bench(BENCH)
     cells = [k for k, c in enumerate(bench.cells) if abs(c.point.profile.force - 469.0) < 1.0]
     place = next(k for k in cells if abs(bench.cells[k].point.mismatch - POINT.mismatch) < 1e-6)
-    level = Level((name,), tuple(values.values()))
-    setting = level.setting(load(None), settings_of(bench)[place])
+    bench = replace(bench, sensor=Sensor("actuator"))
+    setting = load(None)[name].apply(
+        replace(setting_of(bench), point=bench.cells[place].point), values
+    )
     plant = planar_clutch(setting.clutch.with_engine("planar"))
     for angle in ANGLES:
         found = engage(plant, setting.point, float(angle))
@@ -75,19 +75,16 @@ def test_all_effects_of_the_list_are_compared_but_the_draw_of_angles() -> None:
     assert set(RANGES) - set(EFFECTS) == {"relative_angle"}
 
 
-def test_its_own_contact_makes_a_model_error_of_some_percent() -> None:
-    plain, truth = PlanarEngine(STAND), Truth()
-    same = planar_shift.clutch_of(STAND, truth, planar_shift.LAW)
-    assert same.contact.stiffness == pytest.approx(0.8 * truth.stiffness)
-    slow = Point(25.0 * np.pi / 30.0, 641.5, 0.12614)
+def test_contacts_of_cases_make_a_model_error_of_some_percent() -> None:
+    generator, slow = np.random.default_rng(4), Point(25.0 * np.pi / 30.0, 641.5, 0.12614)
     angles = (np.arange(24) + 0.5) / 24 * STAND.pitch
-    own = [plain.shift(slow, Draw(float(a))).time for a in angles]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(planar_shift, "LAW", Law(1.0, 1.0, 1.0))
-        other = PlanarEngine(STAND)
-        theirs = [other.shift(slow, Draw(float(a))).time for a in angles]
-    ratio = np.mean([t for t in own if t]) / np.mean([t for t in theirs if t])
-    assert 0.02 < abs(ratio - 1.0) < 0.15
+    means = []
+    for truth in [Truth(), *(Truth(**contact_of(generator)) for _ in range(6))]:
+        engine = PlanarEngine(STAND, truth)
+        times = [engine.shift(slow, Draw(float(a))).time for a in angles]
+        means.append(np.mean([t for t in times if t]))
+    apart = np.array(means[1:]) / means[0] - 1.0
+    assert 0.01 < np.sqrt((apart**2).mean()) < 0.15
 
 
 def test_what_it_cannot_make_is_refused() -> None:
@@ -123,16 +120,13 @@ def test_expected_means_have_the_effects_and_no_scatter() -> None:
 
 
 def test_angles_count_as_often_as_the_truth_draws_them() -> None:
-    """Hardly any preference is none; a strong one is somewhere between least and most."""
-    points = (POINT,)
-    (times,) = times_at("planar", STAND, points, Truth())
-    turns = (np.arange(times.size) + 0.5) / times.size
-    soon = np.isfinite(bulk(times))
-    weak = {"concentration": 1e-9, "centre_pitch": 0.3}
-    (mean,) = expected("planar", STAND, points, truth_of({"relative_angle": weak}, {})).mean
-    assert mean == pytest.approx(times[soon].mean(), rel=1e-6)
-    strong = {"concentration": 10.0, "centre_pitch": 0.5}
-    (near,) = expected("planar", STAND, points, truth_of({"relative_angle": strong}, {})).mean
-    inside = times[soon & (abs(turns - 0.5) < 0.25)]
-    assert inside.min() < near < inside.max()
-    assert abs(near - np.median(inside)) < abs(mean - np.median(inside))
+    """Weights over even angles; of late shifts none."""
+    times = np.array([[0.10, 0.11, 0.12, 0.13, 0.14, 0.5]])
+    soon = timely(times, np.array([0.2]))
+    assert np.isnan(soon[0, 5])
+    assert np.isfinite(soon[0, :5]).all()
+    weights = np.array([1.0, 1.0, 2.0, 0.0, 0.0, 9.0])
+    found = moments(soon, weights, more=0.01)
+    assert found.mean[0] == pytest.approx(0.1125)
+    inner = (0.0125**2 + 0.0025**2 + 2.0 * 0.0075**2) / 4.0
+    assert found.sd[0] == pytest.approx((inner + 0.01**2) ** 0.5)

@@ -1,10 +1,10 @@
 """Data of a field case: its test series, simulated and written as a stand gives it.
 
 A test series goes through the operating points in the order of the table, or makes all shifts in
-random order; ``order`` says the place of each single shift in it. The true force and mismatch of
-an operating point are off its nominal ones by an error of their own. Traces have the force that
-acts, as a sensor at the actuator measures it: with its delay, its lag, its stages and what a drift
-has taken of it.
+random order; ``order`` is the place of each single shift in it. The true force and mismatch of an
+operating point are off its nominal ones by an error of their own. Traces have the force that acts,
+as a sensor at the actuator measures it: with its delay, its lag, its stages and the share that a
+drift has left.
 """
 
 from __future__ import annotations
@@ -22,21 +22,24 @@ from numpy.typing import NDArray
 
 from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.cases import Case
-from dogshape.validation.blind.mujoco_shift import Draw, Shift, signal
+from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift, signal
+from dogshape.validation.blind.planar_shift import PlanarEngine
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_stand
-from dogshape.validation.blind.truth_engines import engine_of
 
 Array = NDArray[np.float64]
-Times = list[list[float | None]]
-_Where = tuple[int, Sequence[int], Sequence[Draw]]
 
 SAMPLING = 2000.0  #: 1/s, of traces
 NOISE = (5e-3, 0.3)  #: standard deviation of a trace's displacement in mm and speeds in 1/min
 AFTER = 0.005  #: s that a trace goes on after its shift
-HEAD = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "engaged", "trace")
+HEAD = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "engaged")
 #: Added to a case's seed for the errors of its nominal values, and for the order of its shifts.
 ERRORS, ORDER = 71, 72
 FORCE_NOISE = 0.002  #: of the nominal force, standard deviation of a sample of the measured one
+
+
+def engine_of(name: str, stand: Stand, truth: Truth) -> Engine | PlanarEngine:
+    """Make a stand with its truth in an engine, ``planar`` or ``mujoco``."""
+    return PlanarEngine(stand, truth) if name == "planar" else Engine(stand, truth)
 
 
 def true_points(case: Case, points: Sequence[Point]) -> tuple[Point, ...]:
@@ -68,7 +71,8 @@ def draws(truth: Truth, stand: Stand, points: int, each: int, seed: int) -> list
             turn = generator.vonmises(2.0 * math.pi * truth.centre, truth.concentration)
             late, phase = generator.exponential(), generator.uniform(0.0, 2.0 * math.pi)
             angle = float(turn % (2.0 * math.pi)) / (2.0 * math.pi) * stand.pitch
-            mine.append(Draw(angle, truth.sticking * float(late), float(phase)))
+            hangs = truth.hang_time * bool(generator.random() < truth.hang)
+            mine.append(Draw(angle, truth.sticking * float(late) + hangs, float(phase)))
         found.append(mine)
     return found
 
@@ -95,58 +99,96 @@ def simulated(case: Case, stand: Stand, points: Sequence[Point]) -> list[list[Sh
     ]
 
 
-def write_field_case(
+def write_case(
     folder: Path, base: Path, case: Case, points: Sequence[Point], shifts: list[list[Shift]]
-) -> Times:
+) -> list[list[float | None]]:
     """Write the data of a case; nothing of its truth is in them.
 
     Return the times in s as they stand beside the operating points, None for shifts that did not
     engage.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_stand_file(folder, base, case)
-    ordered = case.form != "means"
-    order = swapped(points) if case.swapped else list(range(len(points)))
+    (folder / "bench.toml").write_text(bench_text(base, folder.name, case), encoding="utf-8")
+    order, series = swapped(case, points), series_places(case)
     drawn = series_draws(case, read_stand(base))
-    series = series_places(case)
+    more = {"means": ["shift_time_sd_s"] if case.spreads else [], "traces": ["trace", "order"]}
+    columns = (*HEAD, *more.get(case.form, ["order"]))
     with (folder / "shifts.csv").open("w", encoding="utf-8", newline="") as file:
-        table = csv.writer(file, lineterminator="\n")
-        table.writerow((*HEAD, *(["order"] if ordered else [])))
+        table = csv.DictWriter(file, columns, restval="", lineterminator="\n")
+        table.writeheader()
         for point, place in zip(points, order, strict=True):
-            given = (f"{point.mismatch / RPM:.10g}", f"{point.force:.10g}", f"{point.rise:.10g}")
-            where = place, series[place], drawn[place]
+            given = {
+                "mismatch_rpm": f"{point.mismatch / RPM:.10g}",
+                "force_N": f"{point.force:.10g}",
+                "force_rise_s": f"{point.rise:.10g}",
+            }
             rows = (
-                _single_rows(folder, case, points[place], shifts[place], where)
-                if ordered
-                else mean_rows(shifts[place])
+                _mean_rows(shifts[place], spread=case.spreads)
+                if case.form == "means"
+                else [
+                    {"n_shifts": 1, **_timed([shift]), "order": at}
+                    for shift, at in zip(shifts[place], series[place], strict=True)
+                ]
             )
-            for row in rows:
-                table.writerow((*given, *row))
+            if case.form == "traces":
+                for k, shift in enumerate(shifts[place]):
+                    generator = np.random.default_rng((case.seed, place * 100 + k))
+                    seen = measured_rows(
+                        case.truth, points[place], shift, drawn[place][k].fade, generator
+                    )
+                    if seen is not None:
+                        rows[k]["trace"] = f"traces/{place:02d}_{k}.csv"
+                        _write_trace(folder / rows[k]["trace"], seen)
+            table.writerows(given | row for row in rows)
     return [[shift.time for shift in shifts[place]] for place in order]
 
 
-def bench_text(base: Path, name: str, errors: tuple[float, float] | None = None) -> str:
-    """Write the base's ``bench.toml`` with another name and the sensor at the actuator.
+def _timed(shifts: Sequence[Shift]) -> dict[str, Any]:
+    """Write ``shift_time_s`` and ``engaged`` of shifts of which all or none engaged."""
+    times = [shift.time for shift in shifts if shift.time is not None]
+    return {
+        "shift_time_s": f"{np.mean(times):.6f}" if times else "",
+        "engaged": "true" if times else "false",
+    }
 
-    ``errors`` are the standard deviations of true over nominal force and mismatch, where the stand
-    says them.
-    """
+
+def _mean_rows(shifts: Sequence[Shift], *, spread: bool) -> list[dict[str, Any]]:
+    """Write the rows of a mean: shifts that engaged, then those that did not."""
+    having = [shift for shift in shifts if shift.time is not None]
+    failed = [shift for shift in shifts if shift.time is None]
+    rows = [{"n_shifts": len(some), **_timed(some)} for some in (having, failed) if some]
+    if spread and len(having) > 1:
+        rows[0]["shift_time_sd_s"] = f"{np.std([s.time for s in having], ddof=1):.6f}"
+    return rows
+
+
+def _write_trace(path: Path, rows: Array) -> None:
+    path.parent.mkdir(exist_ok=True)
+    head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"
+    np.savetxt(path, rows, fmt="%.6g", delimiter=",", header=head, comments="")
+
+
+def bench_text(base: Path, name: str, case: Case | None = None) -> str:
+    """Write the base's ``bench.toml`` with another name, and record and errors of a case."""
     data: dict[str, Any] = tomllib.loads((base / "bench.toml").read_text(encoding="utf-8"))
-    plain = {"name": name, "source": "withheld", **{k: data[k] for k in _PLAIN}}
-    lines = [f"{key} = {_toml(value)}" for key, value in plain.items()]
-    for table in ("dog", "sliding", "output", "contact"):
-        lines += ["", f"[{table}]"]
-        lines += [f"{key} = {_toml(value)}" for key, value in data[table].items()]
-    record = {**data.get("record", {}), "displacement_at": "actuator"}
-    lines += ["", "[record]", *(f"{key} = {_toml(value)}" for key, value in record.items()), ""]
-    if errors is not None:
-        force, mismatch = (f"{100.0 * one:.3g}" for one in errors)
-        lines += [
-            "[errors.each_point]",
-            f"force_percent = {force}",
-            f"mismatch_percent = {mismatch}",
-        ]
-        lines += [""]
+    tables: dict[str, dict[str, Any]] = {
+        "": {"name": name, "source": "withheld", **{k: data[k] for k in _PLAIN}},
+        **{table: data[table] for table in ("dog", "sliding", "output", "contact")},
+    }
+    if case is not None:
+        tables["record"] = {
+            "time_zero": case.time_zero,
+            "displacement_at": case.displacement_at,
+            "empty_cells": "failed",
+        }
+        tables["errors.each_point"] = {
+            "force_percent": round(100.0 * case.force_error, 3),
+            "mismatch_percent": round(100.0 * case.speed_error, 3),
+        }
+    lines = list[str]()
+    for head, keys in tables.items():
+        lines += [f"[{head}]"] if head else []
+        lines += [*(f"{key} = {_toml(value)}" for key, value in keys.items()), ""]
     return "\n".join(lines)
 
 
@@ -157,67 +199,24 @@ def _toml(value: Any) -> str:
     return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
-def swapped(points: Sequence[Point]) -> list[int]:
-    """List the place whose shifts stand beside each point: forces in reverse order."""
+def swapped(case: Case, points: Sequence[Point]) -> list[int]:
+    """List the place whose shifts stand beside each point.
+
+    It is its own, but for forces in reverse order at each mismatch, or mismatches at each force.
+    """
     found = list(range(len(points)))
-    for mismatch in {point.mismatch for point in points}:
-        mine = [k for k, point in enumerate(points) if point.mismatch == mismatch]
-        mine.sort(key=lambda k: points[k].force)
+    if "swapped_forces" in case.outside:
+        kept, turned = "mismatch", "force"
+    elif "swapped_speeds" in case.outside:
+        kept, turned = "force", "mismatch"
+    else:
+        return found
+    for value in {getattr(point, kept) for point in points}:
+        mine = [k for k, point in enumerate(points) if getattr(point, kept) == value]
+        mine.sort(key=lambda k: getattr(points[k], turned))
         for place, source in zip(mine, reversed(mine), strict=True):
             found[place] = source
     return found
-
-
-def write_stand_file(folder: Path, base: Path, case: Case) -> None:
-    """Write ``bench.toml`` of a case, with the errors of its nominal values."""
-    text = bench_text(base, folder.name, (case.force_error, case.speed_error))
-    (folder / "bench.toml").write_text(text, encoding="utf-8")
-
-
-def mean_rows(shifts: Sequence[Shift]) -> list[tuple[str, ...]]:
-    """Write ``n_shifts``, ``shift_time_s``, ``engaged`` and ``trace`` of a mean's rows."""
-    times = [shift.time for shift in shifts if shift.time is not None]
-    failed = len(shifts) - len(times)
-    found: list[tuple[str, ...]] = []
-    if times:
-        found.append((str(len(times)), f"{np.mean(times):.6f}", "true", ""))
-    if failed:
-        found.append((str(failed), "", "false", ""))
-    return found
-
-
-def _single_rows(
-    folder: Path, case: Case, point: Point, shifts: Sequence[Shift], where: _Where
-) -> list[tuple[str, ...]]:
-    """Write ``n_shifts``, ``shift_time_s``, ``engaged``, ``trace`` and ``order`` of single shifts.
-
-    ``where`` has the operating point's place, those of its shifts in the series, and its draws.
-    """
-    place, series, drawn = where
-    found: list[tuple[str, ...]] = []
-    for k, shift in enumerate(shifts):
-        trace = ""
-        if shift.motion is not None and shift.time is not None:
-            trace = f"traces/{place:02d}_{k}.csv"
-            _write_trace(folder / trace, case, point, shift, (place * 100 + k, drawn[k].fade))
-        time = "" if shift.time is None else f"{shift.time:.6f}"
-        engaged = "false" if shift.time is None else "true"
-        found.append(("1", time, engaged, trace, str(series[k])))
-    return found
-
-
-def _write_trace(
-    path: Path, case: Case, point: Point, shift: Shift, which: tuple[int, float]
-) -> None:
-    """Write a time series with the force that acted, sampled and with noise."""
-    number, fade = which
-    path.parent.mkdir(exist_ok=True)
-    generator = np.random.default_rng((case.seed, number))
-    rows = measured_rows(case.truth, point, shift, fade, generator)
-    if rows is None:
-        return
-    head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"
-    np.savetxt(path, rows, fmt="%.6g", delimiter=",", header=head, comments="")
 
 
 def measured_rows(
@@ -237,17 +236,19 @@ def measured_rows(
     way = columns[0] / MM + NOISE[0] * noise[0]
     speeds = [one / RPM + NOISE[1] * noise[k] for k, one in enumerate(columns[1:], 1)]
     begin = float(motion[0, 0])  # the motion begins with the force
-    force = fade * acting(truth, point, times - begin)
+    force = acting(truth, truth.given(point, fade), times - begin)
     force += FORCE_NOISE * point.force * generator.normal(size=len(force))
     return np.stack([times, way, force, *speeds], axis=1)
 
 
 def acting(truth: Truth, point: Point, times: Array) -> Array:
-    """Compute the force in N at times (n,) in s from its start: staged, lagged and scaled."""
+    """Compute the force in N at times (n,) in s from its start: staged, then lagged.
+
+    ``point`` is the true one.
+    """
     step = 1.0 / SAMPLING
     fine = np.arange(0.0, float(times.max()) + step, step)
-    factor = truth.force_factor + truth.force_offset / point.force
-    force = factor * np.array([signal(truth, point, t) for t in fine])
+    force = np.array([signal(truth, point, t) for t in fine])
     if truth.lag:
         held, kept = 0.0, math.exp(-step / truth.lag)
         for k, now in enumerate(force.tolist()):

@@ -1,13 +1,14 @@
 """A field set: its data, the yardstick of each case, and the seal over both.
 
     DIR/cases/case_000/     a data set; its name says nothing
-    DIR/stands/half/        clutch and all operating points of the cases on it, without times
+    DIR/stands/large/       clutch and all operating points of the cases on it, without times
     DIR/manifest.json       hashes of key, data and scoring code, and the list of headline figures
     DIR/key.json            truths, yardsticks and a salt
     DIR/making/             while a set is made: what is finished; gone once it is sealed
 
-The yardstick (``validation.blind.yardstick``) is computed before anything is diagnosed, and sealed
-with the truth that it belongs to.
+Of several candidates of a case the first one that is clear is kept, else the one with the largest
+yardstick. The yardstick (``validation.blind.yardstick``) is computed before anything is diagnosed,
+and sealed with the truth that it belongs to.
 """
 
 from __future__ import annotations
@@ -15,328 +16,134 @@ from __future__ import annotations
 import hashlib
 import json
 import secrets
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from functools import partial
+from collections.abc import Callable, Sequence
+from concurrent.futures import as_completed
+from dataclasses import asdict
 from pathlib import Path
 from shutil import rmtree
 from typing import Any
 
-import numpy as np
-
-from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN, Margin
-from dogshape.diagnosis.settings import USUAL
-from dogshape.diagnosis.terms import Array
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
-from dogshape.validation.blind.case_marks import timely
-from dogshape.validation.blind.cases import (
-    CLUTCHES,
-    COUNTS,
-    WHICH,
-    Case,
-    case_of,
-    field_cases,
-)
-from dogshape.validation.blind.data import (
-    bench_text,
-    simulated,
-    swapped,
-    write_field_case,
-    write_stand_file,
-)
-from dogshape.validation.blind.expected_means import (
-    ANGLES,
-    Expected,
-    expected,
-    fades_of,
-    moments,
-    pooled,
-    times_at,
-)
-from dogshape.validation.blind.figures import HEADLINES, scoring_code
+from dogshape.validation.blind.cases import CLUTCHES, Case, case_of, field_cases
+from dogshape.validation.blind.data import bench_text, simulated, write_case
+from dogshape.validation.blind.expected_means import expected, expected_of
+from dogshape.validation.blind.figures import CLEAR, HEADLINES, scoring_code
 from dogshape.validation.blind.sealed import FORMAT, Advance, hash_of, ignore, pool, read
-from dogshape.validation.blind.stand import Point, Truth, read_points, read_stand
-from dogshape.validation.blind.yardstick import (
-    Seen,
-    Series,
-    Yardstick,
-    asked_of,
-    power_of,
-    rivals_of,
-    seen_as,
-)
+from dogshape.validation.blind.stand import read_points, read_stand
+from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, seen_as
 
 Record = dict[str, Any]  #: key, manifest and parts of them, as they are kept in JSON
+#: Likelihood of a data set's folder, with the sensor at a side of the linkage; and its model,
+#: where that is known.
+LikelihoodOf = Callable[[Path, str, Model | None], Likelihood]
 
 MAKING, STANDS = "making", "stands"
-STEP = 0.05  #: by which force and mismatch are changed for what their errors do
-
-
-@dataclass(frozen=True)
-class FieldWanted:
-    """Request of a field set: its size and its seed."""
-
-    size: str = "full"
-    seed: int | None = None
-
-    @property
-    def cases(self) -> tuple[Case, ...]:
-        """Draw the cases; InputError for an unknown size."""
-        clutches = CLUTCHES[:1] if self.size == "small" else CLUTCHES
-        grids = {name: read_points(base(name)) for name in clutches}
-        return field_cases(self.size, grids, self.seed)
 
 
 def base(stand: str) -> Path:
     """Locate the folder of a clutch that the package brings."""
-    return bundled_root() / "blind" / stand
+    return bundled_root() / CLUTCHES[stand]
+
+
+def cases_of(seed: int | None = None, *, small: bool = False) -> dict[str, tuple[Case, ...]]:
+    """Draw the cases of a set, each as its candidates."""
+    clutches = list(CLUTCHES)[:1] if small else CLUTCHES
+    grids = {name: read_points(base(name)) for name in clutches}
+    return {f"case_{k:03d}": one for k, one in enumerate(field_cases(grids, seed, small=small))}
 
 
 def make_field(
     folder: Path,
-    wanted: FieldWanted,
-    seen: Callable[[Path, int], Seen],
+    cases: dict[str, tuple[Case, ...]],
+    likelihood_of: LikelihoodOf,
     jobs: int = 1,
     advance: Advance | None = None,
 ) -> Record:
     """Write a sealed field set and return its manifest; goes on where it was stopped.
 
-    ``seen`` says with what the folder of a clutch is diagnosed, and makes its bank where there is
-    none; it has to be picklable where ``jobs`` is above one. ``advance`` counts cases twice: their
-    data, and their yardsticks.
+    ``likelihood_of`` simulates a clutch where that was never done; with ``jobs`` above one it has
+    to be picklable. ``advance`` counts cases.
 
-    Raises StorageError where the folder has a set already, InputError for an unknown size.
+    Raises StorageError where the folder has a set already.
     """
     if (folder / "manifest.json").exists():
         raise StorageError(f"{folder} has a set of cases already; give another folder")
-    cases = {f"case_{k:03d}": case for k, case in enumerate(wanted.cases)}
-    stands = sorted({case.stand for case in cases.values()})
-    for stand in stands:
-        _write_stand(folder / STANDS / stand, stand)
-    pairs = sorted({(case.engine, case.stand) for case in cases.values()})
+    for stand in sorted({some[0].stand for some in cases.values()}):
+        where = folder / STANDS / stand
+        where.mkdir(parents=True, exist_ok=True)
+        write_whole(where / "bench.toml", bench_text(base(stand), stand))
+        write_whole(where / "shifts.csv", (base(stand) / "shifts.csv").read_text(encoding="utf-8"))
+        likelihood_of(where, "sleeve", None)
     with pool(jobs) as submit:
-        references = [submit(_reference, folder, *pair) for pair in pairs]
-        made = [submit(_data, folder, name, case.record()) for name, case in cases.items()]
-        for future in (*references, *made):
+        pending = [
+            submit(_made, folder, name, [one.record() for one in some], likelihood_of)
+            for name, some in cases.items()
+        ]
+        for future in as_completed(pending):
             future.result()
-            (advance or ignore)(int(future in made))
-    for stand in stands:
-        seen(folder / STANDS / stand, jobs)
-    with pool(jobs) as submit:
-        parts = {
-            stand: submit(
-                _yardsticks, folder, stand, [n for n, c in cases.items() if c.stand == stand], seen
-            )
-            for stand in stands
-        }
-        for part in parts.values():
-            (advance or ignore)(part.result())
-    return _seal(folder, wanted, cases, pairs)
+            (advance or ignore)(1)
+    return _seal(folder, list(cases))
 
 
-def _write_stand(folder: Path, stand: str) -> None:
-    """Write clutch and operating points of the cases on it."""
-    folder.mkdir(parents=True, exist_ok=True)
-    write_whole(folder / "bench.toml", bench_text(base(stand), stand))
-    write_whole(folder / "shifts.csv", (base(stand) / "shifts.csv").read_text(encoding="utf-8"))
-
-
-def _kept(folder: Path, name: str, asked: Record, make: Callable[[], Record]) -> Record:
-    """Read a part that an interrupted run made of the same request, or make and keep it."""
+def _made(folder: Path, name: str, asked: list[Record], likelihood_of: LikelihoodOf) -> None:
+    """Make a case of its candidates, unless an interrupted run has made it of the same ones."""
     path = folder / MAKING / f"{name}.json"
-    if path.exists() and (found := read(path, "remove it"))["asked"] == asked:
-        return dict(found["made"])
-    made = make()
-    path.parent.mkdir(exist_ok=True)
-    write_whole(path, json.dumps({"asked": asked, "made": made}))
-    return made
+    asked = json.loads(json.dumps(asked))
+    if path.exists() and read(path, "remove it")["asked"] == asked:
+        return
+    cases = [case_of(record) for record in asked]
+    where = base(cases[0].stand)
+    stand, every = read_stand(where), read_points(where)
+    points = [every[k] for k in cases[0].places]
+    # Candidates differ in their causes alone.
+    plain, model, made = expected(cases[0].engine, stand, points, cases[0].plain), None, []
+    for k, case in enumerate(cases):
+        data = folder / MAKING / f"{name}_{k}" / name
+        times = write_case(data, where, case, points, simulated(case, stand, points))
+        truth = plain if case.kind == "none" else expected_of(case, stand, points)
+        likelihood = likelihood_of(data, case.sensor, model)
+        model = likelihood.model
+        yardstick = yardstick_of(Yardstick(likelihood, truth, plain), case)
+        expectation = {key: part.tolist() for key, part in asdict(truth).items()}
+        more = {"times_s": times, "expected": expectation, "yardstick": yardstick}
+        made.append(case.record() | more)
+        if yardstick.get("noncentrality", 0.0) >= CLEAR:
+            break
+    best = max(range(len(made)), key=lambda k: float(made[k]["yardstick"].get("noncentrality", 0)))
+    rmtree(folder / "cases" / name, ignore_errors=True)
+    (folder / "cases").mkdir(exist_ok=True)
+    (folder / MAKING / f"{name}_{best}" / name).rename(folder / "cases" / name)
+    for k in range(len(made)):
+        rmtree(folder / MAKING / f"{name}_{k}", ignore_errors=True)
+    write_whole(path, json.dumps({"asked": asked, "made": made[best]}))
 
 
-def _reference(folder: Path, engine: str, stand: str) -> Record:
-    """Simulate an engine without any effect at all operating points of a clutch.
+def yardstick_of(stick: Yardstick, case: Case) -> Record:
+    """Compute the yardstick of a case.
 
-    The record has times in s at even angles, means and spreads, and the slopes of the means over
-    the logarithms of force and mismatch.
+    Without any effect it has how often data of that size can show that the gap is within its
+    margin. Else the noncentrality that is left by the best rival, and the part of the truth that
+    the data can show.
     """
-
-    def make() -> Record:
-        bench, points = read_stand(base(stand)), read_points(base(stand))
-        truth = Truth()
-        times = times_at(engine, bench, points, truth)
-        plain = moments(times, np.ones(times.shape[1]))
-        changed = {
-            "force": [replace(p, force=p.force * (1.0 + STEP)) for p in points],
-            "mismatch": [replace(p, mismatch=p.mismatch * (1.0 + STEP)) for p in points],
-        }
-        slopes = {
-            name: ((expected(engine, bench, those, truth).mean - plain.mean) / STEP).tolist()
-            for name, those in changed.items()
-        }
-        found = [[None if np.isnan(t) else t for t in mine] for mine in times.tolist()]
-        return {"times_s": found, **_plain(plain), "slopes": slopes}
-
-    return _kept(folder, f"{engine}_{stand}", {"angles": ANGLES[engine]}, make)
-
-
-def _plain(found: Expected) -> Record:
-    return {name: part.tolist() for name, part in asdict(found).items()}
-
-
-def _expected_of(record: Record, places: Sequence[int] | None = None) -> Expected:
-    mean, sd = (np.array(record[name], dtype=float) for name in ("mean", "sd"))
-    where = slice(None) if places is None else list(places)
-    return Expected(mean[where], sd[where])
-
-
-def _data(folder: Path, name: str, record: Record) -> Record:
-    """Make the data of a case, and the expectation of its engine for the truth."""
-
-    def make() -> Record:
-        case = case_of(record)
-        stand, points = read_stand(base(case.stand)), _points(case)
-        shifts = simulated(case, stand, points)
-        times = write_field_case(folder / "cases" / name, base(case.stand), case, points, shifts)
-        return {"times_s": times, "expected": _truth(case, points)}
-
-    return _kept(folder, name, record, make)
-
-
-def _points(case: Case) -> tuple[Point, ...]:
-    points = read_points(base(case.stand))
-    return tuple(points[k] for k in case.places)
-
-
-def _truth(case: Case, points: Sequence[Point]) -> Record | None:
-    """Simulate what the engine of a case expects of its truth; None without any effect."""
     if case.kind == "none":
-        return None
-    stand, truth = read_stand(base(case.stand)), case.truth
-    steady = replace(truth, drift=0.0)
-    found = (
-        pooled([expected(case.engine, stand, points, steady, fades) for fades in fades_of(case)])
-        if truth.drift
-        else expected(case.engine, stand, points, steady)
-    )
-    if case.swapped:
-        order = swapped(points)
-        found = Expected(found.mean[order], found.sd[order])
-    return _plain(found)
+        return {"power": power_of(stick)}
+    left = stick.left(rivals_of(case.kind, case.causes, stick.likelihood.model.effects))
+    rival = min(left, key=lambda h: left[h])
+    seen = [] if case.outside else seen_as(stick, case.causes, left)
+    return {"noncentrality": left[rival], "rival": list(rival), "seen_as": list(map(list, seen))}
 
 
-def _yardsticks(
-    folder: Path, stand: str, names: Sequence[str], seen: Callable[[Path, int], Seen]
-) -> int:
-    """Compute the yardstick of each case on a clutch, and return how many these are."""
-    stick: list[Yardstick] = []
-
-    def make(name: str) -> Record:
-        if not stick:
-            stick.append(Yardstick(seen(folder / STANDS / stand, 1)))
-        made = read(folder / MAKING / f"{name}.json", "remove it")
-        case = case_of(made["asked"])
-        reference = read(folder / MAKING / f"{case.engine}_{stand}.json", "remove it")["made"]
-        return yardstick_of(stick[0], case, made["made"], reference)
-
-    errors = USUAL.as_dict()["likelihood"]  # with others it is another yardstick
-    for name in names:
-        _kept(folder, f"{name}_yardstick", {"name": name, **errors}, partial(make, name))
-    return len(names)
-
-
-def yardstick_of(
-    stick: Yardstick, case: Case, made: Mapping[str, Any], reference: Mapping[str, Any]
-) -> Record:
-    """Compute the yardstick of a case from what its engine expects.
-
-    Without any effect it has by how many margins the engine is off the simulation, and how often
-    data of that size can show that this is within the margin. Else the noncentrality that is left
-    by the best rival, and what the data can show of the truth.
-    ``made`` has times and expectation of the case, ``reference`` those of its engine without any
-    effect at all operating points of its clutch.
-    """
-    places = list(case.places)
-    plain = _expected_of(dict(reference), places)
-    slopes = {n: np.array(part, dtype=float)[places] for n, part in reference["slopes"].items()}
-    nominal = (slopes["force"] * case.force_error) ** 2
-    nominal += (slopes["mismatch"] * case.speed_error) ** 2
-    counts = np.array([timely(times).size for times in made["times_s"]], dtype=float)
-    simulated = stick.baseline[places]
-    off = {"engine_off_in_margins": in_margins(plain.mean, simulated)}
-    series = Series(places, counts, case.form != "means", np.nan_to_num(nominal))
-    if case.kind == "none":
-        return {**off, "power": power_of(stick, series, plain, USUAL_MARGIN.of(simulated))}
-    truth = _expected_of(dict(made["expected"]))
-    asked = asked_of(stick, series, truth, plain)
-    rivals = rivals_of(case.kind, case.causes, stick.seen.effects)
-    own = None if case.outside else stick.at_truth(case.parameters)
-    left = stick.left(asked, rivals, own)
-    found = seen_as(stick, asked, case.causes, own, known=left.refitted)
-    return {
-        **off,
-        "noncentrality": left.noncentrality,
-        "rival": list(left.rival),
-        "seen_as": [list(part) for part in found],
-    }
-
-
-def in_margins(means: Array, baseline: Array, margin: Margin = USUAL_MARGIN) -> float:
-    """Compute a gap in margins below which nothing needs doing, root mean square over points.
-
-    Both are mean times in s, (points,).
-    """
-    return float(np.sqrt(np.nanmean(((means - baseline) / margin.of(baseline)) ** 2)))
-
-
-def kept_of(cases: Mapping[str, Case], yards: Mapping[str, Record]) -> set[str]:
-    """List the cases of a set: of each group of draws the one that the yardstick has clearest."""
-    groups: dict[int, list[str]] = {}
-    for name, case in cases.items():
-        groups.setdefault(case.group, []).append(name)
-    best = (
-        max(names, key=lambda n: float(yards[n]["noncentrality"]))
-        for group, names in groups.items()
-        if group
-    )
-    return {*groups.get(0, []), *best}
-
-
-def _seal(
-    folder: Path,
-    wanted: FieldWanted,
-    cases: Mapping[str, Case],
-    pairs: Sequence[tuple[str, str]],
-) -> Record:
+def _seal(folder: Path, names: Sequence[str]) -> Record:
     """Write the key and the manifest."""
-    making = folder / MAKING
-    yards = {n: read(making / f"{n}_yardstick.json", "remove it")["made"] for n in cases}
-    truths = {}
-    for name, case in cases.items():
-        if name not in kept_of(cases, yards):
-            rmtree(folder / "cases" / name, ignore_errors=True)
-            continue
-        made, yard = read(making / f"{name}.json", "remove it")["made"], yards[name]
-        truths[name] = {**case.record(), **made, "yardstick": yard}
-        # A stand says what the diagnosis of today reads, whenever the shifts were made.
-        write_stand_file(folder / "cases" / name, base(case.stand), case)
-    key = {
-        "format": FORMAT,
-        "salt": secrets.token_hex(16),
-        "set": WHICH,
-        "seed": wanted.seed,
-        "references": {
-            f"{engine}_{stand}": read(making / f"{engine}_{stand}.json", "remove it")["made"]
-            for engine, stand in pairs
-        },
-        "cases": truths,
-    }
+    truths = {n: read(folder / MAKING / f"{n}.json", "remove it")["made"] for n in names}
+    key = {"format": FORMAT, "salt": secrets.token_hex(16), "cases": truths}
     text = json.dumps(key, indent=1)
     manifest = {
         "format": FORMAT,
-        "set": WHICH,
-        "engine": "+".join(COUNTS),
-        "size": wanted.size,
         "cases": {name: hash_of(folder / "cases" / name) for name in truths},
         "key_sha256": hashlib.sha256(text.encode()).hexdigest(),
         "figures": [asdict(one) for one in HEADLINES],
@@ -344,5 +151,5 @@ def _seal(
     }
     write_whole(folder / "key.json", text)
     write_whole(folder / "manifest.json", json.dumps(manifest, indent=1))
-    rmtree(making, ignore_errors=True)
+    rmtree(folder / MAKING, ignore_errors=True)
     return manifest

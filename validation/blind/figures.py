@@ -1,8 +1,7 @@
 """Headline figures of a field set: their words and aims, fixed and sealed with the key.
 
-Bands go by the yardstick, the noncentrality that the best refit by a rival leaves of a truth
-(``validation.blind.yardstick``): *clear* from 38, *between* from 9, else *hidden*. The code that
-scores is sealed by its hashes.
+A case is *clear* where the best refit by a rival leaves a noncentrality of ``CLEAR`` of its truth
+(``validation.blind.yardstick``). The code that scores is sealed by its hashes.
 """
 
 from __future__ import annotations
@@ -11,16 +10,11 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
-CLEAR, SEEN = 38.0, 9.0  #: noncentralities from which bands begin
-SHOWN = 0.9  #: how often data of a size can show that no gap is there, from which they do
+CLEAR = 38.0  #: noncentrality from which a truth is clear
+SHOWN = 0.9  #: power from which data without any effect can show that
+SURE = 0.95  #: probability above which nothing may be wrong
 #: Files that score, beside this one.
-SCORING = (
-    "figures.py",
-    "score.py",
-    "case_marks.py",
-    "advised_test.py",
-    "intervals.py",
-)
+SCORING = ("figures.py", "score.py", "advised_test.py", "intervals.py", "sealed.py")
 
 
 @dataclass(frozen=True)
@@ -32,53 +26,44 @@ class Headline:
 
     name: str
     words: str
-    low: float | None
-    high: float | None
+    low: float | None = None
+    high: float | None = None
+    percent: bool = True
 
     @property
     def aim(self) -> str:
-        """Write the aim, a share in percent."""
-        if self.low is None and self.high is None:
+        """Write the aim."""
+        end = self.high if self.low is None else self.low
+        if end is None:
             return ""
-        unit = "" if self.name.startswith("calibration") else " %"
-        parts = [f"{one:g}" if not unit else f"{100.0 * one:.0f}" for one in self._ends]
-        if self.low is not None and self.high is not None:
-            return f"{parts[0]} to {parts[1]}{unit}"
-        return f"{'at least' if self.high is None else 'at most'} {parts[0]}{unit}"
-
-    @property
-    def _ends(self) -> list[float]:
-        return [end for end in (self.low, self.high) if end is not None]
+        text = f"{100.0 * end:.0f} %" if self.percent else f"{end:g}"
+        return f"at {'most' if self.low is None else 'least'} {text}"
 
     def met(self, value: float | None) -> bool | None:
-        """Decide whether a value meets the aim; None for no value."""
-        if value is None or not self._ends:
+        """Decide whether a value meets the aim; None for no value or no aim."""
+        if value is None or not self.aim:
             return None
         return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
 
 
 HEADLINES = (
-    Headline("cause_right", "clear: cause or its class leads", 0.95, None),
-    Headline("named_right", "named exactly, of all that is named, outside included", 0.97, None),
-    Headline("named_as_seen", "named exactly, but for causes that data cannot show", 0.97, None),
-    Headline("unknown_recognised", "clear, outside the list: unknown", 0.90, None),
-    Headline("false_unknown", "clear, of the list: unknown said", None, 0.02),
-    Headline("both_of_a_pair", "clear pairs: both found", 0.80, None),
-    Headline("false_alarms", "no effect: one is named", None, 0.02),
-    Headline("none_said", "no effect: none within the margin said", 0.90, None),
-    Headline("none_said_within", "the same, of engines within the margin themselves", None, None),
-    Headline("none_said_shown", "no effect, and data can show it: none said", 0.90, None),
-    Headline("coverage_90", "90 % set holds the truth", 0.85, 0.95),
-    Headline("coverage_90_seen", "90 % set holds the truth, but for such causes", 0.85, 0.95),
-    Headline("coverage_90_evidence", "90 % set by evidence holds the truth", 0.85, 0.95),
-    Headline("calibration", "calibration error of the leading one", None, 0.05),
-    Headline("calibration_seen", "calibration error, but for such causes", None, 0.05),
-    Headline("calibration_evidence", "calibration error by evidence", None, 0.05),
-    Headline("named_wrongly_between", "between: named wrongly", None, 0.05),
-    Headline("left_open", "hidden: left open with a test that would tell", None, None),
-    Headline("advice_settled", "cause left open: the advised test settles it", 0.75, None),
-    Headline("advice_part", "cause left open: it settles on a part of the truth", None, None),
-    Headline("advice_wrong", "cause left open: it settles on what is not true", None, 0.05),
+    Headline("named", "clear cause: named", 0.72),
+    Headline("leads", "clear cause: leads", 0.92),
+    Headline("whole_truth", "named: the whole truth", 0.90),
+    Headline("whole_seen", "named: the whole truth that data can show"),
+    Headline("wrong_sure", "named above 0.95: wrong", None, 0.0),
+    Headline("false_alarms", "no effect: one is named", None, 0.01),
+    Headline("none_shown", "no effect, and data can show it: none said", 0.85),
+    Headline("unknown", "clear, outside the list: unknown said", 0.85),
+    Headline("credible", "90 % set holds the truth", 0.88),
+    Headline("sizes", "90 % intervals hold the sizes", 0.85),
+    Headline("pairs_said", "pairs: probability said less share right", None, 0.15, percent=False),
+    Headline("test_settles", "cause open: the advised test settles it", 0.50),
+    Headline("test_misleads", "cause open: the advised test misleads", None, 0.05),
+    Headline("test_foreseen", "advised test: foreseen less realised", None, 0.10, percent=False),
+    Headline("cpu_s", "processor time of a decision, s", None, 5.0, percent=False),
+    Headline("p_median", "p-value of right answers, median", percent=False),
+    Headline("p_uniform", "p-values of right answers against uniform", 0.05, percent=False),
 )
 
 

@@ -9,10 +9,11 @@ measurements behind impedance, cone and damping.
 effect                  mechanism
 ======================= =====================================================================
 sleeve friction, drag   ``frictionloss`` of the slide and of the hinge
+sliding inertia         inertia of the sliding body
 spline friction         ``frictionloss`` of the slide, set each step by the contact's torque
 damping, mass           ``damping`` and ``armature`` of the slide
-force factor, lag       ``gear`` and ``dyntype="filterexact"`` of the actuator
-compliance              a body of its own for the actuator and a tendon with stiffness
+lag                     ``dyntype="filterexact"`` of the actuator
+compliance, mass behind a body of its own for the actuator and a tendon with stiffness
 free play               the same body and a tendon with limits
 detent                  a force on the slide, half a wave of a cosine, 1 mm wide
 friction of the dogs    pair coefficients, set each step by the slip
@@ -21,7 +22,8 @@ gap, chamfer            place and mesh of the dogs
 one dog higher          a second dog on the sliding ring that reaches farther
 ======================= =====================================================================
 
-Delay, angles, mismatch, ripple and two stages are those of signals and initial values. Euler's
+Force factor, loss and rise, delay, angles, mismatch, ripple and stages are those of signals and
+initial values. Euler's
 rule takes the damping of a tendon explicitly; the implicit ones leave out what couples two bodies
 and so add its damping times the step to either mass (1 % of the way).
 """
@@ -125,10 +127,10 @@ def contact_references(stand: Stand, truth: Truth, point: Point) -> tuple[Refere
     """
     lean = stand.traction if point.mismatch >= 0.0 else stand.braking
     mass = stand.mass + truth.added_mass
-    both = stand.sliding_inertia * stand.output_inertia
-    turning = stand.radius**2 * (stand.sliding_inertia + stand.output_inertia) / both
+    sliding = truth.inertia_factor * stand.sliding_inertia
+    turning = stand.radius**2 * (1.0 / sliding + 1.0 / stand.output_inertia)
     felt = 1.0 / (math.cos(lean) ** 2 * turning + math.sin(lean) ** 2 / mass)
-    around = abs(abs(point.mismatch) + truth.mismatch_offset) * stand.radius
+    around = abs(point.mismatch) * stand.radius
     gap = stand.gap + truth.gap_offset
     axial = _axial_speed(truth, point, gap + 0.5 * stand.height, mass)
     hit = math.cos(lean) * around + math.sin(lean) * axial
@@ -155,7 +157,7 @@ def _reference(stand: Stand, truth: Truth, mass: float, speed: float) -> Referen
 
 def _axial_speed(truth: Truth, point: Point, way: float, mass: float) -> float:
     """Return about the speed in m/s of the free ring after a way in m."""
-    force = max(1.0, truth.force_factor * point.force - truth.friction)
+    force = max(1.0, point.force - truth.friction)
     # A force that rises as t^2 at first makes F t^4 / (4 m T^2) of way.
     time = (4.0 * max(way, 1e-5) * mass * point.rise**2 / force) ** 0.25
     return float(3.6 * way / time)
@@ -183,8 +185,7 @@ def model_text(stand: Stand, truth: Truth) -> str:
 <worldbody>{_output(stand)}{_sliding(stand, truth, travel, dogs)}{_actuator(stand, truth)}
 </worldbody>
 <contact>{pairs}</contact>{_tendon(stand, truth)}
-<actuator><general joint="{"actuator" if truth.linkage else "shift"}"
- gear="{truth.force_factor}" {lag}/></actuator>
+<actuator><general joint="{"actuator" if truth.linkage else "shift"}" {lag}/></actuator>
 </mujoco>"""
 
 
@@ -219,7 +220,8 @@ def _sliding(stand: Stand, truth: Truth, travel: float, dogs: list[str]) -> str:
         for name in dogs
     )
     return (
-        f'<body pos="0 0 {travel:.15g}">{_inertial(mass, stand.sliding_inertia)}'
+        f'<body pos="0 0 {travel:.15g}">'
+        f"{_inertial(mass, truth.inertia_factor * stand.sliding_inertia)}"
         f'<joint name="shift" type="slide" axis="0 0 -1" limited="true" range="{-REBOUND} 1" '
         f'armature="{armature}" damping="{truth.damping}" frictionloss="{truth.friction}" '
         f"{stop} {rub}/>"

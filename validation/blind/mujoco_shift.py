@@ -16,7 +16,7 @@ forces (detent, ripple).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
@@ -43,7 +43,7 @@ class Draw:
     """Values that differ from shift to shift.
 
     ``angle`` in rad between dogs at the start of the force, ``late`` in s how long the force
-    waits, ``phase`` in rad of the ripple, ``fade`` the share of the force that is there.
+    waits, ``phase`` in rad of the ripple, ``fade`` the share of the force that a drift has left.
     """
 
     angle: float
@@ -76,7 +76,7 @@ def loaded() -> Any:
 
 
 def signal(truth: Truth, point: Point, time: float) -> float:
-    """Return the nominal force in N at ``time`` in s after its start: a cubic step.
+    """Compute the force in N at ``time`` in s after its start: a cubic step to a point's force.
 
     With two stages the first share of it waits for the second.
     """
@@ -97,7 +97,7 @@ def friction_law(stand: Stand, truth: Truth) -> tuple[float, float, float]:
     dynamic = stand.dynamic_friction if truth.dynamic_friction is None else truth.dynamic_friction
     if stand.stiction_speed < HELD:
         return dynamic, dynamic, 0.0
-    return static, dynamic, stand.stiction_speed
+    return static, dynamic, truth.stiction * stand.stiction_speed
 
 
 def coefficient(law: tuple[float, float, float], slip: float) -> float:
@@ -127,17 +127,14 @@ class Engine:
         gap = stand.gap + self.truth.gap_offset
         self._near = NEAR * gap - self.truth.high_dog
         self._travel = gap + stand.height - stand.seated - self.truth.high_dog
-        shares = 1.0 - stand.mass * stand.radius**2 / stand.sliding_inertia
+        turning = self.truth.inertia_factor * stand.sliding_inertia
+        shares = 1.0 - stand.mass * stand.radius**2 / turning
         self._flank = self._face = (-1.0, -1.0)
         self._spline = max(0.0, shares) / (SPLINE_PLACE * stand.inner_radius)
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
         """Simulate one shift; ``keep`` keeps its motion."""
-        if self.truth.reversed:
-            point = replace(point, mismatch=-point.mismatch)
-        if self.truth.force_offset:
-            more = self.truth.force_offset / self.truth.force_factor
-            point = replace(point, force=point.force + more)
+        point = self.truth.given(point, draw.fade)
         delay = self.truth.delay + draw.late
         self._begin(point, draw)
         seen, kept = _Seen(self._travel), [self._state(delay)] if keep else None
@@ -145,7 +142,7 @@ class Engine:
         stood: tuple[float, ...] = ()
         look = point.rise + 6.0 * self.truth.lag + self.truth.stage_time
         while self._data.time < limit:
-            self._step(point, draw)
+            self._step(point, draw.phase)
             ring, sensor = self._places()
             if kept is not None:
                 kept.append(self._state(delay))
@@ -165,11 +162,9 @@ class Engine:
         data, model, truth = self._data, self._model, self.truth
         self._mujoco.mj_resetData(model, data)
         output, _, sliding, *_ = self._dof
-        sign = math.copysign(1.0, point.mismatch)
         self._place[output] = draw.angle
         self._rate[sliding] = self.stand.sliding_speed
-        mismatch = truth.mismatch_factor * point.mismatch + sign * truth.mismatch_offset
-        self._rate[output] = self.stand.sliding_speed + mismatch
+        self._rate[output] = self.stand.sliding_speed + point.mismatch
         self._rate[output] += truth.ripple * math.sin(draw.phase)
         self._flank, self._face = contact_references(self.stand, truth, point)
         model.pair_solref[:] = self._flank
@@ -178,16 +173,16 @@ class Engine:
     def _set_friction(self, slip: float) -> None:
         self._friction[:] = max(1e-5, coefficient(self._law, slip))
 
-    def _step(self, point: Point, draw: Draw) -> None:
+    def _step(self, point: Point, phase: float) -> None:
         data, model, truth = self._data, self._model, self.truth
         shift = self._dof[1]
         flying = not truth.linkage and data.ncon == 0 and self._place[shift] < self._near
         model.opt.timestep = FLIGHT_STEP if flying else STEP
-        self._control[0] = draw.fade * signal(truth, point, data.time)
+        self._control[0] = signal(truth, point, data.time)
         if truth.detent:
             self._applied[shift] = -self._hump(float(self._place[shift]))
         if truth.ripple:
-            turn = truth.ripple_rate * data.time + draw.phase
+            turn = truth.ripple_rate * data.time + phase
             swing = truth.ripple * truth.ripple_rate * math.cos(turn)
             self._applied[self._dof[0]] = self.stand.output_inertia * swing
         self._mujoco.mj_step(model, data, nstep=1 if flying else TOGETHER)
@@ -217,7 +212,8 @@ class Engine:
     def _places(self) -> tuple[float, float]:
         """Return the way of the ring and the one that is read, m."""
         ring = float(self._place[self._dof[1]])
-        return ring, float(self._place[self._dof[3]]) if self.truth.linkage else ring
+        ahead = self.truth.linkage and self.truth.sensor == "actuator"
+        return ring, float(self._place[self._dof[3]]) if ahead else ring
 
     def _rest(self) -> tuple[float, ...]:
         """Gather the final state once nothing more will happen: ways, and the pitch's angle.

@@ -1,17 +1,15 @@
-"""Stand of a blind check in the compiled engine, with a contact law of its own.
+"""Stand of a blind check in the compiled engine, with a contact of its own.
 
-A second engine of truths: it shares mechanism and geometry with the simulation and differs from it
-in the contact by as much as two honest engines do: softer contact, less damping and a smaller
-stiction velocity (``LAW``) change mean times by some percent. So it asks what a
-diagnosis does with a model error, and nothing of how effects are modelled; MuJoCo
-(``validation.blind.mujoco_shift``) asks both. It makes no ripple, no high dog and no force in
-stages.
+It shares mechanism and geometry with the simulation and differs in the contact as two honest
+engines do: stiffness, dissipation and stiction velocity of the truth change mean times by some
+percent. So it asks for the diagnosis with a model error, and not for the models of the effects;
+MuJoCo (``validation.blind.mujoco_shift``) asks for both. It makes no ripple, no high dog and no
+force in stages.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -28,18 +26,6 @@ from dogshape.validation.blind.mujoco_shift import DETENT_WIDTH, SPLINE_PLACE, D
 from dogshape.validation.blind.stand import Point, Stand, Truth
 
 
-@dataclass(frozen=True)
-class Law:
-    """Factors of the contact's stiffness, dissipation and stiction velocity."""
-
-    stiffness: float = 0.8
-    dissipation: float = 0.7
-    stiction: float = 0.85
-
-
-LAW = Law()
-
-
 class PlanarEngine:
     """A stand with its truth, ready to shift."""
 
@@ -50,7 +36,7 @@ class PlanarEngine:
                 "the compiled engine has no ripple, no high dog and no force in stages; take the "
                 "engine mujoco"
             )
-        self._plant = planar_clutch(clutch_of(stand, self.truth, LAW).with_engine("planar"))
+        self._plant = planar_clutch(clutch_of(stand, self.truth).with_engine("planar"))
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
         """Simulate one shift; ``keep`` keeps its motion."""
@@ -59,31 +45,27 @@ class PlanarEngine:
 
 
 def asked_of(truth: Truth, point: Point, draw: Draw) -> OperatingPoint:
-    """Return the true operating point of a shift at a nominal one."""
-    sign = math.copysign(1.0, point.mismatch)
-    mismatch = truth.mismatch_factor * point.mismatch + sign * truth.mismatch_offset
-    force = (point.force * truth.force_factor + truth.force_offset) * draw.fade
-    profile = (
-        LaggedProfile(force, point.rise, lag=truth.lag)
-        if truth.lag
-        else ForceProfile(force, point.rise)
-    )
-    return OperatingPoint(-mismatch if truth.reversed else mismatch, profile)
+    """Build the true operating point of a shift at a nominal one."""
+    true = truth.given(point, draw.fade)
+    lag = truth.lag
+    profile = LaggedProfile(true.force, true.rise, lag=lag) if lag else None
+    return OperatingPoint(true.mismatch, profile or ForceProfile(true.force, true.rise))
 
 
 def read_of(stand: Stand, truth: Truth, draw: Draw, found: Engagement, keep: bool = False) -> Shift:
     """Read a simulated shift as the stand does; ``keep`` keeps its motion."""
-    time, late = found.actuator_time if truth.linkage else found.shift_time, truth.delay + draw.late
+    ahead = truth.linkage and truth.sensor == "actuator"
+    time, late = found.actuator_time if ahead else found.shift_time, truth.delay + draw.late
     ended = None if time is None else float(time) + late
     motion = None
     if keep:
         seen = found.trace
-        ways = seen.actuator_displacement, seen.displacement
+        ways = seen.actuator_displacement if ahead else seen.displacement, seen.displacement
         motion = np.column_stack([seen.time + late, *ways, seen.sliding_speed, seen.output_speed])
     return Shift(None if ended is None or ended > stand.timeout else ended, motion)
 
 
-def clutch_of(stand: Stand, truth: Truth, law: Law) -> Clutch:
+def clutch_of(stand: Stand, truth: Truth) -> Clutch:
     """Build the clutch with its truth, mechanisms as those of the effects of the list."""
     dog = Dog(
         count=stand.count,
@@ -95,16 +77,17 @@ def clutch_of(stand: Stand, truth: Truth, law: Law) -> Clutch:
         inner_diameter=2.0 * stand.inner_radius,
         axial_gap=stand.gap + truth.gap_offset,
     )
-    rings = Rings(stand.mass, stand.sliding_inertia, stand.output_inertia, stand.sliding_speed)
+    inertia = truth.inertia_factor * stand.sliding_inertia
+    rings = Rings(stand.mass, inertia, stand.output_inertia, stand.sliding_speed)
     static, dynamic = truth.static_friction, truth.dynamic_friction
     contact = replace(
         contact_set("adams2019"),
         name="blind",
         static_friction=stand.static_friction if static is None else static,
         dynamic_friction=stand.dynamic_friction if dynamic is None else dynamic,
-        stiction_velocity=law.stiction * stand.stiction_speed,
-        stiffness=law.stiffness * truth.stiffness,
-        dissipation=law.dissipation * truth.dissipation,
+        stiction_velocity=truth.stiction * stand.stiction_speed,
+        stiffness=truth.stiffness,
+        dissipation=truth.dissipation,
     )
     mechanism = Mechanism(
         added_mass=truth.added_mass,

@@ -1,367 +1,224 @@
-"""Score of a field set by bands of the yardstick, all aims fixed before it was opened.
+"""Score of a field set by the figures of ``validation.blind.figures``, all fixed before the run.
 
-``headline`` has the figures of ``validation.blind.figures`` over all cases, and the same by
-engine, clutch, kind and form. Shares have Wilson's 95 % interval.
-
-A diagnosis counts effects that are too weak to be seen as none, so what it says is held against the
-truth and, beside that, against what the data can show of it, which the key has. Its probabilities
-by evidence, before that, are held against the truth itself. The advised test of each ambiguous case
-is made by the engine of the case (``validation.blind.advised_test``).
+A diagnosis counts effects that the data cannot show as absent. So a hypothesis is *as seen* where
+it is the truth, or the part of it that the yardstick says the data can show. Names and leading
+hypotheses of clear cases are held against the truth itself; the 90 % set, wrong names above 0.95
+and advised tests also count what is as seen as right. The probability said of pairs is that by
+evidence, before effects count as absent. Shares have Wilson's 95 % interval, means a bootstrap's.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import kstest
 
-from dogshape.validation.blind.advised_test import (
-    Advised,
-    Stage,
-    judged_by_test,
-    settled_figures,
-)
-from dogshape.validation.blind.case_marks import Mark, Names, credible_of, mark_of, names_of
-from dogshape.validation.blind.figures import CLEAR, HEADLINES, SEEN, SHOWN, scoring_code
-from dogshape.validation.blind.intervals import Interval, calibration, mean, share
+from dogshape.validation.blind.advised_test import Advised
+from dogshape.validation.blind.figures import CLEAR, HEADLINES, SHOWN, SURE, scoring_code
+from dogshape.validation.blind.intervals import Interval, mean, share
 from dogshape.validation.blind.sealed import manifest_of, opened, results_of
-from dogshape.validation.blind.stand import read_points, read_stand
 
 Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
+Names = tuple[str, ...]
+#: Advised test of the case in a folder, by its truth in the key; None where there is none.
+Advise = Callable[[Path, Record, Sequence[Names]], Advised | None]
 
-BINS = 10  #: of the calibration
-CHANCES = 500  #: draws of its level by chance
-SURE = 0.8  #: probability above which a hypothesis is settled on, and AICc counts as naming
-NONE: Names = ()
-LISTED = ("single", "pair", "three", "beyond", "other")
+UNKNOWN: Names = ("unknown",)
 
 
 @dataclass(frozen=True)
-class FieldMark:
-    """Marks of one case with its engine, clutch and yardstick.
+class Mark:
+    """Truth of a case beside its diagnosis; hypotheses are names in alphabetical order.
 
-    ``noncentrality`` is 0 without any effect, ``rival`` the hypothesis that leaves it.
-    ``open_with_test`` tells that the answer is left open and a test is advised, ``drift`` that a
-    drift over the series is said: where there is one, no effect beside it is a right answer.
-    ``off`` is by how many margins the engine without any effect is off the simulation, ``power``
-    how often data of that size can show that this is within the margin; 0 with an effect.
-    ``evidence`` are the probabilities before effects that cannot be seen count as none.
+    Parameters
+    ----------
+    also : what the truth looks like to any method, but for causes that data cannot show.
+    clear : whether no rival can be taken for the truth; False without any effect.
+    shown : whether data without any effect can show that.
+    posterior, evidence : probabilities; empty where the data were refused.
+    inside : for each true size whether its 90 % interval holds it, where the truth leads.
+    p : predictive p-value of the leading hypothesis.
     """
 
-    mark: Mark
+    name: str
+    kind: str
+    form: str
     engine: str
-    stand: str
-    noncentrality: float
-    rival: tuple[str, ...]
-    open_with_test: bool
-    drift: bool = False
-    off: float = 0.0
-    power: float = 0.0
-    evidence: Mapping[Names, float] = field(default_factory=dict)
+    truth: Names
+    also: tuple[Names, ...]
+    outside: Names
+    clear: bool
+    shown: bool
+    verdict: str
+    causes: Names
+    posterior: Mapping[Names, float]
+    evidence: Mapping[Names, float]
+    credible: tuple[Names, ...]
+    inside: tuple[bool, ...]
+    p: float | None
+    cpu: float
+    advised: Advised | None = None
 
     @property
-    def kind(self) -> str:
-        """Kind of the case."""
-        return self.mark.kind
+    def top(self) -> Names:
+        """Most probable hypothesis; unknown where the data were refused."""
+        return max(self.posterior, key=lambda h: self.posterior[h], default=UNKNOWN)
 
     @property
-    def band(self) -> str:
-        """Band of the yardstick."""
-        if self.kind == "none":
-            return "none"
-        if self.noncentrality >= CLEAR:
-            return "clear"
-        return "between" if self.noncentrality >= SEEN else "hidden"
+    def named(self) -> bool:
+        """Test that the diagnosis names a cause."""
+        return self.verdict == "effect"
 
     @property
-    def recognised(self) -> bool:
-        """Test that what is outside the list is said to be unknown, or a drift to be one."""
-        if self.mark.verdict in ("unknown", "refused"):
-            return True
-        return "drift" in self.mark.outside and self.drift and not self.mark.named
+    def seen(self) -> tuple[Names, ...]:
+        """Truth, and what of it the data can show."""
+        return (self.truth, *self.also)
 
     @property
-    def cause_open(self) -> bool:
-        """Test that a test is advised to tell causes apart, and not the size of a gap alone."""
-        return self.open_with_test and max(self.mark.chances.values()) <= SURE
+    def said_less_right(self) -> float | None:
+        """Probability of the leading hypothesis by evidence, less 1 where that is the truth."""
+        if not self.evidence:
+            return None
+        top = max(self.evidence, key=lambda h: self.evidence[h])
+        return self.evidence[top] - (top == self.truth)
 
-    @property
-    def in_credible(self) -> bool:
-        """Test that the 90 % set holds the truth, or all of it that the data can show."""
-        return any(one in self.mark.credible for one in (self.mark.truth, *self.mark.also))
+    def row(self) -> Record:
+        """Write the row of the case."""
+        record = {
+            n: getattr(self, n) for n in ("name", "kind", "form", "engine", "clear", "verdict")
+        }
+        probability = self.posterior.get(self.top, 1.0)
+        more = {"test": asdict(self.advised)} if self.advised else {}
+        return record | {
+            "truth": list(self.truth),
+            "outside": list(self.outside),
+            "causes": list(self.causes),
+            "top": list(self.top),
+            "probability": probability,
+            "in_set": any(one in self.credible for one in self.seen),
+            "p": self.p,
+            **more,
+        }
 
-    @property
-    def leading_by_evidence(self) -> tuple[Names, float]:
-        """Most probable hypothesis by evidence, and its probability."""
-        return max(self.evidence.items(), key=lambda one: one[1])
 
-    @property
-    def named_wrongly(self) -> bool:
-        """Test that a cause is named that is not the truth, no more and no less."""
-        return self.mark.named and not self.mark.named_right
-
-
-def score_field(folder: Path) -> Record:
+def score_field(folder: Path, advise: Advise) -> Record:
     """Open the key of a field set whose cases are all diagnosed, and score.
 
-    Raises StorageError where the key is not the sealed one, InputError where results are missing.
+    ``advise`` makes the advised test of a case. Raises StorageError where the key is not the sealed
+    one, InputError where results are missing.
     """
     results, manifest = results_of(folder), manifest_of(folder)
-    key = opened(folder)
-    marks = [field_mark(n, truth, key, results[n]) for n, truth in key["cases"].items()]
-    answers = {n: result.get("diagnosis", {}) for n, result in results.items()}
-    tests = {
-        one.mark.name: advised_test(folder, one, key["cases"][one.mark.name], mine)
-        for one in marks
-        if one.cause_open and "kind" in (mine := answers[one.mark.name])["next_test"]
+    marks = [
+        mark_of(folder, name, truth, results[name], advise)
+        for name, truth in opened(folder)["cases"].items()
+    ]
+    sealed, now = manifest["scoring_sha256"], scoring_code()
+    code = {
+        "changed": sorted(n for n in {*sealed, *now} if sealed.get(n) != now.get(n)),
+        "figures_as_sealed": manifest["figures"] == [asdict(one) for one in HEADLINES],
     }
-    foreseen = {name: chance_to_settle(answers[name]) for name in tests}
-    found = scored_field(marks, tests, foreseen)
-    return {"set": key["set"], "code": code_of(manifest), **found}
+    return {"code": code, **scored(marks)}
 
 
-def chance_to_settle(diagnosis: Record) -> float | None:
-    """Read the chance to settle of the test that a diagnosis advises; None where it has none."""
-    advised = diagnosis["next_test"]["name"]
-    mine = [one["chance_to_settle"] for one in diagnosis["tests"] if one["name"] == advised]
-    return mine[0] if mine else None
-
-
-def advised_test(folder: Path, one: FieldMark, truth: Record, diagnosis: Record) -> Advised:
-    """Make the test that a diagnosis advises, with the truth of its case (of the key)."""
-    name, grid = one.mark.name, folder / "stands" / one.stand
-
-    def stage() -> Stage:
-        return Stage(read_stand(folder / "cases" / name), read_points(grid), one.engine)
-
-    return judged_by_test(name, truth, diagnosis, stage, one.mark.also)
-
-
-def code_of(manifest: Mapping[str, Any]) -> Record:
-    """Compare the scoring code and the list of figures with the sealed ones."""
-    sealed, now = manifest.get("scoring_sha256", {}), scoring_code()
-    changed = sorted(n for n in {*sealed, *now} if sealed.get(n) != now.get(n))
-    figures = [asdict(one) for one in HEADLINES]
-    return {"changed": changed, "figures_as_sealed": manifest.get("figures") == figures}
-
-
-def field_mark(name: str, truth: Record, key: Record, result: Record) -> FieldMark:
+def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advise) -> Mark:
     """Hold one result against the truth of its case (of the key)."""
-    times = key["references"][f"{truth['engine']}_{truth['stand']}"]["times_s"]
-    reference = {"reference_s": [times[k] for k in truth["places"]]}
-    yard = truth["yardstick"]
-    found = result.get("diagnosis", {})
-    advised = bool(found.get("next_test", {}).get("name"))
-    mark = mark_of(name, truth, reference, result)
-    mark = replace(mark, also=between([names_of(p) for p in yard.get("seen_as", ())], mark.truth))
-    evidence = {
-        names_of(h["effects"]): float(h["evidence_probability"])
-        for h in found.get("hypotheses", [])
-    }
-    drift = bool((found.get("drift") or {}).get("significant"))
-    if drift and "drift" in mark.outside and NONE in mark.chances:
-        mark = replace(mark, truth=NONE)
-    return FieldMark(
-        mark,
-        truth["engine"],
-        truth["stand"],
-        float(yard.get("noncentrality", 0.0)),
-        tuple(yard.get("rival", ())),
-        mark.verdict == "ambiguous" and advised,
-        drift,
-        float(yard["engine_off_in_margins"]),
-        float(yard.get("power", 0.0)),
-        evidence,
+    found: Record = result.get("diagnosis", {})
+    every = {tuple(h["effects"]): h for h in found.get("hypotheses", ())}
+    yard, causes = truth["yardstick"], tuple(truth["causes"])
+    also = between([tuple(p) for p in yard.get("seen_as", ())], causes)
+    posterior = {h: float(one["probability"]) for h, one in every.items()}
+    top = max(posterior, key=lambda h: posterior[h], default=UNKNOWN)
+    sizes = {n: v for values in truth["parameters"].values() for n, v in values.items()}
+    given: Record = every.get(top, {}).get("parameters", {}) if top == causes else {}
+    open_ = found.get("verdict") == "ambiguous" and found.get("next_test")
+    return Mark(
+        name=name,
+        kind=truth["kind"],
+        form=truth["form"],
+        engine=truth["engine"],
+        truth=causes,
+        also=also,
+        outside=tuple(truth["outside"]),
+        clear=yard.get("noncentrality", 0.0) >= CLEAR,
+        shown=yard.get("power", 0.0) >= SHOWN,
+        verdict=found.get("verdict", "refused"),
+        causes=tuple(sorted(found.get("causes", ()))),
+        posterior=posterior,
+        evidence={h: float(one["evidence_probability"]) for h, one in every.items()},
+        credible=tuple(tuple(sorted(h)) for h in found.get("credible_set", ())),
+        inside=tuple(
+            given[n]["low"] <= v <= given[n]["high"] for n, v in sizes.items() if n in given
+        ),
+        p=every.get(top, {}).get("predictive_p"),
+        cpu=float(result["cpu_s"]),
+        advised=advise(folder / "cases" / name, truth, (causes, *also)) if open_ else None,
     )
 
 
 def between(seen: Sequence[Names], truth: Names) -> tuple[Names, ...]:
-    """List what says no less than data can show of a truth, and no more than the truth.
+    """List what says no less than data can show of a truth, and less than the truth.
 
-    ``seen`` has the fewest causes that leave nothing visible; the truth itself is not listed.
+    ``seen`` has the fewest causes that leave nothing visible.
     """
     parts = [p for size in range(len(truth)) for p in itertools.combinations(truth, size)]
     return tuple(part for part in parts if any(set(one) <= set(part) for one in seen))
 
 
-def scored_field(
-    marks: Sequence[FieldMark],
-    tests: Mapping[str, Advised],
-    foreseen: Mapping[str, float | None],
-) -> Record:
-    """Compute all figures from the marks of the cases, and the advised tests of some of them.
-
-    ``foreseen`` has the chance to settle that the diagnosis gives each of these tests.
-    """
-    head = headline(marks, tests)
+def scored(marks: Sequence[Mark]) -> Record:
+    """Compute all figures from the marks of the cases."""
+    head = headline(marks)
     return {
         "cases": len(marks),
+        "clear": sum(m.clear for m in marks),
         "headline": [
             {**asdict(one), "aim": one.aim, "figure": head[one.name],
              "met": one.met(head[one.name]["value"])}
             for one in HEADLINES
         ],
-        "calibration_by_chance": by_chance(marks),
-        "size_90": mean(float(len(m.mark.credible)) for m in marks if not m.mark.refused),
-        "bands": _split(marks, lambda m: m.band, figures),
-        "by_engine": _split(marks, lambda m: m.engine, lambda part: headline(part, tests)),
-        "by_clutch": _split(marks, lambda m: m.stand, lambda part: headline(part, tests)),
-        "by_kind": _split(marks, lambda m: m.kind, figures),
-        "clear_by_kind": _split([m for m in marks if m.band == "clear"], lambda m: m.kind, figures),
-        "by_form": _split(marks, lambda m: m.mark.form, figures),
-        "outside": _split(
-            [m for m in marks if m.kind == "outside"], lambda m: m.mark.outside[0], figures
-        ),
-        "plain": _plain(marks),
-        "advised_test": settled_figures(len(tests), list(tests.values())),
-        "advice_foreseen": mean(foreseen.values()),
-        "time_s": mean(m.mark.time for m in marks),
-        "marks": [_row(m, tests.get(m.mark.name)) for m in marks],
+        **{
+            f"by_{key}": {
+                group: headline([m for m in marks if getattr(m, key) == group])
+                for group in sorted({getattr(m, key) for m in marks})
+            }
+            for key in ("form", "engine", "kind")
+        },
+        "marks": [m.row() for m in marks],
     }  # fmt: skip
 
 
-def headline(marks: Sequence[FieldMark], tests: Mapping[str, Advised]) -> dict[str, Interval]:
-    """Compute the headline figures of some cases, by name; ``tests`` are of any cases."""
-    clear = [m for m in marks if m.band == "clear"]
-    listed = [m.mark for m in clear if m.kind in LISTED]
-    free = [m for m in marks if m.kind == "none"]
-    none = [m.mark for m in free]
-    replied = [m for m in marks if not m.mark.refused]
-    answered = [m.mark for m in replied]
-    made = [tests[m.mark.name] for m in marks if m.mark.name in tests]
+def headline(marks: Sequence[Mark]) -> dict[str, Interval]:
+    """Compute the headline figures of some cases, by name."""
+    listed = [m for m in marks if m.clear and m.kind != "outside"]
+    outside = [m for m in marks if m.clear and m.kind == "outside"]
+    none, named = [m for m in marks if m.kind == "none"], [m for m in marks if m.named]
+    sure = [m for m in named if m.posterior.get(m.top, 0.0) > SURE]
+    tests = [m.advised for m in marks if m.advised is not None]
+    p = [m.p for m in marks if m.p is not None and m.top in m.seen]
     return {
-        "cause_right": share(m.right_class for m in listed),
-        "named_right": share(m.mark.named_right for m in marks if m.mark.named),
-        "named_as_seen": share(m.mark.named_as_seen for m in marks if m.mark.named),
-        "unknown_recognised": share(m.recognised for m in clear if m.kind == "outside"),
-        "false_unknown": share(m.verdict in ("unknown", "refused") for m in listed),
-        "both_of_a_pair": share(m.found == 2 for m in listed if m.kind == "pair"),
+        "named": share(m.named and m.causes == m.truth for m in listed),
+        "leads": share(m.top == m.truth for m in listed),
+        "whole_truth": share(m.causes == m.truth for m in named),
+        "whole_seen": share(m.causes in m.seen for m in named),
+        "wrong_sure": share(m.causes not in m.seen for m in sure),
         "false_alarms": share(m.named for m in none),
-        "none_said": share(m.verdict == "none" for m in none),
-        "none_said_within": share(m.mark.verdict == "none" for m in free if m.off < 1.0),
-        "none_said_shown": share(m.mark.verdict == "none" for m in free if m.power >= SHOWN),
-        "coverage_90": share(m.truth in m.credible for m in answered),
-        "coverage_90_seen": share(m.in_credible for m in replied),
-        "coverage_90_evidence": share(m.mark.truth in credible_of(m.evidence) for m in replied),
-        "calibration": calibration([[(m.chances[m.top], m.right)] for m in answered]),
-        "calibration_seen": calibration(
-            [[(m.chances[m.top], m.top in (m.truth, *m.also))] for m in answered]
-        ),
-        "calibration_evidence": calibration(
-            [[(p, h == m.mark.truth)] for m in replied for h, p in [m.leading_by_evidence]]
-        ),
-        "named_wrongly_between": share(m.named_wrongly for m in marks if m.band == "between"),
-        "left_open": share(m.open_with_test for m in marks if m.band == "hidden"),
-        "advice_settled": share(one.settled for one in made),
-        "advice_part": share(one.part for one in made),
-        "advice_wrong": share(one.wrong and not one.part for one in made),
+        "none_shown": share(m.verdict == "none" for m in none if m.shown),
+        "unknown": share(m.verdict in ("unknown", "refused") for m in outside),
+        "credible": share(any(one in m.credible for one in m.seen) for m in marks if m.posterior),
+        "sizes": share(inside for m in marks for inside in m.inside),
+        "pairs_said": mean(m.said_less_right for m in marks if m.kind == "pair"),
+        "test_settles": share(one.settled for one in tests),
+        "test_misleads": share(one.misled for one in tests),
+        "test_foreseen": mean(one.foreseen - one.settled for one in tests),
+        "cpu_s": mean(m.cpu for m in marks),
+        "p_median": _alone(float(np.median(p)) if p else None, len(p)),
+        "p_uniform": _alone(float(kstest(p, "uniform").pvalue) if len(p) > 1 else None, len(p)),
     }
 
 
-def figures(marks: Sequence[FieldMark]) -> Record:
-    """Compute the figures that any group of cases has."""
-    mine = [m.mark for m in marks]
-    return {
-        "n": len(mine),
-        "said": mean(one.leading_by_evidence[1] for one in marks if one.evidence),
-        "so": share(one.leading_by_evidence[0] == one.mark.truth for one in marks if one.evidence),
-        "said_seen": mean(m.chances[m.top] for m in mine if not m.refused),
-        "so_seen": share(m.top in (m.truth, *m.also) for m in mine if not m.refused),
-        "top_1": share(m.right for m in mine),
-        "top_class": share(m.right_class for m in mine),
-        "named": share(m.named for m in mine),
-        "named_right": share(m.named_right for m in mine if m.named),
-        "named_wrongly": share(m.named_wrongly for m in marks),
-        "named_causes_true": share(m.causes_true for m in mine if m.causes),
-        "unknown": share(m.verdict in ("unknown", "refused") for m in mine),
-        "recognised": share(m.recognised for m in marks),
-        "none": share(m.verdict == "none" for m in mine),
-        "both_or_all_found": share(m.found == len(m.truth) for m in mine),
-        "coverage_90": share(m.truth in m.credible for m in mine if not m.refused),
-        "parameter_coverage_90": share(ok for m in mine if m.right for ok in m.inside),
-    }
-
-
-def by_chance(marks: Sequence[FieldMark], seed: int = 0) -> float | None:
-    """Compute the calibration error that right probabilities would have at this number of cases."""
-    tops = np.array([m.mark.chances[m.mark.top] for m in marks if not m.mark.refused])
-    if not tops.size:
-        return None
-    came = np.random.default_rng(seed).random((CHANCES, tops.size)) < tops
-    place = np.minimum((tops * BINS).astype(int), BINS - 1)
-    inside = place[None] == np.arange(BINS)[:, None]
-    apart = (tops - came) @ inside.T.astype(float)
-    return float(abs(apart).sum(axis=1).mean() / tops.size)
-
-
-def _split(
-    marks: Sequence[FieldMark],
-    key: Callable[[FieldMark], str],
-    figures_of: Callable[[Sequence[FieldMark]], Any],
-) -> Record:
-    groups = sorted({key(m) for m in marks})
-    return {group: figures_of([m for m in marks if key(m) == group]) for group in groups}
-
-
-def _plain(marks: Sequence[FieldMark]) -> Record:
-    """Count right answers of the plain baselines, beside the diagnosis on the same cases."""
-    clear = [m.mark for m in marks if m.band == "clear" and m.kind == "single" and m.mark.weights]
-    best = [(m, _heaviest(m)) for m in clear]
-    sure = [
-        (m.mark, _heaviest(m.mark))
-        for m in marks
-        if m.mark.weights and m.mark.weights[_heaviest(m.mark)] > SURE
-    ]
-    return {
-        "diagnosis": share(m.right for m in clear),
-        "smallest_rmse": share(m.plain == m.truth for m in clear),
-        "aicc": share(h == m.truth for m, h in best),
-        "aicc_named_right": share(h == m.truth for m, h in sure if h),
-        "aicc_false_alarms": share(
-            bool(_heaviest(m.mark)) and m.mark.weights[_heaviest(m.mark)] > SURE
-            for m in marks
-            if m.kind == "none" and m.mark.weights
-        ),
-        "aicc_calibration": calibration([[(m.weights[h], h == m.truth)] for m, h in best]),
-    }
-
-
-def _heaviest(mark: Mark) -> tuple[str, ...]:
-    return max(mark.weights, key=lambda h: mark.weights[h])
-
-
-def _row(one: FieldMark, test: Advised | None) -> Record:
-    mark = one.mark
-    return {
-        "case": mark.name,
-        "engine": one.engine,
-        "clutch": one.stand,
-        "kind": mark.kind,
-        "form": mark.form,
-        "truth": list(mark.truth),
-        "outside": list(mark.outside),
-        "noncentrality": one.noncentrality if math.isfinite(one.noncentrality) else None,
-        "rival": list(one.rival),
-        "band": one.band,
-        "gap_in_errors": mark.gap if math.isfinite(mark.gap) else None,
-        "verdict": mark.verdict,
-        "causes": list(mark.causes),
-        "top": list(mark.top),
-        "probability": mark.chances.get(mark.top),
-        "probability_of_truth": mark.chances.get(mark.truth, 0.0),
-        "right": mark.right,
-        "right_class": mark.right_class,
-        "in_the_90_set": mark.truth in mark.credible,
-        "open_with_test": one.open_with_test,
-        "drift_said": one.drift,
-        "engine_off_in_margins": one.off,
-        "no_less_than_seen": [list(part) for part in (mark.truth, *mark.also)],
-        "power": one.power,
-        "advised_test": None if test is None else test.as_dict(),
-        "time_s": mark.time,
-    }
+def _alone(value: float | None, n: int) -> Interval:
+    return {"value": value, "low": value, "high": value, "n": n}

@@ -19,14 +19,12 @@ from typing import Any
 
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.files import write_whole
-from dogshape.validation.blind.cases import WHICH
 
 Record = dict[str, Any]  #: key, manifest and results of a set, as they are kept in JSON
 Diagnose = Callable[[Path], Record]
 Advance = Callable[[int], None]
 
-PATIENCE, PAUSE = 60, 2.0  #: tries, and s between them, where another case writes the bank
-FORMAT = 1
+FORMAT = 2
 
 
 def hash_of(folder: Path) -> str:
@@ -42,7 +40,7 @@ def hash_of(folder: Path) -> str:
 def manifest_of(folder: Path) -> Record:
     """Read the manifest of a set; StorageError where there is none or it is of another kind."""
     found = read(folder / "manifest.json", "make it with: dogshape blind make DIR")
-    if (found.get("format"), found.get("set")) != (FORMAT, WHICH) or "cases" not in found:
+    if found.get("format") != FORMAT or "cases" not in found:
         raise StorageError(
             f"{folder / 'manifest.json'} is no manifest of a field set; make it again"
         )
@@ -50,18 +48,12 @@ def manifest_of(folder: Path) -> Record:
 
 
 def run(
-    folder: Path,
-    diagnose: Diagnose,
-    jobs: int = 1,
-    advance: Advance | None = None,
-    first: Diagnose | None = None,
+    folder: Path, diagnose: Diagnose, jobs: int = 1, advance: Advance | None = None
 ) -> dict[str, Record]:
     """Diagnose the cases that are left and return all results by case.
 
     ``diagnose`` gets the folder of a case and returns the record of a diagnosis; where it refuses
-    the data, the refusal is the result. It has to be picklable where ``jobs`` is above one. The
-    first case goes alone, by ``first`` where that is given, since it may have to make a bank of
-    simulations for all.
+    the data, the refusal is the result. It has to be picklable where ``jobs`` is above one.
     """
     manifest = manifest_of(folder)
     results = folder / "results"
@@ -69,37 +61,25 @@ def run(
     left = [name for name in manifest["cases"] if not _done(results / f"{name}.json", manifest)]
     _require_untouched(folder, manifest, left)
     (advance or ignore)(len(manifest["cases"]) - len(left))
-    for batch, way in ((left[:1], first or diagnose), (left[1:], diagnose)):
-        with pool(jobs if len(batch) > 1 else 1) as submit:
-            pending = [
-                _counted(submit(_diagnosed, folder, name, way, manifest), advance) for name in batch
-            ]
-            for future in as_completed(pending):
-                future.result()
+    with pool(jobs) as submit:
+        pending = [submit(_diagnosed, folder, name, diagnose, manifest) for name in left]
+        for future in as_completed(pending):
+            future.result()
+            (advance or ignore)(1)
     return {name: read(results / f"{name}.json", "run again") for name in manifest["cases"]}
 
 
 def _diagnosed(folder: Path, name: str, diagnose: Diagnose, manifest: Record) -> None:
-    begin = time.monotonic()
+    begin = time.process_time()
     record: Record = {"key_sha256": manifest["key_sha256"]}
     try:
-        record["diagnosis"] = _patient(diagnose, folder / "cases" / name)
+        record["diagnosis"] = diagnose(folder / "cases" / name)
     except StorageError:
         raise  # no word on the data
     except DogshapeError as error:
         record["refused"] = str(error)
-    record["time_s"] = time.monotonic() - begin
+    record["cpu_s"] = time.process_time() - begin
     write_whole(folder / "results" / f"{name}.json", json.dumps(record, indent=1))
-
-
-def _patient(diagnose: Diagnose, folder: Path) -> Record:
-    """Diagnose a case, again after a while where another process writes the bank."""
-    for _ in range(PATIENCE):
-        try:
-            return diagnose(folder)
-        except StorageError:
-            time.sleep(PAUSE)
-    return diagnose(folder)
 
 
 def _done(path: Path, manifest: Record) -> bool:
@@ -158,13 +138,6 @@ def read(path: Path, remedy: str) -> Record:
 
 def ignore(_: int) -> None:
     """Count nothing."""
-
-
-def _counted(future: Future[Any], advance: Advance | None) -> Future[Any]:
-    """Count a future once it is done, and return it."""
-    if advance is not None:
-        future.add_done_callback(lambda _: advance(1))
-    return future
 
 
 @contextmanager

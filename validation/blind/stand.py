@@ -1,8 +1,8 @@
 r"""Stand of a blind check: content of ``bench.toml``, and the physics that it leaves out.
 
 Nothing here is taken from the simulation or from its effects: a stand is read from the keys of
-``bench.toml`` alone, and a *truth* is plain numbers that ``validation.blind.mujoco_shift`` gives to
-MuJoCo's own mechanisms. Neutral values change nothing.
+``bench.toml`` alone, and a *truth* is plain numbers that an engine gives to its own mechanisms.
+Neutral values change nothing.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ from typing import Any
 
 from dogshape.sim.errors import DataError
 from dogshape.sim.units import DEG, MM, RPM
+
+FASTEST = 250.0 * RPM  #: mismatch at which a pump has lost all that it loses
+LEAST_FORCE = 1.0  #: N, of any shift
 
 
 @dataclass(frozen=True)
@@ -62,65 +65,72 @@ class Point:
 
 @dataclass(frozen=True)
 class Truth:
-    """True properties of the bench that ``bench.toml`` leaves out; SI units.
+    """True properties of the bench that ``bench.toml`` leaves out; SI units."""
 
-    Parameters
-    ----------
-    delay, lag : of the force, s.
-    force_factor, force_offset : of the force at the sleeve, the offset in N.
-    friction, damping, added_mass : of the ring along its shaft, N, N s/m, kg.
-    compliance, free_play : between actuator and ring, m/N and m.
-    detent, detent_position : peak force in N and where in m.
-    spline_friction, drag_torque : coefficient, and N m on the sliding ring.
-    static_friction, dynamic_friction : of the dogs, None as given.
-    dissipation, stiffness : of the contact, s/m and Pa/m, as the published one has them.
-    mismatch_offset, gap_offset, chamfer_offset : rad/s, m, rad.
-    mismatch_factor : of the nominal mismatch.
-    reversed : whether the rings turn past each other the other way round than the table says.
-    concentration, centre : of the relative angles; the centre in pitches.
-    sticking : mean of a delay that is drawn anew for each shift (exponential), s.
-    ripple, ripple_rate : amplitude of the output speed in rad/s, and 1/s.
-    high_dog : height by which one dog stands out, m.
-    stage, stage_time : share of the force that comes first, and for how long, s.
-    drift : share of the force that is gone at the end of the series.
-    """
-
-    delay: float = 0.0
-    lag: float = 0.0
-    force_factor: float = 1.0
-    force_offset: float = 0.0
-    friction: float = 0.0
-    damping: float = 0.0
-    added_mass: float = 0.0
-    compliance: float = 0.0
-    free_play: float = 0.0
-    detent: float = 0.0
-    detent_position: float = 0.5e-3
-    spline_friction: float = 0.0
-    drag_torque: float = 0.0
-    static_friction: float | None = None
+    delay: float = 0.0  #: of the force, s
+    lag: float = 0.0  #: of first order of the force, s
+    force_factor: float = 1.0  #: of the force at the sleeve
+    force_loss: float = 0.0  #: N, after the factor
+    rise_factor: float = 1.0  #: of the rise time
+    friction: float = 0.0  #: of the ring along its shaft, N
+    damping: float = 0.0  #: the same, N s/m
+    added_mass: float = 0.0  #: kg, on the ring or behind its linkage
+    compliance: float = 0.0  #: between actuator and ring, m/N
+    free_play: float = 0.0  #: the same, m
+    sensor: str = "actuator"  #: side of the linkage that is read, or ``sleeve``
+    detent: float = 0.0  #: peak force, N
+    detent_position: float = 0.5e-3  #: m
+    spline_friction: float = 0.0  #: coefficient
+    drag_torque: float = 0.0  #: on the sliding ring, N m
+    inertia_factor: float = 1.0  #: of the sliding side
+    static_friction: float | None = None  #: of the dogs, None as given
     dynamic_friction: float | None = None
-    dissipation: float = 100.0
-    stiffness: float = 5e11
-    mismatch_offset: float = 0.0
-    mismatch_factor: float = 1.0
-    reversed: bool = False
-    gap_offset: float = 0.0
-    chamfer_offset: float = 0.0
-    concentration: float = 0.0
-    centre: float = 0.0
-    sticking: float = 0.0
-    ripple: float = 0.0
-    ripple_rate: float = 50.0
-    high_dog: float = 0.0
-    stage: float = 1.0
-    stage_time: float = 0.0
-    drift: float = 0.0
+    dissipation: float = 100.0  #: of the contact, s/m
+    stiffness: float = 5e11  #: of the contact, Pa/m
+    stiction: float = 1.0  #: factor of the stiction velocity
+    mismatch_offset: float = 0.0  #: rad/s
+    mismatch_factor: float = 1.0  #: of the nominal mismatch
+    reversed: bool = False  #: rings pass each other the other way round than the table says
+    gap_offset: float = 0.0  #: m
+    chamfer_offset: float = 0.0  #: rad
+    concentration: float = 0.0  #: of the relative angles
+    centre: float = 0.0  #: of the relative angles, pitches
+    sticking: float = 0.0  #: mean of an exponential delay of each shift, s
+    hang: float = 0.0  #: share of the shifts whose force starts late
+    hang_time: float = 0.0  #: by how much, s
+    pump: float = 0.0  #: share of the force that is lost at the mismatch ``FASTEST``
+    ripple: float = 0.0  #: amplitude of the output speed, rad/s
+    ripple_rate: float = 50.0  #: 1/s
+    high_dog: float = 0.0  #: height by which one dog stands out, m
+    stage: float = 1.0  #: share of the force that comes first
+    stage_time: float = 0.0  #: for how long, s
+    drift: float = 0.0  #: share of the force that is gone at the end of the series
 
     @property
     def linkage(self) -> bool:
         """Test that the actuator moves apart from the ring."""
         return self.compliance > 0.0 or self.free_play > 0.0
+
+    @property
+    def waiting(self) -> tuple[float, float]:
+        """Mean and standard deviation of how long the force waits, s."""
+        spread = self.hang_time * math.sqrt(self.hang * (1.0 - self.hang))
+        return self.sticking + self.hang * self.hang_time, math.hypot(self.sticking, spread)
+
+    def given(self, point: Point, fade: float = 1.0) -> Point:
+        """Compute the mismatch, force and rise that a shift really has at a nominal point.
+
+        ``fade`` is the share of the force that a drift has left.
+        """
+        sign = math.copysign(1.0, point.mismatch)
+        mismatch = self.mismatch_factor * point.mismatch + sign * self.mismatch_offset
+        share = fade * (1.0 - self.pump * min(1.0, abs(point.mismatch) / FASTEST))
+        force = (self.force_factor * point.force - self.force_loss) * share
+        return Point(
+            -mismatch if self.reversed else mismatch,
+            max(LEAST_FORCE, force),
+            self.rise_factor * point.rise,
+        )
 
 
 def read_stand(folder: Path) -> Stand:

@@ -7,7 +7,6 @@ of the prior: of the range where the prior is uniform, of the logarithm where it
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -22,12 +21,14 @@ Values = dict[str, float]
 
 @dataclass(frozen=True)
 class Range:
-    """A parameter in the unit that its name ends in: its prior and what changes nothing.
+    """A parameter in the unit that its name ends in: its field of the truth, and its prior.
 
-    ``by_strength`` is False for a place that is drawn anew, such as that of a detent.
+    ``neutral`` changes nothing. ``by_strength`` is False for a place, such as that of a detent.
     """
 
     name: str
+    field: str
+    unit: float
     low: float
     high: float
     log: bool = False
@@ -37,84 +38,57 @@ class Range:
     def at(self, strength: float, upwards: bool) -> float:
         """Return the value at a strength in [0, 1], towards the upper or the lower end."""
         if self.log:
-            return float(self.low * (self.high / self.low) ** strength)
+            start = self.neutral if self.neutral > self.low else self.low
+            end = self.high if upwards or start == self.low else self.low
+            return float(start * (end / start) ** strength)
         end = self.high if upwards or self.neutral <= self.low else self.low
         return self.neutral + strength * (end - self.neutral)
 
-    def share(self, value: float) -> float:
-        """Return the share of the prior below a value, in [0, 1]."""
-        inside = min(max(value, self.low), self.high)
-        if self.log:
-            return math.log(inside / self.low) / math.log(self.high / self.low)
-        return (inside - self.low) / (self.high - self.low)
-
     def anywhere(self, generator: np.random.Generator) -> float:
-        """Return a value drawn from the inner four fifths of the prior."""
-        return self.low + (0.1 + 0.8 * float(generator.random())) * (self.high - self.low)
+        """Draw a value from the inner four fifths of the prior."""
+        share = 0.1 + 0.8 * float(generator.random())
+        if self.log:
+            return float(self.low * (self.high / self.low) ** share)
+        return self.low + share * (self.high - self.low)
 
 
 #: The list: parameters by effect.
 RANGES: dict[str, tuple[Range, ...]] = {
-    "actuation_delay": (Range("delay_s", 0.0, 0.4),),
-    "actuation_lag": (Range("lag_s", 0.003, 0.45, True),),
-    "axial_gap": (Range("gap_offset_mm", -0.8, 0.8),),
-    "chamfer_angle": (Range("chamfer_offset_deg", -4.0, 4.0),),
-    "contact_dissipation": (Range("dissipation_s_m", 1.0, 300.0, True, 100.0),),
+    "actuation_delay": (Range("delay_s", "delay", 1.0, 0.0, 0.4),),
+    "actuation_lag": (Range("lag_s", "lag", 1.0, 0.003, 0.45, True),),
+    "axial_gap": (Range("gap_offset_mm", "gap_offset", MM, -0.8, 0.8),),
+    "chamfer_angle": (Range("chamfer_offset_deg", "chamfer_offset", DEG, -4.0, 4.0),),
     "contact_friction": (
-        Range("static_friction", 0.05, 0.45, neutral=0.30),
-        Range("dynamic_friction", 0.03, 0.35, neutral=0.16),
+        Range("static_friction", "static_friction", 1.0, 0.05, 0.45, neutral=0.30),
+        Range("dynamic_friction", "dynamic_friction", 1.0, 0.03, 0.35, neutral=0.16),
     ),
-    "contact_stiffness": (Range("stiffness_Pa_m", 1e11, 2e13, True, 5e11),),
     "detent_force": (
-        Range("detent_N", 10.0, 200.0, True),
-        Range("position_mm", 0.5, 4.5, neutral=0.5, by_strength=False),
+        Range("detent_N", "detent", 1.0, 10.0, 200.0, True),
+        Range("position_mm", "detent_position", MM, 0.5, 4.5, neutral=0.5, by_strength=False),
     ),
-    "drag_torque": (Range("drag_Nm", 0.02, 8.0, True),),
-    "force_scale": (Range("force_factor", 0.5, 1.5, neutral=1.0),),
-    "free_play": (Range("free_play_mm", 0.05, 2.0, True),),
-    "linkage_compliance": (Range("compliance_mm_kN", 0.3, 35.0, True),),
+    "drag_torque": (Range("drag_Nm", "drag_torque", 1.0, 0.02, 8.0, True),),
+    "force_loss": (Range("loss_N", "force_loss", 1.0, 2.0, 150.0, True),),
+    "force_rise": (Range("rise_factor", "rise_factor", 1.0, 0.4, 2.5, True, 1.0),),
+    "force_scale": (Range("force_factor", "force_factor", 1.0, 0.5, 1.5, neutral=1.0),),
+    "free_play": (Range("free_play_mm", "free_play", MM, 0.05, 2.0, True),),
+    "linkage_compliance": (
+        Range("compliance_mm_kN", "compliance", 1e-6, 0.3, 35.0, True),
+        Range("mass_behind_kg", "added_mass", 1.0, 0.03, 18.0, True, by_strength=False),
+    ),
     "mismatch_speed": (
-        Range("offset_rpm", -4.0, 4.0),
-        Range("mismatch_factor", 0.75, 1.25, neutral=1.0),
+        Range("offset_rpm", "mismatch_offset", RPM, -4.0, 4.0),
+        Range("mismatch_factor", "mismatch_factor", 1.0, 0.75, 1.25, neutral=1.0),
     ),
-    "moving_mass": (Range("added_mass_kg", 0.03, 18.0, True),),
+    "moving_mass": (Range("added_mass_kg", "added_mass", 1.0, 0.03, 18.0, True),),
     "relative_angle": (
-        Range("concentration", 0.1, 10.0, True),
-        Range("centre_pitch", 0.0, 1.0, by_strength=False),
+        Range("concentration", "concentration", 1.0, 0.1, 10.0, True),
+        Range("centre_pitch", "centre", 1.0, 0.0, 1.0, by_strength=False),
     ),
     "reversed_mismatch": (),
-    "sleeve_friction": (Range("friction_N", 3.0, 200.0, True),),
-    "spline_friction": (Range("spline_friction", 0.01, 0.3, True),),
-    "viscous_damping": (Range("damping_Ns_m", 5.0, 1600.0, True),),
-}
-
-#: Field of the truth and factor to it, by parameter.
-FIELDS: dict[str, tuple[str, float]] = {
-    "delay_s": ("delay", 1.0),
-    "lag_s": ("lag", 1.0),
-    "gap_offset_mm": ("gap_offset", MM),
-    "chamfer_offset_deg": ("chamfer_offset", DEG),
-    "dissipation_s_m": ("dissipation", 1.0),
-    "static_friction": ("static_friction", 1.0),
-    "dynamic_friction": ("dynamic_friction", 1.0),
-    "stiffness_Pa_m": ("stiffness", 1.0),
-    "detent_N": ("detent", 1.0),
-    "position_mm": ("detent_position", MM),
-    "drag_Nm": ("drag_torque", 1.0),
-    "force_factor": ("force_factor", 1.0),
-    "free_play_mm": ("free_play", MM),
-    "compliance_mm_kN": ("compliance", 1e-6),
-    "offset_rpm": ("mismatch_offset", RPM),
-    # No parameter of the diagnosis: a force that is off by an amount.
-    "force_offset_N": ("force_offset", 1.0),
-    "added_mass_kg": ("added_mass", 1.0),
-    # No parameter of the diagnosis: the same effect otherwise.
-    "mismatch_factor": ("mismatch_factor", 1.0),
-    "concentration": ("concentration", 1.0),
-    "centre_pitch": ("centre", 1.0),
-    "friction_N": ("friction", 1.0),
-    "spline_friction": ("spline_friction", 1.0),
-    "damping_Ns_m": ("damping", 1.0),
+    "sleeve_friction": (Range("friction_N", "friction", 1.0, 3.0, 200.0, True),),
+    "sliding_inertia": (Range("inertia_factor", "inertia_factor", 1.0, 1.1, 8.0, True, 1.0),),
+    "spline_friction": (Range("spline_friction", "spline_friction", 1.0, 0.01, 0.3, True),),
+    "viscous_damping": (Range("damping_Ns_m", "damping", 1.0, 5.0, 1600.0, True),),
 }
 
 #: Field of the truth that an effect without parameters sets.
@@ -122,50 +96,66 @@ SWITCHES = {"reversed_mismatch": "reversed"}
 
 #: Outside the list: fields of the truth at a strength in [0, 1].
 OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
-    "drift": lambda s: {"drift": min(0.95, 1.05 * s)},
     "sticking_valve": lambda s: {"sticking": 0.2 * s},
+    #: Every other shift waits for a valve that hangs.
+    "hanging_valve": lambda s: {"hang": 0.5, "hang_time": 0.15 * s},
+    "driven_pump": lambda s: {"pump": 0.97 * s},
     "speed_ripple": lambda s: {"ripple": 90.0 * RPM * s},
     "high_dog": lambda s: {"high_dog": 1.6 * MM * s},
     #: A fifth of the force is there before most rings have landed: the first stage lies below.
     "two_stages": lambda s: {"stage": 0.15 - 0.14 * s, "stage_time": 0.1 + 0.2 * s},
-    #: Times stand beside the wrong forces, in reverse order: the table's fault.
-    "swapped_column": lambda s: {},
+    #: Times stand beside the wrong forces or mismatches, in reverse order: the table's fault.
+    "swapped_forces": lambda s: {},
+    "swapped_speeds": lambda s: {},
+}
+
+#: Contact of the clutch, which no case has as a cause: factors of the published values, from and
+#: to, of which each case has its own.
+NUISANCES: dict[str, tuple[float, float]] = {
+    "stiffness": (0.5, 2.0),
+    "dissipation": (0.4, 1.5),
+    "stiction": (0.7, 1.3),
 }
 
 
 def values_of(effect: str, strength: float, generator: np.random.Generator) -> Values:
-    """Return the parameters of an effect of the list at a strength; the side is drawn.
+    """Draw the parameters of an effect of the list at a strength; the side is drawn.
 
-    Coefficients of friction go the same way, so that the dynamic one stays below. A parameter
-    with a neutral value inside a logarithmic prior goes towards the farther end.
+    Coefficients of friction go the same way, so that the dynamic one stays below.
     """
     upwards = bool(generator.random() < 0.5)
-    found = {}
-    for one in RANGES[effect]:
-        if not one.by_strength:
-            found[one.name] = one.anywhere(generator)
-        elif one.log and one.neutral > one.low:
-            down = math.log(one.neutral / one.low) > math.log(one.high / one.neutral)
-            end = one.low if down else one.high
-            found[one.name] = float(one.neutral * (end / one.neutral) ** strength)
-        else:
-            found[one.name] = one.at(strength, upwards)
-    return found
-
-
-def fields_of(parameters: Mapping[str, Values]) -> dict[str, Any]:
-    """Return fields of the truth from parameters by effect."""
-    switched = {SWITCHES[effect]: True for effect in parameters if effect in SWITCHES}
-    return switched | {
-        FIELDS[name][0]: FIELDS[name][1] * value
-        for values in parameters.values()
-        for name, value in values.items()
+    return {
+        one.name: one.at(strength, upwards) if one.by_strength else one.anywhere(generator)
+        for one in RANGES[effect]
     }
 
 
-def truth_of(parameters: Mapping[str, Values], outside: Mapping[str, float]) -> Truth:
-    """Return the truth with effects of the list and, by strength, things outside it."""
-    fields = fields_of(parameters)
+def contact_of(generator: np.random.Generator) -> dict[str, float]:
+    """Draw the contact of a case, fields of the truth."""
+    factors = {
+        name: float(low * (high / low) ** generator.random())
+        for name, (low, high) in NUISANCES.items()
+    }
+    plain = Truth()
+    return {name: factor * float(getattr(plain, name)) for name, factor in factors.items()}
+
+
+def truth_of(
+    parameters: Mapping[str, Values],
+    outside: Mapping[str, float],
+    contact: Mapping[str, float] | None = None,
+    sensor: str = "actuator",
+) -> Truth:
+    """Build the truth of effects of the list and, by strength, of things outside it.
+
+    ``contact`` are fields of the truth; ``sensor`` is the side of a linkage that is read.
+    """
+    fields: dict[str, Any] = {**(contact or {}), "sensor": sensor}
+    fields |= {SWITCHES[effect]: True for effect in parameters if effect in SWITCHES}
+    for effect, values in parameters.items():
+        for one in RANGES[effect]:
+            if one.name in values:  # a mass behind a linkage and an added mass add up
+                fields[one.field] = fields.get(one.field, 0.0) + one.unit * values[one.name]
     for name, strength in outside.items():
         fields |= OUTSIDE[name](strength)
     return Truth(**fields)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -16,8 +15,6 @@ from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.blind_tables import made_lines, run_table, score_table
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.validation.blind.cases import SEED
-from dogshape.validation.blind.field_set import STANDS, FieldWanted, make_field
-from dogshape.validation.blind.score import score_field
 from dogshape.validation.blind.sealed import manifest_of
 from dogshape.validation.blind.sealed import run as run_cases
 
@@ -37,21 +34,21 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the set o
 @verb
 def make(
     folder: Folder,
-    size: Annotated[str, typer.Option(help="full (309 cases) or small (12)")] = "full",
+    small: Annotated[bool, typer.Option("--small", help="a case of each kind only")] = False,
     seed: Annotated[int | None, typer.Option(min=0, help=f"of the draws; default {SEED}")] = None,
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Write data of cases with known effects from three engines, and the sealed key.
+    """Write data of cases with known effects from two engines, and the sealed key.
 
-    Example: dogshape blind make results/blind --size small
+    Example: dogshape blind make results/blind --small
     """
-    wanted = FieldWanted(size, seed)
-    total = 2 * len(wanted.cases)  # data and yardstick
-    # It loads the simulation, which the score does not need.
-    seen = import_module("dogshape.validation.blind.case_diagnosis").seen_by
-    with WorkCounter(ProgressBar(), total, unit="cases") as progress:
-        manifest = make_field(folder, wanted, seen, _processes(jobs), progress.advance)
+    field_set = import_module("dogshape.validation.blind.field_set")
+    cases = field_set.cases_of(seed, small=small)
+    with WorkCounter(ProgressBar(), len(cases), unit="cases") as progress:
+        manifest = field_set.make_field(
+            folder, cases, _diagnosis().likelihood_of, _processes(jobs), progress.advance
+        )
     emit(manifest, json, lambda: made_lines(folder, manifest))
 
 
@@ -63,12 +60,9 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     Example: dogshape blind run results/blind
     """
     total = len(manifest_of(folder)["cases"])
-    diagnosis = import_module("dogshape.validation.blind.case_diagnosis")
-    alone, beside = (partial(diagnosis.diagnose_folder, jobs=n) for n in (jobs, 1))
-    for stand in sorted((folder / STANDS).glob("*")):
-        diagnosis.seen_by(stand, jobs)  # one bank serves all cases on a clutch
+    diagnose = _diagnosis().diagnose_folder
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
-        found = run_cases(folder, beside, _processes(jobs), progress.advance, alone)
+        found = run_cases(folder, diagnose, _processes(jobs), progress.advance)
     emit({"cases": found}, json, lambda: run_table(found))
 
 
@@ -79,8 +73,14 @@ def score(folder: Folder, json: Json = False) -> None:
 
     Example: dogshape blind score results/blind --json
     """
-    found = score_field(folder)
+    scoring = import_module("dogshape.validation.blind.score")
+    found = scoring.score_field(folder, _diagnosis().advised)
     emit(found, json, lambda: score_table(found))
+
+
+def _diagnosis() -> Any:
+    """Load what diagnoses a case, with the simulation."""
+    return import_module("dogshape.validation.blind.case_diagnosis")
 
 
 def _processes(jobs: int) -> int:
