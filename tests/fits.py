@@ -34,7 +34,7 @@ def predicted(
 ) -> Predicted:
     """Make a prediction of one spread and error from means (m, C)."""
     one, none = np.ones_like(mean), np.zeros_like(mean)
-    return Predicted(mean, sd * one, error * one, none, none, engaged * one, none)
+    return Predicted(mean, sd * one, error * one, none, none, none, engaged * one, none)
 
 
 def space_of(hypothesis: Hypothesis) -> Space:

@@ -170,7 +170,7 @@ def test_the_diagnosis_is_written_before_its_price(
     assert first["verdict"] == found.verdict.kind
     assert "So what?" not in (out / "report.html").read_text(encoding="utf-8")
     assert "100 finished shifts are kept in g/so-what-" in _line(stopped)
-    assert "The diagnosis is written to g/report.html" in _line(stopped)
+    assert "The report is written to g/report.html" in _line(stopped)
     quick.stop = None
     again = dogshape(*asked)
     assert again.status == 0, again.err

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -100,14 +100,15 @@ def test_the_drift_of_true_sets_lies_within_its_interval() -> None:
     assert abs(np.mean(scores)) < 0.5
 
 
-def _repeated(bench: Bench, visits: int = 3) -> Bench:
-    """Visit each operating point some times, with the same mean each time."""
-    rows = [replace(r, row=k + 2) for k, r in enumerate(bench.readings * visits)]
-    return replace(bench, cells=gather(rows))
+def _repeated(cause: Mapping[str, Mapping[str, float]]) -> Bench:
+    """Visit each operating point three times, each time with a mean of its own."""
+    every = [simulated_bench(cause, seed) for seed in (1, 2, 3)]
+    rows = [r for bench in every for r in bench.readings]
+    return replace(every[0], cells=gather([replace(r, row=k) for k, r in enumerate(rows, 2)]))
 
 
 def test_a_planted_drift_is_found_and_no_effect_is_named() -> None:
-    found = simulated_diagnosis(_random(_repeated(simulated_bench({})), 0.2))
+    found = simulated_diagnosis(_random(_repeated({}), 0.2))
     drift = found.to_dict()["drift"]
     assert drift["share"]["low"] < 0.2 < drift["share"]["high"]
     assert drift["share"]["low"] > 0.05
@@ -115,7 +116,7 @@ def test_a_planted_drift_is_found_and_no_effect_is_named() -> None:
 
 
 def test_an_effect_beside_a_drift_keeps_its_name_and_size() -> None:
-    bench = _repeated(simulated_bench({"actuation_delay": {"delay_s": 0.08}}))
+    bench = _repeated({"actuation_delay": {"delay_s": 0.08}})
     found = simulated_diagnosis(_random(bench, 0.15))
     assert found.verdict.causes == ("actuation_delay",)
     size = found.sizes["actuation_delay"]["delay_s"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,10 +20,12 @@ from dogshape.diagnosis.terms import NONE
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
 from tests.benches import good_set
 from tests.diagnosed import EFFECTS, FEW, simulated_bench, simulated_diagnosis
-from tests.made_up import flight, made_up, mean_time
+from tests.made_up import flight, mean_time
 from tests.toy import CLUTCH, bench_of, points_of
 
 POINTS = points_of()
@@ -80,9 +83,19 @@ def test_slopes_of_measured_set_values_are_no_steeper_than_those_of_nominal_ones
     assert np.abs(found.mismatch / twice[1] - 1.0).max() < 0.2
 
 
+def _smooth(blocks: Sequence[Block]) -> list[list[Record]]:
+    """Simulate the mean times of the closed form, with a spread of a tenth over the angles."""
+    found = []
+    for block in blocks:
+        whole, count = mean_time(block.clutch, block.point), len(block.angles)
+        wave = 1.0 + 0.1 * np.sin(2.0 * np.pi * np.arange(count) / count)
+        found.append([{"outcome": "engaged", "shift_time_s": float(time)} for time in whole * wave])
+    return found
+
+
 def _likelihood(bench: Bench) -> Likelihood:
     effects = {name: EFFECTS[name] for name in FEW}
-    (model,) = build_models(bench, effects, USUAL, made_up).values()
+    (model,) = build_models(bench, effects, USUAL, _smooth).values()
     return Likelihood(bench, observe(bench, model), model, USUAL)
 
 
@@ -93,9 +106,9 @@ def test_the_likelihood_takes_slopes_of_the_simulated_force_and_mismatch() -> No
     for k, cell in enumerate(bench.cells):
         mean = mean_time(bench.clutch, cell.point)
         free = flight(bench.clutch, cell.point)
-        assert force[k] == pytest.approx(-0.25 * free / mean, abs=0.02)
+        assert force[k] == pytest.approx(-0.25 * free / mean, rel=0.1)
         slip = cell.point.mismatch
-        assert mismatch[k] * slip == pytest.approx((free - mean) / mean, rel=0.15, abs=0.02)
+        assert mismatch[k] * slip == pytest.approx((free - mean) / mean, rel=0.1, abs=0.005)
 
 
 def test_errors_add_up_as_asme_says() -> None:
@@ -118,7 +131,7 @@ def test_errors_add_up_as_asme_says() -> None:
 
 def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> None:
     cause = ("force_scale",)
-    bench = simulated_bench({"force_scale": {"force_factor": 0.8}})
+    bench = simulated_bench({"force_scale": {"force_factor": 0.5}})
     found = [
         simulated_diagnosis(
             replace(bench, errors=NominalErrors(systematic=Tolerance(force_share=share)))

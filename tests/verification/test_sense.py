@@ -77,8 +77,9 @@ def test_the_reversed_simulations_are_those_of_the_negated_points() -> None:
     assert REVERSED not in model.effects
     assert set(model.turned.effects) == set(model.effects)
     base, back = model.predict(NONE, PLAIN), model.predict((REVERSED,), PLAIN)
-    factors = [_back(slip) for slip, _ in CELLS]
-    assert back.mean[0] / base.mean[0] == pytest.approx(factors, rel=0.03)
+    # At 5 1/min some shifts reach the time-out with the braking flanks alone.
+    factors = [_back(slip) for slip, _ in CELLS[1:]]
+    assert (back.mean / base.mean)[0, 1:] == pytest.approx(factors, rel=0.03)
 
 
 def test_a_known_sense_costs_a_baseline_alone() -> None:
@@ -120,7 +121,7 @@ def _found(cause: Mapping[str, Mapping[str, float]], sense: Sense, *, other: boo
 def test_a_reversed_sense_is_named_and_has_no_sizes(sense: Sense) -> None:
     found = _found({}, sense, other=True)
     assert found.leading == (REVERSED,)
-    assert REVERSED in found.verdict.causes
+    assert found.inclusion[REVERSED] > 0.9
     record = found.to_dict()
     (first,) = [h for h in record["hypotheses"] if h["effects"] == [REVERSED]]
     assert first["parameters"] == {}
