@@ -22,7 +22,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 OUT ?= results/mq200
 CHROMIUM ?= chromium
-EXTRAS := dev,blind,cad,docs,fem,machines,mdf,nested,tdms
+EXTRAS := dev,blind,cad,docs,fem,machines,mdf,tdms
 
 # What Debian must bring beside Python itself: venv, and a library that Drake loads.
 DEBIAN := python3.11-venv libglib2.0-0
@@ -66,9 +66,8 @@ blind: $(VENV)/complete
 	$(BIN)/dogshape blind score $(BLIND)
 
 EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
-  adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines bank predictive_check common_errors self_consistency evidence \
-  valid_range keeping sense ranking forecasts edge_radius linkage_steps mechanism_accuracy linkage_mass \
-  bank_engines unseen_clutch
+  adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines \
+  self_consistency valid_range keeping ranking forecasts edge_radius linkage_steps mechanism_accuracy linkage_mass
 SURROGATE := asking two_fidelities fit_clock
 ONE_LEVEL := learning_curve active_learning
 

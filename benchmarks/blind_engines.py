@@ -4,7 +4,7 @@
 
 The blind check takes its truth from MuJoCo (``validation.blind``), the diagnosis simulates with
 Drake. At the same even angles, 48 by default, of each operating point of ``mq200_adams`` the table
-has both means over shifts that are late in neither engine (``diagnosis.prediction.outliers``),
+has both means over shifts that are late in neither engine (``diagnosis.prediction.model``),
 their difference, how many are late in one of them, and the difference in sampling errors of a mean
 of ten. Four minutes of processor time.
 """
@@ -18,12 +18,11 @@ from collections.abc import Iterable
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.bank import settings_of, times_of
-from dogshape.diagnosis.prediction.outliers import bulk
+from dogshape.diagnosis.prediction.model import timely, wait_of
+from dogshape.diagnosis.prediction.simulations import read_time, settings_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import even_block
 from dogshape.sim.units import RPM
 from dogshape.validation.blind.mujoco_shift import Draw, Engine
@@ -37,7 +36,7 @@ def main() -> None:
     """Print the comparison."""
     angles = int(sys.argv[1]) if len(sys.argv) > 1 else ANGLES
     bench = load_bench("mq200_adams")
-    settings = settings_of(bench)
+    settings = settings_of(bench, "sleeve")
     places = [even_block(s.clutch, s.point, angles, (1, k)) for k, s in enumerate(settings)]
     rows = scratch_executor(1).run(places)
     engine = Engine(read_stand(bundled_root() / "bench" / "mq200_adams"))
@@ -45,7 +44,8 @@ def main() -> None:
     found, begin = [], time.process_time()
     for setting, block, mine in zip(settings, places, rows, strict=True):
         second = second_times(engine, setting, block.angles)
-        found.append(_row(setting.point, times_of(setting, mine), second))
+        first = np.array([read_time(setting, row) for row in mine])
+        found.append(_row(setting, first, second))
     each = (time.process_time() - begin) / (len(settings) * angles)
     errors = np.array(found)
     print(f"root mean square: {np.sqrt((errors**2).mean()):.2f} sampling errors of ten shifts")
@@ -60,9 +60,10 @@ def second_times(engine: Engine, setting: Setting, angles: Iterable[float]) -> n
     return np.array([np.nan if time is None else time for time in times])
 
 
-def _row(point: OperatingPoint, first: np.ndarray, second: np.ndarray) -> float:
+def _row(setting: Setting, first: np.ndarray, second: np.ndarray) -> float:
     """Print an operating point and return its difference in sampling errors."""
-    both = np.isfinite(bulk(first)) & np.isfinite(bulk(second))
+    point, wait = setting.point, np.array([wait_of(setting)])
+    both = np.all([np.isfinite(timely(one[None], wait)[0]) for one in (first, second)], axis=0)
     one, two = first[both] * 1e3, second[both] * 1e3
     gap = float((two - one).mean())
     pooled = float(np.sqrt(0.5 * (one.var(ddof=1) + two.var(ddof=1))))

@@ -23,7 +23,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.expectation import simulate_mean
 from dogshape.pipeline import forecast
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, banks_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import Count, Progress
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
@@ -100,7 +100,7 @@ def _bank(folder: Path) -> Callable[[Progress], object]:
     clutch = replace(bench.clutch, timeout=1.1).with_engine("planar")
     every = effects_of(None)
     few = {name: every[name] for name in UNKNOWN}
-    return lambda progress: banks_of(
+    return lambda progress: models_of(
         replace(bench, clutch=clutch), few, Means(folder, jobs=1, progress=progress)
     )
 

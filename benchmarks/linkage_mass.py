@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.bank import settings_of, times_of
+from dogshape.diagnosis.prediction.simulations import read_time, settings_of
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Sensor, Setting
 from dogshape.sim.statistics.batch import run_block
@@ -32,7 +32,7 @@ def mean_of(settings: list[Setting]) -> float:
     every = []
     for one in settings:
         rows = run_block(even_block(one.clutch, one.point, ANGLES, (1, 0)))
-        every.append(times_of(one, rows))
+        every.append([read_time(one, row) for row in rows])
     times = np.array(every)
     return 1e3 * float(times[np.isfinite(times)].mean())
 
@@ -40,7 +40,7 @@ def mean_of(settings: list[Setting]) -> float:
 def main() -> None:
     """Simulate and print."""
     effects, bench = load(), load_bench("mq200_stand")
-    known = [s for s in settings_of(bench) if round(s.point.mismatch / RPM) in MISMATCHES]
+    known = [s for s in settings_of(bench, "sleeve") if round(s.point.mismatch / RPM) in MISMATCHES]
     for sensor in SENSORS:
         print(f"read at the {sensor}: mean in ms, and what a mass of the linkage in kg adds to it")
         print("mm/kN     none" + "".join(f"{mass:8g}" for mass in MASSES[1:]))

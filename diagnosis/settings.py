@@ -140,6 +140,9 @@ class Settings:
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",
         "wrong once in five at most, if probabilities hold",
     )  # fmt: skip
+    named_at_once: int = constant(
+        2, "effects", "that are named as the whole cause", "judged", "of three some always fit"
+    )
     even: float = constant(
         0.5, "probability", "that a named hypothesis has at least where all effects are as rare",
         "judged", "a name that rests on the prior of an effect alone is none",

@@ -7,8 +7,6 @@ parameters of these effects, effect by effect, in the units that the parameters'
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,41 +27,3 @@ def plain(hypothesis: Hypothesis, effects: Mapping[str, Effect]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or (
         "no effect"
     )
-
-
-@dataclass(frozen=True)
-class Table:
-    """Base of frozen arrays with a row for each of m values of a hypothesis.
-
-    Fields are arrays (m, ...), tables, or None; those named in ``SHARED`` hold for all rows.
-    """
-
-    SHARED: ClassVar[tuple[str, ...]] = ()
-
-    def only(self, which: np.ndarray) -> Self:
-        """Select some of the rows."""
-        return replace(
-            self,
-            **{
-                name: part.only(which) if isinstance(part, Table) else part[which]
-                for name, part in self._parts.items()
-            },
-        )
-
-    def joined(self, other: Self) -> Self:
-        """Append the rows of another table."""
-        theirs = other._parts
-        return replace(
-            self,
-            **{
-                name: part.joined(theirs[name])
-                if isinstance(part, Table)
-                else np.concatenate([part, theirs[name]])
-                for name, part in self._parts.items()
-            },
-        )
-
-    @property
-    def _parts(self) -> dict[str, Any]:
-        every = {f.name: getattr(self, f.name) for f in fields(self) if f.name not in self.SHARED}
-        return {name: part for name, part in every.items() if part is not None}

@@ -155,7 +155,7 @@ def diagnose(
     bank: str | Path = BANK,
     effects: str | Path | None = None,
     study: str | None = None,
-    engine: str | None = None,
+    engine: str = "planar",
     jobs: int = 0,
     progress: Progress = SILENT,
 ) -> Diagnosis:
@@ -170,8 +170,7 @@ def diagnose(
     bank : folder of simulations that diagnoses share.
     effects : folder with effects of the user's own.
     study : study, or folder of its results, whose best designs are simulated with the cause.
-    engine : of the simulations, ``drake`` or ``planar``; None for the one whose lacking shifts take
-        less time.
+    engine : of the simulations, ``planar`` or ``drake``, which takes some hours for a clutch.
     jobs : worker processes, 0 for one a core.
     progress : is told how far the simulations are.
 

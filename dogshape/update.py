@@ -99,7 +99,7 @@ def update_diagnosis(
         before, cells = before_of(place, count)
         own = effects if effects is not None else asked.effects
         folders = Path(bank), None if own is None else Path(own)
-        means = Means(*folders, jobs, progress, before.get("engine"))
+        means = Means(*folders, jobs, progress, before["engine"])
         inference = diagnosed(data.bench, means)
         record = update_record(before, cells, inference, data.new, count)
         updates = [*updates_of(place, count), record]

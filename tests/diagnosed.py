@@ -1,4 +1,4 @@
-"""A diagnosis made by hand: a gap of the stand with named, open and refuted effects."""
+"""Diagnoses for tests: one of the stand made by hand, and those of a clutch of closed form."""
 
 from __future__ import annotations
 
@@ -12,11 +12,19 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
 from dogshape.diagnosis.bench.comparison import PointGap
+from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.record import BenchRecord
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import Verdict
+from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.effects import load
+from dogshape.sim.setting import Setting
+from tests.made_up import few_cells, made_up, mean_time
 
 EFFECTS = load()
 STAND = load_bench("mq200_stand")
@@ -37,15 +45,6 @@ SIZES = {
     "compliance_mm_kN": (3.9, 0.2),
     "mass_behind_kg": (5.0, 0.5),
 }
-
-
-@dataclass(frozen=True)
-class Interval:
-    """A mean with 90 %."""
-
-    mean: float
-    low: float
-    high: float
 
 
 @dataclass(frozen=True)
@@ -82,13 +81,7 @@ class Fit:
 
     def interval(self, name: str) -> Interval:
         """Find mean and 90 % of a parameter."""
-        return interval_of(self.values[:, [p.name for p in self.space.parameters].index(name)])
-
-
-def interval_of(values: Array) -> Interval:
-    """Compute mean and 90 % of draws."""
-    low, high = np.quantile(values, (0.05, 0.95)).tolist()
-    return Interval(float(values.mean()), low, high)
+        return Interval.of(self.values[:, [p.name for p in self.space.parameters].index(name)])
 
 
 def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
@@ -136,7 +129,7 @@ def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **
     )
     sizes = {
         name: {
-            one.name: interval_of(
+            one.name: Interval.of(
                 np.concatenate([f.values[:, f.space.columns(name)][:, k] for h, f in fits.items()
                                 if name in h])
             )
@@ -211,3 +204,31 @@ def reading(key: str, value: str, probability: float, causes: tuple[str, ...]) -
     """Make a reading of the record by which some effects are named."""
     verdict = replace(diagnosed().verdict, causes=causes)
     return SimpleNamespace(key=key, value=value, probability=probability, verdict=verdict)
+
+
+#: Operating points of the closed form: mismatch in 1/min and force in N.
+PLACES = [(m, force) for m in (10.0, 50.0, 100.0, 249.0) for force in (235.2, 469.0, 641.5)]
+FEW = ("actuation_delay", "sleeve_friction", "moving_mass", "mismatch_speed", "force_scale")
+
+
+def simulated_bench(cause: Mapping[str, Mapping[str, float]], seed: int = 1) -> Bench:
+    """Make means of twenty shifts of the closed form with a cause, each off by some 2 ms."""
+    bench = few_cells(load_bench("mq200_adams"), PLACES)
+    generator, rows = np.random.default_rng(seed), []
+    for k, cell in enumerate(bench.cells):
+        setting = Setting(bench.clutch, cell.point)
+        for name, values in cause.items():
+            setting = EFFECTS[name].apply(setting, values)
+        time = mean_time(setting.clutch, setting.point) + setting.delay
+        off = float(generator.normal(0.0, 0.002))
+        rows.append(Reading(k + 2, cell.point, 20, time + off, engaged=True))
+    record = BenchRecord("command", "sleeve", "not_made", "known")
+    return replace(bench, cells=gather(rows), record=record)
+
+
+def simulated_diagnosis(
+    bench: Bench, settings: Settings = USUAL, *, advise: bool = False
+) -> Diagnosis:
+    """Diagnose a bench of the closed form, among a few effects."""
+    models = build_models(bench, {name: EFFECTS[name] for name in FEW}, settings, made_up)
+    return diagnose(bench, models, settings, advise=advise)

@@ -1,4 +1,4 @@
-"""Benches whose traces come from simulated shifts, and an emulator that knows the flight alone."""
+"""Benches whose traces come from simulated shifts."""
 
 from __future__ import annotations
 
@@ -7,25 +7,18 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.traces import BenchTrace
-from dogshape.diagnosis.prediction.bank import settings_of
-from dogshape.diagnosis.prediction.flight_table import FlightTables
-from dogshape.diagnosis.prediction.prediction import Marks, Prediction
-from dogshape.diagnosis.terms import Hypothesis
+from dogshape.diagnosis.prediction.simulations import settings_of
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Solver
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.units import RPM
-
-Array = NDArray[np.float64]
 
 EFFECTS = load()
 MISMATCHES = (25.0, 149.0)
@@ -37,7 +30,7 @@ def settings() -> tuple[Setting, ...]:
 
     It knows one coefficient of contact friction, which no flight meets.
     """
-    every = settings_of(load_bench("mq200_adams"))
+    every = settings_of(load_bench("mq200_adams"), "sleeve")
     return tuple(
         replace(setting, clutch=replace(setting.clutch, solver=Solver()))
         for setting in every
@@ -87,20 +80,3 @@ def flying_bench(
             readings.append(Reading(row, plain.point, 1, time, time is not None, trace))
     bench = load_bench("mq200_adams")
     return replace(bench, name="flying", cells=gather(readings), relative_angles=None)
-
-
-class FlightOnly:
-    """An emulator by which all hypotheses say the same of times, and their own of the flight."""
-
-    def __init__(self) -> None:
-        self.tables = FlightTables(EFFECTS, settings())
-
-    def at(self, hypothesis: Hypothesis, values: Array, cell: int) -> Prediction:
-        """Return times that tell nothing."""
-        one = np.ones(len(values))
-        times = np.linspace(0.05, 0.4, 24) * one[:, None]
-        return Prediction.plain(times, 0.95 * one, 0.1 * one, 0.02 * one)
-
-    def flight(self, hypothesis: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
-        """Return the marks of the flight."""
-        return self.tables.at(hypothesis, values, profile)

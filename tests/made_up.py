@@ -27,7 +27,7 @@ WAY = 0.01  #: m
 def flight(clutch: Clutch, point: OperatingPoint) -> float:
     """Return the time of the free flight, s."""
     profile, mechanism = point.profile, clutch.mechanism
-    force = profile.force - mechanism.friction
+    force = max(profile.force - mechanism.friction, 1e-3)
     mass = clutch.rings.mass + mechanism.added_mass
     lag = getattr(profile, "lag", 0.0)
     return lag + profile.rise * float((mass * WAY / (force * profile.rise**2)) ** 0.25)

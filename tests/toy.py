@@ -26,21 +26,6 @@ FORCES = {235.2: 0.251, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}
 SPEEDS = (5.0, 10.0, 25.0, 50.0, 100.0, 149.0, 249.0)
 EFFECTS = load()
 CLUTCH = load_bench("mq200_adams").clutch
-#: Effects that the toy knows, each at three strengths that its data can show.
-STRENGTHS: Mapping[str, Sequence[Mapping[str, float]]] = {
-    "actuation_delay": [{"delay_s": v} for v in (0.03, 0.08, 0.16)],
-    "actuation_lag": [{"lag_s": v} for v in (0.03, 0.08, 0.2)],
-    "force_scale": [{"force_factor": v} for v in (0.65, 0.8, 1.35)],
-    "sleeve_friction": [{"friction_N": v} for v in (40.0, 80.0, 150.0)],
-    "moving_mass": [{"added_mass_kg": v} for v in (0.8, 1.5, 5.0)],
-    "mismatch_speed": [{"offset_rpm": v} for v in (-3.0, -2.0, 3.0)],
-    "axial_gap": [{"gap_offset_mm": v} for v in (-0.4, 0.3, 0.5)],
-    "chamfer_angle": [{"chamfer_offset_deg": v} for v in (-1.8, 1.2, 2.0)],
-    "contact_friction": [
-        {"static_friction": s, "dynamic_friction": d}
-        for s, d in ((0.4, 0.33), (0.35, 0.28), (0.2, 0.03))
-    ],
-}
 NEUTRAL = {"force_factor": 1.0, "dynamic_friction": 0.16, "mismatch_factor": 1.0}
 
 

@@ -1,1 +1,1 @@
-"""Prove the product: blind check, second engine, finite elements, nested sampling."""
+"""Prove the product: blind check, second engine, finite elements."""

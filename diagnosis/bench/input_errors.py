@@ -14,7 +14,7 @@ Neighbours are some way apart, and points within ``ALIKE`` are alike: simulated 
 angles, of which a small step would make a large slope.
 *T* is the simulated mean without any effect. Errors of each point add to the variance of their
 mean; systematic ones are directions that cells err along together, integrated out beside the
-discrepancy (``diagnosis.likelihood.discrepancy``).
+discrepancy (``diagnosis.likelihood.likelihood``).
 """
 
 from __future__ import annotations

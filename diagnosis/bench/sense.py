@@ -6,7 +6,7 @@ probable, and every hypothesis exists once for each.
 
 All effects act otherwise with the other sense, so no result of one sense is combined with one of
 the other. A hypothesis with ``reversed_mismatch`` is predicted by simulations at the negated
-operating points (``diagnosis.prediction.sense_bank``).
+operating points (``diagnosis.prediction.model``).
 """
 
 from __future__ import annotations

@@ -448,8 +448,8 @@ def _flown(diagnosis: Findings, test: NextTest, marks: Marks) -> Outcome:
     parts = {}
     for hypothesis in _plausible(diagnosis):
         fit, rows = diagnosis.fits[hypothesis], _rows(diagnosis.fits[hypothesis])
-        columns = [fit.values[rows][:, fit.space.columns(name)] for name in hypothesis]
-        found = marks(hypothesis, np.hstack([np.zeros((rows.size, 0)), *columns]), profile)
+        acting = tuple(effect.name for effect in fit.space.effects)
+        found = marks(acting, fit.values[rows], profile)
         times, errors = np.broadcast_to(found.times, (rows.size, SIZE)), wider * _errors(found)
         nominal = np.where(way, times, still.times)
         both = [smoothed(one, errors) for one in (times, nominal)]

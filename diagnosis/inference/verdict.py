@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from dogshape.diagnosis.bench.sense import REVERSED
+from dogshape.diagnosis.bench.sense import REVERSED, forward
 from dogshape.diagnosis.bench.stand_file import Margin
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
@@ -97,6 +97,6 @@ def decide(
         causes = ()
     elif posterior[top] > settings.named and even[top] > settings.even and top != NONE:
         doubted = REVERSED not in top and part.get(REVERSED, 0.0) > 1.0 - settings.part
-        if not doubted:
+        if not doubted and len(forward(top)) <= settings.named_at_once:
             kind, causes = "effect", top
     return Verdict(kind, causes, tuple(credible))

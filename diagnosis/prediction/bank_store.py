@@ -48,8 +48,9 @@ class BankStore:
         return found
 
     def missing(self, blocks: Iterable[Block]) -> list[Block]:
-        """Return the blocks that no file has."""
-        return [block for block in blocks if series_key(block) not in self.series]
+        """List the blocks that no file has, each series once."""
+        found = {series_key(block): block for block in blocks}
+        return [block for key, block in found.items() if key not in self.series]
 
     def times(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
         """Return the shifts of blocks; what no file has is simulated by ``run`` and written."""
@@ -62,9 +63,9 @@ class BankStore:
     def _answered(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
         """Return the shifts of blocks; a series that the clock cut short is simulated again."""
         keys = [series_key(block) for block in blocks]
-        left = [(k, b) for k, b in zip(keys, blocks, strict=True) if k not in self.series]
-        done = run([block for _, block in left]) if left else []
-        for (key, _), rows in zip(left, done, strict=True):
+        left = {k: b for k, b in zip(keys, blocks, strict=True) if k not in self.series}
+        done = run(list(left.values())) if left else []
+        for key, rows in zip(left, done, strict=True):
             self.series[key] = _kept(rows)
             if not any(unfinished(row) for row in rows):
                 self._fresh[key] = self.series[key]

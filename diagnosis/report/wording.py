@@ -6,7 +6,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.diagnosis import Diagnosis, Interval, Reading
+from dogshape.diagnosis.diagnosis import Diagnosis, Reading
+from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import explained
 from dogshape.diagnosis.inference.verdict import Verdict
 from dogshape.diagnosis.terms import Hypothesis, plain

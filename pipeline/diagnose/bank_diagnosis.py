@@ -22,7 +22,6 @@ from dogshape.diagnosis.inference.static_readings import require_measured
 from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL, Settings
-from dogshape.pipeline.diagnose.lacking import reason
 from dogshape.pipeline.duration import about
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.block_cost import dearness
@@ -89,10 +88,10 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
     """Build the predictions of a data set, by the place where displacement may be read."""
-    return build_models(bench, effects, means.settings, lambda blocks: _run(blocks, bench, means))
+    return build_models(bench, effects, means.settings, lambda blocks: shifts_of(blocks, means))
 
 
-def _run(blocks: Sequence[Block], bench: Bench, means: Means) -> list[list[Record]]:
+def shifts_of(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
     """Read the shifts of a bank; simulate what no file has, and keep it."""
     store = BankStore((brought(TIMES), means.bank / TIMES))
     if not store.missing(blocks):
@@ -103,7 +102,7 @@ def _run(blocks: Sequence[Block], bench: Bench, means: Means) -> list[list[Recor
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
         there = sum(key in journal.rows for block in lacking for key in block.keys)
-        means.progress.say(_announced(bench, means, left, there))
+        means.progress.say(_announced(means, left, there))
         extra = sum((dearness(block) - 1.0) * len(block.angles) for block in lacking)
         with (
             WorkCounter(means.progress, left, extra=extra) as progress,
@@ -115,7 +114,7 @@ def _run(blocks: Sequence[Block], bench: Bench, means: Means) -> list[list[Recor
             rows = store.times(blocks, executor.run)
         journal.say_unfinished(means.progress.say)
         with suppress(OSError):  # the file of banks has them
-            (means.bank / SHIFTS).unlink(missing_ok=True)
+            journal.drop({key for block in lacking for key in block.keys})
         return rows
 
 
@@ -125,15 +124,13 @@ def _nothing(blocks: Sequence[Block]) -> list[list[Record]]:
     return []
 
 
-def _announced(bench: Bench, means: Means, left: int, there: int) -> str:
+def _announced(means: Means, left: int, there: int) -> str:
     lasts = about((left - there) * COST[means.engine] / workers_of(means.jobs))
     kept = f" ({there} more are there from a run that was stopped)" if there else ""
-    own = own_files(means.effects) if means.effects else ()
-    why = reason(bench, list(own))
     return (
-        f"the bank of this clutch lacks {left - there} shifts{kept}{': ' if why else ''}{why}. To "
-        f"simulate them takes {lasts} with {workers_of(means.jobs)} workers, once; kept in "
-        f"{means.bank} for this and later diagnoses"
+        f"the bank of this clutch lacks {left - there} shifts{kept}. To simulate them takes "
+        f"{lasts} with {workers_of(means.jobs)} workers, once; kept in {means.bank} for this and "
+        "later diagnoses"
     )
 
 

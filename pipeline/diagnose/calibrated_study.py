@@ -28,6 +28,8 @@ from dogshape.pipeline.diagnose.bench_study import operating_of, rounded, study_
 from dogshape.pipeline.diagnose.effect_keys import EffectKeys
 from dogshape.pipeline.diagnose.posterior_draws import (
     DRAWS,
+    Values,
+    by_effect,
     drawn_from,
     rivals_of,
     row_of,
@@ -47,7 +49,6 @@ from dogshape.sim.units import RPM
 SHOWN = 5  #: hypotheses that an error names
 OF_POINTS = {"mismatch_speed", REVERSED}  #: effects that change operating points of the bench
 Data = dict[str, Any]  #: a TOML file as it is read
-Sizes = dict[str, dict[str, float]]  #: mean of each parameter of each effect
 
 
 @dataclass(frozen=True)
@@ -151,10 +152,8 @@ def calibrated_study(
     """
     hypothesis = _chosen(found, path) if causes is None else _asked(found, causes)
     fit = found.fits[hypothesis]
-    sizes: Sizes = {
-        name: {p.name: fit.interval(p.name).mean for p in found.effects[name].parameters}
-        for name in hypothesis
-    }
+    sizes = {REVERSED: {}} if REVERSED in hypothesis else {}
+    sizes |= by_effect(found, hypothesis, fit.values.mean(axis=0))
     data = study_of(found.bench, path.stem) if base is None else read_toml(find_study(base))
     given = _built({**data, "name": path.stem}, path)
     keys = EffectKeys(Setting(given.clutch, PROBE), frozenset(registry.load()))
@@ -169,13 +168,17 @@ def calibrated_study(
     rivals = rivals_of(found, hypothesis, causes or ())
     beside = {h: _beside(found, h, hypothesis, keys) for h in rivals}
     kept = [h for h in rivals if not _clashing(data, beside[h], keys)]
-    remarks += replaced + _not_drawn(found, [h for h in rivals if h not in kept])
+    remarks += replaced + [
+        f"{plain(h, found.effects)} is not drawn: the study has one of its keys itself"
+        for h in rivals
+        if h not in kept
+    ]
     drawn = drawn_from(found, [hypothesis, *kept], draws, seed)
     columns = taken | {n: e for h in kept if h in dict(drawn) for n, e in beside[h].items()}
     if base is None:
         data["operating"] = _true_points(found, sizes)
     data["name"] = path.stem
-    unsure, certain = uncertain_of(fit, found.effects, sizes)
+    unsure, certain = uncertain_of(fit, sizes)
     data |= {"uncertain": {**data.get("uncertain", {}), **unsure}} if unsure else {}
     remarks += _other_contact(found, given) + certain
     comments = _comments(found, hypothesis, base, remarks, draws_beside(path).name)
@@ -235,7 +238,7 @@ def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
     raise InputError(f"--causes is '{asked}', but {rule}")
 
 
-def _true_points(found: Diagnosis, sizes: Sizes) -> Data:
+def _true_points(found: Diagnosis, sizes: Values) -> Data:
     """Return the bench's operating points with the mismatches of the cause."""
     points: dict[tuple[float, float], None] = {}
     for cell in found.bench.cells:
@@ -280,14 +283,6 @@ def _beside(
     return {n: found.effects[n] for n in names if keys.takes(found.effects[n])}
 
 
-def _not_drawn(found: Diagnosis, rivals: Sequence[Hypothesis]) -> list[str]:
-    return [
-        f"{plain(h, found.effects)} ({chance(found.posterior[h])}) is not drawn: the study has "
-        "one of its keys itself"
-        for h in rivals
-    ]
-
-
 def _clashing(data: Data, taken: Mapping[str, Effect], keys: EffectKeys) -> set[str]:
     """List the keys of a study that set the same as some effects."""
     touched = {key for effect in taken.values() for key in keys.touched(effect)}
@@ -301,7 +296,7 @@ def _clashing(data: Data, taken: Mapping[str, Effect], keys: EffectKeys) -> set[
 
 
 def _with_effects(
-    data: Data, taken: Mapping[str, Effect], sizes: Sizes, keys: EffectKeys, carried: float
+    data: Data, taken: Mapping[str, Effect], sizes: Values, keys: EffectKeys, carried: float
 ) -> tuple[Data, list[str]]:
     """Set the keys of effects in the tables of a study file, in place of its own.
 

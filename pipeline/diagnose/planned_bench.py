@@ -9,6 +9,7 @@ from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.record import BenchRecord
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.inference.shift_plan import Field, ShiftPlan, field_of, shift_plan
@@ -35,7 +36,7 @@ class Wanted:
 def points_from(where: str | Path) -> Bench:
     """Return the operating points and the clutch of a data set, or of a study.
 
-    Times of a data set are kept and not looked at by a plan.
+    A plan uses no times of a data set.
 
     Raises
     ------
@@ -59,7 +60,8 @@ def bench_of(where: str) -> Bench:
     study = load_study(where)
     readings = [Reading(k, point, 1, None, None) for k, point in enumerate(study.points, start=2)]
     cells = gather(readings)
-    return Bench(study.name, f"study {where}", study.clutch, cells, None, Sensor())
+    record = BenchRecord(displacement_at="sleeve")
+    return Bench(study.name, f"study {where}", study.clutch, cells, None, Sensor(), record=record)
 
 
 def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:

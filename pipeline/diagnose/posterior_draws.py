@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.sense import REVERSED
-from dogshape.diagnosis.diagnosis import Diagnosis, Fit
-from dogshape.diagnosis.terms import Hypothesis
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.fit import Fit
+from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.pipeline.diagnose.bench_study import rounded
 from dogshape.pipeline.diagnose.effect_keys import EffectKeys
 from dogshape.sim.effect import Effect
@@ -47,6 +48,20 @@ def rivals_of(found: Diagnosis, chosen: Hypothesis, asked: Sequence[str] = ()) -
     ]
 
 
+def by_effect(found: Diagnosis, hypothesis: Hypothesis, numbers: Array) -> Values:
+    """Sort the numbers (p,) of a hypothesis by effect and parameter."""
+    space = found.fits[hypothesis].space
+    return {
+        effect.name: {
+            p.name: rounded(number)
+            for p, number in zip(
+                effect.parameters, numbers[space.columns(effect.name)].tolist(), strict=True
+            )
+        }
+        for effect in space.effects
+    }
+
+
 def drawn_from(
     found: Diagnosis, those: Sequence[Hypothesis], count: int, seed: int
 ) -> list[tuple[Hypothesis, Values]]:
@@ -54,27 +69,8 @@ def drawn_from(
     generator = np.random.default_rng(seed)
     shares = np.array([max(found.posterior.get(h, 0.0), LEAST) for h in those])
     which = generator.choice(len(those), size=count, p=shares / shares.sum())
-    rows: list[tuple[Hypothesis, Values]] = []
-    for hypothesis in (those[place] for place in which):
-        fit = found.fits[hypothesis]
-        values = fit.values[generator.integers(len(fit.shares))]
-        rows.append(
-            (
-                hypothesis,
-                {
-                    name: {
-                        p.name: rounded(float(value))
-                        for p, value in zip(
-                            found.effects[name].parameters,
-                            values[fit.space.columns(name)],
-                            strict=True,
-                        )
-                    }
-                    for name in hypothesis
-                },
-            )
-        )
-    return rows
+    fits = [(those[place], found.fits[those[place]].values) for place in which]
+    return [(h, by_effect(found, h, rows[generator.integers(len(rows))])) for h, rows in fits]
 
 
 def row_of(
@@ -91,26 +87,22 @@ def row_of(
     return found
 
 
-def uncertain_of(
-    fit: Fit, effects: Mapping[str, Effect], means: Values
-) -> tuple[dict[str, Any], list[str]]:
+def uncertain_of(fit: Fit, means: Values) -> tuple[dict[str, Any], list[str]]:
     """Return sections of ``[uncertain]`` by name, and a remark on effects without a factor.
 
     A factor is lognormal with the posterior's median and spread of the logarithm, cut at its 90 %
     interval, over the mean of the study.
     """
-    sections, rest = dict[str, Any](), list[str]()
-    for name in means:
-        if name not in FACTORS:
-            rest += [name] if effects[name].parameters else []
-            continue
+    sections = dict[str, Any]()
+    for name in means.keys() & FACTORS.keys():
         parameter, factor = FACTORS[name]
-        place = [p.name for p in effects[name].parameters].index(parameter)
-        values = fit.values[:, fit.space.columns(name)][:, place]
-        section = _lognormal(values / means[name][parameter])
+        place = [p.name for p in fit.space.parameters].index(parameter)
+        section = _lognormal(fit.values[:, place] / means[name][parameter])
         sections |= {factor: section} if section else {}
-    remark = f"[uncertain] has no factor of {', '.join(rest)}: the draws have the spread"
-    return sections, [remark] if rest else []
+    rest = ", ".join(name for name in means if name not in FACTORS and means[name])
+    return sections, [f"[uncertain] has no factor of {rest}: the draws have the spread"] * bool(
+        rest
+    )
 
 
 def _lognormal(ratios: np.ndarray) -> dict[str, Any] | None:

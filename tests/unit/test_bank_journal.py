@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -14,20 +14,11 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.prediction.bank import Bank
-from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
+from dogshape.diagnosis.prediction.model import Model
 from dogshape.pipeline.diagnose import bank_diagnosis
-from dogshape.pipeline.diagnose.bank_diagnosis import (
-    Means,
-    banks_of,
-    blocks_by_key,
-    brought,
-    plans_of,
-)
-from dogshape.pipeline.diagnose.held_shifts import held_shifts
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.store import journal as journals
 from dogshape.pipeline.store.journal import ShiftJournal, append
-from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
 from dogshape.sim.statistics.shift_records import Record
@@ -51,86 +42,48 @@ def _bench(points: int = 1, timeout: float = 1.1) -> Bench:
     return replace(bench, clutch=replace(bench.clutch, timeout=timeout))
 
 
-def _banks(folder: Path, bench: Bench, effects: Mapping[str, Effect] = EFFECTS) -> list[Bank]:
-    return list(banks_of(bench, effects, Means(folder, jobs=1)))
-
-
-def _shifts(bench: Bench) -> tuple[int, int]:
-    """Count the shifts of both banks of a bench and those of them in baselines."""
-    plans = plans_of(bench, EFFECTS)
-    blocks = blocks_by_key(plans).values()
-    base = sum(plan.angles * plan.dense * len(bench.cells) for plan, _ in plans)
-    return sum(len(block.angles) for block in blocks), base
+def _model(folder: Path, bench: Bench) -> Model:
+    (found,) = models_of(bench, EFFECTS, Means(folder, jobs=1)).values()
+    return found
 
 
 def _rows(folder: Path) -> list[Record]:
     return list(ShiftJournal(folder / "shifts.jsonl", only_read=True).rows.values())
 
 
-def _same(one: list[Bank], other: list[Bank]) -> bool:
-    return all(
-        np.array_equal(a.times, b.times)
-        and np.array_equal(a.baseline, b.baseline)
-        and a.numerics == b.numerics
-        for a, b in zip(one, other, strict=True)
-    )
-
-
-def _as_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let the journal keep all, as it once did."""
-    monkeypatch.setattr(bank_diagnosis, "_shorten", lambda *_: None)
+def _same(one: Model, other: Model) -> bool:
+    pairs = (one.simulated, other.simulated)
+    return all(np.array_equal(*(getattr(p, n) for p in pairs)) for n in ("times", "baseline"))
 
 
 def test_what_the_file_of_banks_has_leaves_the_journal(tmp_path: Path, quick: Quick) -> None:
-    bench = _bench()
-    first = _banks(tmp_path, bench)
-    every, base = _shifts(bench)
-    refined = quick.done - every
-    assert refined > 0
-    assert len(_rows(tmp_path)) == base + refined
-    done = quick.done
-    assert _same(_banks(tmp_path, bench), first)
+    first, done = _model(tmp_path, _bench()), quick.done
+    assert done == 48 + first.simulated.times.size
+    assert _rows(tmp_path) == []
+    assert _same(_model(tmp_path, _bench()), first)
     assert quick.done == done
 
 
-def test_an_old_journal_of_another_clutch_is_shortened_too(
-    tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with monkeypatch.context() as patch:
-        _as_before(patch)
-        _banks(tmp_path, _bench(timeout=1.2))
-        assert len(_rows(tmp_path)) == quick.done
-    _banks(tmp_path, _bench())
-    every, base = _shifts(_bench())
-    assert len(_rows(tmp_path)) == quick.done - 2 * (every - base)
-
-
-def test_another_operating_point_repeats_nothing(
-    tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Its numerical error is measured over all points, with whole records of baselines."""
-    with monkeypatch.context() as patch:
-        _as_before(patch)
-        _banks(tmp_path / "before", _bench(1))
-        before = _banks(tmp_path / "before", _bench(2))
+def test_another_operating_point_repeats_nothing(tmp_path: Path, quick: Quick) -> None:
+    _model(tmp_path / "whole", _bench(2))
     done, quick.done = quick.done, 0
-    _banks(tmp_path / "now", _bench(1))
-    assert _same(_banks(tmp_path / "now", _bench(2)), before)
+    _model(tmp_path / "now", _bench(1))
+    _model(tmp_path / "now", _bench(2))
     assert quick.done == done
 
 
 def test_an_unfinished_bank_stays_whole_beside_a_finished_one(tmp_path: Path, quick: Quick) -> None:
-    whole = _banks(tmp_path / "whole", _bench())
+    whole = _model(tmp_path / "whole", _bench())
     done, quick.done, quick.stop = quick.done, 0, 100
     with pytest.raises(KeyboardInterrupt):
-        _banks(tmp_path / "stopped", _bench())
+        _model(tmp_path / "stopped", _bench())
     quick.stop = None
     stopped = {row["key"] for row in _rows(tmp_path / "stopped")}
     assert len(stopped) == 100
-    _banks(tmp_path / "stopped", _bench(timeout=1.2))
-    assert stopped <= {row["key"] for row in _rows(tmp_path / "stopped")}
+    _model(tmp_path / "stopped", _bench(timeout=1.2))
+    assert stopped == {row["key"] for row in _rows(tmp_path / "stopped")}
     quick.done = 100
-    assert _same(_banks(tmp_path / "stopped", _bench()), whole)
+    assert _same(_model(tmp_path / "stopped", _bench()), whole)
     assert quick.done == done
 
 
@@ -147,15 +100,11 @@ def test_a_kill_after_the_file_of_banks_loses_nothing(
         else:
             patch.setattr(ShiftJournal, "drop", killed)
         with pytest.raises(SystemExit):
-            _banks(tmp_path, _bench())
+            _model(tmp_path, _bench())
     done = quick.done
     assert len(_rows(tmp_path)) == done
-    _banks(tmp_path, _bench())
+    _model(tmp_path, _bench())
     assert quick.done == done
-    _banks(tmp_path, _bench(timeout=1.2))
-    assert quick.done == 2 * done
-    every, base = _shifts(_bench())
-    assert len(_rows(tmp_path)) == 2 * (done - every + base)
 
 
 def test_a_disk_that_refuses_the_shorter_journal_costs_no_bank(
@@ -165,7 +114,7 @@ def test_a_disk_that_refuses_the_shorter_journal_costs_no_bank(
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(journals, "write_whole", full)
-    assert _banks(tmp_path, _bench())[0].levels
+    assert _model(tmp_path, _bench()).simulated.levels
     assert len(_rows(tmp_path)) == quick.done
 
 
@@ -175,14 +124,14 @@ def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_a
     @contextmanager
     def late(folder: Path, patience: float) -> Iterator[None]:
         monkeypatch.setattr(bank_diagnosis, "writing", writing)
-        _banks(tmp_path, _bench())
+        _model(tmp_path, _bench())
         with writing(folder, patience):
             yield
 
     monkeypatch.setattr(bank_diagnosis, "writing", late)
-    found = _banks(tmp_path, _bench())
+    found = _model(tmp_path, _bench())
     done, quick.done = quick.done, 0
-    assert _same(_banks(tmp_path / "alone", _bench()), found)
+    assert _same(_model(tmp_path / "alone", _bench()), found)
     assert quick.done == done
 
 
@@ -240,19 +189,3 @@ def test_a_torn_line_goes_with_the_others(tmp_path: Path) -> None:
     journal.drop({"b"})
     append(path, {**row, "key": "d"})
     assert [json.loads(line)["key"] for line in path.read_text().splitlines()] == ["a", "d"]
-
-
-def test_rows_are_found_by_the_key_of_their_series(tmp_path: Path, quick: Quick) -> None:
-    """All shifts of a series from its first one on, evenly: no part of it, and no baseline."""
-    bench = _bench()
-    _banks(tmp_path, bench)
-    series = BankStore((brought("bank.json"), tmp_path / "bank.json")).series
-    blocks = list(blocks_by_key(plans_of(bench, EFFECTS)).values())
-    level = next(b for b in blocks if "numerics" not in series[series_key(b)])
-    rows = list(quick(level))
-    assert held_shifts(rows[::-1], series) == set(level.keys)
-    assert not held_shifts(rows[1:], series)
-    assert not held_shifts(rows[:-1], series)
-    apart = {**rows[-1], "relative_angle_deg": rows[-1]["relative_angle_deg"] + 0.01}
-    assert not held_shifts([*rows[:-1], apart], series)
-    assert not held_shifts(quick(blocks[0]), series)

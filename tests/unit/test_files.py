@@ -8,11 +8,9 @@ import stat
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from dogshape.diagnosis.prediction.bank_store import BankStore
-from dogshape.diagnosis.prediction.flight_store import FlightStore
 from dogshape.pipeline.store.folder import write_json
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.pipeline.store.output_files import require_targets
@@ -55,21 +53,14 @@ def _bank(path: Path) -> None:
     store._write()
 
 
-def _flights(path: Path) -> None:
-    store = FlightStore([path])
-    store.add("key", np.zeros((4, 2)))
-    store.save()
-
-
 @pytest.mark.parametrize(
     "write",
     [
         lambda path: write_json(path, {"a": 1}),
         lambda path: write_whole(path, "text"),
         _bank,
-        _flights,
     ],
-    ids=["json", "text", "bank", "flights"],
+    ids=["json", "text", "bank"],
 )
 def test_content_is_on_the_disk_before_it_takes_its_name(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Any

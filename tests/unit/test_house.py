@@ -61,7 +61,6 @@ GUARDED = {
     "mujoco": ("validation/second_engine.py", "validation/blind/mujoco_shift.py"),
     "asammdf": ("diagnosis/bench/mdf4.py",),
     "nptdms": ("diagnosis/bench/tdms.py",),
-    "dynesty": ("validation/nested_sampling.py",),
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
     "SALib": ("surrogate/sobol_indices.py",),

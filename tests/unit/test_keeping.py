@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.diagnosis import diagnose
-from dogshape.diagnosis.prediction.bank import Plan, blocks_of
+from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, bank_of
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
 from dogshape.pipeline.store.journal import append
 from dogshape.sim.effects import load
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import Listener, Said
-from tests.made_up import Quick, few_cells
-from tests.toy import EFFECTS, Toy, bench_of, points_of
+from tests.diagnosed import simulated_bench, simulated_diagnosis
+from tests.made_up import Quick, few_cells, made_up
 
 Call = Callable[..., Said]
 EXPECT = (
@@ -139,28 +140,26 @@ def test_shifts_that_are_known_say_nothing_of_the_time_left(
 
 def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
     bench = few_cells(load_bench("mq200_adams"), [(10, 235.2)])
-    effect = load()["actuation_delay"]
-    clutch = replace(bench.clutch, timeout=1.1)  # no bank has this clutch
-    bench = replace(bench, clutch=clutch)
-    plan = Plan((effect,))
-    blocks = list(blocks_of(plan, bench))
-    whole = sum(len(block.angles) for block in blocks)
-    done = blocks[0]
-    rows = list(Quick()(done))
-    append(tmp_path / "shifts.jsonl", *rows)
+    effects = {"moving_mass": load()["moving_mass"]}
+    bench = replace(bench, clutch=replace(bench.clutch, timeout=1.1))  # no bank has this clutch
+    blocks: list[Block] = []
+
+    def noted(asked: Sequence[Block]) -> list[list[Record]]:
+        blocks.extend(asked)
+        return made_up(asked)
+
+    build_models(bench, effects, USUAL, noted)
+    left = sum(len(block.angles) for block in blocks[1:])
+    append(tmp_path / "shifts.jsonl", *Quick()(blocks[0]))
     said: list[str] = []
-    bank_of(bench, {"actuation_delay": effect}, Means(tmp_path, jobs=1, progress=Listener(said)))
-    # The baseline with the reversed sense, at the same angles, is lacking besides.
-    left = whole - len(rows) + len(done.angles)
-    assert f"lacks {left} shifts ({len(rows)} more are there" in said[0]
+    models_of(bench, effects, Means(tmp_path, jobs=1, progress=Listener(said)))
+    assert f"lacks {left} shifts ({len(blocks[0].angles)} more are there" in said[0]
 
 
 def test_the_diagnosis_is_written_before_its_price(
     dogshape: Call, tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    few = {name: EFFECTS[name] for name in ("actuation_delay", "moving_mass", "drag_torque")}
-    bench = bench_of({"delay_s": 0.08}, np.random.default_rng(1), shifts=20)
-    found = diagnose(bench, Toy(points_of()), few, pairs=[])
+    found = simulated_diagnosis(simulated_bench({"actuation_delay": {"delay_s": 0.08}}))
     monkeypatch.setattr("dogshape.gap.diagnosed", lambda *_: found)
     asked = ("gap", "mq200_stand", "--study", "mq200_paper", "--out", "g", "--jobs", 1)
     quick.stop = 100

@@ -13,16 +13,16 @@ import pytest
 import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Reading, gather
-from dogshape.diagnosis.diagnosis import diagnose
-from dogshape.diagnosis.likelihood.cell_likelihood import log_times
-from dogshape.diagnosis.likelihood.cell_predictions import CellPredictions
-from dogshape.diagnosis.likelihood.observations import Observed, observe
-from dogshape.diagnosis.prediction.hypotheses import NONE
-from dogshape.diagnosis.settings import Rules
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.likelihood.observed import observe
+from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.diagnose.joined_bench import asked_of, joined, keep_data
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError
-from tests.toy import EFFECTS, Toy, bench_of, points_of
+from tests.diagnosed import EFFECTS, simulated_bench
+from tests.made_up import made_up
 
 HEAD = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s"
 Write = Callable[[str, Sequence[str]], Path]
@@ -110,24 +110,34 @@ def test_readings_that_join_continue_the_series_or_end_it(
     assert [r.place for r in found.readings] == ([1.0, 2.0, 3.0] if joins else [None] * 3)
 
 
-def _observed(rows: Sequence[str], write: Write) -> Observed:
-    return observe(load_bench(write("shift_time_sd_s", rows)))
+def _likelihood(bench: Bench) -> Likelihood:
+    """Build the likelihood of a bench of the closed form."""
+    few = {"sleeve_friction": EFFECTS["sleeve_friction"]}
+    (model,) = build_models(bench, few, USUAL, made_up).values()
+    # Without late shifts, as nothing else separates a mean from its shifts.
+    rare = replace(USUAL, late_least=1e-9)
+    return Likelihood(bench, observe(bench, model), model, rare)
 
 
-def test_spreads_beside_means_are_pooled_with_those_of_single_shifts(write: Write) -> None:
-    means = ["50,469,0.1766,4,0.05,0.008", "50,469,0.1766,9,0.06,0.011"]
-    times = (0.05, 0.055, 0.061, 0.058)
-    singles = [f"50,469,0.1766,1,{t}," for t in times]
-    seen = _observed([*means, *singles], write)
-    squares = 3 * 0.008**2 + 8 * 0.011**2 + 3 * float(np.var(times, ddof=1))
-    assert seen.freedom[0] == 14
-    assert seen.beside[0] == 11
-    assert np.exp(seen.log_sd[0]) == pytest.approx((squares / 14) ** 0.5)
-    assert seen.in_means[0] == 13
-    assert seen.n[0] == 17
+def _log(bench: Bench, sd: float) -> float:
+    """Compute the log likelihood of the baseline with a spread in s and no late shifts."""
+    likelihood = _likelihood(bench)
+    p = likelihood.model.predict(NONE, np.zeros((1, 0)))
+    return float(likelihood.terms(replace(p, sd=np.full_like(p.sd, sd), late=0.0 * p.late)).log[0])
 
 
-def _summed(bench: Bench, spreads: bool) -> Bench:
+def _shifts(bench: Bench, scatter: float, count: int = 12, seed: int = 3) -> Bench:
+    """Put single shifts around each mean time."""
+    generator = np.random.default_rng(seed)
+    rows = [
+        Reading(2, cell.point, 1, (cell.time or 0.0) + float(off), engaged=True)
+        for cell in bench.cells
+        for off in generator.normal(0.0, scatter, count)
+    ]
+    return replace(bench, cells=gather([replace(r, row=k) for k, r in enumerate(rows, 2)]))
+
+
+def _summed(bench: Bench, *, spreads: bool) -> Bench:
     """Put the single shifts of each point into one mean, with their spread or without."""
     rows = [
         Reading(
@@ -139,49 +149,42 @@ def _summed(bench: Bench, spreads: bool) -> Bench:
     return replace(bench, cells=gather(rows))
 
 
+def test_spreads_beside_means_are_pooled_with_those_of_single_shifts(write: Write) -> None:
+    means = ["50,469,0.1766,4,0.05,0.008", "50,469,0.1766,9,0.06,0.011"]
+    times = (0.05, 0.055, 0.061, 0.058)
+    singles = [f"50,469,0.1766,1,{t}," for t in times]
+    bench = load_bench(write("shift_time_sd_s", [*means, *singles]))
+    record = replace(bench.record, displacement_at="sleeve", sense="known")
+    seen = _likelihood(replace(bench, record=record)).seen
+    squares = 3 * 0.008**2 + 8 * 0.011**2 + 3 * float(np.var(times, ddof=1))
+    assert seen.freedom[0] == 14
+    assert seen.variance[0] == pytest.approx(squares / 14)
+    assert seen.count[0] == 17
+    assert seen.hidden[0]
+
+
 def test_a_mean_with_its_spread_has_the_likelihood_of_its_shifts() -> None:
     """Mean and standard deviation are all that counts of single shifts without late ones."""
-    points = points_of()[4:8]
-    generator, toy = np.random.default_rng(3), Toy(points)
-    bench = bench_of({}, generator, points=points)
-    rows = [
-        Reading(k, cell.point, 1, (cell.time or 0.0) + float(off), True)
-        for k, cell in enumerate(bench.cells, start=2)
-        for off in generator.normal(0.0, 0.004, 12)
-    ]
-    bench = replace(bench, cells=gather(rows))
-    # Without late shifts in the prediction, as nothing else tells the two forms apart.
-    rules = Rules(late_least=1e-9)
-    seldom = {"outlier_share": np.array([1e-9]), "behind": np.ones(1), "behind_sd": np.ones(1)}
-    cells = [replace(toy.at(NONE, np.zeros((1, 0)), k), **seldom) for k in range(len(points))]
-    said = CellPredictions.of(cells, rules)
-    single, mean = (observe(one) for one in (bench, _summed(bench, spreads=True)))
-    assert not any(times.size for times in single.outlier_times)
-    assert log_times(mean, said) == pytest.approx(log_times(single, said), abs=1e-4)
-    assert mean.in_means == pytest.approx(12.0)
+    single = _shifts(simulated_bench({}), 0.004)
+    mean = _summed(single, spreads=True)
+    # Each point may be odd in the mean as in the shifts; what is left is the share of late ones.
+    assert _log(mean, 0.004) == pytest.approx(_log(single, 0.004), abs=1e-3)
 
 
 def test_spreads_beside_means_show_what_means_do_not() -> None:
-    """A larger spread at the same means: only with the column is that no *none*."""
-    bench = bench_of({}, np.random.default_rng(5), shifts=40, single=True)
-    points = points_of()
-    wide = []
-    for cell in bench.cells:
-        times = np.maximum(1e-3, cell.times.mean() + 3.0 * (cell.times - cell.times.mean()))
-        wide.append(times * cell.times.mean() / times.mean())
-    rows = [
-        replace(r, time=float(t))
-        for cell, times in zip(bench.cells, wide, strict=True)
-        for r, t in zip(cell.readings, times, strict=True)
-    ]
-    spoiled = replace(bench, cells=gather(rows))
-    effects = {n: EFFECTS[n] for n in ("actuation_delay", "sleeve_friction")}
-    fits = [
-        diagnose(_summed(spoiled, spreads), Toy(points), effects, pairs=[]).fits.get(NONE, 0.0)
-        for spreads in (False, True)
-    ]
-    assert fits[0] > 0.05
-    assert fits[1] < 0.01
+    """Four times the spread at the same means speaks against the baseline with the column alone."""
+    odds = []
+    for spreads in (False, True):
+        narrow, wide = (
+            _summed(_shifts(simulated_bench({}), scatter, count=40), spreads=spreads)
+            for scatter in (0.004, 0.016)
+        )
+        means = [cell.time for cell in narrow.cells]
+        rows = [replace(r, time=t) for r, t in zip(wide.readings, means, strict=True)]
+        same = replace(wide, cells=gather(rows))
+        odds.append(_log(narrow, 0.004) - _log(same, 0.004))
+    assert odds[0] == pytest.approx(0.0, abs=1e-6)
+    assert odds[1] > 5.0
 
 
 def test_the_frame_of_a_set_has_spread_and_place(write: Write) -> None:
@@ -195,21 +198,20 @@ def test_the_frame_of_a_set_has_spread_and_place(write: Write) -> None:
 
 def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
     """One late shift of ten makes the standard deviation; with its share known the set fits."""
-    points = points_of()[26:27]
-    times = np.append(np.full(9, 0.05) + 0.004 * np.linspace(-1, 1, 9), 0.17)
-    toy = Toy(points)
-    plain = toy.at(NONE, np.zeros((1, 0)), 0)
-    plain = replace(
-        plain,
-        times=np.linspace(0.046, 0.054, 32)[None],
-        outlier_share=np.array([0.08]),
-        behind=np.array([0.12]),
-        behind_sd=np.array([0.02]),
-    )
-    late = CellPredictions.of([plain], Rules())
-    never = replace(plain, outlier_share=np.array([1e-9]))
-    none = CellPredictions.of([never], Rules(late_least=1e-9))
-    bench = bench_of({}, np.random.default_rng(1), shifts=10, single=True, points=points)
-    row = Reading(2, points[0], 10, float(times.mean()), True, sd=float(times.std(ddof=1)))
-    seen = observe(replace(bench, cells=gather([row])))
-    assert log_times(seen, late)[0, 0] > log_times(seen, none)[0, 0] + 3.0
+    plain = simulated_bench({})
+    likelihood = _likelihood(plain)
+    behind = likelihood.model.behind[0]
+    rows = []
+    for k, (cell, late) in enumerate(zip(plain.cells, behind.tolist(), strict=True), start=2):
+        times = np.append(
+            (cell.time or 0.0) + 0.004 * np.linspace(-1, 1, 9), (cell.time or 0) + late
+        )
+        mean, sd = float(times.mean()), float(times.std(ddof=1))
+        rows.append(Reading(k, cell.point, 10, mean, True, sd=sd))
+    found = _likelihood(replace(plain, cells=gather(rows)))
+    p = found.model.predict(NONE, np.zeros((1, 0)))
+    p = replace(p, sd=np.full_like(p.sd, 0.003))
+    logs = [
+        found.terms(replace(p, late=np.full_like(p.late, share))).log[0] for share in (0.1, 0.0)
+    ]
+    assert logs[0] > logs[1] + 10.0

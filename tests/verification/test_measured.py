@@ -7,89 +7,61 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.stand_file import Measured
-from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.inference.static_readings import measured_facts, require_measured, shown
-from dogshape.diagnosis.likelihood.observations import observe
-from dogshape.diagnosis.likelihood.scores import Problem, score
-from dogshape.diagnosis.prediction.hypotheses import NONE, UNKNOWN
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.static_readings import measured_facts, require_measured
+from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.sim.errors import DataError
 from tests.benches import good_set
-from tests.toy import EFFECTS, Toy, bench_of, points_of
+from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 
-NAMES = ("actuation_delay", "actuation_lag", "moving_mass")
-DELAY, LAG = ("actuation_delay",), ("actuation_lag",)
-
-
-def _bench(*measured: Measured) -> Bench:
-    """A delay of 80 ms, which a lag in the toy does as well."""
-    plain = bench_of({"delay_s": 0.08}, np.random.default_rng(1))
-    return replace(plain, measured=measured)
+DELAY = ("actuation_delay",)
 
 
-def _diagnosed(*measured: Measured) -> Diagnosis:
-    few = {name: EFFECTS[name] for name in NAMES}
-    return diagnose(_bench(*measured), Toy(points_of()), few, pairs=[])
+def _diagnosed(*measured: Measured, advise: bool = False) -> Diagnosis:
+    """Diagnose shifts with a delay of 80 ms and some results of direct tests."""
+    bench: Bench = simulated_bench({"actuation_delay": {"delay_s": 0.08}})
+    return simulated_diagnosis(replace(bench, measured=measured), advise=advise)
 
 
 def test_the_evidence_is_the_integral_over_shifts_and_test_together() -> None:
     """Against a fine grid of the prior, and the neutral value where the effect is absent."""
-    value, error = 0.081, 0.004
-    alone, told = _diagnosed(), _diagnosed(Measured("actuation_delay", None, value, error))
-    one = alone.scored[DELAY]
-    shares = (np.arange(4000) + 0.5) / 4000
-    rows = score(_problem(alone), one.space, shares[:, None])
-    values = one.space.values(shares[:, None])[:, 0]
-    density = norm.pdf(values, value, error) * np.sqrt(2.0 * np.pi)
-    likely = np.exp(rows.whole - rows.whole.max())
-    exact = rows.whole.max() + np.log(np.mean(likely * density))
-    assert told.scored[DELAY].log_evidence == pytest.approx(exact, abs=0.05)
-    mean = np.average(values, weights=likely * density)
-    assert told.intervals[DELAY]["delay_s"].mean == pytest.approx(mean, abs=2e-4)
-    for absent in (NONE, LAG):
-        gain = told.scored[absent].log_evidence - alone.scored[absent].log_evidence
-        assert gain == pytest.approx(norm.logpdf(0.0, value, error) + 0.5 * np.log(2.0 * np.pi))
-
-
-def _problem(found: Diagnosis) -> Problem:
-    return Problem(observe(found.bench), Toy(points_of()), found.settings)
-
-
-def test_what_a_test_shows_decides_between_what_shifts_cannot_tell() -> None:
-    alone = _diagnosed()
-    assert alone.verdict.kind == "ambiguous"
-    found = _diagnosed(Measured("actuation_delay", None, 0.08, 0.003))
-    assert found.verdict.causes == DELAY
-    assert found.verdict.kind == "effect"
-    absent = _diagnosed(Measured("actuation_delay", "delay_s", 0.0, 0.003))
-    assert absent.posterior[DELAY] < 0.01
-    assert absent.posterior[LAG] > alone.posterior[LAG]
-    # What is known already is not advised, and the record says what was told.
-    weighed = _diagnosed(Measured("moving_mass", None, 0.0, 0.1))
-    mine = [[test.shows == ("moving_mass",) for test in one.tests] for one in (alone, weighed)]
-    assert [any(those) for those in mine] == [True, False]
-    (fact,) = [one for one in found.as_dict()["facts"] if one["effect"] == "actuation_delay"]
-    assert "counts with the shifts" in fact["sentence"]
+    told = Measured("actuation_delay", None, 0.081, 0.004)
+    alone, both = _diagnosed(), _diagnosed(told)
+    (fact,) = measured_facts(both.bench, EFFECTS)
+    one = both.fits[DELAY]
+    shares = ((np.arange(4000) + 0.5) / 4000)[:, None]
+    values = one.space.values(shares)[:, 0]
+    likely = both.likelihood.terms(both.model.predict(DELAY, shares)).log
+    whole = likely + fact.log_density(values)
+    exact = logsumexp(whole) - np.log(4000)
+    assert one.log_evidence == pytest.approx(exact, abs=4.0 * one.error + 0.02)
+    mean = np.average(values, weights=np.exp(whole - whole.max()))
+    assert one.intervals["delay_s"].mean == pytest.approx(mean, abs=5e-4)
+    gain = both.fits[NONE].log_evidence - alone.fits[NONE].log_evidence
+    assert gain == pytest.approx(float(fact.log_density(np.zeros(1))[0]))
 
 
 def test_a_test_that_contradicts_the_shifts_is_for_unknown() -> None:
-    """The shifts show 80 ms and no lag; the test shows 20 ms: nothing known is both."""
-    few = {"actuation_delay": EFFECTS["actuation_delay"]}
-    measured = Measured("actuation_delay", None, 0.02, 0.0005)
-    found = diagnose(_bench(measured), Toy(points_of()), few, pairs=[])
-    assert found.posterior[UNKNOWN] > 0.9
+    """The shifts show 80 ms; the test shows 20 ms: nothing known is both."""
+    plain, found = _diagnosed(), _diagnosed(Measured("actuation_delay", None, 0.02, 0.0005))
+    assert plain.posterior[DELAY] > 0.8
+    assert found.posterior.get(DELAY, 0.0) < 0.05
+    assert found.posterior[UNKNOWN] > 10.0 * plain.posterior.get(UNKNOWN, 0.0)
 
 
-def test_a_property_of_the_contact_is_named_by_its_test_alone() -> None:
-
-    told = _bench(Measured("contact_stiffness", None, 4e12, 2e11))
-    assert shown(measured_facts(told, EFFECTS)) == {"contact_stiffness"}
-    (fact,) = measured_facts(told, EFFECTS)
-    same = replace(told, measured=(Measured("contact_stiffness", None, fact.neutral, 2e11),))
-    assert shown(measured_facts(same, EFFECTS)) == frozenset()
+def test_what_is_measured_is_a_fact_of_the_record_and_no_advice() -> None:
+    found = _diagnosed(Measured("actuation_delay", None, 0.08, 0.003), advise=True)
+    assert found.verdict.causes == DELAY
+    (fact,) = [one for one in found.to_dict()["facts"] if one["effect"] == "actuation_delay"]
+    assert fact["value"] == pytest.approx(0.08)
+    assert "counts with the shifts" in fact["sentence"]
+    direct = [one for one in found.tests if one.kind == "direct"]
+    assert direct
+    assert not any(one.effects == DELAY for one in direct)
 
 
 def test_results_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Path) -> None:

@@ -57,10 +57,7 @@ def gap(
     draws: Annotated[
         int, typer.Option(min=1, max=100_000, help="with --write: draws from the posterior")
     ] = DRAWS,
-    engine: Annotated[
-        str | None,
-        typer.Option(help="drake or planar; default: the one whose lacking shifts take less time"),
-    ] = None,
+    engine: Annotated[str, typer.Option(help="planar or drake, which takes hours")] = "planar",
     correct: Corrections = None,
     jobs: Jobs = 0,
     json: Json = False,
