@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable, Sequence
 
 from benchmarks.entries import Entry
-from benchmarks.field_table import headline_of
 from benchmarks.field_table import SCORE as FIELD_SCORE
+from benchmarks.field_table import headline_of
 from benchmarks.kept import gap, numbers, result
 from benchmarks.published.sources import (
     CLUTCHES,
