@@ -109,7 +109,8 @@ def predictive_p(likelihood: Likelihood, predicted: Predicted, amplitude: Array)
     smooth = amplitude[some, None, None] * simulated * likelihood.smooth
     columns = np.concatenate([smooth, likelihood.columns(p)], axis=2)[:, likelihood.having]
     distance = squared_distance(found.residual, found.variance, columns)
-    distance = distance + np.nansum(found.spread**2, axis=1)
-    count = found.residual.shape[1] + np.isfinite(found.spread[0]).sum()
+    spread = likelihood.spread_scores(p)
+    distance = distance + np.nansum(spread**2, axis=1)
+    count = found.residual.shape[1] + np.isfinite(spread[0]).sum()
     determined = float(distance.mean() - distance.min())
     return float(chi2.sf(distance.min(), max(1.0, count - determined)))

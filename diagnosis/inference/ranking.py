@@ -118,8 +118,9 @@ class _Search:
 
     def screen(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Sample hypotheses by their prior draws."""
-        for h in hypotheses:
-            self.samples[h] = screened(self.likelihood, h, self.more, self.distance)
+        for one in screened(self.likelihood, list(hypotheses), self.more, self.distance):
+            h = one.hypothesis
+            self.samples[h] = one
             self.priors[h] = log_prior(
                 h, self.likelihood.model, self.likelihood.settings, self.reversed_
             )
@@ -195,7 +196,7 @@ class _Search:
         return REVERSED not in h and (acting in every or (near and bool(single & set(acting))))
 
     def waiting(self, draws: int) -> list[Hypothesis]:
-        """List the sets to simulate together, the most promising first; one of equal acting sets."""
+        """List the sets to simulate together, the most promising first."""
         model = self.likelihood.model
         top = max(self.value(h) for h in self.samples)
         hopes: dict[Hypothesis, tuple[float, Hypothesis]] = {}

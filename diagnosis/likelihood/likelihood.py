@@ -57,14 +57,12 @@ class Terms:
     ----------
     log : (m,), of each amplitude (m, nodes).
     residual, variance : of the means given how many late shifts they have, s and s^2, (m, C).
-    spread : ln of observed over predicted standard deviation in standard errors, (m, C).
     """
 
     log: Array
     nodes: Array
     residual: Array
     variance: Array
-    spread: Array
 
 
 @dataclass(frozen=True)
@@ -198,10 +196,9 @@ class Likelihood:
             fixed = np.concatenate([fixed, size * self._free(length, q)], axis=2)
         residual, variance, other = self._chosen(q, own, basis, fixed)
         log, nodes = _integrated(residual, variance, basis, fixed, self.settings.discrepancy)
-        spread = self._spread_score(q)
         log = log + (other + self._engaged(p))
         nodes = nodes + (other + self._engaged(p))[:, None]
-        return Terms(log, nodes, residual, variance, spread)
+        return Terms(log, nodes, residual, variance)
 
     def _free(self, length: float, q: Predicted) -> Array:
         where = np.stack([np.log(self.seen.force), np.log(abs(self.seen.mismatch) + RPM)], axis=1)
@@ -297,9 +294,10 @@ class Likelihood:
             self.seen.freedom > 0.0, np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5), 1e-9
         )
 
-    def _spread_score(self, q: Predicted) -> Array:
+    def spread_scores(self, p: Predicted) -> Array:
         """Compute normal deviates of the observed spreads; NaN for none, (m, c)."""
         seen, some = self.seen, self.having
+        q = p.only((slice(None), some))
         freedom = np.broadcast_to(self._freedom[some], q.sd.shape)
         error, odd = self._spread_error(q), self.settings.odd_spread
         ratio = seen.variance[some] / q.sd**2
