@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Sequence
 
 from benchmarks.entries import Entry
-from benchmarks.field_table import FIGURE, headline_of
 from benchmarks.field_table import SCORE as FIELD_SCORE
+from benchmarks.field_table import headline_of
 from benchmarks.kept import gap, numbers, result
 from benchmarks.published.sources import (
     CLUTCHES,
@@ -34,9 +35,8 @@ def _field(words: str) -> Callable[[], Sequence[float]]:
 
     def values() -> Sequence[float]:
         (row,) = (one for one in headline_of(FIELD_SCORE) if one[0] == words)
-        found = FIGURE.fullmatch(row[1])
-        assert found is not None, words
-        return [PERCENT * float(one) for one in found.groups()]
+        factor = 1.0 if "%" in row[1] else PERCENT
+        return [factor * float(one) for one in re.findall(r"-?[\d.]+", row[1])]
 
     return values
 

@@ -112,9 +112,9 @@ OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
 #: Contact of the clutch, which no case has as a cause: factors of the published values, from and
 #: to, of which each case has its own.
 NUISANCES: dict[str, tuple[float, float]] = {
-    "stiffness": (0.5, 2.0),
-    "dissipation": (0.4, 1.5),
-    "stiction": (0.7, 1.3),
+    "stiffness": (0.6, 1.6),
+    "dissipation": (0.6, 1.4),
+    "stiction": (0.8, 1.2),
 }
 
 
