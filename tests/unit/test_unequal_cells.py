@@ -70,7 +70,7 @@ def test_an_error_of_the_simulation_does_not_average_out() -> None:
     """More shifts at one point make it no surer than the error of any simulation."""
     point, logs = simulated_bench({}).cells[-1].point, []
     for n in (10, 1000, 100_000):
-        one = _likelihood(Reading(2, point, n, 0.03, True))
+        one = _likelihood(Reading(2, point, n, 0.03, engaged=None))
         # Without late shifts, of which a mean of many may hide any number.
         one = replace(one, settings=replace(USUAL, late_least=1e-9))
         p = one.model.predict(NONE, np.zeros((1, 0)))

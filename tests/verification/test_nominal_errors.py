@@ -24,7 +24,7 @@ from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
 from tests.benches import good_set
-from tests.diagnosed import EFFECTS, FEW, simulated_bench, simulated_diagnosis
+from tests.diagnosed import EFFECTS, FEW, simulated_bench
 from tests.made_up import flight, mean_time
 from tests.toy import CLUTCH, bench_of, points_of
 
@@ -130,19 +130,20 @@ def test_errors_add_up_as_asme_says() -> None:
 
 
 def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> None:
-    cause = ("force_scale",)
-    bench = simulated_bench({"force_scale": {"force_factor": 0.5}})
-    found = [
-        simulated_diagnosis(
-            replace(bench, errors=NominalErrors(systematic=Tolerance(force_share=share)))
-        )
-        for share in (0.0, 0.02, 0.25)
-    ]
-    exact, tight, loose = (one.evidence.get(cause, 0.0) / one.evidence[NONE] for one in found)
-    assert exact > 3.0
-    assert tight == pytest.approx(exact, rel=0.5)
-    assert loose < 0.2 * exact
-    assert found[2].verdict.kind != "effect"
+    """Half the force, the least of the range, where its error is a share of it."""
+    plain, half = simulated_bench({"force_scale": {"force_factor": 0.5}}), np.zeros((1, 1))
+    gains = []
+    for error in (0.0, 0.02, 0.25):
+        stated = NominalErrors(systematic=Tolerance(force_share=error))
+        likelihood = _likelihood(replace(plain, errors=stated))
+        assert likelihood.model.space(("force_scale",)).values(half) == pytest.approx(0.5)
+        parts = ((("force_scale",), half), (NONE, PLAIN))
+        logs = [likelihood.terms(likelihood.model.predict(*part)).log[0] for part in parts]
+        gains.append(float(logs[0] - logs[1]))
+    exact, tight, loose = gains
+    assert exact > 5.0
+    assert tight == pytest.approx(exact, rel=0.05)
+    assert loose < 0.7 * exact
 
 
 def test_what_one_force_or_mismatch_cannot_show_is_said() -> None:
