@@ -30,10 +30,11 @@ WITHIN = (12.0, 8.0, 5.0)  #: nats below the best, in which hypotheses are refin
 MANY = (24, 12, 8)  #: hypotheses refined in a round, at most
 ROUNDS = (2, 3, 5)
 HOPELESS = 60.0  #: nats below the best, from which no simulation is tried
+LEADING = 5.0  #: nats below the best, in which sets are simulated together in any case
 JOINT_WITHIN = 7.0  #: nats below the best, in which sets are simulated together
 #: Sets of effects and draws of each that are simulated together, round by round: many sets at few
 #: draws, so that none is excluded unseen, then those that stay plausible.
-JOINT_ROUNDS = {2: ((4, 2), (1, 4)), 3: ((2, 2), (1, 3))}
+JOINT_ROUNDS = {2: ((4, 2), (2, 4)), 3: ((3, 2), (2, 4))}
 DOUBT = 0.7  #: of a point's own errors, emulation from which a set is simulated
 OPTIMISTIC = 2.5  #: stated errors of effects together within which a mean may lie
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
@@ -209,7 +210,10 @@ class _Search:
             acting = model.acting(h)
             known = len(model.joint[acting].shares) if acting in model.joint else 0
             far = self.value(h) < top - HOPELESS
-            if not acting or REVERSED in h or known >= draws or far or not self.uncertain(h):
+            if not acting or REVERSED in h or known >= draws or far:
+                continue
+            leads = len(acting) > 1 and self.value(h) > top - LEADING
+            if not leads and not self.uncertain(h):
                 continue
             hope = self.value(h) if known else self.hope(h)
             if hope < top - JOINT_WITHIN:
