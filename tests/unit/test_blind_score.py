@@ -37,7 +37,7 @@ CASES = {
     "case_01": _truth("single", {"sleeve_friction": {"friction_N": 50.0}}, 50.0),
     "case_02": _truth("none", {}, 0.0),
     "case_03": _truth("pair", PAIR, 5.0),
-    "case_04": _truth("outside", {}, 50.0, causes=["unknown"], outside={"driven_pump": 0.9}),
+    "case_04": _truth("outside", {}, 50.0, causes=["unknown"], outside={"hanging_valve": 0.9}),
 }
 CASES["case_03"]["yardstick"]["seen_as"] = [["actuation_delay"]]
 

@@ -17,7 +17,6 @@ from typing import Any
 from dogshape.sim.errors import DataError
 from dogshape.sim.units import DEG, MM, RPM
 
-FASTEST = 250.0 * RPM  #: mismatch at which a pump has lost all that it loses
 LEAST_FORCE = 1.0  #: N, of any shift
 
 
@@ -98,7 +97,6 @@ class Truth:
     sticking: float = 0.0  #: mean of an exponential delay of each shift, s
     hang: float = 0.0  #: share of the shifts whose force starts late
     hang_time: float = 0.0  #: by how much, s
-    pump: float = 0.0  #: share of the force that is lost at the mismatch ``FASTEST``
     ripple: float = 0.0  #: amplitude of the output speed, rad/s
     ripple_rate: float = 50.0  #: 1/s
     high_dog: float = 0.0  #: height by which one dog stands out, m
@@ -124,8 +122,7 @@ class Truth:
         """
         sign = math.copysign(1.0, point.mismatch)
         mismatch = self.mismatch_factor * point.mismatch + sign * self.mismatch_offset
-        share = fade * (1.0 - self.pump * min(1.0, abs(point.mismatch) / FASTEST))
-        force = (self.force_factor * point.force - self.force_loss) * share
+        force = (self.force_factor * point.force - self.force_loss) * fade
         return Point(
             -mismatch if self.reversed else mismatch,
             max(LEAST_FORCE, force),

@@ -99,7 +99,6 @@ OUTSIDE: dict[str, Callable[[float], dict[str, Any]]] = {
     "sticking_valve": lambda s: {"sticking": 0.2 * s},
     #: Every other shift waits for a valve that hangs.
     "hanging_valve": lambda s: {"hang": 0.5, "hang_time": 0.15 * s},
-    "driven_pump": lambda s: {"pump": 0.97 * s},
     "speed_ripple": lambda s: {"ripple": 90.0 * RPM * s},
     "high_dog": lambda s: {"high_dog": 1.6 * MM * s},
     #: A fifth of the force is there before most rings have landed: the first stage lies below.
