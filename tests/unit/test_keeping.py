@@ -159,7 +159,9 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
 def test_the_diagnosis_is_written_before_its_price(
     dogshape: Call, tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = simulated_diagnosis(simulated_bench({"actuation_delay": {"delay_s": 0.08}}))
+    found = simulated_diagnosis(
+        simulated_bench({"actuation_delay": {"delay_s": 0.08}}), advise=True
+    )
     monkeypatch.setattr("dogshape.gap.diagnosed", lambda *_: found)
     asked = ("gap", "mq200_stand", "--study", "mq200_paper", "--out", "g", "--jobs", 1)
     quick.stop = 100
