@@ -97,10 +97,11 @@ def fit(likelihood: Likelihood, sample: Sample) -> Fit:
 
 
 def predictive_p(likelihood: Likelihood, predicted: Predicted, amplitude: Array) -> float:
-    """Compute the p-value of the squared distance of means and spreads at the best draw.
+    """Compute the p-value of the squared distance of means and spreads, mean over the draws.
 
-    Its degrees of freedom are the observations less the parameters that the data determine, which
-    are the excess of the mean distance over the draws above the least one.
+    The true values and a draw of their posterior have the same distribution together with the data,
+    so the distance at a draw is chi-square with all observations as degrees of freedom (Johnson
+    2004, A Bayesian chi-squared test for goodness-of-fit, Annals of Statistics 32).
     """
     some = np.linspace(0, len(amplitude) - 1, CHECKED).astype(int)
     p = predicted.only(some)
@@ -109,7 +110,7 @@ def predictive_p(likelihood: Likelihood, predicted: Predicted, amplitude: Array)
     smooth = amplitude[some, None, None] * simulated * likelihood.smooth
     columns = np.concatenate([smooth, likelihood.columns(p)], axis=2)[:, likelihood.having]
     distance = squared_distance(found.residual, found.variance, columns)
-    distance = distance + np.nansum(found.spread**2, axis=1)
-    count = found.residual.shape[1] + np.isfinite(found.spread[0]).sum()
-    determined = float(distance.mean() - distance.min())
-    return float(chi2.sf(distance.min(), max(1.0, count - determined)))
+    spread = likelihood.spread_scores(p)
+    distance = distance + np.nansum(spread**2, axis=1)
+    count = found.residual.shape[1] + np.isfinite(spread[0]).sum()
+    return float(chi2.sf(distance, count).mean())

@@ -38,6 +38,7 @@ DOUBT = 0.7  #: of a point's own errors, emulation from which a set is simulated
 OPTIMISTIC = 2.5  #: stated errors of effects together within which a mean may lie
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
+FLATTENED = 0.2  #: power of the likelihood by which these are drawn
 
 
 @dataclass(frozen=True)
@@ -118,17 +119,22 @@ class _Search:
 
     def screen(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Sample hypotheses by their prior draws."""
-        for h in hypotheses:
-            self.samples[h] = screened(self.likelihood, h, self.more, self.distance)
+        for one in screened(self.likelihood, list(hypotheses), self.more, self.distance):
+            h = one.hypothesis
+            self.samples[h] = one
             self.priors[h] = log_prior(
                 h, self.likelihood.model, self.likelihood.settings, self.reversed_
             )
 
     def distance(self, p: Predicted) -> Array:
-        """Compute squared distances of predicted means from the data, optimistic, (m,)."""
+        """Compute squared distances of predicted means from the data, (m,).
+
+        A gap within one error of emulation counts as none. With more, draws of large errors would
+        take the place of those that have likelihood.
+        """
         some, seen = self.likelihood.having, self.likelihood.seen
         gap = seen.mean[some] - p.mean[:, some]
-        wide = OPTIMISTIC * np.hypot(p.common, p.emulated)[:, some]
+        wide = np.hypot(p.common, p.emulated)[:, some]
         simulated = np.maximum((p.mean - p.delay)[:, some], 1e-3)
         scaled = (gap - np.clip(gap, -wide, wide)) / simulated
         return np.asarray(((scaled @ self._white) ** 2).sum(axis=1))
@@ -195,7 +201,7 @@ class _Search:
         return REVERSED not in h and (acting in every or (near and bool(single & set(acting))))
 
     def waiting(self, draws: int) -> list[Hypothesis]:
-        """List the sets to simulate together, the most promising first; one of equal acting sets."""
+        """List the sets to simulate together, the most promising first."""
         model = self.likelihood.model
         top = max(self.value(h) for h in self.samples)
         hopes: dict[Hypothesis, tuple[float, Hypothesis]] = {}
@@ -310,9 +316,8 @@ def _unlisted(search: _Search) -> float:
     logs = []
     for h in (*singles, *pairs[:3]):
         one = search.samples[h]
-        flat = 0.2 * (one.log - one.log.max())
-        best = np.argsort(-flat)[:OPEN]
-        p, density = one.predicted.only(best), one.log_density[best]
+        best, density = _spread_out(one)
+        p = one.predicted.only(best)
         for size, length in itertools.product(settings.unlisted_sizes, settings.unlisted_lengths):
             for stretch in STRETCHES:
                 wider = replace(p, sd=stretch * p.sd)
@@ -322,6 +327,20 @@ def _unlisted(search: _Search) -> float:
     options = len(settings.unlisted_sizes) * len(settings.unlisted_lengths) * len(STRETCHES)
     known = logsumexp([search.priors[h] for h in (*singles, *pairs[:3])])
     return float(logsumexp(logs) - math.log(options) - known)
+
+
+def _spread_out(one: Sample) -> tuple[np.ndarray, Array]:
+    """Draw places for a gap on top of a hypothesis, and the log density of each, (k,).
+
+    With such a gap the posterior is wider, so likelihoods count by a low power.
+    """
+    if len(one.log) <= OPEN:
+        return np.arange(len(one.log)), one.log_density
+    log = FLATTENED * one.log - one.log_density
+    weights = np.exp(log - logsumexp(log))
+    steps = (np.arange(OPEN) + 0.5) / OPEN
+    places = np.minimum(np.searchsorted(weights.cumsum(), steps), len(weights) - 1)
+    return places, one.log_density[places] + np.log(OPEN * weights[places])
 
 
 STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts

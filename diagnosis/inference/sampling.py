@@ -7,7 +7,7 @@ the weighted draws follow, all draws weighted by the mixture of everything they 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
@@ -16,12 +16,13 @@ from scipy.special import gammaln, logsumexp
 from scipy.stats import qmc
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
-from dogshape.diagnosis.prediction.model import Predicted
+from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.terms import Array, Hypothesis
 
 PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters
 MANY = 2048  #: of more parameters
 NEAR, SHARE = 64, 16  #: prior draws that get a likelihood: at least, and one in so many
+BATCH = 12  #: hypotheses whose draws get their likelihood at once
 ROUND = 320  #: draws of a round
 FREEDOM = 5.0  #: of the Student distribution
 WIDE = 1.5  #: of its covariance over that of the draws
@@ -108,28 +109,38 @@ def log_likelihood(
 ) -> Array:
     """Compute the log likelihood of draws, -inf where there is no such bench, (m,)."""
     log = likelihood.terms(p).log + more(hypothesis, shares)
-    possible = likelihood.model.possible(hypothesis, shares)
-    return np.where(possible, log, -np.inf)
+    return np.where(likelihood.model.possible(hypothesis, shares), log, -np.inf)
 
 
 def screened(
     likelihood: Likelihood,
-    hypothesis: Hypothesis,
+    hypotheses: Sequence[Hypothesis],
     more: More,
     distance: Callable[[Predicted], Array],
-) -> Sample:
-    """Sample a hypothesis by its prior draws nearest to the data."""
-    size = len(likelihood.model.space(hypothesis).parameters)
-    shares = prior_shares(size)
-    p = likelihood.model.predict(hypothesis, shares)
+) -> Iterator[Sample]:
+    """Sample hypotheses by their prior draws nearest to the data, some hypotheses at once."""
+    for start in range(0, len(hypotheses), BATCH):
+        some = hypotheses[start : start + BATCH]
+        near = [_nearest(likelihood.model, h, distance) for h in some]
+        log = likelihood.terms(Predicted.joined([p for _, p, _ in near])).log
+        ends = np.cumsum([len(shares) for shares, _, _ in near])[:-1]
+        for h, (shares, p, whole), mine in zip(some, near, np.split(log, ends), strict=True):
+            beside = mine + more(h, shares)
+            possible = likelihood.model.possible(h, shares)
+            yield Sample(h, shares, p, np.where(possible, beside, -np.inf), whole)
+
+
+def _nearest(
+    model: Model, hypothesis: Hypothesis, distance: Callable[[Predicted], Array]
+) -> tuple[Array, Predicted, int]:
+    """Select the prior draws nearest to the data: shares, predictions, number of all draws."""
+    shares = prior_shares(len(model.space(hypothesis).parameters))
+    p = model.predict(hypothesis, shares)
     count = max(NEAR, len(shares) // SHARE)
-    if len(shares) > count:
-        near = np.argpartition(distance(p), count)[:count]
-        shares, p, whole = shares[near], p.only(near), len(shares)
-    else:
-        whole = len(shares)
-    log = log_likelihood(likelihood, hypothesis, shares, p, more)
-    return Sample(hypothesis, shares, p, log, whole)
+    if len(shares) <= count:
+        return shares, p, len(shares)
+    near = np.argpartition(distance(p), count)[:count]
+    return shares[near], p.only(near), len(shares)
 
 
 def refined(

@@ -93,9 +93,12 @@ def decide(
         kind, causes = "none", ()
     elif posterior[UNKNOWN] > settings.named or (known and len(fails) == len(known)):
         kind, causes = "unknown", ()
-    elif top in fails:
-        causes = ()
-    elif posterior[top] > settings.named and even[top] > settings.even and top != NONE:
+    elif (
+        top not in fails
+        and posterior[top] > settings.named
+        and even[top] > settings.even
+        and top != NONE
+    ):
         doubted = REVERSED not in top and part.get(REVERSED, 0.0) > 1.0 - settings.part
         if not doubted and len(forward(top)) <= settings.named_at_once:
             kind, causes = "effect", top

@@ -55,7 +55,7 @@ def _unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> 
             other = smaller if replaced is None else tuple(sorted({*smaller, replaced}))
             if other not in known or len(other) > len(one.hypothesis):
                 continue
-            columns = _shares_of(likelihood, one, other, shares, replaced, name)
+            columns = _shares_of(likelihood, one, other, shares, name)
             distance = apart(likelihood, mine, likelihood.model.predict(other, columns))
             better = distance < best
             best[better], where[better] = distance[better], len(options)
@@ -64,17 +64,12 @@ def _unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> 
 
 
 def _shares_of(
-    likelihood: Likelihood,
-    one: Fit,
-    other: Hypothesis,
-    shares: Array,
-    replaced: str | None,
-    name: str,
+    likelihood: Likelihood, one: Fit, other: Hypothesis, shares: Array, name: str
 ) -> Array:
     """Select the shares of the effects that another hypothesis has."""
     parts = []
     for effect in likelihood.model.space(other).effects:
-        if effect.name == replaced:
+        if effect.name not in one.hypothesis:
             mass = one.space.values(shares)[:, one.space.columns(name)][:, -1]
             (only,) = effect.parameters
             parts.append(np.array([[only.share(value)] for value in mass]))

@@ -38,7 +38,7 @@ from dogshape.sim.units import RPM
 
 NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])  #: amplitudes over the scale of their prior
 KEPT = 0.02  #: of the largest eigenvalue, from which a direction of the discrepancy counts
-MOST_LATE = 6  #: late shifts within one mean
+MOST_LATE = 6  #: numbers of late shifts within one mean that are tried beside 0
 STEP = 0.05  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
 
@@ -57,14 +57,12 @@ class Terms:
     ----------
     log : (m,), of each amplitude (m, nodes).
     residual, variance : of the means given how many late shifts they have, s and s^2, (m, C).
-    spread : ln of observed over predicted standard deviation in standard errors, (m, C).
     """
 
     log: Array
     nodes: Array
     residual: Array
     variance: Array
-    spread: Array
 
 
 @dataclass(frozen=True)
@@ -198,10 +196,9 @@ class Likelihood:
             fixed = np.concatenate([fixed, size * self._free(length, q)], axis=2)
         residual, variance, other = self._chosen(q, own, basis, fixed)
         log, nodes = _integrated(residual, variance, basis, fixed, self.settings.discrepancy)
-        spread = self._spread_score(q)
         log = log + (other + self._engaged(p))
         nodes = nodes + (other + self._engaged(p))[:, None]
-        return Terms(log, nodes, residual, variance, spread)
+        return Terms(log, nodes, residual, variance)
 
     def _free(self, length: float, q: Predicted) -> Array:
         where = np.stack([np.log(self.seen.force), np.log(abs(self.seen.mismatch) + RPM)], axis=1)
@@ -252,7 +249,7 @@ class Likelihood:
         n, late = seen.count[some], seen.late[some]
         hidden = seen.hidden[some]
         most = int(min(MOST_LATE, n[hidden].max())) if hidden.any() else 0
-        k = np.arange(most + 1.0)
+        k, width = _late_numbers(n[:, None], most)
         share = np.clip(q.late, self.settings.late_least, 0.9)
         known = self.settings.late_known
         within = np.where(hidden[:, None], k, 0.0)
@@ -261,14 +258,25 @@ class Likelihood:
         possible = (k <= n[:, None]) & (hidden[:, None] | (k == 0))
         alpha, beta = known * share[..., None], known * (1.0 - share[..., None])
         weight = _log_choose(whole, more) + betaln(more + alpha, whole - more + beta)
-        weight = np.where(possible, weight - betaln(alpha, beta), -np.inf)
+        weight = np.where(possible, weight - betaln(alpha, beta) + np.log(width), -np.inf)
+        # Numbers that stand for several have the probability 1 together only about.
+        means = (hidden & (late == 0))[:, None]
+        weight = weight - np.where(means, logsumexp(weight, axis=2, keepdims=True), 0.0)
         behind, behind_sd = (part[some][:, None] for part in self.model.behind)
         part = np.minimum(within / n[:, None], 1.0)
         single = q.sd[..., None] ** 2
-        scatter = (single * (1.0 - part) + part * behind_sd**2) / n[:, None]
+        scatter = (self._scatter(q) * (1.0 - part) + part * behind_sd**2) / n[:, None]
         mixed = single * (1.0 - part) + part * behind_sd**2 + part * (1.0 - part) * behind**2
         shift = np.broadcast_to(part * behind, weight.shape)
         return shift, scatter, weight, self._spread(q, mixed)
+
+    def _scatter(self, q: Predicted) -> Array:
+        """Estimate the variance of single shifts by prediction and observation, (m, c, 1)."""
+        seen, some = self.seen, self.having
+        freedom = np.where(seen.hidden[some], 0.0, self._freedom[some])
+        other = 0.5 / self._spread_error(q)
+        whole = (other * q.sd**2 + freedom * seen.variance[some]) / (other + freedom)
+        return np.asarray(whole[..., None])
 
     def _spread(self, q: Predicted, variance: Array) -> Array:
         """Compute the log density of the variance of single shifts, (m, c, K).
@@ -281,7 +289,7 @@ class Likelihood:
         odd = self.settings.odd_spread
         usual, wide = (_log_f(ratio, freedom, 0.5 / e) for e in (error, error + 1.0))
         log = np.logaddexp(np.log1p(-odd) + usual, np.log(odd) + wide)
-        return np.where(freedom > 1e-6, log, 0.0)
+        return np.where(self.seen.freedom[self.having][:, None] > 0.0, log, 0.0)
 
     def _spread_error(self, q: Predicted) -> Array:
         """Compute the variance of ln of a predicted spread, (m, c)."""
@@ -297,9 +305,10 @@ class Likelihood:
             self.seen.freedom > 0.0, np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5), 1e-9
         )
 
-    def _spread_score(self, q: Predicted) -> Array:
+    def spread_scores(self, p: Predicted) -> Array:
         """Compute normal deviates of the observed spreads; NaN for none, (m, c)."""
         seen, some = self.seen, self.having
+        q = p.only((slice(None), some))
         freedom = np.broadcast_to(self._freedom[some], q.sd.shape)
         error, odd = self._spread_error(q), self.settings.odd_spread
         ratio = seen.variance[some] / q.sd**2
@@ -347,6 +356,17 @@ class Likelihood:
         noise = generator.standard_normal(mean.shape)
         coefficients = mean + np.einsum("mrs,mr->ms", root, noise)
         return amplitude, np.einsum("mcr,mr->mc", every, coefficients)
+
+
+def _late_numbers(n: Array, most: int) -> tuple[Array, Array]:
+    """List numbers of late shifts for 0 to n, and how many numbers each stands for, (c, K).
+
+    Where n exceeds ``most``, the larger half of them divides the numbers above the first half.
+    """
+    k, single = np.arange(most + 1.0)[None], most // 2
+    wide = np.maximum(1.0, (n - single) / max(most - single, 1))
+    width = np.where(k > single, wide, 1.0)
+    return np.where(k > single, single + 0.5 + (k - single - 0.5) * wide, k), width
 
 
 def _log_f(ratio: Array, one: Array, other: Array) -> Array:

@@ -24,9 +24,9 @@ from dogshape.sim.versions import engine
 
 Ticks = list[int | None]
 
-TICK = 1e-7  #: s, in which times are kept
+TICK = 1e-5  #: s, in which times are kept
 LATE = -1  #: stands for a shift that did not engage
-FORMAT = 1
+FORMAT = 2
 
 
 @dataclass

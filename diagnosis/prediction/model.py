@@ -359,11 +359,9 @@ class Model:
             there = [row for row in grid if self._exists(effect, row)]
             found[name] = (0.0, 1.0) if len(there) == len(grid) else (1.0, 0.0)
             if len(effect.parameters) == 1 and len(there) < len(grid):
-                ends = [
-                    self._end(effect, one[0], out)
-                    for one, out in zip(there[:: len(there) - 1 or 1][:2], (-1, 1))
-                ]
-                found[name] = ends[0], ends[-1]
+                low = self._end(effect, there[0][0], -1) if there else 1.0
+                high = self._end(effect, there[-1][0], 1) if there else 0.0
+                found[name] = low, high
         return found
 
     def _end(self, effect: Effect, inside: float, side: int) -> float:

@@ -138,13 +138,20 @@ def levels_of(effect: Effect, settings: Sequence[Setting]) -> tuple[Level, ...]:
         Level((effect.name,), tuple(p.at(s) for p, s in zip(effect.parameters, row, strict=True)))
         for row in shares.tolist()
     ]
-    there = [k for k, level in enumerate(levels) if exists(level, {effect.name: effect}, settings)]
+    ends = _extremes(settings)
+    there = [k for k, level in enumerate(levels) if exists(level, {effect.name: effect}, ends)]
     if count == 1 and there:
         even = np.linspace(there[0], there[-1], ALONG).round().astype(int)
         there = sorted(set(even.tolist()) & set(there))
     elif count > 1:
         there = [there[k] for k in _spread(shares[there], PLANE)]
     return tuple(levels[k] for k in there)
+
+
+def _extremes(settings: Sequence[Setting]) -> list[Setting]:
+    """Select the operating points of least and largest force and mismatch."""
+    keys = (lambda s: s.point.profile.force, lambda s: abs(s.point.mismatch))
+    return [end(settings, key=key) for key in keys for end in (min, max)]
 
 
 def exists(level: Level, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> bool:
@@ -181,7 +188,9 @@ def simulate(
         levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
     dense = [_block(setting, DENSE) for setting in settings]
     changed = [[level.setting(effects, setting) for setting in settings] for level in levels]
-    blocks = dense + [_block_like(one, at) for row in changed for one, at in zip(row, settings)]
+    blocks = dense + [
+        _block_like(one, at) for row in changed for one, at in zip(row, settings, strict=True)
+    ]
     rows = iter(run(blocks))
     baseline = np.array([_times(s, next(rows)) for s in settings])
     times = [[_times(replace(one, delay=0.0), next(rows)) for one in row] for row in changed]

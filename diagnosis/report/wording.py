@@ -14,7 +14,8 @@ from dogshape.diagnosis.terms import Hypothesis, plain
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import suffix_of, unit_of
 
-OPEN = 0.05  #: probability from which an open effect is named
+OPEN = 0.05  #: probability from which an open effect, or a reading of the record, is stated
+LIKELY = 0.5  #: probability from which the size of an open effect is compared with its source
 MOST = 4  #: open effects, or possible hypotheses, in a sentence
 EXPLAINED = 0.1  #: share of the gap below which a reading at rest is refuted as its cause
 BEYOND = 1.5  #: times the usual size from which a size is called large
@@ -99,7 +100,7 @@ def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
 
 def summary(found: Diagnosis) -> str:
     """Return the finding as one paragraph: gap, cause, sizes, refuted readings, open questions."""
-    said = [_gap(found), _cause(found), _open(found), _refuted(found), *_at_the_arm(found)]
+    said = [_gap(found), _cause(found), _open(found), _refuted(found), _at_the_arm(found)]
     return " ".join(part for part in [*said, *_large(found), *_decided(found)] if part)
 
 
@@ -152,10 +153,10 @@ def _open(found: Diagnosis) -> str:
 
 def _refuted(found: Diagnosis) -> str:
     """State the parts of the gap that readings at rest explain, where these are next to nothing."""
-    said, whole = [], 0.0
+    said, whole = [], found.held_out.baseline
     for fact in found.facts:
         if fact.effect in found.effects and fact.effect not in found.verdict.causes:
-            part, whole = explained(fact, found.model, found.seen)
+            part, _ = explained(fact, found.model, found.seen)
             if part < EXPLAINED * whole:
                 amount = _amount(fact.parameter, fact.value)
                 effect = found.effects[fact.effect].plain
@@ -168,21 +169,21 @@ def _has_arm(found: Diagnosis, name: str) -> bool:
     return suffix_of(name) == "_kg" and found.bench.sensor.linkage_ratio is not None
 
 
-def _at_the_arm(found: Diagnosis) -> list[str]:
+def _at_the_arm(found: Diagnosis) -> str:
     """State masses at the sleeve also at the arm of the actuator, by the ratio squared."""
     ratio = found.bench.sensor.linkage_ratio or 1.0
-    return [
-        f"{_capital(quantity(name))} of {_amount(name, size.mean)} at the sleeve is "
-        f"{_amount(name, size.mean / ratio**2)} at the arm (ratio {ratio:.3g} squared)."
-        for _, name, size in _likely(found)
+    said = [
+        f"{quantity(name)} of {_amount(name, size.mean)} is {_amount(name, size.mean / ratio**2)}"
+        for _, name, size in _likely(found, OPEN)
         if _has_arm(found, name)
     ]
+    return f"At the arm, {listed(said)} (ratio {ratio:.3g} squared)." if said else ""
 
 
 def _large(found: Diagnosis) -> list[str]:
     """State the sizes beyond an ordinary source, and the cheapest test that measures them."""
     said = []
-    for effect, name, size in _likely(found):
+    for effect, name, size in _likely(found, LIKELY):
         ordinary = next(p.ordinary for p in found.effects[effect].parameters if p.name == name)
         if ordinary is None or size.mean < BEYOND * ordinary[0] or _has_arm(found, name):
             continue
@@ -197,10 +198,10 @@ def _large(found: Diagnosis) -> list[str]:
     return said
 
 
-def _likely(found: Diagnosis) -> list[tuple[str, str, Interval]]:
-    """List the sizes of effects that are likelier than not, or named: effect, parameter, size."""
+def _likely(found: Diagnosis, least: float) -> list[tuple[str, str, Interval]]:
+    """List effect, parameter and size of effects that are named, or more probable than a limit."""
     causes = found.verdict.causes
-    names = [n for n in found.sizes if n in causes or found.inclusion.get(n, 0.0) > 0.5]
+    names = [n for n in found.sizes if n in causes or found.inclusion.get(n, 0.0) > least]
     return [(name, key, size) for name in names for key, size in found.sizes[name].items()]
 
 
@@ -211,7 +212,7 @@ def _decided(found: Diagnosis) -> list[str]:
         f"If {reading_name(one)} ({chance(one.probability)}), the answer is: "
         f"{_lower(headline_of(one.verdict, found.effects))}."
         for one in found.readings
-        if (one.verdict.kind, one.verdict.causes) != answer
+        if one.probability > OPEN and (one.verdict.kind, one.verdict.causes) != answer
     ]
 
 

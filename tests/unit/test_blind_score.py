@@ -51,7 +51,7 @@ def _found(
     ]
     hypotheses[0]["parameters"] = more.pop("parameters", {})
     leading = [list(max(chances, key=lambda h: chances[h]))]
-    record = {"verdict": verdict, "causes": causes, "hypotheses": hypotheses}
+    record = {"verdict": verdict, "causes": causes, "hypotheses": hypotheses, "next_test": None}
     return {"diagnosis": {**record, "credible_set": leading, **more}, "cpu_s": 3.0}
 
 

@@ -76,10 +76,10 @@ def test_a_reading_at_rest_that_explains_nothing_is_refuted() -> None:
 def test_a_mass_is_given_at_the_arm_by_the_ratio_squared() -> None:
     """20 kg at the sleeve over 3.1914 squared are 1.96 kg at the arm."""
     said = summary(diagnosed())
-    assert "Added mass of 20 kg at the sleeve is 2 kg at the arm (ratio 3.19 squared)." in said
+    assert "At the arm, added mass of 20 kg is 2 kg (ratio 3.19 squared)." in said
     direct = replace(STAND, sensor=Sensor())
     said = summary(diagnosis_of({HEAVY: 0.9, DAMPED: 0.1}, direct))
-    assert "at the arm" not in said
+    assert "At the arm" not in said
     assert "Added mass of 20 kg is 20 times that of fork and rod (1 kg)" in said
 
 

@@ -89,8 +89,10 @@ def outcome_of(
     if test.kind == "direct":
         exact = readings_of(case, diagnosis, test)
         return generator.normal(exact, diagnosis.settings.test_error).tolist()
-    assert test.point is not None
-    return _shifted(folder, case, test, _point_of(diagnosis, test), generator)
+    assert test.cell is not None
+    asked = diagnosis.bench.cells[test.cell].point
+    point = Point(asked.mismatch, asked.profile.force, asked.profile.rise)
+    return _shifted(folder, case, test, point, generator)
 
 
 def readings_of(case: Case, diagnosis: Diagnosis, test: NextTest) -> list[float]:
@@ -111,14 +113,6 @@ def readings_of(case: Case, diagnosis: Diagnosis, test: NextTest) -> list[float]
             value = (given or {}).get(one.name, neutral) + more.get(one.name, 0.0)
             found.append(one.share(value))
     return found
-
-
-def _point_of(diagnosis: Diagnosis, test: NextTest) -> Point:
-    cell = next(
-        one.point for one in diagnosis.bench.cells
-        if np.allclose((one.point.mismatch, one.point.profile.force), test.point, rtol=1e-6)
-    )  # fmt: skip
-    return Point(cell.mismatch, cell.profile.force, cell.profile.rise)
 
 
 def _shifted(

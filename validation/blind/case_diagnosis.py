@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.record import Place
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import Model
@@ -32,7 +33,7 @@ def likelihood_of(folder: Path, sensor: str, model: Model | None = None) -> Like
     bank has it.
     """
     bench: Bench = load_bench(folder)
-    record = replace(bench.record, displacement_at=sensor)
+    record = replace(bench.record, displacement_at=cast(Place, sensor))
     bench = replace(bench, clutch=bench.clutch.with_engine(ENGINE), record=record)
     means = _means(0)
     if model is None:

@@ -158,7 +158,8 @@ def _mean_rows(shifts: Sequence[Shift], *, spread: bool) -> list[dict[str, Any]]
     failed = [shift for shift in shifts if shift.time is None]
     rows = [{"n_shifts": len(some), **_timed(some)} for some in (having, failed) if some]
     if spread and len(having) > 1:
-        rows[0]["shift_time_sd_s"] = f"{np.std([s.time for s in having], ddof=1):.6f}"
+        times = [shift.time for shift in having if shift.time is not None]
+        rows[0]["shift_time_sd_s"] = f"{np.std(times, ddof=1):.6f}"
     return rows
 
 

@@ -13,6 +13,7 @@ from pathlib import Path
 CLEAR = 38.0  #: noncentrality from which a truth is clear
 SHOWN = 0.9  #: power from which data without any effect can show that
 SURE = 0.95  #: probability above which nothing may be wrong
+OPEN = 0.8  #: probability up to which the cause is open
 #: Files that score, beside this one.
 SCORING = ("figures.py", "score.py", "advised_test.py", "intervals.py", "sealed.py")
 

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.stats import kstest
 
 from dogshape.validation.blind.advised_test import Advised
-from dogshape.validation.blind.figures import CLEAR, HEADLINES, SHOWN, SURE, scoring_code
+from dogshape.validation.blind.figures import CLEAR, HEADLINES, OPEN, SHOWN, SURE, scoring_code
 from dogshape.validation.blind.intervals import Interval, mean, share
 from dogshape.validation.blind.sealed import manifest_of, opened, results_of
 
@@ -135,7 +135,7 @@ def mark_of(folder: Path, name: str, truth: Record, result: Record, advise: Advi
     top = max(posterior, key=lambda h: posterior[h], default=UNKNOWN)
     sizes = {n: v for values in truth["parameters"].values() for n, v in values.items()}
     given: Record = every.get(top, {}).get("parameters", {}) if top == causes else {}
-    open_ = found.get("verdict") == "ambiguous" and found.get("next_test")
+    open_ = found.get("verdict") == "ambiguous" and posterior[top] <= OPEN and found["next_test"]
     return Mark(
         name=name,
         kind=truth["kind"],

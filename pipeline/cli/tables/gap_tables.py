@@ -25,7 +25,7 @@ def diagnosis_table(found: Diagnosis, record: dict[str, Any]) -> RenderableType:
         "",
         _hypotheses(found),
         "",
-        "root-mean-square gap: " + ", ".join(f"{time} {name}" for name, time in gap_rows(found)),
+        "root-mean-square gap: " + "; ".join(f"{name} {time}" for name, time in gap_rows(found)),
         f"Monte Carlo error of the leading probability: {found.noise:.3f}",
         *(f"own effect {n}: {chance(found.inclusion.get(n, 0.0))}" for n in own),
         next_test_line(record["next_test"]),
