@@ -1,178 +1,360 @@
-"""Diagnoses of data drawn from the diagnosis' own emulator and priors: the ceiling of the method.
+"""Diagnoses of data drawn from the priors and the likelihood of the diagnosis itself.
 
-    python -m benchmarks.self_consistency [--sets N] [--jobs N] [--kept FILE]
+    python -m benchmarks.self_consistency [--sets N] [--jobs N] [--kept FILE] [--bank FOLDER]
 
-Causes are drawn from the prior probabilities, their sizes from their priors, and data as the
-likelihood says, at 6 to 12 operating points of the published clutch at two shift forces, as means
-of 3 to 50 shifts or 3 to 20 single ones. So probabilities have to hold what they say, and no other
-engine's data can be told apart better. Noncentrality is what the best refit by rivals leaves,
-squared standard errors with all errors, the discrepancy included. Finished sets are kept in FILE,
-from which a run that was stopped goes on. An hour of processor time for 500 sets.
+Each set has a hypothesis of the prior (*unknown* and sets of three effects too), sizes of their
+ranges, and data as the likelihood has them: discrepancy, nuisances, errors of effect laws, late
+shifts, odd means, spreads, engagement. Points are half of those of ``mq200_adams`` with 3 to 20
+shifts each; half of the sets are means. So probabilities must hold. Effects together follow the
+rule of combination with its error: none are simulated together. FILE keeps finished sets, from
+which a stopped run goes on.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 from joblib import Parallel, delayed
-from scipy.stats import kstest, sem
+from scipy.stats import kstest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.reading import Reading, gather
-from dogshape.diagnosis.terms import Hypothesis
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, emulator_of, with_bank_engine
+from dogshape.diagnosis.bench.reading import Cell, Reading
+from dogshape.diagnosis.bench.record import BenchRecord
+from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
+from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.likelihood.observed import observe
+from dogshape.diagnosis.prediction.model import Model, Predicted, timely
+from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, models_of
 from dogshape.sim.effects import load
 from dogshape.validation.blind.intervals import calibration, share
-from dogshape.validation.self_consistency import (
-    STRONG,
-    WEAK,
-    Answer,
-    World,
-    answer,
-    as_row,
-    draw,
-    from_row,
-    in_set,
-    leading,
-    stratified,
-)
 
-FORCES = (235.2, 641.5)  #: N
 KEPT = Path("results") / "self_consistency.jsonl"
-BANDS = ((0.0, WEAK), (WEAK, STRONG), (STRONG, np.inf))
+RECORD = BenchRecord("command", "sleeve", "not_made", "known")
+NUMBERS = (3, 20)  #: shifts of a point
+LEAST = 5e-3  #: s, of a time
 
 
-def few(bench: Bench) -> Bench:
-    """Select the operating points of two forces, without their times."""
-    points = [c.point for c in bench.cells if round(c.point.profile.force, 1) in FORCES]
-    rows = [Reading(k + 2, p, 2, 0.1, True) for k, p in enumerate(points)]
-    return replace(bench, cells=gather(rows))
+@dataclass(frozen=True)
+class Truth:
+    """Hypothesis of a data set and the shares of its ranges."""
+
+    hypothesis: Hypothesis
+    shares: Array
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Figures of one set: truth, what evidence says of it, and what is said."""
+
+    truth: list[str]
+    probability: float  #: of the truth
+    before: float  #: probability of all hypotheses that are more probable
+    leading: list[str]
+    leads: float
+    pairs: float  #: probability of all pairs
+    p: float | None  #: predictive, of the truth
+    ranks: list[float]  #: of the true sizes among the draws
+    verdict: str
+    causes: list[str]
+    visible: bool
+    seconds: float
+
+
+def world_of(bench: Bench, model: Model) -> tuple[Bench, Model]:
+    """Set what sets are drawn from: points of a bench, and a record that leaves nothing open."""
+    clutch = bench.clutch.with_engine("drake")  # so that no effects are simulated together
+    return replace(bench, record=RECORD, clutch=clutch, warnings=(), measured=()), model
 
 
 @cache
-def world() -> World:
-    """Load what sets are drawn from, once in a process."""
-    effects, means = load(None), Means(jobs=1)
-    bench = with_bank_engine(few(load_bench("mq200_adams")), effects, means)
-    return World(bench, emulator_of(bench, effects, means)[0], effects)
+def world(bank: Path = BANK) -> tuple[Bench, Model]:
+    """Load the points and their predictions, once in a process."""
+    bench = load_bench("mq200_adams")
+    cells = tuple(cell for cell in bench.cells if cell.n)[::2]
+    bench = replace(bench, cells=cells, record=RECORD, clutch=bench.clutch.with_engine("planar"))
+    return world_of(bench, models_of(bench, load(), Means(bank=bank))["sleeve"])
 
 
-def one(seed: int) -> tuple[int, Answer]:
+@cache
+def _priors(key: int) -> tuple[list[Hypothesis], Array]:
+    model = _MODELS[key]
+    every = [h for size in range(USUAL.most + 1) for h in hypotheses_of(model, size)]
+    every.append(UNKNOWN)
+    logs = np.array([log_prior(h, model, USUAL, USUAL.reversed_known) for h in every])
+    chances = np.exp(logs)
+    return every, chances / chances.sum()
+
+
+_MODELS: dict[int, Model] = {}
+
+
+def draw_truth(model: Model, generator: np.random.Generator) -> Truth:
+    """Draw a hypothesis from the prior and shares of its ranges of which there is a bench."""
+    _MODELS[id(model)] = model
+    every, chances = _priors(id(model))
+    hypothesis = every[int(generator.choice(len(every), p=chances))]
+    known = hypothesis
+    while known == UNKNOWN:
+        known = every[int(generator.choice(len(every), p=chances))]
+    size = len(model.space(known).parameters)
+    while True:
+        shares = generator.random((1, size))
+        if model.possible(known, shares)[0]:
+            break
+    return Truth(hypothesis, shares) if known == hypothesis else Truth((*known, "unknown"), shares)
+
+
+def draw_cells(
+    bench: Bench, model: Model, truth: Truth, generator: np.random.Generator, kind: str
+) -> Bench:
+    """Draw a data set as the likelihood has it: ``kind`` is ``means`` or ``singles``."""
+    blank = [
+        Cell(cell.point, (Reading(k + 2, cell.point, 2, 0.1, True),))
+        for k, cell in enumerate(bench.cells)
+    ]
+    plain = replace(bench, cells=tuple(blank))
+    likelihood = Likelihood(plain, observe(plain, model), model, USUAL)
+    known = tuple(name for name in truth.hypothesis if name != "unknown")
+    p = model.predict(known, truth.shares)
+    unlisted = "unknown" in truth.hypothesis
+    mean = draw_means(likelihood, p, unlisted, generator)
+    stretch = float(generator.choice(STRETCHES)) if unlisted else 1.0
+    freedom = 0.5 / likelihood._spread_error(p)[0]
+    sd = stretch * p.sd[0] * np.sqrt(freedom / generator.chisquare(freedom))
+    cells, row = [], 2
+    for k, cell in enumerate(bench.cells):
+        tried = int(generator.integers(NUMBERS[0], NUMBERS[1] + 1))
+        engaged = _count(p.engaged[0, k], (0.01, 0.99), tried, generator)
+        late = _count(p.late[0, k], (USUAL.late_least, 0.9), engaged, generator)
+        times = _shifts(model, k, mean[k], sd[k], engaged=engaged, late=late, generator=generator)
+        readings = _readings(cell, row, times, tried, kind=kind, generator=generator)
+        row += len(readings)
+        cells.append(Cell(cell.point, tuple(readings)))
+    return replace(bench, cells=tuple(cells))
+
+
+def draw_means(
+    likelihood: Likelihood, p: Predicted, unlisted: bool, generator: np.random.Generator
+) -> Array:
+    """Draw the mean of timely shifts at each point, with all errors of the simulation, s, (C,)."""
+    simulated = (p.mean - p.delay)[0]
+    size = USUAL.discrepancy * abs(generator.standard_normal())
+    columns = [size * simulated[:, None] * likelihood.smooth, likelihood.columns(p)[0]]
+    own = likelihood.own_variance(p)[0]
+    if unlisted:
+        wide = float(generator.choice(USUAL.unlisted_sizes))
+        length = float(generator.choice(USUAL.unlisted_lengths))
+        columns.append(wide * likelihood._free(length, p)[0])
+        own = own + (1.0 - USUAL.unlisted_smooth) * (wide * simulated) ** 2
+    every = np.hstack(columns)
+    found = p.mean[0] + every @ generator.standard_normal(every.shape[1])
+    found = found + np.sqrt(own) * generator.standard_normal(len(own))
+    odd = generator.random(len(own)) < USUAL.odd_share
+    found = found + odd * USUAL.odd_size * p.mean[0] * generator.standard_normal(len(own))
+    return np.asarray(np.maximum(found, LEAST))
+
+
+def _count(
+    share_: float, ends: tuple[float, float], whole: int, generator: np.random.Generator
+) -> int:
+    chance = np.clip(share_, *ends)
+    known = USUAL.late_known
+    return int(generator.binomial(whole, generator.beta(known * chance, known * (1.0 - chance))))
+
+
+def _shifts(
+    model: Model,
+    cell: int,
+    mean: float,
+    sd: float,
+    *,
+    engaged: int,
+    late: int,
+    generator: np.random.Generator,
+) -> Array:
+    """Draw times with the baseline's distribution, the first ones late, s, (engaged,)."""
+    base = timely(model.simulated.baseline, model.far)[cell]
+    base = base[np.isfinite(base)]
+    times = generator.choice((base - base.mean()) / base.std(), engaged)
+    times = mean + sd * times
+    behind, behind_sd = (part[cell] for part in model.behind)
+    times[:late] = mean + behind + behind_sd * generator.standard_normal(late)
+    return np.maximum(times, LEAST)
+
+
+def _readings(
+    cell: Cell, row: int, times: Array, tried: int, *, kind: str, generator: np.random.Generator
+) -> list[Reading]:
+    failed = tried - len(times)
+    found = [Reading(row, cell.point, failed, None, False)] if failed else []
+    if kind == "singles":
+        order = generator.permutation(times).tolist()
+        return [*(Reading(row, cell.point, 1, t, True) for t in order), *found]
+    if len(times):
+        spread = float(times.std(ddof=1)) if len(times) > 1 and generator.random() < 0.5 else None
+        mean = float(times.mean())
+        found.append(Reading(row, cell.point, len(times), mean, True, sd=spread))
+    return found
+
+
+def answer(bench: Bench, model: Model, seed: int) -> Answer:
     """Draw and diagnose a set."""
+    generator = np.random.default_rng(seed)
+    truth = draw_truth(model, generator)
+    kind = "means" if seed % 2 else "singles"
+    drawn = draw_cells(bench, model, truth, generator, kind)
+    return figures(truth, diagnose(drawn, {"sleeve": model}, advise=False))
+
+
+def figures(truth: Truth, found: Diagnosis) -> Answer:
+    """Compare a diagnosis with the truth."""
+    cause = UNKNOWN if "unknown" in truth.hypothesis else truth.hypothesis
+    own = found.evidence.get(cause, 0.0)
+    fitted, ranks = found.fits.get(cause), list[float]()
+    if fitted is not None:
+        ranks = (fitted.shares < truth.shares).mean(axis=0).tolist()
+    leading = max(found.evidence, key=lambda h: found.evidence[h])
+    return Answer(
+        list(truth.hypothesis),
+        own,
+        sum(q for q in found.evidence.values() if q > own),
+        list(leading),
+        found.evidence[leading],
+        sum(q for h, q in found.evidence.items() if len(h) == 2),
+        fitted.p if fitted is not None else None,
+        ranks,
+        found.verdict.kind,
+        list(found.verdict.causes),
+        found.posterior.get(cause, 0.0) > 0.5 * own,
+        found.seconds,
+    )
+
+
+def one(seed: int, bank: Path) -> tuple[int, Answer]:
+    """Draw and diagnose a set of the world."""
     # A worker process finds a cache by its module, which here is another one's main program.
     from benchmarks.self_consistency import world  # noqa: PLC0415
 
-    return seed, answer(world(), draw(world(), np.random.default_rng(seed)))
+    return seed, answer(*world(bank), seed)
 
 
-def answers(count: int, jobs: int, kept: Path) -> list[Answer]:
-    """Diagnose so many sets, those that a file has from before left out."""
+def answers(count: int, jobs: int, kept: Path, bank: Path) -> list[Answer]:
+    """Diagnose so many sets; take those that a file has."""
     known: dict[int, Answer] = {}
     kept.parent.mkdir(parents=True, exist_ok=True)
     if kept.exists():
         rows = [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()]
-        known = {row["seed"]: from_row(row) for row in rows}
+        known = {row.pop("seed"): Answer(**row) for row in rows}
     left = [seed for seed in range(count) if seed not in known]
     pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
     with kept.open("a", encoding="utf-8") as file:
-        for seed, found in pool(delayed(one)(seed) for seed in left):
+        for seed, found in pool(delayed(one)(seed, bank) for seed in left):
             known[seed] = found
-            file.write(json.dumps({"seed": seed, **as_row(found)}) + "\n")
+            file.write(json.dumps({"seed": seed, **asdict(found)}) + "\n")
             file.flush()
-    return [known[seed] for seed in range(count)]
+    return [known[seed] for seed in sorted(known) if seed < count]
 
 
-def told(given: dict[str, float | int | None]) -> str:
+def in_set(one: Answer, level: float = 0.9) -> bool:
+    """Decide whether the set of the most probable hypotheses holds the truth."""
+    return one.before < level and one.probability > 0.0
+
+
+def cause_of(one: Answer) -> tuple[str, ...]:
+    """Name the true hypothesis, UNKNOWN where something unlisted acts."""
+    return UNKNOWN if "unknown" in one.truth else tuple(one.truth)
+
+
+def written(given: Iterable[bool]) -> str:
     """Write a share with its interval."""
-    if given["value"] is None:
-        return f"{'-':>20}{0:>5}"
-    return f"{given['value']:.2f} ({given['low']:.2f} to {given['high']:.2f}){given['n']:>5}"
+    found = share(given)
+    if found["value"] is None:
+        return f"{'-':>20}{0:>6}"
+    return f"{found['value']:.3f} ({found['low']:.3f} to {found['high']:.3f}){found['n']:>6}"
 
 
-def print_calibration(found: Sequence[Answer], chances: Mapping[Hypothesis, float]) -> None:
-    """Print what holds if probabilities are what they say, over all sets."""
-    ranks = np.concatenate([a.ranks for a in found])
-    tops = [max(a.raw, key=lambda h, a=a: a.raw[h]) for a in found]  # type: ignore[misc]
-    hits = [(a.raw[top], top == a.cause) for a, top in zip(found, tops, strict=True)]
-    fits = np.array([a.fit for a in found if a.fit is not None])
-    held = share(in_set(a.raw, a.cause, 0.9) for a in found)
-    print("by evidence, before effects that cannot be seen count as none:")
-    print(f"  true cause in the 90 % set       {told(held)}")
-    print(f"  leading one is the cause         {told(share(hit for _, hit in hits))}")
-    print(f"  said on average                  {np.mean([p for p, _ in hits]):.2f}")
-    excess = np.array([too_sure(a) for a in found])
-    even = stratified(found, chances, too_sure)
-    numbers = [sum(len(a.cause) == k for a in found) for k in range(3)]
-    expected = [len(found) * sum(p for h, p in chances.items() if len(h) == k) for k in range(3)]
-    print(f"  too sure by                      {excess.mean():.3f} +- {sem(excess):.3f}")
-    print(f"  the same, numbers as expected    {even[0]:.3f} +- {even[1]:.3f}")
-    print(
-        "    (sets without an effect, of one, of two: "
-        + ", ".join(f"{n} of {e:.0f}" for n, e in zip(numbers, expected, strict=True))
-        + " expected)"
-    )
-    print(
-        f"  its calibration error, ten bins  {calibration([[pair] for pair in hits])['value']:.3f}"
-    )
-    print(f"  true values in 90 % intervals    {told(share(abs(ranks - 0.5) < 0.45))}")
-    print(f"  ranks uniform, p of Kolmogorov and Smirnov  {kstest(ranks, 'uniform').pvalue:.2f}")
-    print(f"  predictive p of the cause below 0.05  {told(share(fits < 0.05))}")
-    print(f"  predictive p of the cause below 0.01  {told(share(fits < 0.01))}")
+def print_figures(found: Sequence[Answer]) -> None:
+    """Print what holds if probabilities are right, and what is named."""
+    hits = [(a.leads, tuple(a.leading) == cause_of(a)) for a in found]
+    ranks = np.array([rank for a in found for rank in a.ranks])
+    ps = np.array([a.p for a in found if a.p is not None])
+    pairs = [a for a in found if len(a.leading) == 2]
+    for name, flags in (
+        ("truth in the 90 % set", [in_set(a) for a in found]),
+        ("truth in the 50 % set", [in_set(a, 0.5) for a in found]),
+        ("leading hypothesis is the truth", [hit for _, hit in hits]),
+        ("the same, a pair leads", [tuple(a.leading) == cause_of(a) for a in pairs]),
+        ("true sizes in 90 % intervals", abs(ranks - 0.5) < 0.45),
+        ("predictive p below 0.05", ps < 0.05),
+        ("predictive p below 0.01", ps < 0.01),
+    ):
+        print(f"{name:40}{written(flags)}")
+    said = np.mean([p for p, _ in hits])
+    print(f"{'probability of the leading one':40}{said:.3f}")
+    mean = np.mean([a.leads for a in pairs]) if pairs else float("nan")
+    print(f"{'the same, a pair leads':40}{mean:.3f}")
+    actual = np.mean([len(cause_of(a)) == 2 for a in found])
+    print(f"{'pairs: probability, share':40}{np.mean([a.pairs for a in found]):.3f} {actual:.3f}")
+    error = calibration([[pair] for pair in hits])["value"]
+    print(f"{'calibration error, ten bins':40}{error:.3f}")
+    print(f"{'ranks uniform, p of Kolmogorov':40}{kstest(ranks, 'uniform').pvalue:.3f}")
+    print(f"{'p uniform, p of Kolmogorov':40}{kstest(ps, 'uniform').pvalue:.3f}")
+    print(f"{'predictive p, quartiles':40}{np.quantile(ps, (0.25, 0.5, 0.75)).round(2)}")
+    seconds = np.array([a.seconds for a in found])
+    middle, most = np.quantile(seconds, (0.5, 0.95))
+    print(f"{'s of a decision, median and 95 %':40}{middle:.1f} {most:.1f}")
 
 
-def too_sure(found: Answer) -> float:
-    """Return by how much the probability of what leads exceeds whether it is the cause."""
-    top = max(found.raw, key=lambda h: found.raw[h])
-    return found.raw[top] - (top == found.cause)
-
-
-def print_bands(found: Sequence[Answer]) -> None:
-    """Print what is found by noncentrality."""
-    rows = {
-        "cause leads": lambda m: share(leading(a) == a.cause for a in m),
-        "cause or its class leads": lambda m: share(
-            leading(a) == a.cause or a.cause in a.group for a in m
-        ),
-        "cause in the 90 % set": lambda m: share(a.cause in a.credible for a in m),
-        "named": lambda m: share(a.verdict == "effect" for a in m),
-        "named exactly, of named": lambda m: share(
-            a.named == a.cause for a in m if a.verdict == "effect"
-        ),
-        "named is part, of named": lambda m: share(
-            set(a.named) <= set(a.cause) for a in m if a.verdict == "effect"
-        ),
-        "named wrongly, of all": lambda m: share(
-            a.verdict == "effect" and not set(a.named) <= set(a.cause) for a in m
-        ),
-        "unknown said": lambda m: share(a.verdict == "unknown" for a in m),
-        "none said": lambda m: share(a.verdict == "none" for a in m),
+def print_groups(found: Sequence[Answer]) -> None:
+    """Print what leads and is named, by the truth."""
+    groups = {
+        "none": lambda a: not a.truth,
+        "one": lambda a: len(cause_of(a)) == 1 and cause_of(a) != UNKNOWN,
+        "two": lambda a: len(cause_of(a)) == 2,
+        "three": lambda a: len(cause_of(a)) > 2,
+        "unknown": lambda a: cause_of(a) == UNKNOWN,
     }
-    groups = [("no effect", [a for a in found if not a.cause])]
-    for low, high in BANDS:
-        mine = [a for a in found if a.cause and low <= a.noncentrality < high]
-        groups.append((f"{low:g} to {high:g}", mine))
-    print(f"\n{'noncentrality':<26}" + "".join(f"{name:>29}" for name, _ in groups))
-    for name, make in rows.items():
-        print(f"{name:<26}" + "".join(f"{told(make(mine)):>29}" for _, mine in groups))
+    print(f"\n{'truth':10}{'in 90 % set':>30}{'leads':>30}{'named wholly':>30}{'named wrong':>30}")
+    for name, mine in groups.items():
+        some = [a for a in found if mine(a)]
+        columns = (
+            [in_set(a) for a in some],
+            [tuple(a.leading) == cause_of(a) for a in some],
+            [_right(a) for a in some],
+            [not set(a.causes) <= set(a.truth) for a in some],
+        )
+        print(f"{name:10}" + "".join(f"{written(flags):>30}" for flags in columns))
+
+
+def _right(one: Answer) -> bool:
+    """Decide whether the verdict is the whole truth."""
+    cause = cause_of(one)
+    said = {"none": NONE, "unknown": UNKNOWN, "effect": tuple(one.causes)}.get(one.verdict)
+    return said == cause
 
 
 def main() -> None:
     """Draw, diagnose and print."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sets", type=int, default=500)
+    parser.add_argument("--sets", type=int, default=2000)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--kept", type=Path, default=KEPT)
+    parser.add_argument("--bank", type=Path, default=BANK)
     given = parser.parse_args()
-    found = answers(given.sets, given.jobs, given.kept)
-    print(f"{given.sets} sets drawn from the emulator and the priors, none or one effect or two")
-    print_calibration(found, world().chances)
-    print_bands(found)
+    world(given.bank)
+    found = answers(given.sets, given.jobs, given.kept, given.bank)
+    print(f"{len(found)} sets drawn from the priors and the likelihood\n")
+    print_figures(found)
+    print_groups(found)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.record import BenchRecord
+from dogshape.diagnosis.prediction.model import Model, build_models
+from dogshape.diagnosis.settings import USUAL
+from dogshape.sim.effects import load
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.blocks import Block
@@ -83,3 +87,21 @@ def few_cells(bench: Bench, wanted: Sequence[tuple[float, float]]) -> Bench:
 def pitches(count: int) -> np.ndarray:
     """Return even places in the pitch, (count,)."""
     return (np.arange(count) + 0.5) / count
+
+
+#: Effects whose shift times are of closed form here.
+KNOWN = ("actuation_delay", "actuation_lag", "force_scale", "mismatch_speed", "moving_mass")
+
+
+def small_model() -> tuple[Bench, Model]:
+    """Build the model of six operating points with the effects of ``KNOWN``, and its bench."""
+    bench = load_bench("mq200_adams")
+    cells = [cell for cell in bench.cells if cell.n]
+    bench = replace(
+        bench,
+        record=BenchRecord("command", "sleeve", "not_made", "known"),
+        cells=tuple(cells[k] for k in (1, 6, 11, 12, 19, 22)),
+    )
+    effects = load(None)
+    models = build_models(bench, {name: effects[name] for name in KNOWN}, USUAL, made_up)
+    return bench, models["sleeve"]

@@ -1,0 +1,191 @@
+"""Likelihood of the diagnosis against second computations: dense covariances, sums, integrals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy import stats
+from scipy.special import logsumexp
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.reading import Cell, Reading
+from dogshape.diagnosis.likelihood.likelihood import (
+    NODES,
+    Likelihood,
+    _integrated,
+    _log_f,
+    node_weights,
+    squared_distance,
+)
+from dogshape.diagnosis.likelihood.observed import DRIFT, Observed, _within, observe
+from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.terms import NONE, Array
+from tests.made_up import small_model
+
+DATA = np.concatenate([np.linspace(-0.6, 0.0, 150, endpoint=False), np.linspace(0.0, 1.4, 900)])
+
+
+@cache
+def world() -> tuple[Bench, Model]:
+    """Build six points with single shifts, and their predictions."""
+    bench, model = small_model()
+    cells = tuple(
+        Cell(cell.point, (Reading(k + 2, cell.point, 5, 0.1, True),))
+        for k, cell in enumerate(bench.cells)
+    )
+    return replace(bench, cells=cells), model
+
+
+def seen_at(count: float, mean: float, *, hidden: bool, point: int = 2) -> Observed:
+    """Observe nothing but a mean of ``count`` shifts at one operating point."""
+    bench, model = world()
+    plain, empty = observe(bench, model), np.zeros(model.cells)
+    counts = empty.copy()
+    counts[point] = count
+    return replace(
+        plain,
+        count=counts,
+        mean=np.full(model.cells, mean),
+        freedom=empty,
+        late=empty,
+        hidden=np.full(model.cells, hidden),
+        engaged=empty,
+        failed=empty,
+        untold=empty,
+    )
+
+
+def likelihood_of(seen: Observed) -> Likelihood:
+    """Build the likelihood of observations."""
+    bench, model = world()
+    return Likelihood(bench, seen, model, USUAL)
+
+
+def dense(variance: Array, columns: Array) -> Array:
+    """Compute the covariance of independent errors and those in common, (c, c)."""
+    return np.asarray(np.diag(variance) + columns @ columns.T)
+
+
+def test_errors_in_common_integrated_equal_the_dense_density() -> None:
+    rng = np.random.default_rng(1)
+    residual, basis, fixed = (rng.normal(size=s) for s in ((4, 6), (4, 6, 3), (4, 6, 2)))
+    variance = rng.uniform(0.2, 2.0, (4, 6))
+    log, nodes = _integrated(residual, variance, basis, fixed, 0.7)
+    for row in range(4):
+        exact = [
+            stats.multivariate_normal(
+                np.zeros(6), dense(variance[row], np.hstack([0.7 * s * basis[row], fixed[row]]))
+            ).logpdf(residual[row])
+            + np.log(w)
+            for s, w in zip(NODES, node_weights(), strict=True)
+        ]
+        assert nodes[row] == pytest.approx(exact, rel=1e-9)
+        assert log[row] == pytest.approx(logsumexp(exact), rel=1e-9)
+    assert node_weights().sum() == pytest.approx(1.0)
+
+
+def test_a_squared_distance_is_that_of_the_dense_covariance() -> None:
+    rng = np.random.default_rng(2)
+    residual, variance, columns = (
+        rng.normal(size=(3, 5)),
+        rng.uniform(0.1, 1.0, (3, 5)),
+        rng.normal(size=(3, 5, 2)),
+    )
+    found = squared_distance(residual, variance, columns)
+    exact = [
+        r @ np.linalg.solve(dense(v, c), r)
+        for r, v, c in zip(residual, variance, columns, strict=True)
+    ]
+    assert found == pytest.approx(exact, rel=1e-9)
+
+
+@pytest.mark.parametrize(("count", "hidden"), [(5.0, False), (5.0, True), (3.0, True)])
+@pytest.mark.parametrize("late", [0.01, 0.3])
+def test_the_density_of_a_mean_integrates_to_one(count: float, late: float, hidden: bool) -> None:
+    """Late shifts within the mean and odd means included; the share of odd means comes on top."""
+    _, model = world()
+    p = model.predict(NONE, np.zeros((1, 0)))
+    p = replace(p, late=np.full_like(p.late, late))
+    logs = [likelihood_of(seen_at(count, y, hidden=hidden)).terms(p).log[0] for y in DATA.tolist()]
+    alone = 1.0
+    if not hidden:  # none of the shifts that are seen one by one is late
+        known = USUAL.late_known
+        alone = stats.betabinom(int(count), known * late, known * (1.0 - late)).pmf(0)
+    assert np.trapezoid(np.exp(logs), DATA) == pytest.approx(alone, rel=0.01)
+
+
+def test_a_ratio_of_variances_has_the_density_of_f() -> None:
+    ratio = np.array([0.2, 1.0, 3.0])
+    exact = stats.f(7.0, 4.5).logpdf(ratio) + np.log(ratio)  # of the logarithm
+    assert _log_f(ratio, np.array(7.0), np.array(4.5)) == pytest.approx(exact, rel=1e-9)
+
+
+def test_numbers_engaged_are_beta_binomial() -> None:
+    seen = seen_at(5.0, 0.1, hidden=False)
+    seen = replace(
+        seen, engaged=np.array([3.0, 0, 0, 9, 0, 0]), failed=np.array([2.0, 0, 0, 1, 0, 0])
+    )
+    _, model = world()
+    p = model.predict(NONE, np.zeros((1, 0)))
+    p = replace(p, engaged=np.full_like(p.engaged, 0.8))
+    known = USUAL.late_known
+    exact = [stats.betabinom(n, known * 0.8, known * 0.2).logpmf(k) for n, k in ((5, 3), (10, 9))]
+    assert likelihood_of(seen)._engaged(p)[0] == pytest.approx(sum(exact), rel=1e-9)
+
+
+def test_a_drift_is_that_of_generalised_least_squares() -> None:
+    """With the scatter that is estimated beside it, a Gaussian prior of the slope taken in."""
+    rng = np.random.default_rng(3)
+    parts, slope = list[tuple[Array, Array, Array, float]](), 0.06
+    for mean in (0.1, 0.2, 0.4):
+        place = rng.uniform(-0.5, 0.5, 40)
+        place -= place.mean()
+        time = mean * (slope * place + 0.02 * rng.normal(size=40))
+        parts.append((np.ones(40), mean * place, time - time.mean(), mean))
+    found, variance = _within(parts)
+    x = np.concatenate([x / m for _, x, _, m in parts])
+    y = np.concatenate([t / m for _, _, t, m in parts])
+    scatter = ((y - found * x) ** 2).sum() / (len(y) - 3.0)
+    information = (x**2).sum() / scatter + DRIFT**-2.0
+    assert found == pytest.approx((x * y).sum() / scatter / information, rel=0.02)
+    assert variance == pytest.approx(1.0 / information, rel=0.1)
+    assert abs(found - slope) < 3.0 * variance**0.5
+
+
+def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
+    bench, model = world()
+    seen = replace(observe(bench, model), hidden=np.zeros(model.cells, dtype=bool))
+    seen = replace(seen, freedom=np.zeros(model.cells))
+    plain = model.predict(NONE, np.zeros((1, 0)))
+    seen = replace(seen, mean=plain.mean[0] * np.linspace(1.0, 1.1, model.cells))
+    likelihood = likelihood_of(seen)
+    p = Predicted.joined([plain] * 4000)
+    amplitude, offset = likelihood.drawn(p, np.random.default_rng(4))
+    found = likelihood.terms(plain)
+    weights = np.exp(found.nodes[0] - logsumexp(found.nodes[0]))
+    means, covariances = list[Array](), list[Array]()
+    for size in NODES:
+        columns = np.hstack(
+            [
+                USUAL.discrepancy * size * plain.mean[0][:, None] * likelihood.smooth,
+                likelihood.columns(plain)[0],
+            ]
+        )
+        signal = columns @ columns.T
+        gain = signal @ np.linalg.inv(signal + np.diag(found.variance[0]))
+        means.append(gain @ found.residual[0])
+        covariances.append(signal - gain @ signal)
+    mean = np.einsum("k,kc->c", weights, means)
+    spread = np.array(means) - mean
+    covariance = np.einsum("k,kcd->cd", weights, covariances)
+    covariance = covariance + np.einsum("k,kc,kd->cd", weights, spread, spread)
+    sd = np.sqrt(np.diag(covariance))
+    assert abs(offset.mean(axis=0) - mean).max() < 4.0 * (sd / 4000**0.5).max()
+    assert np.cov(offset.T) / np.outer(sd, sd) == pytest.approx(
+        covariance / np.outer(sd, sd), abs=0.08
+    )
+    assert amplitude.mean() == pytest.approx(USUAL.discrepancy * weights @ NODES, rel=0.05)

@@ -1,0 +1,150 @@
+"""Evidence, priors and predictions of the diagnosis against quadrature and refits."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+
+from dogshape.diagnosis.inference.fit import fit
+from dogshape.diagnosis.inference.held_out import left_out
+from dogshape.diagnosis.inference.ranking import _Search, _unlisted, log_prior
+from dogshape.diagnosis.inference.sampling import Sample, refined, screened
+from dogshape.diagnosis.likelihood.likelihood import NODES, Likelihood, node_weights
+from dogshape.diagnosis.likelihood.observed import observe
+from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+from tests.made_up import KNOWN
+from tests.verification.test_likelihood import world
+
+MASS, LAG = ("moving_mass",), ("actuation_lag",)
+BOTH = (*LAG, *MASS)
+
+
+def nothing(_: Hypothesis, shares: Array) -> Array:
+    """Know nothing beside the shifts."""
+    return np.zeros(len(shares))
+
+
+def likelihood_with(share: float, *, scatter: float = 1.0) -> Likelihood:
+    """Build the likelihood of means of five shifts with a mass at a share of its range."""
+    bench, model = world()
+    p = model.predict(MASS, np.array([[share]]))
+    noise = np.random.default_rng(1).normal(size=model.cells)
+    mean = p.mean[0] + scatter * noise * p.sd[0] / 5.0**0.5
+    free = np.zeros(model.cells)
+    seen = replace(observe(bench, model), mean=mean, freedom=free, hidden=free.astype(bool))
+    return Likelihood(bench, seen, model, USUAL)
+
+
+def sample_of(likelihood: Likelihood, hypothesis: Hypothesis) -> Sample:
+    """Sample a hypothesis as the ranking does."""
+    rng = np.random.default_rng(3)
+    search = _Search(likelihood, nothing, 0.0, rng)
+    return refined(
+        likelihood, screened(likelihood, hypothesis, nothing, search.distance), nothing, 4, rng
+    )
+
+
+def grid(size: int, count: int) -> Array:
+    """List the middles of even cells of a unit cube, (count^size, size)."""
+    if size == 0:
+        return np.zeros((1, 0))
+    ticks = (np.arange(count) + 0.5) / count
+    return np.stack(np.meshgrid(*[ticks] * size, indexing="ij"), axis=-1).reshape(-1, size)
+
+
+@pytest.mark.parametrize(("hypothesis", "count"), [(MASS, 600), (LAG, 600), (BOTH, 40)])
+@pytest.mark.parametrize("share", [0.3, 0.75])
+def test_evidence_is_that_of_quadrature(hypothesis: Hypothesis, count: int, share: float) -> None:
+    likelihood = likelihood_with(share)
+    shares = grid(len(hypothesis), count)
+    log = likelihood.terms(likelihood.model.predict(hypothesis, shares)).log
+    exact = float(logsumexp(log)) - math.log(len(shares))
+    one = sample_of(likelihood, hypothesis)
+    assert one.log_evidence == pytest.approx(exact, abs=max(3.0 * one.error, 0.1))
+    weights = np.exp(log - logsumexp(log))
+    mean = one.weights @ one.shares
+    spread = np.sqrt(weights @ (shares - weights @ shares) ** 2)
+    assert mean == pytest.approx(weights @ shares, abs=0.25 * spread.max())
+
+
+@pytest.mark.slow
+def test_evidence_is_that_of_nested_sampling() -> None:
+    dynesty = pytest.importorskip("dynesty")
+    likelihood = likelihood_with(0.75)
+
+    def log(shares: Array) -> float:
+        return float(likelihood.terms(likelihood.model.predict(BOTH, shares[None])).log[0])
+
+    rng = np.random.default_rng(1)
+    sampler = dynesty.NestedSampler(log, lambda u: u, 2, nlive=100, rstate=rng)
+    sampler.run_nested(dlogz=0.05, print_progress=False)
+    one = sample_of(likelihood, BOTH)
+    error = math.hypot(one.error, sampler.results.logzerr[-1])
+    assert one.log_evidence == pytest.approx(sampler.results.logz[-1], abs=3.0 * error)
+
+
+def test_prior_probabilities_of_all_sets_are_one() -> None:
+    _, model = world()
+    sets = [h for k in range(USUAL.most + 1) for h in itertools.combinations(KNOWN, k)]
+    logs = [log_prior(h, model, USUAL, 0.0) for h in (*sets, UNKNOWN)]
+    assert np.exp(logs).sum() == pytest.approx(1.0)
+    odds = log_prior(MASS, model, USUAL, 0.0) - log_prior(NONE, model, USUAL, 0.0)
+    assert odds == pytest.approx(math.log(USUAL.rare / (1.0 - USUAL.rare)))
+
+
+def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
+    """Without an effect: a Gaussian of each amplitude, all amplitudes summed."""
+    likelihood = likelihood_with(0.1)
+    one = fit(likelihood, sample_of(likelihood, NONE))
+    mean, sd, gap, _ = left_out(likelihood, one)
+    p = one.predicted.only([0])
+    found = likelihood.terms(p)
+    residual, own = found.residual[0], np.diag(found.variance[0])
+    exact = []
+    for k in range(len(residual)):
+        others = np.delete(np.arange(len(residual)), k)
+        logs, means, variances = [], [], []
+        for size, weight in zip(NODES, node_weights(), strict=True):
+            root = USUAL.discrepancy * size * (p.mean - p.delay)[0][:, None] * likelihood.smooth
+            columns = np.hstack([root, likelihood.columns(p)[0]])
+            whole = columns @ columns.T + own
+            inner = whole[np.ix_(others, others)]
+            pull = np.linalg.solve(inner, whole[others, k])
+            left = residual[others]
+            square = left @ np.linalg.solve(inner, left)
+            logs.append(math.log(weight) - 0.5 * (np.linalg.slogdet(inner)[1] + square))
+            means.append(pull @ left)
+            variances.append(whole[k, k] - pull @ whole[others, k])
+        shares = np.exp(np.array(logs) - logsumexp(logs))
+        middle = shares @ means
+        spread = math.sqrt(shares @ (np.array(variances) + (np.array(means) - middle) ** 2))
+        exact.append((p.mean[0, k] + middle, spread))
+    exact_mean, exact_sd = np.array(exact).T
+    assert abs(mean - exact_mean).max() < 0.2 * exact_sd.min()
+    assert sd == pytest.approx(exact_sd, rel=0.15)
+    assert mean + gap == pytest.approx(likelihood.seen.mean)
+
+
+def test_evidence_of_something_unlisted_is_that_of_quadrature() -> None:
+    """On top of no effect and of one, each by its prior."""
+    likelihood = likelihood_with(0.75, scatter=3.0)
+    search = _Search(likelihood, nothing, 0.0, np.random.default_rng(3))
+    logs = []
+    for h in (NONE, MASS):
+        search.samples[h] = sample_of(likelihood, h)
+        search.priors[h] = log_prior(h, likelihood.model, USUAL, 0.0)
+        p = likelihood.model.predict(h, grid(len(h), 300))
+        options = itertools.product(USUAL.unlisted_sizes, USUAL.unlisted_lengths, (1.0, 2.0))
+        found = [
+            likelihood.terms(replace(p, sd=stretch * p.sd), (size, length)).log
+            for size, length, stretch in options
+        ]
+        logs.append(search.priors[h] + logsumexp(found) - math.log(np.size(found)))
+    exact = logsumexp(logs) - logsumexp(list(search.priors.values()))
+    assert _unlisted(search) == pytest.approx(exact, abs=0.25)
