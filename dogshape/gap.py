@@ -78,7 +78,7 @@ class Diagnosis(Result):
             "verdict": headline_of(found.verdict, found.effects),
             "gap": ms(found.held_out.baseline),
             "gap at held-out points": ms(found.held_out.held_out),
-            "next test": found.tests[0].name,
+            "next test": found.tests[0].name if found.tests else "none",
         }
 
     def to_dict(self) -> dict[str, Any]:

@@ -203,7 +203,8 @@ def _chosen(found: Diagnosis, path: Path) -> Hypothesis:
     causes = set(found.verdict.causes)
     if causes:
         return next(h for h in found.posterior if h in found.fits and causes <= set(h))
-    remedy = f"make the next test ({found.tests[0].name}) and diagnose again"
+    first = f"the next test ({found.tests[0].name})" if found.tests else "more shifts"
+    remedy = f"make {first} and diagnose again"
     if found.verdict.kind == "none":
         remedy = "take the study as it is"
     raise InputError(

@@ -159,7 +159,9 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
 def test_the_diagnosis_is_written_before_its_price(
     dogshape: Call, tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = simulated_diagnosis(simulated_bench({"actuation_delay": {"delay_s": 0.08}}))
+    found = simulated_diagnosis(
+        simulated_bench({"actuation_delay": {"delay_s": 0.08}}), advise=True
+    )
     monkeypatch.setattr("dogshape.gap.diagnosed", lambda *_: found)
     asked = ("gap", "mq200_stand", "--study", "mq200_paper", "--out", "g", "--jobs", 1)
     quick.stop = 100
@@ -168,14 +170,14 @@ def test_the_diagnosis_is_written_before_its_price(
     out = tmp_path / "g"
     first = json.loads((out / "gap.json").read_text(encoding="utf-8"))
     assert first["verdict"] == found.verdict.kind
-    assert "So what?" not in (out / "report.html").read_text(encoding="utf-8")
+    assert 'id="choice"' not in (out / "report.html").read_text(encoding="utf-8")
     assert "100 finished shifts are kept in g/so-what-" in _line(stopped)
     assert "The report is written to g/report.html" in _line(stopped)
     quick.stop = None
     again = dogshape(*asked)
     assert again.status == 0, again.err
     assert quick.done == 7 * 28 * 6, "a dead time needs no shift of its own"
-    assert "So what?" in (out / "report.html").read_text(encoding="utf-8")
+    assert 'id="choice"' in (out / "report.html").read_text(encoding="utf-8")
     assert sorted(path.name for path in out.iterdir()) == [
         ".lock", "cells.csv", "data", "gap.json", "report.html",
     ]  # fmt: skip
