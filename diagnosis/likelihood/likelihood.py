@@ -265,15 +265,16 @@ class Likelihood:
         behind, behind_sd = (part[some][:, None] for part in self.model.behind)
         part = np.minimum(within / n[:, None], 1.0)
         single = q.sd[..., None] ** 2
-        scatter = (self._scatter(q) * (1.0 - part) + part * behind_sd**2) / n[:, None]
+        own = np.where(within == 0.0, self._scatter(q), single)
+        scatter = (own * (1.0 - part) + part * behind_sd**2) / n[:, None]
         mixed = single * (1.0 - part) + part * behind_sd**2 + part * (1.0 - part) * behind**2
         shift = np.broadcast_to(part * behind, weight.shape)
         return shift, scatter, weight, self._spread(q, mixed)
 
     def _scatter(self, q: Predicted) -> Array:
-        """Estimate the variance of single shifts by prediction and observation, (m, c, 1)."""
+        """Estimate the variance of timely shifts by prediction and observation, (m, c, 1)."""
         seen, some = self.seen, self.having
-        freedom = np.where(seen.hidden[some], 0.0, self._freedom[some])
+        freedom = np.where(seen.freedom[some] > 0.0, self._freedom[some], 0.0)
         other = 0.5 / self._spread_error(q)
         whole = (other * q.sd**2 + freedom * seen.variance[some]) / (other + freedom)
         return np.asarray(whole[..., None])

@@ -1,4 +1,4 @@
-"""What a data set shows at each operating point, as the likelihood counts it.
+"""Observations of a data set at each operating point, as the likelihood counts them.
 
 Single shifts of a point with ``MANY`` of them or more show which are late
 (``diagnosis.prediction.model.late_times``); the mean and the spread are then those of the timely
@@ -15,6 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
@@ -25,6 +27,7 @@ from dogshape.diagnosis.terms import Array
 MANY = 4  #: single shifts, from which late ones can be seen
 DRIFT = 0.1  #: of the mean time, standard deviation of a drift over the whole series
 ALIKE = 4.0  #: degrees of freedom that the scatter of all points counts as at each
+INSIDE = 0.95  #: probability below the upper end of an interval that holds 90 %
 ROUNDS = 4  #: of slope and scatter in turn
 
 
@@ -178,14 +181,16 @@ def _within(parts: Sequence[tuple[Array, Array, Array, float]]) -> tuple[float, 
     ``parts`` have numbers of shifts, places times mean, times less mean, and the mean, of each.
     """
     slope = 0.0
+    # The 90 % interval of the slope is that of Student's distribution.
     freedom = sum(len(weights) - 1.0 for weights, *_ in parts)
     if freedom < 2.0:
         return slope, DRIFT**2
     for _ in range(ROUNDS):
         left = [float((w * (t - slope * x) ** 2).sum()) / m**2 for w, x, t, m in parts]
         pooled = sum(left) / (freedom - 1.0)
+        unsure = float(student.ppf(INSIDE, freedom - 1.0) / norm.ppf(INSIDE)) ** 2
         scatter = [
-            m**2 * (square + ALIKE * pooled) / (len(w) - 1.0 + ALIKE)
+            unsure * m**2 * (square + ALIKE * pooled) / (len(w) - 1.0 + ALIKE)
             for square, (w, _, _, m) in zip(left, parts, strict=True)
         ]
         pull, information = 0.0, DRIFT**-2.0

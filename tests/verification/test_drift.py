@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.stats import norm
+from scipy.stats import t as student
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.reading import Reading, gather
@@ -75,8 +76,10 @@ def test_what_repeated_points_say_is_a_regression_with_a_level_of_each() -> None
         for one, place in zip(cell.times, places, strict=True):
             columns.append([float(k == j) for j in range(len(cells))] + [time * place])
             times.append((one, k))
-    common = sum(w[0] for w in weights) / (sum(w[2] - 1.0 for w in weights) - 1.0)
-    sigmas = [t**2 * (s + ALIKE * common) / (n - 1.0 + ALIKE) for s, t, n in weights]
+    freedom = sum(w[2] - 1.0 for w in weights) - 1.0
+    common = sum(w[0] for w in weights) / freedom
+    unsure = (student.ppf(0.95, freedom) / norm.ppf(0.95)) ** 2
+    sigmas = [unsure * t**2 * (s + ALIKE * common) / (n - 1.0 + ALIKE) for s, t, n in weights]
     precision = np.array([1.0 / sigmas[k] for _, k in times])
     design, values = np.array(columns), np.array([t for t, _ in times])
     matrix = design.T @ (precision[:, None] * design)

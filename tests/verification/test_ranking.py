@@ -45,9 +45,8 @@ def sample_of(likelihood: Likelihood, hypothesis: Hypothesis) -> Sample:
     """Sample a hypothesis as the ranking does."""
     rng = np.random.default_rng(3)
     search = _Search(likelihood, nothing, 0.0, rng)
-    return refined(
-        likelihood, screened(likelihood, hypothesis, nothing, search.distance), nothing, 4, rng
-    )
+    (one,) = screened(likelihood, [hypothesis], nothing, search.distance)
+    return refined(likelihood, one, nothing, 4, rng)
 
 
 def grid(size: int, count: int) -> Array:
