@@ -147,7 +147,14 @@ OTHERS: dict[str, dict[str, str]] = {
     },
     "docs/bench.md": dict.fromkeys(
         (
-            *("", "Format", "Errors of nominal values", "From a table of your own"),
+            *(
+                "",
+                "Format",
+                "Record",
+                "Step of the clock",
+                "Errors of nominal values",
+                "From a table of your own",
+            ),
             *("Slips of units and axes", "Along the shift"),
         ),
         DEFINITIONS,

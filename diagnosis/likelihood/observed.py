@@ -1,4 +1,4 @@
-"""What a data set shows at each operating point, as the likelihood counts it.
+"""Observations of a data set at each operating point, as the likelihood counts them.
 
 Single shifts of a point with ``MANY`` of them or more show which are late
 (``diagnosis.prediction.model.late_times``); the mean and the spread are then those of the timely
