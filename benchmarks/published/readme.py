@@ -14,16 +14,15 @@ from benchmarks.published.sources import (
     MS,
     PERCENT,
     SPAN,
-    STAND_TOP,
     best_design,
     clutch_row,
     confirmed,
     confirmed_design,
     gain,
     gearbox,
-    on_stand,
     prototype,
     raced,
+    size,
     slower,
 )
 
@@ -140,14 +139,14 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "dead time of the actuation {:.0f} ms ({:.0f} to {:.0f})",
-        on_stand(STAND_TOP, "delay_s", MS),
+        "dead time of the actuation {:.0f} to {:.0f} ms and",
+        lambda: size("actuation_delay", "delay_s", MS)[1:],
     ),
-    Entry(PAGE, "and drag {:.1f} N m ({:.1f} to {:.1f});", on_stand(STAND_TOP, "drag_Nm")),
+    Entry(PAGE, "and drag {:.1f} to {:.1f} N m;", lambda: size("drag_torque", "drag_Nm")[1:]),
     Entry(
         PAGE,
-        "{:.0f} ms shrink to {:.0f} ms where nothing was fitted",
-        lambda: [MS * gap("stand")["gap"][k] for k in ("baseline_rmse_s", "heldout_rmse_s")],
+        "gap {:.0f} ms, {:.0f} ms at held-out points, {:.0f} ms by chance alone",
+        lambda: [MS * gap("stand")["gap"][f"{k}_rmse_s"] for k in ("baseline", "heldout", "floor")],
     ),
     *(
         Entry(PAGE, words, _field(figure))

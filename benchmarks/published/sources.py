@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from typing import Any
 
 from benchmarks.kept import gap, numbers, result, trial
@@ -85,24 +84,12 @@ def gain(name: str) -> list[float]:
 
 
 SPAN = "{:.0f} % ({:.0f} to {:.0f})"
-STAND_TOP = ("actuation_delay", "drag_torque", "moving_mass")
 
 
-def hypothesis(bench: str, effects: Sequence[str]) -> Any:
-    """Give what a diagnosis says of a set of effects."""
-    return next(h for h in gap(bench)["hypotheses"] if h["effects"] == list(effects))
-
-
-def interval(found: Any, name: str, scale: float = 1.0) -> list[float]:
-    """Give a parameter's mean and the ends of its interval under a hypothesis."""
-    return [scale * found["parameters"][name][end] for end in ("mean", "low", "high")]
-
-
-def on_stand(
-    effects: Sequence[str], name: str, scale: float = 1.0
-) -> Callable[[], Sequence[float]]:
-    """Give a source of a parameter's mean and interval on the stand."""
-    return lambda: interval(hypothesis("stand", effects), name, scale)
+def size(effect: str, name: str, scale: float = 1.0) -> list[float]:
+    """Give mean and 90 % of a size on the stand over all plausible hypotheses."""
+    found = gap("stand")["sizes"][effect][name]
+    return [scale * found[end] for end in ("mean", "low", "high")]
 
 
 def gearbox() -> list[float]:

@@ -108,7 +108,8 @@ def _gap(found: Diagnosis) -> str:
     points = sum(one.gap is not None for one in found.gaps)
     return (
         f"Bench and simulation differ by {ms(found.held_out.baseline)} (root mean square over "
-        f"{points} operating point{'s' if points > 1 else ''})."
+        f"{points} operating point{'s' if points > 1 else ''}), chance alone by "
+        f"{ms(found.held_out.chance)}."
     )
 
 
@@ -161,7 +162,7 @@ def _refuted(found: Diagnosis) -> str:
                 amount = _amount(fact.parameter, fact.value)
                 effect = found.effects[fact.effect].plain
                 said.append(f"{effect} ({amount}) explains {max(0.0, 1e3 * part):.0f} ms")
-    return f"As read at rest, {listed(said)} of {1e3 * whole:.0f} ms." if said else ""
+    return f"Alone and as read at rest, {listed(said)} of {1e3 * whole:.0f} ms." if said else ""
 
 
 def _has_arm(found: Diagnosis, name: str) -> bool:

@@ -68,7 +68,7 @@ def test_the_summary_has_sizes_over_all_plausible_hypotheses() -> None:
 def test_a_reading_at_rest_that_explains_nothing_is_refuted() -> None:
     """No effect moves a time of this model, so the linkage explains 0 ms of the gap."""
     said = summary(diagnosed())
-    assert "As read at rest, elastic linkage (3.9 mm/kN) explains 0 ms" in said
+    assert "Alone and as read at rest, elastic linkage (3.9 mm/kN) explains 0 ms" in said
     named = summary(diagnosis_of({("linkage_compliance",): 0.98, NONE: 0.02}))
     assert "elastic linkage (3.9" not in named
 
