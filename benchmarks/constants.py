@@ -31,9 +31,9 @@ def written(value: Any) -> str:
 def table() -> str:
     """Write the table of all settings."""
     rows = [
-        f"| `{name}` | {written(value)} | {told['unit']} | {told['meaning']} | "
-        f"{told['source'] or '-'} | {told['status']} |\n"
-        for name, value, told in described(USUAL)
+        f"| `{name}` | {written(value)} | {facts['unit']} | {facts['meaning']} | "
+        f"{facts['source'] or '-'} | {facts['status']} |\n"
+        for name, value, facts in described(USUAL)
     ]
     return HEAD + "".join(rows)
 

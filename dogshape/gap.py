@@ -172,7 +172,7 @@ def diagnose(
     study : study, or folder of its results, whose best designs are simulated with the cause.
     engine : of the simulations, ``planar`` or ``drake``, which takes some hours for a clutch.
     jobs : worker processes, 0 for one a core.
-    progress : is told how far the simulations are.
+    progress : shows the progress of simulations.
 
     Raises
     ------

@@ -107,9 +107,9 @@ class Plan(Result):
         """Return the share of strengths that are seen, the distinct rivals, and the others."""
         apart = self.inference.apart[truth]
         others = [k for k in range(1, len(apart)) if k != truth]
-        told = [k for k in others if apart[k] >= HALF]
+        distinct = [k for k in others if apart[k] >= HALF]
         left = sorted((k for k in others if apart[k] < HALF), key=lambda k: float(apart[k]))
-        return float(apart[0]), told, left
+        return float(apart[0]), distinct, left
 
     @property
     def _names(self) -> list[str]:

@@ -54,9 +54,9 @@ def _causes(found: Plan) -> Table:
     for place, hypothesis in enumerate(effects):
         if not hypothesis:
             continue
-        seen, told, left = found.unlike(place)
+        seen, apart, left = found.unlike(place)
         names = ", ".join(effects[k][0] for k in left[:SHOWN])
         more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
-        whole = f"{len(told)} of {len(told) + len(left)}"
+        whole = f"{len(apart)} of {len(apart) + len(left)}"
         table.add_row(hypothesis[0], f"{seen:.0%}", whole, f"{names}{more}" or "-")
     return table
