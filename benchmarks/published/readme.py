@@ -18,43 +18,35 @@ from benchmarks.published.sources import (
     clutch_row,
     confirmed,
     confirmed_design,
+    explained_at_rest,
     gain,
     gearbox,
+    included,
     prototype,
     raced,
     size,
     slower,
+    times_ordinary_drag,
+    unknown,
 )
 
 PAGE = "README.md"
 
 
+def _row(words: str) -> tuple[str, ...]:
+    """Give the row of a headline figure of the field set."""
+    (row,) = (one for one in headline_of(FIELD_SCORE) if one[0] == words)
+    return row
+
+
 def _field(words: str) -> Callable[[], Sequence[float]]:
-    """Give a headline share of the field set with its interval, in percent."""
-
-    def values() -> Sequence[float]:
-        (row,) = (one for one in headline_of(FIELD_SCORE) if one[0] == words)
-        factor = 1.0 if "%" in row[1] else PERCENT
-        return [factor * float(one) for one in re.findall(r"-?[\d.]+", row[1])]
-
-    return values
+    """Give a headline figure of the field set with its interval, a share in percent."""
+    return lambda: [float(one) for one in re.findall(r"-?[\d.]+", _row(words)[1])]
 
 
-def _said_and_so(kind: str) -> list[float]:
-    """Give what the leading hypothesis has on average in a kind of case, and how often it is so."""
-    # Two spaces: the row by evidence goes on with other words.
-    rows = ("probability of the leading one  ", "it is the truth, but for causes")
-    return [numbers("blind_field", f"{kind}: {row}")[0] for row in rows]
-
-
-def _leading(kind: str) -> tuple[float, float]:
-    """Give the clear cases of a kind whose cause leads, and all; none where none was drawn."""
-    try:
-        numbers("blind_field", f"clear, {kind}: ")
-    except LookupError:
-        return 0.0, 0.0
-    share, *_, count = numbers("blind_field", f"clear, {kind}: cause or class right")
-    return share * count, count
+def _counted(words: str) -> Callable[[], Sequence[float]]:
+    """Give a headline figure of the field set with its interval and its number of cases."""
+    return lambda: [*_field(words)(), int(_row(words)[2])]
 
 
 ENTRIES: list[Entry] = [
@@ -142,55 +134,71 @@ ENTRIES: list[Entry] = [
         "dead time of the actuation {:.0f} to {:.0f} ms and",
         lambda: size("actuation_delay", "delay_s", MS)[1:],
     ),
-    Entry(PAGE, "and drag {:.1f} to {:.1f} N m;", lambda: size("drag_torque", "drag_Nm")[1:]),
+    Entry(
+        PAGE,
+        "and drag {:.1f} to {:.1f} N m are part of it with {:.0f} and {:.0f} %;",
+        lambda: [
+            *size("drag_torque", "drag_Nm")[1:],
+            *included("actuation_delay", "drag_torque"),
+        ],
+    ),
+    Entry(
+        PAGE,
+        "linkage with its mass {:.0f} %, mass {:.0f} %, dry friction {:.0f} %, *unknown* {:.0f} %;",
+        lambda: [*included("linkage_compliance", "moving_mass", "sleeve_friction"), unknown()],
+    ),
+    Entry(
+        PAGE,
+        "as read at rest explains {:.0f} ms; the drag is {:.0f} times",
+        lambda: [explained_at_rest(), times_ordinary_drag()],
+    ),
+    Entry(
+        PAGE,
+        "slow shifts settle it with {:.0f} %, as foreseen",
+        lambda: [PERCENT * gap("stand")["next_test"]["chance_to_settle"]],
+    ),
     Entry(
         PAGE,
         "gap {:.0f} ms, {:.0f} ms at held-out points, {:.0f} ms by chance alone",
         lambda: [MS * gap("stand")["gap"][f"{k}_rmse_s"] for k in ("baseline", "heldout", "floor")],
     ),
+    Entry(
+        PAGE,
+        "({:d} sealed cases of two engines",
+        lambda: [int(_row("processor time of a decision, s")[2])],
+    ),
     *(
-        Entry(PAGE, words, _field(figure))
+        Entry(PAGE, words, _counted(figure))
         for words, figure in (
+            (f"named is the whole truth in {SPAN} of {{:d}} cases;", "named: the whole truth"),
+            (f"that data cannot show, are {SPAN} of {{:d}};", "named above 0.95: wrong"),
             (
-                f"what is named is the whole truth in {SPAN};",
-                "named exactly, of all that is named, outside included",
-            ),
-            (
-                f"an effect is named in {SPAN} of 108 cases without any;",
+                f"an effect is named in {SPAN} of {{:d}} cases without any |",
                 "no effect: one is named",
             ),
+            (f"a clear cause is named in {SPAN} of {{:d}} and", "clear cause: named"),
+            (f"*unknown* is said in {SPAN} of {{:d}};", "clear, outside the list: unknown said"),
             (
-                f"a cause that rivals leave clear leads, or its class does, in {SPAN}:",
-                "clear: cause or its class leads",
-            ),
-            (f"the 90 % set holds the truth in {SPAN};", "90 % set holds the truth"),
-            (
-                f"*none* is said in {SPAN} of the cases without any;",
-                "no effect: none within the margin said",
-            ),
-            (
-                f"the advised test settles {SPAN} of what is open,",
-                "cause left open: the advised test settles it",
-            ),
-            (
-                f"and {SPAN} wrongly |",
-                "cause left open: it settles on what is not true",
+                f"the advised test settles {SPAN} of {{:d}} open cases,",
+                "cause open: the advised test settles it",
             ),
         )
     ),
-    Entry(
-        PAGE,
-        "leads has {:.2f} and {:.2f} on average, and is right in {:.2f} and {:.2f} of the cases |",
-        lambda: [
-            one
-            for both in zip(_said_and_so("none"), _said_and_so("single"), strict=True)
-            for one in both
-        ],
-    ),
-    Entry(
-        PAGE,
-        "{:.0f} of {:.0f} single effects, {:.0f} of {:.0f} beyond their prior, {:.0f} of {:.0f} "
-        "threes, {:.0f} of {:.0f} pairs (",
-        lambda: [one for kind in ("single", "beyond", "three", "pair") for one in _leading(kind)],
+    *(
+        Entry(PAGE, words, _field(figure))
+        for words, figure in (
+            (f"and leads in {SPAN};", "clear cause: leads"),
+            (
+                f"*none* in {SPAN} where data can show it;",
+                "no effect, and data can show it: none said",
+            ),
+            (
+                "of pairs {:.2f} ({:.2f} to {:.2f}) more is said than is right;",
+                "pairs: probability said less share right",
+            ),
+            (f"but for such causes, in {SPAN},", "90 % set holds the truth"),
+            (f"90 % intervals the sizes in {SPAN};", "90 % intervals hold the sizes"),
+            (f"and misleads in {SPAN} |", "cause open: the advised test misleads"),
+        )
     ),
 ]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 from benchmarks.kept import gap, numbers, result, trial
@@ -90,6 +91,40 @@ def size(effect: str, name: str, scale: float = 1.0) -> list[float]:
     """Give mean and 90 % of a size on the stand over all plausible hypotheses."""
     found = gap("stand")["sizes"][effect][name]
     return [scale * found[end] for end in ("mean", "low", "high")]
+
+
+def included(*effects: str) -> list[float]:
+    """Give the probabilities that effects are part of the stand's cause, percent."""
+    return [PERCENT * gap("stand")["inclusion"][name] for name in effects]
+
+
+def unknown() -> float:
+    """Give the probability that the stand's cause is not on the list, percent."""
+    rows = gap("stand")["hypotheses"]
+    return sum(PERCENT * h["probability"] for h in rows if h["effects"] == ["unknown"])
+
+
+def _of_summary(pattern: str) -> float:
+    """Give a number of the paragraph on the stand.
+
+    Raises
+    ------
+    LookupError : the paragraph has no such words.
+    """
+    found = re.search(pattern, gap("stand")["summary"])
+    if found is None:
+        raise LookupError(f"the paragraph on the stand has no {pattern!r}")
+    return float(found[1])
+
+
+def explained_at_rest() -> float:
+    """Give what the elasticity of the linkage as read at rest explains, ms."""
+    return _of_summary(r"elastic linkage \([\d.]+ mm/kN\) explains ([\d.]+) ms")
+
+
+def times_ordinary_drag() -> float:
+    """Give the stand's drag in multiples of that of bearings and seals."""
+    return _of_summary(r"Drag of [\d.]+ N m is ([\d.]+) times")
 
 
 def gearbox() -> list[float]:
