@@ -80,7 +80,7 @@ class Yardstick:
             late=nothing,
             hidden=nothing.astype(bool),
         )
-        settings = replace(self.likelihood.settings, odd_share=1e-300)
+        settings = replace(self.likelihood.settings, odd_share=1e-300, odd_spread=1e-300)
         return replace(self.likelihood, seen=exact, settings=settings)
 
     def squares(self, hypothesis: Hypothesis, shares: Array) -> Array:
@@ -94,7 +94,7 @@ class Yardstick:
         smooth = exact.settings.discrepancy * (p.mean - p.delay)[..., None] * exact.smooth
         columns = np.concatenate([smooth, exact.columns(p)], axis=2)[:, some]
         squares = squared_distance(found.residual, found.variance, columns)
-        squares = squares + np.nansum(found.spread**2, axis=1)
+        squares = squares + np.nansum(exact.spread_scores(p) ** 2, axis=1)
         there = (p.engaged[:, some] >= ENGAGED).all(axis=1)
         there &= exact.model.possible(hypothesis, shares)
         return np.where(there & np.isfinite(squares), squares, np.inf)
