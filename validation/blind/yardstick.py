@@ -9,8 +9,8 @@ error of its simulation cancels. A rival hypothesis *h* leaves of these
 
 within its ranges. *C* has all errors of the likelihood of the diagnosis: scatter by the numbers of
 shifts, errors of nominal force and mismatch, of the effects' laws and of any simulation, nuisances,
-and the discrepancy at the scale of its prior. :math:`s_k` is the logarithm of observed over
-predicted spread in standard errors, where spreads are known. Late shifts, shares engaged and
+and the discrepancy at the scale of its prior. :math:`s_k` is the normal deviate of a
+spread, where spreads are known. Late shifts, shares engaged and
 traces, which may tell more, are left out.
 
 A part of a truth that leaves less than is visible to the diagnosis is all of it that the data can
