@@ -57,15 +57,19 @@ class BenchRecord:
 UNSAID = BenchRecord()
 
 
-def require_no_moved_key(path: Path, data: dict[str, Any]) -> None:
-    """Raise DataError for a key that the table ``[record]`` replaces."""
-    for keys, name in MOVED.items():
-        *tables, key = keys
-        table = data
-        for one in tables:
-            table = table.get(one, {})
-        if isinstance(table, dict) and key in table:
+def with_record(path: Path, data: dict[str, Any]) -> dict[str, Any]:
+    """Move keys of earlier versions into ``[record]``; DataError where both are there."""
+    data = {k: dict(v) if isinstance(v, dict) else v for k, v in data.items()}
+    for (*tables, key), name in MOVED.items():
+        table = data.get(tables[0], {}) if tables else data
+        if not isinstance(table, dict) or key not in table:
+            continue
+        record = data.setdefault("record", {})
+        if isinstance(record, dict) and name in record:
+            old = ".".join((*tables, key))
             raise DataError(
-                f"{path}: '{'.'.join(keys)}' is '{table[key]}', but this key is now "
-                f"'record.{name}'; write {name} = \"{table[key]}\" in the table [record]"
+                f"{path}: '{old}' is '{table[key]}' and 'record.{name}' is '{record[name]}', two "
+                f"keys for one thing; leave out '{old}'"
             )
+        record[name] = table.pop(key)
+    return data

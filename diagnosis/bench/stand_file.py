@@ -20,7 +20,7 @@ from dogshape.diagnosis.bench.record import (
     UNSAID,
     BenchRecord,
     RecordSection,
-    require_no_moved_key,
+    with_record,
 )
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.clutch_tables import (
@@ -236,7 +236,7 @@ def _settings(path: Path) -> _BenchFile:
         raise DataError(
             f"{path} cannot be read: {error.strerror}; check path and rights"
         ) from error
-    require_no_moved_key(path, data)
+    data = with_record(path, data)
     return validate(_BenchFile, data, str(path))
 
 

@@ -83,6 +83,7 @@ def apart(likelihood: Likelihood, one: Predicted, other: Predicted) -> Array:
     some, seen = likelihood.having, likelihood.seen
     p = other.only((slice(None), some))
     variance = p.sd**2 / np.maximum(seen.count[some], 1.0) + likelihood.own_variance(other)[:, some]
+    variance = variance + one.emulated[:, some] ** 2
     simulated = (other.mean - other.delay)[..., None]
     smooth = likelihood.settings.discrepancy * simulated * likelihood.smooth
     columns = np.concatenate([smooth, likelihood.columns(other)], axis=2)[:, some]

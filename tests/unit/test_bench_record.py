@@ -51,7 +51,10 @@ def test_a_stated_record_is_kept(folder: Path) -> None:
             "record.time_zero is 'trigger', but it must be one of",
         ),
         ('[record]\nempty = "failed"', "empty_cells"),
-        ('[sensor]\ndisplacement_at = "actuator"', "this key is now 'record.displacement_at'"),
+        (
+            '[record]\ndisplacement_at = "sleeve"\n[sensor]\ndisplacement_at = "actuator"',
+            "two keys for one thing",
+        ),
         ("[errors]\nclock_step_ms = -1.0", "errors.clock_step_ms is -1 ms"),
         ("[errors]\nclock_step_ms = 101.0", "must lie between 0 and 100 ms"),
     ],
@@ -63,12 +66,11 @@ def test_a_wrong_key_is_refused_with_its_rule(folder: Path, text: str, words: st
     assert words in str(refused.value)
 
 
-def test_the_sense_moved_into_the_record(folder: Path) -> None:
+def test_keys_of_earlier_versions_are_read(folder: Path) -> None:
     path = folder / "bench.toml"
     path.write_text('mismatch_sense = "unknown"\n' + path.read_text())
-    with pytest.raises(DogshapeError) as refused:
-        load_bench(folder)
-    assert 'write sense = "unknown" in the table [record]' in str(refused.value)
+    state(folder, '[sensor]\ndisplacement_at = "actuator"')
+    assert load_bench(folder).record == BenchRecord("unknown", "actuator", "unknown", "unknown")
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,8 @@ from typing import Any, ClassVar
 
 import numpy as np
 import pytest
+from scipy.stats import f as f_distribution
+from scipy.stats import norm
 
 from dogshape.diagnosis.bench.nominal_errors import EXACT
 from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN
@@ -55,7 +57,8 @@ class _Model:
             else:
                 mean = mean + BASE * 0.5 * share * (TILT if name == "tilt" else 1.0)
         nothing, one = 0.0 * mean, np.ones_like(mean)
-        return Predicted(mean + delay, SD * one, nothing, nothing, 1e-3 * one, one, delay + nothing)
+        parts = mean + delay, SD * one, nothing, nothing, nothing, 1e-3 * one, one, delay + nothing
+        return Predicted(*parts)
 
 
 def _stick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) -> Yardstick:
@@ -97,8 +100,9 @@ def test_spreads_count_where_single_shifts_are_known() -> None:
     seen = replace(stick.likelihood.seen, freedom=np.full(CELLS, 1000.0))
     stick = replace(stick, truth=wide, likelihood=replace(stick.likelihood, seen=seen))
     (found,) = stick.squares((), np.zeros((1, 0)))
-    error = USUAL.spread_share**2 + np.log1p(USUAL.spread_error * BASE / SD) ** 2 + 0.5 / 1000
-    assert found == pytest.approx(CELLS * (np.log(4.0) + 0.5 / 1000) ** 2 / error, rel=1e-4)
+    error = USUAL.spread_share**2 + np.log1p(USUAL.spread_error * BASE / SD) ** 2
+    deviate = norm.isf(f_distribution.sf(16.0, 1000.0, 0.5 / error))
+    assert found == pytest.approx(CELLS * deviate**2, rel=1e-4)
 
 
 def test_a_rival_of_the_same_change_leaves_nothing() -> None:

@@ -173,11 +173,11 @@ def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> No
     assert [cell.failed for cell in load_bench("n").cells] == [0, 1]
 
 
-def test_a_moved_key_is_refused_with_its_place(dogshape: Call) -> None:
+def test_a_moved_key_beside_its_place_is_refused(dogshape: Call) -> None:
     Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n")
     said = dogshape("init", "bench", "m.csv", "--set", "mismatch_sense=known")
     assert said.status == 2
-    assert 'write sense = "known" in the table [record]' in said.err
+    assert "two keys for one thing; leave out 'mismatch_sense'" in said.err
     assert not Path("m").exists()
 
 

@@ -9,8 +9,8 @@ error of its simulation cancels. A rival hypothesis *h* leaves of these
 
 within its ranges. *C* has all errors of the likelihood of the diagnosis: scatter by the numbers of
 shifts, errors of nominal force and mismatch, of the effects' laws and of any simulation, nuisances,
-and the discrepancy at the scale of its prior. :math:`s_k` is the logarithm of observed over
-predicted spread in standard errors, where spreads are known. Late shifts, shares engaged and
+and the discrepancy at the scale of its prior. :math:`s_k` is the normal deviate of a
+spread, where spreads are known. Late shifts, shares engaged and
 traces, which may tell more, are left out.
 
 A part of a truth that leaves less than is visible to the diagnosis is all of it that the data can
@@ -80,7 +80,7 @@ class Yardstick:
             late=nothing,
             hidden=nothing.astype(bool),
         )
-        settings = replace(self.likelihood.settings, odd_share=1e-300)
+        settings = replace(self.likelihood.settings, odd_share=1e-300, odd_spread=1e-300)
         return replace(self.likelihood, seen=exact, settings=settings)
 
     def squares(self, hypothesis: Hypothesis, shares: Array) -> Array:
@@ -94,7 +94,7 @@ class Yardstick:
         smooth = exact.settings.discrepancy * (p.mean - p.delay)[..., None] * exact.smooth
         columns = np.concatenate([smooth, exact.columns(p)], axis=2)[:, some]
         squares = squared_distance(found.residual, found.variance, columns)
-        squares = squares + np.nansum(found.spread**2, axis=1)
+        squares = squares + np.nansum(exact.spread_scores(p) ** 2, axis=1)
         there = (p.engaged[:, some] >= ENGAGED).all(axis=1)
         there &= exact.model.possible(hypothesis, shares)
         return np.where(there & np.isfinite(squares), squares, np.inf)
