@@ -73,7 +73,6 @@ STEP = 1e-3  #: s, sampling step of a recording
 MARK_SIZES = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
 MARK_ALIKE = 0.9  #: of their variance, which marks of displacement or force have in common
 
-WORTH = ("information", "settles", "misleads")
 #: Marks of the flight of a hypothesis at values (m, p): times, error, creep, (m, SIZE), s.
 Marks = Callable[[Hypothesis, Array, ForceProfile], Any]
 
@@ -213,9 +212,9 @@ def _judged(diagnosis: Findings, test: NextTest, marks: Marks | None, seed: int 
     if outcome is None:
         return test
     before, odds = _before(diagnosis, outcome), imitator_odds(settings)
-    worth = dict(zip(WORTH, outcome.worth(before, odds, settings.named, seed), strict=True))
+    gain, settles, misleads = outcome.worth(before, odds, settings.named, seed)
     foreseen = {h: outcome.moments(k) for k, h in enumerate(outcome.hypotheses)}
-    return replace(test, **worth, foreseen=foreseen)
+    return replace(test, information=gain, settles=settles, misleads=misleads, foreseen=foreseen)
 
 
 def settle(
@@ -320,11 +319,12 @@ def _questions(diagnosis: Findings) -> list[NextTest]:
         after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
         gain = (rel_entr(after, chance @ after) * chance[:, None]).sum()
         best, named = after.max(axis=1), after.max(axis=1) > diagnosis.settings.named
-        worth = float(gain), *(float(chance @ (named * one)) for one in (best, 1.0 - best))
+        right, wrong = (float(chance @ (named * one)) for one in (best, 1.0 - best))
         name, how = RECORD[key]
         effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == name)
         test = NextTest(name, how, "record", ASKED, effects, question=key)
-        found.append(replace(test, **dict(zip(WORTH, worth, strict=True))))
+        worth = replace(test, information=float(gain), settles=right, misleads=wrong)
+        found.append(worth)
     return found
 
 
@@ -371,11 +371,13 @@ def _read(diagnosis: Findings, test: NextTest) -> Outcome:
     covariance, share = np.tile(errors, (len(mean), 1, 1)), np.zeros(len(mean))
     for k, (effect, place) in enumerate(places, start=1):
         mean[k, place] = 0.5 if effect.parameters else 1.0
-        wide = np.arange(absent.size)[place] if effect.parameters else []
-        covariance[k, wide, wide] += 1.0 / 12.0
+        if effect.parameters:
+            wide = np.arange(absent.size)[place]
+            covariance[k, wide, wide] += 1.0 / 12.0
         share[k] = (0.5 if effect.parameters else settings.prior(effect.name)) / len(effects)
     share[0] = 1.0 - share.sum()
-    return Outcome.of(parts | {UNKNOWN: (share, mean, covariance)}, set(test.effects).intersection)
+    every = parts | {UNKNOWN: (share, mean, covariance)}
+    return Outcome.of(every, lambda h: bool(set(test.effects) & set(h)))
 
 
 def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:

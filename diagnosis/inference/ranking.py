@@ -221,7 +221,7 @@ class _Search:
             hopes[acting] = max(hopes.get(acting, (-np.inf, h)), (hope, h))
         return [h for _, h in sorted(hopes.values(), reverse=True)]
 
-    def optimistic(self, one: Sample) -> tuple[Array, Array]:
+    def optimistic(self, one: Sample) -> tuple[np.ndarray, Array]:
         """Compute log likelihoods as if emulated means suited the data: places and logs, (k,)."""
         places = one.log.argsort()[::-1][:OPEN]
         p, seen = one.predicted.only(places), self.likelihood.seen

@@ -119,12 +119,14 @@ def field_of(likelihood: Likelihood) -> Field:
     time = (base.mean - base.delay)[0]
     smooth = settings.discrepancy * time[:, None] * likelihood.smooth
     common = np.hstack([smooth, likelihood.columns(base)[0]])
+    truths, rivals = (
+        tuple(_values(model.predict(h, _shares(model, h, count)), base) for h in hypotheses)
+        for count in (TRUTHS, RIVALS)
+    )
     return Field(
         hypotheses,
-        *(
-            tuple(_values(model.predict(h, _shares(model, h, count)), base) for h in hypotheses)
-            for count in (TRUTHS, RIVALS)
-        ),
+        truths,
+        rivals,
         base,
         np.sqrt(likelihood.own_variance(base)[0]),
         np.hypot(settings.spread_share, np.log1p(settings.spread_error * time / base.sd[0])),
@@ -217,9 +219,11 @@ def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None)
         tuple(whole),
         visits(whole, reference, seed),
         reference,
-        *(field.worth(some) for some in (shifts, even)),
+        field.worth(shifts),
+        field.worth(even),
         field.log_odds(shifts),
-        *(field.told_apart(some) for some in (shifts, even)),
+        field.told_apart(shifts),
+        field.told_apart(even),
     )
 
 

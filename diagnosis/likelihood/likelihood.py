@@ -75,7 +75,7 @@ class Likelihood:
     settings: Settings
 
     @cached_property
-    def having(self) -> Array:
+    def having(self) -> np.ndarray:
         """Places of the points that have a mean, (c,)."""
         return np.flatnonzero(self.seen.having)
 

@@ -85,7 +85,7 @@ class Observed:
     flights: tuple[SeenFlight, ...]
 
     @property
-    def having(self) -> Array:
+    def having(self) -> np.ndarray:
         """Mark the points with a mean, (C,)."""
         return self.count > 0
 

@@ -651,7 +651,7 @@ def wait_of(setting: Setting) -> float:
     return min(timeout, setting.clutch.dog.pitch_angle / slip) if slip else timeout
 
 
-def late_times(times: Array, least: Array) -> Array:
+def late_times(times: Array, least: Array) -> np.ndarray:
     """Mark late shifts among times (..., C, n) of operating points.
 
     A late shift lies behind the median by ``least`` (C,), s, and by ``FAR`` distances of the 10 %

@@ -152,8 +152,8 @@ def calibrated_study(
     """
     hypothesis = _chosen(found, path) if causes is None else _asked(found, causes)
     fit = found.fits[hypothesis]
-    sizes = {REVERSED: {}} if REVERSED in hypothesis else {}
-    sizes |= by_effect(found, hypothesis, fit.values.mean(axis=0))
+    own = by_effect(found, hypothesis, fit.values.mean(axis=0))
+    sizes = {**({REVERSED: {}} if REVERSED in hypothesis else {}), **own}
     data = study_of(found.bench, path.stem) if base is None else read_toml(find_study(base))
     given = _built({**data, "name": path.stem}, path)
     keys = EffectKeys(Setting(given.clutch, PROBE), frozenset(registry.load()))
