@@ -35,6 +35,7 @@ from dogshape.diagnosis.prediction.simulations import (
     Level,
     Simulated,
     coordinate,
+    extremes,
     settings_of,
     simulate,
     with_wide_range,
@@ -379,7 +380,11 @@ class Model:
 
     def _exists(self, effect: Effect, shares: Sequence[float]) -> bool:
         given = {p.name: p.at(s) for p, s in zip(effect.parameters, shares, strict=True)}
-        return effect.possible(self.setting, given)
+        return all(effect.possible(setting, given) for setting in self._extremes)
+
+    @cached_property
+    def _extremes(self) -> list[Setting]:
+        return extremes(self.settings)
 
     def changes(self, name: str, values: Array) -> tuple[Array, Array]:
         """Compute changes of the moments (m, C, MOMENTS) and dead times (m, C) by an effect.

@@ -138,7 +138,7 @@ def levels_of(effect: Effect, settings: Sequence[Setting]) -> tuple[Level, ...]:
         Level((effect.name,), tuple(p.at(s) for p, s in zip(effect.parameters, row, strict=True)))
         for row in shares.tolist()
     ]
-    ends = _extremes(settings)
+    ends = extremes(settings)
     there = [k for k, level in enumerate(levels) if exists(level, {effect.name: effect}, ends)]
     if count == 1 and there:
         even = np.linspace(there[0], there[-1], ALONG).round().astype(int)
@@ -148,7 +148,7 @@ def levels_of(effect: Effect, settings: Sequence[Setting]) -> tuple[Level, ...]:
     return tuple(levels[k] for k in there)
 
 
-def _extremes(settings: Sequence[Setting]) -> list[Setting]:
+def extremes(settings: Sequence[Setting]) -> list[Setting]:
     """Select the operating points of least and largest force and mismatch."""
     keys = (lambda s: s.point.profile.force, lambda s: abs(s.point.mismatch))
     return [end(settings, key=key) for key in keys for end in (min, max)]
