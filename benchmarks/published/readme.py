@@ -154,7 +154,7 @@ ENTRIES: list[Entry] = [
     ),
     Entry(
         PAGE,
-        "slow shifts settle it with {:.0f} %, as foreseen",
+        "ten shifts settle it with {:.0f} %, as foreseen",
         lambda: [PERCENT * gap("stand")["next_test"]["chance_to_settle"]],
     ),
     Entry(
