@@ -479,41 +479,49 @@ class Model:
     def _read(self, effect: Effect, values: Array) -> tuple[Array, Array]:
         """Compute the changes by an effect of the reading: dead time, weights of the angles."""
         change = np.zeros((len(values), self.cells, MOMENTS))
-        delay, uneven = np.zeros(len(values)), np.zeros((len(values), 2))
         if effect.name not in self._slopes:
-            self._slopes[effect.name] = self._dead_time(effect)
-        slope = self._slopes[effect.name]
-        if slope is not None:
-            delay = slope * values[:, 0]
-        else:
-            uneven = np.array([self._reading(effect, row)[1:] for row in values.tolist()])
-            delay = np.array([self._reading(effect, row)[0] for row in values.tolist()])
-        if uneven.any():
-            change = self._weighted(uneven[:, :1, None], uneven[:, 1:, None])
-        return change, np.tile(delay[:, None], self.cells)
+            self._slopes[effect.name] = self._dead_times(effect)
+        slopes = self._slopes[effect.name]
+        if slopes is not None:
+            return change, values[:, :1] * slopes
+        found = self._readings(effect, values)
+        if found[..., 1:].any():
+            change = self._weighted(found[..., 1:2], found[..., 2:])
+        return change, found[..., 0]
 
     @cached_property
-    def _slopes(self) -> dict[str, float | None]:
+    def _slopes(self) -> dict[str, Array | None]:
         return {}
 
-    def _dead_time(self, effect: Effect) -> float | None:
-        """Compute the dead time for each unit of the only parameter; None for any other effect."""
+    def _dead_times(self, effect: Effect) -> Array | None:
+        """Compute the dead time for each unit of the only parameter, (C,); None for another law."""
         if len(effect.parameters) != 1:
             return None
         (only,) = effect.parameters
-        ends = np.array([only.low, 0.5 * (only.low + only.high), only.high])
-        found = np.array([self._reading(effect, [value]) for value in ends.tolist()])
-        slope = float(found[2, 0] / ends[2])
-        return slope if np.allclose(found, np.outer(slope * ends, [1.0, 0.0, 0.0])) else None
+        ends = np.array([[only.low], [0.5 * (only.low + only.high)], [only.high]])
+        found = self._readings(effect, ends)
+        slopes = found[2, :, 0] / ends[2, 0]
+        linear = np.allclose(found[..., 0], ends * slopes) and not found[..., 1:].any()
+        return np.asarray(slopes) if linear else None
 
-    def _reading(self, effect: Effect, row: list[float]) -> tuple[float, float, float]:
+    def _readings(self, effect: Effect, values: Array) -> Array:
+        """Give dead time, concentration and centre of values (m, p) at each point, (m, C, 3)."""
+        rows = values.tolist()
+        ends = np.array([[self._reading(effect, row, s) for s in self._extremes] for row in rows])
+        if (ends == ends[:, :1]).all():  # the same at all operating points
+            return np.tile(ends[:, :1], (1, self.cells, 1))
+        return np.array([[self._reading(effect, row, s) for s in self.settings] for row in rows])
+
+    def _reading(
+        self, effect: Effect, row: list[float], setting: Setting
+    ) -> tuple[float, float, float]:
         """Give dead time, concentration and centre; none where there is no such bench."""
         names = [p.name for p in effect.parameters]
         try:
-            changed = effect.apply(self.setting, dict(zip(names, row, strict=True)))
+            changed = effect.apply(setting, dict(zip(names, row, strict=True)))
         except DogshapeError:
             return 0.0, 0.0, 0.0
-        return changed.delay - self.setting.delay, changed.concentration, changed.centre
+        return changed.delay - setting.delay, changed.concentration, changed.centre
 
     def _weighted(self, concentration: Array, centre: Array) -> Array:
         """Compute the changes by relative angles that are not uniform, (m, C, MOMENTS)."""
