@@ -212,9 +212,7 @@ class Model:
         baseline, whose many shifts show it.
         """
         times = self.simulated.baseline
-        ordered = np.sort(np.where(np.isfinite(times), times, np.inf), axis=-1)
-        count = np.isfinite(times).sum(axis=-1)
-        fast, middle = (_quantile(ordered, count, share) for share in (0.1, 0.5))
+        fast, middle = _quantiles(times, (0.1, 0.5))
         return np.maximum(FAR * (middle - fast), np.maximum(SLOT * self.waits, LEAST_FAR))
 
     @cached_property
@@ -236,10 +234,10 @@ class Model:
     def _every(self) -> tuple[Array, Array]:
         """Times of the baseline and all levels, (C, n), and which of them are late."""
         levels = np.moveaxis(self.simulated.times, 1, 0)
-        late = [late_times(row, self.far[:, None]) for row in (levels,)]
+        late = late_times(levels, self.far[:, None])
         base = late_times(self.simulated.baseline, self.far)
         times = np.hstack([self.simulated.baseline, levels.reshape(self.cells, -1)])
-        return times, np.hstack([base, late[0].reshape(self.cells, -1)])
+        return times, np.hstack([base, late.reshape(self.cells, -1)])
 
     @cached_property
     def pooled_late(self) -> Array:
@@ -259,11 +257,7 @@ class Model:
             [np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else 0.0 for row in times]
         )
         levels = np.moveaxis(self.simulated.times, 1, 0)
-        own = _quantile(
-            np.sort(np.where(np.isfinite(levels), levels, np.inf), -1),
-            np.isfinite(levels).sum(-1),
-            0.5,
-        )
+        (own,) = _quantiles(levels, (0.5,))
         medians = np.hstack(
             [
                 np.repeat(middle[:, None], self.simulated.baseline.shape[1], 1),
@@ -671,11 +665,16 @@ def late_times(times: Array, least: Array) -> np.ndarray:
     quantile from it: the fast side does not move with late shifts.
     """
     ended = np.isfinite(times)
-    ordered = np.sort(np.where(ended, times, np.inf), axis=-1)
-    count = ended.sum(axis=-1)
-    fast, middle = (_quantile(ordered, count, share) for share in (0.1, 0.5))
+    fast, middle = _quantiles(times, (0.1, 0.5))
     far = np.maximum(FAR * (middle - fast), least)
     return ended & (times > (middle + far)[..., None])
+
+
+def _quantiles(times: Array, shares: Sequence[float]) -> list[Array]:
+    """Compute quantiles of the shifts that engage among times (..., n), (...) each."""
+    ended = np.isfinite(times)
+    ordered = np.sort(np.where(ended, times, np.inf), axis=-1)
+    return [_quantile(ordered, ended.sum(axis=-1), share) for share in shares]
 
 
 def _quantile(ordered: Array, count: Array, share: float) -> Array:
