@@ -99,6 +99,15 @@ def test_figures_of_made_up_results() -> None:
     assert found["p_median"] == (0.4, 2)
 
 
+def test_leading_pairs_are_held_against_the_truth() -> None:
+    pair = tuple(sorted((*DELAY, *MASS)))
+    said = [
+        replace(MARKS[0], truth=truth, evidence={pair: 0.6, DELAY: 0.4}) for truth in (pair, MASS)
+    ]
+    found = headline([*said, MARKS[0]])["pairs_lead"]
+    assert (found["value"], found["n"]) == (pytest.approx(0.1), 2)
+
+
 def test_of_a_truth_everything_counts_that_has_what_is_seen_of_it() -> None:
     whole = ("a", "b", "c")
     assert between([("a",)], whole) == (("a",), ("a", "b"), ("a", "c"))

@@ -27,31 +27,31 @@ CLUTCHES = {"prototype": "bench/mq200_adams", "large": "blind/large", "hub": "bl
 SEED = 7042  #: of the draws, unless another is given
 #: Cases by engine and kind; those outside the list by name.
 COUNTS: dict[str, dict[str, int]] = {
-    "planar": {"none": 12, "single": 18, "pair": 8, "three": 2},
-    "mujoco": {"none": 4, "single": 4, "pair": 2, "three": 0},
+    "planar": {"none": 24, "single": 36, "pair": 16, "three": 4},
+    "mujoco": {"none": 8, "single": 8, "pair": 4, "three": 0},
 }
 OUTSIDE: dict[str, dict[str, int]] = {
     "planar": {
-        "sticking_valve": 2,
-        "hanging_valve": 2,
-        "swapped_forces": 2,
-        "swapped_speeds": 3,
+        "sticking_valve": 6,
+        "hanging_valve": 6,
+        "swapped_forces": 10,
+        "swapped_speeds": 14,
     },
     "mujoco": {
-        "sticking_valve": 1,
-        "hanging_valve": 1,
-        "swapped_speeds": 1,
-        "speed_ripple": 1,
-        "high_dog": 1,
-        "two_stages": 1,
+        "sticking_valve": 2,
+        "hanging_valve": 2,
+        "swapped_speeds": 4,
+        "speed_ripple": 2,
+        "high_dog": 4,
+        "two_stages": 2,
     },
 }
 #: Cases of each engine in a small set, on the first clutch.
 SMALL = {"none": 1, "single": 1, "pair": 1}
 #: Candidates of a case by engine and kind, where there are several.
 DRAWS: dict[str, dict[str, int]] = {
-    "planar": {"single": 6, "outside": 3},
-    "mujoco": {"single": 3, "outside": 2},
+    "planar": {"single": 10, "pair": 6, "outside": 8},
+    "mujoco": {"single": 4, "outside": 3},
 }
 COMMON = ("actuation_delay", "sleeve_friction")  #: likely in every bench
 WITH_COMMON = 0.4  #: share of pairs and threes with one of them

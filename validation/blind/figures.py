@@ -59,6 +59,7 @@ HEADLINES = (
     Headline("credible", "90 % set holds the truth", 0.88),
     Headline("sizes", "90 % intervals hold the sizes", 0.85),
     Headline("pairs_said", "pairs: probability said less share right", None, 0.15, percent=False),
+    Headline("pairs_lead", "a pair leads: probability said less right", percent=False),
     Headline("test_settles", "cause open: the advised test settles it", 0.50),
     Headline("test_misleads", "cause open: the advised test misleads", None, 0.05),
     Headline("test_foreseen", "advised test: foreseen less realised", None, 0.10, percent=False),

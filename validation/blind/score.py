@@ -84,8 +84,12 @@ class Mark:
         """Probability of the leading hypothesis by evidence, less 1 where that is the truth."""
         if not self.evidence:
             return None
-        top = max(self.evidence, key=lambda h: self.evidence[h])
-        return self.evidence[top] - (top == self.truth)
+        return self.evidence[self.likeliest] - (self.likeliest == self.truth)
+
+    @property
+    def likeliest(self) -> Names:
+        """Most probable hypothesis by evidence; none where the data were refused."""
+        return max(self.evidence, key=lambda h: self.evidence[h], default=())
 
     def row(self) -> Record:
         """Write the row of the case."""
@@ -211,6 +215,7 @@ def headline(marks: Sequence[Mark]) -> dict[str, Interval]:
         "credible": share(any(one in m.credible for one in m.seen) for m in marks if m.posterior),
         "sizes": share(inside for m in marks for inside in m.inside),
         "pairs_said": mean(m.said_less_right for m in marks if m.kind == "pair"),
+        "pairs_lead": mean(m.said_less_right for m in marks if len(m.likeliest) == 2),
         "test_settles": share(one.settled for one in tests),
         "test_misleads": share(one.misled for one in tests),
         "test_foreseen": mean(one.foreseen - one.settled for one in tests),
