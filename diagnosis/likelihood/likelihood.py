@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import betaln, gammaln, logsumexp
+from scipy.special import betaln, expit, gammaln, logit, logsumexp
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
@@ -39,6 +39,7 @@ from dogshape.sim.units import RPM
 NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])  #: amplitudes over the scale of their prior
 KEPT = 0.02  #: of the largest eigenvalue, from which a direction of the discrepancy counts
 MOST_LATE = 6  #: numbers of late shifts within one mean that are tried beside 0
+TABLE = 257  #: shares at which probabilities of numbers of shifts are computed
 STEP = 0.05  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
 
@@ -213,84 +214,81 @@ class Likelihood:
         self, q: Predicted, own: Array, basis: Array, fixed: Array
     ) -> tuple[Array, Array, Array]:
         """Choose late and odd means: residual, variance (m, c), log probability beside (m,)."""
-        shift, scatter, weight, spread = self._late(q)
-        rough = (np.exp(weight)[..., None, :] @ np.stack([shift, shift**2 + scatter], -1))[
-            ..., 0, :
-        ]
-        seen = self.seen.mean[self.having]
-        first = seen - q.mean - rough[..., 0]
-        wide = own + rough[..., 1] - rough[..., 0] ** 2
-        columns = np.concatenate([self.settings.discrepancy * basis, fixed], axis=2)
-        fitted, left = _fitted(first, wide, columns)
-        gap = (seen - q.mean - fitted)[..., None] - shift
-        whole = scatter + own[..., None]
-        odd = (self.settings.odd_size * q.mean) ** 2
-        options = np.concatenate([whole, (whole[..., :1] + odd[..., None])], axis=2)
-        gaps = np.concatenate([gap, gap[..., :1]], axis=2)
-        oddly = np.log(self.settings.odd_share)
-        weights = np.concatenate(
-            [weight + spread, weight[..., :1] + spread[..., :1] + oddly], axis=2
-        )
-        beside = options + left[..., None]
-        scored = weights - 0.5 * (gaps**2 / beside + np.log(2.0 * np.pi * beside))
-        best = scored.argmax(axis=2)[..., None]
-        log = logsumexp(scored, axis=2) - np.take_along_axis(scored, best, 2)[..., 0]
-        log = log + np.take_along_axis(weights, best, 2)[..., 0]
-        shifts = np.concatenate([shift, shift[..., :1]], axis=2)
-        moved = np.take_along_axis(shifts, best, 2)[..., 0]
-        variance = np.take_along_axis(options, best, 2)[..., 0]
-        return seen - q.mean - moved, variance, log.sum(axis=1)
+        options, seen = self._options, self.seen.mean[self.having]
+        at, part = options.point, options.part
+        behind, behind_sd = (one[self.having][at] for one in self.model.behind)
+        shift, single = part * behind, q.sd[:, at] ** 2
+        timely = np.where(part == 0.0, self._scatter(q)[:, at], single)
+        scatter = timely * (1.0 - part) + part * behind_sd**2
+        scatter = scatter / self.seen.count[self.having][at]
+        number = options.log_number.at(q.late[:, at])
+        mixed = single * (1.0 - part) + part * behind_sd**2 + part * (1.0 - part) * behind**2
+        weight = number + self._spread(q, mixed)
 
-    def _late(self, q: Predicted) -> tuple[Array, Array, Array, Array]:
-        """Compute the means with 0, 1, ... late shifts within: shift s, variance s^2, log
-        probability, and log density of the variance of single shifts, (m, c, K) each.
-        """
+        usual = np.where(options.odd, 0.0, np.exp(number))
+        rough = options.summed(usual * shift)
+        wide = own + options.summed(usual * (shift**2 + scatter)) - rough**2
+        columns = np.concatenate([self.settings.discrepancy * basis, fixed], axis=2)
+        fitted, left = _fitted(seen - q.mean - rough, wide, columns)
+
+        oddly = np.where(options.odd, self.settings.odd_size * q.mean[:, at], 0.0) ** 2
+        variance = scatter + own[:, at] + oddly
+        gap, beside = (seen - q.mean - fitted)[:, at] - shift, variance + left[:, at]
+        scored = weight - 0.5 * (gap**2 / beside + np.log(2.0 * np.pi * beside))
+        best, among = options.best(scored)
+        rows = np.arange(len(scored))[:, None]
+        log = (among + weight[rows, best]).sum(axis=1)
+        return seen - q.mean - shift[best], variance[rows, best], log
+
+    @cached_property
+    def _options(self) -> _Options:
+        """Numbers of late shifts that each mean may have within, and an odd mean."""
         some, seen = self.having, self.seen
         n, late = seen.count[some], seen.late[some]
         hidden = seen.hidden[some]
         most = int(min(MOST_LATE, n[hidden].max())) if hidden.any() else 0
         k, width = _late_numbers(n[:, None], most)
-        share = np.clip(q.late, self.settings.late_least, 0.9)
-        known = self.settings.late_known
         within = np.where(hidden[:, None], k, 0.0)
-        more = within + late[:, None]
-        whole = (n + late)[:, None]
+        more, whole = within + late[:, None], (n + late)[:, None]
         possible = (k <= n[:, None]) & (hidden[:, None] | (k == 0))
-        alpha, beta = known * share[..., None], known * (1.0 - share[..., None])
-        weight = _log_choose(whole, more) + betaln(more + alpha, whole - more + beta)
-        weight = np.where(possible, weight - betaln(alpha, beta) + np.log(width), -np.inf)
+        share = _shares(self.settings.late_least, 0.9)[:, None, None]
+        log = _log_number(share, more, whole, self.settings.late_known) + np.log(width)
+        log = np.where(possible, log, -np.inf)
         # Numbers that stand for several have the probability 1 together only about.
         means = (hidden & (late == 0))[:, None]
-        weight = weight - np.where(means, logsumexp(weight, axis=2, keepdims=True), 0.0)
-        behind, behind_sd = (part[some][:, None] for part in self.model.behind)
-        part = np.minimum(within / n[:, None], 1.0)
-        single = q.sd[..., None] ** 2
-        own = np.where(within == 0.0, self._scatter(q), single)
-        scatter = (own * (1.0 - part) + part * behind_sd**2) / n[:, None]
-        mixed = single * (1.0 - part) + part * behind_sd**2 + part * (1.0 - part) * behind**2
-        shift = np.broadcast_to(part * behind, weight.shape)
-        return shift, scatter, weight, self._spread(q, mixed)
+        log = log - np.where(means, logsumexp(log, axis=2, keepdims=True), 0.0)
+        odd = log[..., :1] + np.log(self.settings.odd_share)
+        kept = np.hstack([possible, np.ones((len(n), 1), dtype=bool)])
+        part = np.hstack([np.minimum(within / n[:, None], 1.0), np.zeros((len(n), 1))])
+        table = np.concatenate([log, odd], axis=2)[:, kept]
+        point, place = np.nonzero(kept)
+        ends = (self.settings.late_least, 0.9)
+        return _Options(point, part[kept], place == most + 1, _Table(*ends, table))
 
     def _scatter(self, q: Predicted) -> Array:
-        """Estimate the variance of timely shifts by prediction and observation, (m, c, 1)."""
+        """Estimate the variance of timely shifts by prediction and observation, (m, c)."""
         seen, some = self.seen, self.having
         freedom = np.where(seen.freedom[some] > 0.0, self._freedom[some], 0.0)
         other = 0.5 / self._spread_error(q)
         whole = (other * q.sd**2 + freedom * seen.variance[some]) / (other + freedom)
-        return np.asarray(whole[..., None])
+        return np.asarray(whole)
 
     def _spread(self, q: Predicted, variance: Array) -> Array:
-        """Compute the log density of the variance of single shifts, (m, c, K).
+        """Compute the log density of the variance of single shifts with each option, (m, P).
 
         Few shifts of a distribution with two modes may all be of one, so a share of spreads is odd.
         """
-        freedom = self._freedom[self.having][:, None]
-        ratio = self.seen.variance[self.having][:, None] / variance
-        error = self._spread_error(q)[..., None]
-        odd = self.settings.odd_spread
+        found = np.zeros_like(variance)
+        known = np.flatnonzero(self.seen.freedom[self.having][self._options.point] > 0.0)
+        if not known.size:
+            return found
+        at = self._options.point[known]
+        freedom = self._freedom[self.having][at]
+        ratio = self.seen.variance[self.having][at] / variance[:, known]
+        error, odd = self._spread_error(q)[:, at], self.settings.odd_spread
         usual, wide = (_log_f(ratio, freedom, 0.5 / e) for e in (error, error + 1.0))
-        log = np.logaddexp(np.log1p(-odd) + usual, np.log(odd) + wide)
-        return np.where(self.seen.freedom[self.having][:, None] > 0.0, log, 0.0)
+        found[:, known] = np.logaddexp(np.log1p(-odd) + usual, np.log(odd) + wide)
+        return found
 
     def _spread_error(self, q: Predicted) -> Array:
         """Compute the variance of ln of a predicted spread, (m, c)."""
@@ -319,20 +317,21 @@ class Likelihood:
 
     def _engaged(self, p: Predicted) -> Array:
         """Compute the log probability of the numbers that engaged, (m,)."""
+        return np.asarray(self._log_engaged.at(p.engaged).sum(axis=1))
+
+    @cached_property
+    def _log_engaged(self) -> _Table:
         tried = self.seen.engaged + self.seen.failed
-        log = self._share(p.engaged, self.seen.engaged, tried)
-        return np.asarray(log.sum(axis=1))
+        return self._log_counts(self.seen.engaged, tried)
+
+    def _log_counts(self, count: Array, whole: Array) -> _Table:
+        shares = _shares(0.01, 0.99)[:, None]
+        return _Table(0.01, 0.99, _log_number(shares, count, whole, self.settings.late_known))
 
     def log_failed(self, p: Predicted) -> Array:
         """Compute the log probability that all untold shifts were tried and failed, (m,)."""
-        found = self._share(p.engaged, 0.0 * self.seen.untold, self.seen.untold)
-        return np.asarray(found.sum(axis=1))
-
-    def _share(self, share: Array, count: Array, whole: Array) -> Array:
-        share, known = np.clip(share, 0.01, 0.99), self.settings.late_known
-        alpha, beta = known * share, known * (1.0 - share)
-        log = betaln(count + alpha, whole - count + beta) - betaln(alpha, beta)
-        return np.asarray(log + _log_choose(whole, count))
+        untold = self.seen.untold
+        return np.asarray(self._log_counts(0.0 * untold, untold).at(p.engaged).sum(axis=1))
 
     def late_mean(self, p: Predicted) -> Array:
         """Compute the mean of all shifts, late ones too, s, (m, C)."""
@@ -378,18 +377,81 @@ def _log_f(ratio: Array, one: Array, other: Array) -> Array:
     return np.asarray(log)
 
 
-def _log_choose(n: Array, k: Array) -> Array:
-    return np.asarray(gammaln(n + 1.0) - gammaln(k + 1.0) - gammaln(np.maximum(n - k, 0.0) + 1.0))
+def _log_number(share: Array, count: Array, whole: Array, known: float) -> Array:
+    """Compute the log beta-binomial probability of a count among so many.
+
+    ``share`` is the mean of the share's distribution, which has the width that ``known`` shifts of
+    a simulation give it.
+    """
+    alpha, beta = known * share, known * (1.0 - share)
+    log = betaln(count + alpha, whole - count + beta) - betaln(alpha, beta)
+    choose = gammaln(whole + 1.0) - gammaln(count + 1.0)
+    return np.asarray(log + choose - gammaln(np.maximum(whole - count, 0.0) + 1.0))
+
+
+def _shares(low: float, high: float) -> Array:
+    """List the shares of a table, even in the logarithm of the odds, (TABLE,)."""
+    return np.asarray(expit(np.linspace(logit(low), logit(high), TABLE)))
+
+
+@dataclass(frozen=True)
+class _Table:
+    """Functions of a share from ``low`` to ``high``: values at ``_shares``, (TABLE, P)."""
+
+    low: float
+    high: float
+    values: Array
+
+    def at(self, share: Array) -> Array:
+        """Interpolate at shares (m, P), each for its function, (m, P)."""
+        low, high = logit(self.low), logit(self.high)
+        place = (logit(np.clip(share, self.low, self.high)) - low) * ((TABLE - 1) / (high - low))
+        below = np.clip(place.astype(int), 0, TABLE - 2)
+        columns = np.arange(share.shape[1])
+        first, second = self.values[below, columns], self.values[below + 1, columns]
+        return np.asarray(first + (place - below) * (second - first))
+
+
+@dataclass(frozen=True)
+class _Options:
+    """What a mean may be: the options of all points one after the other, P in all.
+
+    Parameters
+    ----------
+    point : place among the points with a mean, ascending.
+    part : share of late shifts within the mean.
+    odd : whether the mean is odd.
+    log_number : log probability by the share of late shifts.
+    """
+
+    point: np.ndarray
+    part: Array
+    odd: np.ndarray
+    log_number: _Table
+
+    @cached_property
+    def _starts(self) -> np.ndarray:
+        return np.flatnonzero(np.diff(self.point, prepend=-1))
+
+    def summed(self, values: Array) -> Array:
+        """Sum the options (m, P) of each point, (m, c)."""
+        return np.asarray(np.add.reduceat(values, self._starts, axis=1))
+
+    def best(self, log: Array) -> tuple[np.ndarray, Array]:
+        """Find the best option of each point, and the log of the sum of all over it, (m, c)."""
+        top = np.maximum.reduceat(log, self._starts, axis=1)[:, self.point]
+        places = np.where(log == top, np.arange(self.point.size), 0)
+        best = np.maximum.reduceat(places, self._starts, axis=1)
+        return best, np.log(self.summed(np.exp(log - top)))
 
 
 def _fitted(residual: Array, variance: Array, columns: Array) -> tuple[Array, Array]:
     """Fit errors in common to residuals: values and their variance, (m, c) each."""
-    scaled = columns / variance[..., None]
-    precision = np.eye(columns.shape[2]) + np.einsum("mcr,mcs->mrs", columns, scaled)
-    inverse = np.linalg.inv(precision)
-    along = np.einsum("mcr,mrs->mcs", columns, inverse)
-    pulled = np.einsum("mcr,mc->mr", scaled, residual)
-    return np.einsum("mcs,ms->mc", along, pulled), np.einsum("mcs,mcs->mc", along, columns)
+    scaled = (columns / variance[..., None]).swapaxes(1, 2)
+    inverse = np.linalg.inv(np.eye(columns.shape[2]) + scaled @ columns)
+    along = columns @ inverse
+    pulled = scaled @ residual[..., None]
+    return (along @ pulled)[..., 0], (along * columns).sum(axis=2)
 
 
 def _integrated(
@@ -398,20 +460,17 @@ def _integrated(
     """Integrate all errors in common: log density (m,), and of each amplitude (m, nodes)."""
     root = np.sqrt(variance)
     rank = basis.shape[2]
-    every = np.concatenate([basis, fixed], axis=2) / root[..., None]
-    gram = np.einsum("mcr,mcs->mrs", every, every, optimize=True)
-    pull = np.einsum("mcr,mc->mr", every, residual / root)
-    inner = np.eye(fixed.shape[2]) + gram[:, rank:, rank:]
-    solved = np.linalg.solve(
-        inner, np.concatenate([gram[:, rank:, :rank], pull[:, rank:, None]], 2)
-    )
-    smooth = gram[:, :rank, :rank] - gram[:, :rank, rank:] @ solved[..., :rank]
-    along = pull[:, :rank] - np.einsum("mrs,ms->mr", gram[:, :rank, rank:], solved[..., rank])
-    known = (pull[:, rank:] * solved[..., rank]).sum(axis=1)
+    every = np.concatenate([basis, fixed, residual[..., None]], axis=2) / root[..., None]
+    gram = every.swapaxes(1, 2) @ every
+    inner = np.eye(fixed.shape[2]) + gram[:, rank:-1, rank:-1]
+    others = np.concatenate([gram[:, rank:-1, :rank], gram[:, rank:-1, -1:]], axis=2)
+    solved = others.swapaxes(1, 2) @ np.linalg.solve(inner, others)
+    smooth = gram[:, :rank, :rank] - solved[:, :rank, :rank]
+    along = gram[:, :rank, -1] - solved[:, :rank, -1]
     values, vectors = np.linalg.eigh(smooth)
-    square = np.einsum("mrs,mr->ms", vectors, along) ** 2
-    plain = -0.5 * (residual**2 / variance + np.log(2.0 * np.pi * variance)).sum(axis=1)
-    plain = plain - 0.5 * np.linalg.slogdet(inner)[1] + 0.5 * known
+    square = (along[:, None] @ vectors)[:, 0] ** 2
+    plain = -0.5 * (gram[:, -1, -1] + np.log(2.0 * np.pi * variance).sum(axis=1))
+    plain = plain - 0.5 * np.linalg.slogdet(inner)[1] + 0.5 * solved[:, -1, -1]
     sizes = (scale * NODES[:, None, None]) ** 2
     grown = 1.0 + sizes * np.maximum(values, 0.0)
     logs = 0.5 * (sizes * square / grown - np.log(grown)).sum(axis=2)
