@@ -4,9 +4,9 @@
 
 The effect ``linkage_compliance`` has a tenth of the ring's mass on the actuator's side
 (``sim.shift.mechanism.FORK``) and a mass of its own, from that of a thin cable to that of an arm
-behind a ratio; without compliance it acts as ``moving_mass``. Means of the published clutch at
-some mismatches and all forces, 16 even angles each, by the compiled engine, read at the ring and
-at the actuator. Takes a minute.
+behind a ratio; without compliance it acts as ``moving_mass``. Means of the published clutch at some
+mismatches and all forces, 16 even angles each, by the compiled engine, read at the ring and at the
+actuator. Takes a minute.
 """
 
 from __future__ import annotations

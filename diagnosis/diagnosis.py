@@ -294,7 +294,8 @@ def diagnose(
     best = max(answers, key=lambda one: one.log).ranking
     likelihood = best.likelihood
     plausible = [h for h, p in evidence.items() if p > FITTED and h in best.samples]
-    fits = {h: fit(likelihood, best.samples[h]) for h in dict.fromkeys((NONE, *plausible))}
+    flights = Flights(likelihood.model.effects, likelihood.model.settings)
+    fits = {h: fit(likelihood, best.samples[h], flights) for h in dict.fromkeys((NONE, *plausible))}
     shares = unseen(likelihood, fits, evidence)
     posterior = seen_apart(shares, evidence)
     even = seen_apart(
@@ -322,7 +323,7 @@ def diagnose(
         held_out(likelihood, fits[known[0]], fits[rival] if rival else None, times - plain),
         _readings(answers, shares, fits, settings, within),
         (*facts_of(bench), *measured_facts(bench, likelihood.model.effects)),
-        Flights(likelihood.model.effects, likelihood.model.settings),
+        flights,
         0.0,
     )
     tests = choose(found, found.flights.marks) if advise else ()

@@ -5,15 +5,11 @@ Each is loaded when it is first asked for: either takes a second or more, and fe
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement, times_of
+from dogshape.sim.shift.conclusion import Engagement
 
 if TYPE_CHECKING:
     from dogshape.sim.planar.plant import PlanarClutch
@@ -50,21 +46,3 @@ def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Enga
     from dogshape.sim.shift import engagement as drake  # noqa: PLC0415
 
     return drake.engage(plant, point, relative_angle)  # type: ignore[arg-type]
-
-
-def shift_times(
-    clutch: Clutch, point: OperatingPoint, angles: Sequence[float]
-) -> NDArray[np.float64]:
-    """Simulate shifts at relative ``angles`` in rad for their times alone.
-
-    Returns
-    -------
-    array
-        Times at which ring and actuator make the travel, s from the command, (n, 2): inf where
-        they do not, NaN where the integration failed. Without a linkage both are equal.
-    """
-    if clutch.solver.engine == "planar":
-        from dogshape.sim.planar import engagement as planar  # noqa: PLC0415
-
-        return planar.shift_times(plant_of(clutch), point, angles)  # type: ignore[arg-type]
-    return times_of([engage(clutch, point, angle) for angle in angles])

@@ -20,7 +20,6 @@ from typing import Any, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.engines import shift_times
 from dogshape.sim.errors import EffectError, did_you_mean, require_between
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.contact import ContactSet
@@ -81,16 +80,6 @@ class Setting:
         at_ring = row["shift_time_s"]
         time = row.get("actuator_time_s", at_ring) if self.sensor == "actuator" else at_ring
         return None if time is None else float(time) + self.delay
-
-    def times(self, angles: Sequence[float]) -> Weights:
-        """Simulate shifts at relative ``angles`` in rad at the start of the force, for their times.
-
-        Returns the times that the bench reads, s, (n,): inf where it reads none, NaN where the
-        integration failed. No record of a shift is kept.
-        """
-        place = 1 if self.sensor == "actuator" else 0
-        found: Weights = shift_times(self.clutch, self.point, angles)[:, place] + self.delay
-        return found
 
     def weights(self, angles: Sequence[float]) -> Weights:
         """Return the weight of each relative angle in rad, (n,), 1 on average."""

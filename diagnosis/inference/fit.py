@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +10,8 @@ from scipy.stats import chi2
 
 from dogshape.diagnosis.inference.sampling import Sample
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
+from dogshape.diagnosis.likelihood.mark_density import flight_scores
+from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.model import Predicted, Space
 from dogshape.diagnosis.terms import Array, Hypothesis
 
@@ -77,13 +79,13 @@ class Fit:
         return {one.name: self.interval(one.name) for one in self.space.parameters}
 
 
-def fit(likelihood: Likelihood, sample: Sample) -> Fit:
+def fit(likelihood: Likelihood, sample: Sample, flights: Flights) -> Fit:
     """Draw the posterior of a hypothesis."""
     generator = np.random.default_rng(1)
     places = sample.draw(DRAWN, generator)
     predicted = sample.predicted.only(places)
     amplitude, offset = likelihood.drawn(predicted, generator)
-    return Fit(
+    found = Fit(
         sample.hypothesis,
         likelihood.model.space(sample.hypothesis),
         sample.shares[places],
@@ -92,25 +94,30 @@ def fit(likelihood: Likelihood, sample: Sample) -> Fit:
         offset,
         sample.log_evidence,
         sample.error,
-        predictive_p(likelihood, predicted, amplitude),
+        np.nan,
     )
+    return replace(found, p=predictive_p(likelihood, found, flights))
 
 
-def predictive_p(likelihood: Likelihood, predicted: Predicted, amplitude: Array) -> float:
-    """Compute the p-value of the squared distance of means and spreads, mean over the draws.
+def predictive_p(likelihood: Likelihood, one: Fit, flights: Flights) -> float:
+    """Compute the p-value of the squared distance of means, spreads and marks, mean over draws.
 
     The true values and a draw of their posterior have the same distribution together with the data,
     so the distance at a draw is chi-square with all observations as degrees of freedom (Johnson
     2004, A Bayesian chi-squared test for goodness-of-fit, Annals of Statistics 32).
     """
-    some = np.linspace(0, len(amplitude) - 1, CHECKED).astype(int)
-    p = predicted.only(some)
+    some = np.linspace(0, len(one.amplitude) - 1, CHECKED).astype(int)
+    p = one.predicted.only(some)
     found = likelihood.terms(p)
     simulated = (p.mean - p.delay)[..., None]
-    smooth = amplitude[some, None, None] * simulated * likelihood.smooth
+    smooth = one.amplitude[some, None, None] * simulated * likelihood.smooth
     columns = np.concatenate([smooth, likelihood.columns(p)], axis=2)[:, likelihood.having]
     distance = squared_distance(found.residual, found.variance, columns)
     spread = likelihood.spread_scores(p)
     distance = distance + np.nansum(spread**2, axis=1)
     count = found.residual.shape[1] + np.isfinite(spread[0]).sum()
+    seen = likelihood.seen.flights
+    if seen:
+        marks = flight_scores(seen, flights, one.space.hypothesis, one.values[some])
+        distance, count = distance + (marks**2).sum(axis=1), count + len(seen)
     return float(chi2.sf(distance, count).mean())

@@ -22,21 +22,12 @@ from dogshape.diagnosis.bench.sense import REVERSED, forward, turned
 from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
-from dogshape.diagnosis.prediction.simulations import simulate_together
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 
 WITHIN = (12.0, 8.0, 5.0)  #: nats below the best, in which hypotheses are refined round by round
 MANY = (24, 12, 8)  #: hypotheses refined in a round, at most
 ROUNDS = (2, 3, 5)
-HOPELESS = 60.0  #: nats below the best, from which no simulation is tried
-LEADING = 5.0  #: nats below the best, in which sets are simulated together in any case
-JOINT_WITHIN = 7.0  #: nats below the best, in which sets are simulated together
-#: Sets of effects and draws of each that are simulated together, round by round: many sets at few
-#: draws, so that none is excluded unseen, then those that stay plausible.
-JOINT_ROUNDS = {2: ((4, 2), (2, 4)), 3: ((3, 2), (2, 4))}
-DOUBT = 0.7  #: of a point's own errors, emulation from which a set is simulated
-OPTIMISTIC = 2.5  #: stated errors of effects together within which a mean may lie
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
@@ -48,7 +39,7 @@ class Ranking:
 
     Parameters
     ----------
-    likelihood : with the model that has all joint simulations.
+    likelihood : of the data set.
     samples : of every known hypothesis.
     log_prior : of each, *unknown* too.
     log_unknown : log evidence of *unknown*.
@@ -170,95 +161,6 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, ROUNDS[step], self.generator
             )
 
-    def join(self, size: int) -> None:
-        """Simulate plausible sets of so many effects or fewer, and sample them again."""
-        for sets, draws in JOINT_ROUNDS[size]:
-            model = self.likelihood.model
-            chosen = self.waiting(draws)[:sets]
-            if not chosen:
-                return
-            for h in chosen:
-                acting, shares = model.acting(h), self.promising(h, draws)
-                times = [
-                    simulate_together(model.level_of(h, row), model.effects, model.simulated)
-                    for row in shares
-                ]
-                columns = model.acting_columns(model.space(h))
-                model = model.with_joint(acting, shares[:, columns], np.array(times))
-            self.likelihood = replace(self.likelihood, model=model)
-            changed = [h for h in self.samples if self.touched(h, chosen)]
-            self.screen(changed)
-            for h in changed:
-                self.samples[h] = refined(
-                    self.likelihood, self.samples[h], self.more, ROUNDS[1], self.generator
-                )
-
-    def touched(self, h: Hypothesis, simulated: Sequence[Hypothesis]) -> bool:
-        """Check that a set is predicted by effects that were simulated, and is not hopeless."""
-        acting = self.likelihood.model.acting(h)
-        every = {self.likelihood.model.acting(one) for one in simulated}
-        single = {one[0] for one in every if len(one) == 1}
-        near = self.value(h) > max(map(self.value, self.samples)) - 0.5 * HOPELESS
-        return REVERSED not in h and (acting in every or (near and bool(single & set(acting))))
-
-    def waiting(self, draws: int) -> list[Hypothesis]:
-        """List the sets to simulate together, the most promising first."""
-        model = self.likelihood.model
-        top = max(self.value(h) for h in self.samples)
-        hopes: dict[Hypothesis, tuple[float, Hypothesis]] = {}
-        for h in self.samples:
-            acting = model.acting(h)
-            known = len(model.joint[acting].shares) if acting in model.joint else 0
-            far = self.value(h) < top - HOPELESS
-            if not acting or REVERSED in h or known >= draws or far:
-                continue
-            leads = len(acting) > 1 and self.value(h) > top - LEADING
-            if not leads and not self.uncertain(h):
-                continue
-            hope = self.value(h) if known else self.hope(h)
-            if hope < top - JOINT_WITHIN:
-                continue
-            hopes[acting] = max(hopes.get(acting, (-np.inf, h)), (hope, h))
-        return [h for _, h in sorted(hopes.values(), reverse=True)]
-
-    def optimistic(self, one: Sample) -> tuple[np.ndarray, Array]:
-        """Compute log likelihoods as if emulated means suited the data: places and logs, (k,)."""
-        places = one.log.argsort()[::-1][:OPEN]
-        p, seen = one.predicted.only(places), self.likelihood.seen
-        wide = OPTIMISTIC * np.hypot(p.common, p.emulated)
-        gap = np.where(seen.having, seen.mean - p.mean, 0.0)
-        moved = replace(p, mean=p.mean + np.clip(gap, -wide, wide))
-        log = self.likelihood.terms(moved).log + self.more(one.hypothesis, one.shares[places])
-        return places, np.where(np.isfinite(one.log[places]), log, -np.inf)
-
-    def hope(self, h: Hypothesis) -> float:
-        """Estimate what evidence and prior may come to once effects are simulated together."""
-        one = self.samples[h]
-        spent = 1.5 * one.shares.shape[1]
-        return max(self.value(h), float(self.optimistic(one)[1].max()) - spent + self.priors[h])
-
-    def uncertain(self, h: Hypothesis) -> bool:
-        """Check that emulation errs by more than scatter and other errors of a point."""
-        one, like = self.samples[h], self.likelihood
-        best = one.predicted.only(one.log.argsort()[-10:])
-        scatter = best.sd**2 / np.maximum(like.seen.count, 1.0)
-        own = np.sqrt(like.own_variance(best) - best.emulated**2 + scatter)
-        return bool((np.hypot(best.common, best.emulated) / own).max() > DOUBT)
-
-    def promising(self, h: Hypothesis, draws: int) -> Array:
-        """Choose draws with much likelihood that lie apart, (K, p)."""
-        one = self.samples[h]
-        near, log = self.optimistic(one)
-        best = log.argsort()[::-1][: 8 * draws]
-        best = best[log[best] > log[best[0]] - 10.0]
-        places = one.shares[near[best]]
-        chosen = [0]
-        near = np.linalg.norm(places - places[0], axis=1)
-        while len(chosen) < min(draws, len(places)):
-            chosen.append(int(near.argmax()))
-            near = np.minimum(near, np.linalg.norm(places - places[chosen[-1]], axis=1))
-        return places[chosen]
-
     def thirds(self) -> list[Hypothesis]:
         """List sets of three effects that have a plausible pair within."""
         pairs = [h for h in self.samples if len(forward(h)) == 2]
@@ -291,16 +193,11 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     for size in range(min(3, likelihood.settings.most + 1)):
         search.screen(hypotheses_of(likelihood.model, size))
     search.refine(0)
-    compiled = likelihood.bench.clutch.solver.engine == "planar"
-    if compiled:
-        search.join(2)
     search.refine(1)
     if likelihood.settings.most > 2:
         thirds = search.thirds()
         search.screen(thirds)
         search.refine(1, thirds)
-        if compiled:
-            search.join(3)
     search.refine(2)
     found = Ranking(search.likelihood, search.samples, search.priors, 0.0)
     priors = {

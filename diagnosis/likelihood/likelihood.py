@@ -111,7 +111,7 @@ class Likelihood:
         nominal = only.neutral_of(self.model.setting)
         factors = nominal * self.settings.nuisance**QUANTILES
         values = np.clip(factors, only.low, only.high)[:, None]
-        changes = self.model.changes(name, values)[0][..., 0] / len(QUANTILES) ** 0.5
+        changes = self.model.changes(name, values).moments[..., 0] / len(QUANTILES) ** 0.5
         _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
         return np.asarray((sizes[:2, None] * directions[:2]).T)
 
@@ -119,9 +119,9 @@ class Likelihood:
     def sensitivity(self) -> tuple[Array, Array]:
         """Changes of ln time with ln force and with mismatch in rad/s, (C,) each."""
         ends = np.array([1.0 - STEP, 1.0 + STEP])
-        force, _ = self.model.changes("force_scale", ends[:, None])
+        force = self.model.changes("force_scale", ends[:, None]).moments
         offset = [np.zeros(2), ends] if self._factor_last else [ends, np.zeros(2)]
-        speed, _ = self.model.changes("mismatch_speed", np.stack(offset, axis=1))
+        speed = self.model.changes("mismatch_speed", np.stack(offset, axis=1)).moments
         slopes = [(one[1, :, 0] - one[0, :, 0]) / (2.0 * STEP) for one in (force, speed)]
         slip = np.maximum(abs(self.seen.mismatch), RPM) * np.sign(self.seen.mismatch + 1e-12)
         return slopes[0], slopes[1] / slip

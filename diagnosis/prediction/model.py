@@ -8,10 +8,8 @@ several effects the changes of the mean add,
 .. math:: \mu = \mu_0 \Bigl(1 + \sum_e (e^{y_e} - 1)\Bigr), \qquad
           \Delta = \tfrac{2}{5}\,\mu_0 \Bigl(e^{\sum_e y_e} - 1 - \sum_e (e^{y_e} - 1)\Bigr),
 
-where :math:`\Delta` is the error that all operating points have in common, until the effects are
-simulated together. Then a Gaussian process over the parameters carries what these simulations
-differ by from the rule. A dead time adds itself exactly; relative angles that are not uniform are
-weights on the baseline's angles.
+where :math:`\Delta` is the error that all operating points have in common. A dead time adds itself
+exactly; relative angles that are not uniform are weights on the baseline's angles.
 
 A late shift passes at least half a slot behind the median; see ``late_times``.
 """
@@ -20,8 +18,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator, RBFInterpolator
@@ -31,8 +30,6 @@ from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.sense import DELAY, REVERSED, forward
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
-    JOINT_ANGLES,
-    Level,
     Simulated,
     coordinate,
     extremes,
@@ -52,19 +49,19 @@ NUISANCES = ("contact_dissipation", "contact_stiffness")
 FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
-#: Error of an interpolation over what it misses without the node, along a line and in a plane.
+#: Error of an interpolation over what it misses at a node without it, along a line and in a plane.
 MISSED = (0.35, 0.6)
-MOST_MISSED = 0.5  #: of the change, the largest error
+BLOCKED = 0.5  #: error of ln mean where no shift engages
 SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
 ENOUGH_LATE = 8  #: late shifts from which their delays are known
 LEAST_SD = 5e-4  #: s, resolution of a shift time
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
 COMBINED = 0.4  #: error of changes that add, over what they differ by from those that multiply
 LEAST_PART = 0.5  #: of the product, below which added changes of shorter times do not fall
-LENGTH, NUGGET = 0.4, 0.05  #: of residuals of joint levels over the unit cube: length, noise share
 MOMENTS = 4
 RECENT = 256  #: results that are kept
-TRIED = 7  #: values of each parameter at which the range of an effect is examined
+TRIED = 9  #: values of each parameter at which the range of an effect is examined
+ALIKE = 8  #: values of a reading that are compared between operating points
 
 
 @dataclass(frozen=True)
@@ -142,25 +139,19 @@ class Predicted:
         return Predicted(*(np.concatenate([getattr(p, n) for p in parts]) for n in names))
 
 
-@dataclass(frozen=True)
-class _Joint:
-    """Residuals of effects simulated together: shares (K, d) and residuals (K, C, MOMENTS)."""
+class Changes(NamedTuple):
+    """What an effect changes at m values of its parameters.
 
-    shares: Array
-    residuals: Array
+    Parameters
+    ----------
+    moments : (m, C, MOMENTS).
+    delay : dead time, s, (m, C).
+    error : of the change of ln mean by interpolation between levels, (m, C).
+    """
 
-    def at(self, shares: Array) -> tuple[Array, Array]:
-        """Predict residuals (m, C, MOMENTS), and the share of their variance that is left (m,)."""
-        gram = _kernel(self.shares, self.shares) + NUGGET * np.eye(len(self.shares))
-        known = _kernel(shares, self.shares)
-        weights = np.linalg.solve(gram, known.T).T
-        left = np.clip(1.0 - (weights * known).sum(axis=1), 0.0, 1.0)
-        return np.tensordot(weights, self.residuals, axes=1), left
-
-
-def _kernel(one: Array, other: Array) -> Array:
-    square = ((one[:, None] - other[None]) ** 2).sum(axis=2)
-    return np.asarray(np.exp(-0.5 * square / LENGTH**2))
+    moments: Array
+    delay: Array
+    error: Array
 
 
 @dataclass(frozen=True)
@@ -174,7 +165,6 @@ class Model:
     nuisances : properties of the contact that are integrated under every hypothesis.
     law : error of an effect's law, as a share of the change that it makes.
     turned : of the reversed sense of rotation, where that is a hypothesis.
-    joint : effects that were simulated together.
     """
 
     effects: Mapping[str, Effect]
@@ -182,7 +172,6 @@ class Model:
     nuisances: Mapping[str, Effect]
     law: float
     turned: Model | None = None
-    joint: Mapping[Hypothesis, _Joint] = field(default_factory=dict)
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -289,30 +278,17 @@ class Model:
         rest = np.zeros((count, self.cells, MOMENTS - 1))
         square, delay = np.zeros((count, self.cells)), np.zeros((count, self.cells))
         missed = np.zeros((count, self.cells))
-        acting = self.acting(hypothesis)
-        together = self.joint.get(acting) if len(acting) > 1 else None
         for name in hypothesis:
-            columns = space.columns(name)
-            change, later = self.changes(name, values[:, columns])
-            error = (self.missed(name) * change[..., 0]) ** 2
-            if together is None and (name,) in self.joint:
-                found, left = self.joint[name,].at(shares[:, columns])
-                change, error = change + found, error * left[:, None]
-            added += base * np.expm1(change[..., 0])
-            logs += change[..., 0]
-            rest += change[..., 1:]
-            square += change[..., 0] ** 2
-            missed += error
-            delay += later
+            change = self.changes(name, values[:, space.columns(name)])
+            logs += change.moments[..., 0]
+            added += base * np.expm1(change.moments[..., 0])
+            rest += change.moments[..., 1:]
+            square += change.moments[..., 0] ** 2
+            missed += change.error**2
+            delay += change.delay
         product = base * np.exp(logs)
         added = np.maximum(added, LEAST_PART * product)
         common = COMBINED * (product - added)
-        if together is not None:
-            found, left = together.at(shares[:, self.acting_columns(space)])
-            added = added * np.exp(found[..., 0])
-            rest = rest + found[..., 1:]
-            common = common * np.sqrt(left)[:, None]
-            missed = missed * left[:, None]
         sd = np.exp(self.base[:, 1] + rest[..., 0] + np.log(added / product))
         sd = np.clip(sd, LEAST_SD, np.maximum(added, LEAST_SD))
         emulated = np.sqrt(missed) * added
@@ -321,10 +297,6 @@ class Model:
         late = np.clip(self.base[:, 2] + rest[..., 1], 1e-3, 0.9)
         engaged = expit(self.base[:, 3] + rest[..., 2])
         return Predicted(added + delay, sd, error, emulated, common, late, engaged, delay)
-
-    def acting(self, hypothesis: Hypothesis) -> Hypothesis:
-        """List the effects of a hypothesis that are simulated, not only read."""
-        return tuple(name for name in forward(hypothesis) if name not in self.read_only)
 
     @cached_property
     def read_only(self) -> frozenset[str]:
@@ -336,41 +308,28 @@ class Model:
         space = self.space(hypothesis)
         found = np.ones(len(shares), dtype=bool)
         for effect in space.effects:
+            there = self._existing[effect.name]
+            if there.all():
+                continue
             mine = shares[:, space.columns(effect.name)]
-            low, high = self._ends[effect.name]
-            if len(effect.parameters) == 1:
-                found &= (mine[:, 0] >= low) & (mine[:, 0] <= high)
-            elif low > high:
-                for k in np.flatnonzero(found):
-                    found[k] = self._exists(effect, mine[k].tolist())
+            below = np.minimum((mine * (TRIED - 1)).astype(int), TRIED - 2)
+            steps = itertools.product((0, 1), repeat=mine.shape[1])
+            corners = np.array([there[tuple((below + step).T)] for step in steps])
+            found &= corners.any(axis=0)
+            for k in np.flatnonzero(found & ~corners.all(axis=0)):
+                found[k] = self._exists(effect, mine[k].tolist())
         return found
 
     @cached_property
-    def _ends(self) -> dict[str, tuple[float, float]]:
-        """Ends of the range of which there is a bench; (1, 0) for a plane that has holes."""
-        ticks, found = np.linspace(0.0, 1.0, TRIED).tolist(), {}
+    def _existing(self) -> dict[str, np.ndarray]:
+        """Mark on a grid over the range of each effect where there is a bench, (TRIED, ...)."""
+        ticks = np.linspace(0.0, 1.0, TRIED).tolist()
+        found = {}
         for name, effect in self.effects.items():
-            grid = list(itertools.product(*[ticks] * len(effect.parameters)))
-            there = [row for row in grid if self._exists(effect, row)]
-            found[name] = (0.0, 1.0) if len(there) == len(grid) else (1.0, 0.0)
-            if len(effect.parameters) == 1 and len(there) < len(grid):
-                low = self._end(effect, there[0][0], -1) if there else 1.0
-                high = self._end(effect, there[-1][0], 1) if there else 0.0
-                found[name] = low, high
+            size = len(effect.parameters)
+            there = [self._exists(effect, row) for row in itertools.product(ticks, repeat=size)]
+            found[name] = np.array(there).reshape((TRIED,) * size)
         return found
-
-    def _end(self, effect: Effect, inside: float, side: int) -> float:
-        """Find the end of the range of which there is a bench, by halving."""
-        outside = inside + side / (TRIED - 1.0)
-        if not 0.0 <= outside <= 1.0:
-            return inside
-        for _ in range(20):
-            middle = 0.5 * (inside + outside)
-            if self._exists(effect, [middle]):
-                inside = middle
-            else:
-                outside = middle
-        return inside
 
     def _exists(self, effect: Effect, shares: Sequence[float]) -> bool:
         given = {p.name: p.at(s) for p, s in zip(effect.parameters, shares, strict=True)}
@@ -380,8 +339,8 @@ class Model:
     def _extremes(self) -> list[Setting]:
         return extremes(self.settings)
 
-    def changes(self, name: str, values: Array) -> tuple[Array, Array]:
-        """Compute changes of the moments (m, C, MOMENTS) and dead times (m, C) by an effect.
+    def changes(self, name: str, values: Array) -> Changes:
+        """Compute what an effect changes at values (m, p).
 
         Hypotheses share prior draws of their effects, so recent results are kept.
         """
@@ -391,63 +350,61 @@ class Model:
                 self._recent.clear()
             effect = self.effects.get(name) or self.nuisances[name]
             reads = name in self.read_only
-            self._recent[key] = (
-                self._read(effect, values) if reads else self._curve(name)[0](values)
-            )
+            self._recent[key] = self._read(effect, values) if reads else self._curve(effect)(values)
         return self._recent[key]
 
     @cached_property
-    def _recent(self) -> dict[object, tuple[Array, Array]]:
+    def _recent(self) -> dict[object, Changes]:
         return {}
 
-    def _curve(self, name: str) -> tuple[Callable[[Array], tuple[Array, Array]], Array]:
-        """Find the interpolator of an effect's changes, and its relative error."""
-        if name not in self._curves:
-            self._curves[name] = self._fitted(self.effects.get(name) or self.nuisances[name])
-        return self._curves[name]
+    def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
+        """Build the interpolator of an effect's changes, once.
+
+        Its error is a share of what it misses at nearby nodes when it is built without them, and
+        ``BLOCKED`` where no shift engages.
+        """
+        if effect.name in self._curves:
+            return self._curves[effect.name]
+        x, whole = self._nodes(effect)
+        size = self.cells * MOMENTS
+        whole, missed = whole[:, : -self.cells], BLOCKED * whole[:, -self.cells :]
+        if x.shape[1]:
+            own, inner, places = whole[:, :size:MOMENTS], _inner(x), _scaled(x, x)
+            left = np.array([abs(own[k] - _without(x, own, k)) for k in inner])
+            near = np.linalg.norm(places[:, None] - places[None, inner], axis=2).argmin(axis=1)
+            missed += MISSED[min(x.shape[1], 2) - 1] * left[near] * (own != 0.0)
+        at = _interpolator(x, np.hstack([whole, missed]))
+
+        def changes(values: Array) -> Changes:
+            found = at(self._coordinates(effect, values))
+            moments, delay, error = np.split(found, (size, size + self.cells), axis=1)
+            return Changes(moments.reshape(-1, self.cells, MOMENTS), delay, np.maximum(error, 0.0))
+
+        self._curves[effect.name] = changes
+        return changes
 
     @cached_property
-    def _curves(self) -> dict[str, tuple[Callable[[Array], tuple[Array, Array]], Array]]:
+    def _curves(self) -> dict[str, Callable[[Array], Changes]]:
         return {}
 
-    def missed(self, name: str) -> Array:
-        """Find the error of an effect's interpolated change of ln mean over that change, (C,)."""
-        return np.zeros(self.cells) if name in self.read_only else self._curve(name)[1]
-
-    def _fitted(self, effect: Effect) -> tuple[Callable[[Array], tuple[Array, Array]], Array]:
-        """Build the interpolator of an effect's changes, and its relative error, (C,)."""
-        x, whole = self._nodes(effect)
-        at = _interpolator(x, whole)
-        size = self.cells * MOMENTS
-        missed = np.zeros(self.cells)
-        if x.shape[1]:
-            own = whole[:, :size].reshape(-1, self.cells, MOMENTS)[..., 0]
-            left = np.array([own[k] - _without(x, own, k) for k in _inner(x)])
-            scale = np.maximum(abs(own).mean(axis=0), 1e-3)
-            part = MISSED[min(x.shape[1], 2) - 1]
-            missed = part * np.clip(abs(left).mean(axis=0) / scale, 0.0, MOST_MISSED)
-
-        def changes(values: Array) -> tuple[Array, Array]:
-            found = at(self._coordinates(effect, values))
-            return found[:, :size].reshape(-1, self.cells, MOMENTS), found[:, size:]
-
-        return changes, missed
-
     def _nodes(self, effect: Effect) -> tuple[Array, Array]:
-        """List coordinates of levels and baseline (n, d), and moments with dead times, (n, k)."""
+        """List coordinates of levels and baseline, (n, d), and what is interpolated, (n, k).
+
+        That is moments, dead times, and 1 where no shift of a level engages.
+        """
         places = self.simulated.of((effect.name,))
         x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
         moments = self._moments(self.simulated.times[places])
         y = _filled(moments - self._moments(self.simulated.base), x).reshape(len(x), -1)
+        y = np.hstack([y, self.simulated.delays[places], np.isnan(moments[..., 0])])
         if not effect.parameters:
-            return x, np.hstack([y, self.simulated.delays[places]])
+            return x, y
         neutral = np.array([[p.neutral_of(self.setting) for p in effect.parameters]])
         plain = np.vstack([self._coordinates(effect, neutral), self._idle_places(effect, x)])
         y = np.vstack([y, np.zeros((len(plain), y.shape[1]))])
-        delays = np.vstack([self.simulated.delays[places], np.zeros((len(plain), self.cells))])
         x = np.vstack([x, plain])
         order = np.unique(np.round(_scaled(x, x), 9), axis=0, return_index=True)[1]
-        return x[order], np.hstack([y, delays])[order]
+        return x[order], y[order]
 
     def _idle_places(self, effect: Effect, x: Array) -> Array:
         """List places at which the first parameter is neutral and the others change nothing."""
@@ -470,18 +427,19 @@ class Model:
         ]
         return np.stack(columns, axis=1) if columns else np.zeros((len(values), 0))
 
-    def _read(self, effect: Effect, values: Array) -> tuple[Array, Array]:
+    def _read(self, effect: Effect, values: Array) -> Changes:
         """Compute the changes by an effect of the reading: dead time, weights of the angles."""
         change = np.zeros((len(values), self.cells, MOMENTS))
+        exact = np.zeros((len(values), self.cells))
         if effect.name not in self._slopes:
             self._slopes[effect.name] = self._dead_times(effect)
         slopes = self._slopes[effect.name]
         if slopes is not None:
-            return change, values[:, :1] * slopes
+            return Changes(change, values[:, :1] * slopes, exact)
         found = self._readings(effect, values)
         if found[..., 1:].any():
             change = self._weighted(found[..., 1:2], found[..., 2:])
-        return change, found[..., 0]
+        return Changes(change, found[..., 0], exact)
 
     @cached_property
     def _slopes(self) -> dict[str, Array | None]:
@@ -501,9 +459,10 @@ class Model:
     def _readings(self, effect: Effect, values: Array) -> Array:
         """Give dead time, concentration and centre of values (m, p) at each point, (m, C, 3)."""
         rows = values.tolist()
-        ends = np.array([[self._reading(effect, row, s) for s in self._extremes] for row in rows])
-        if (ends == ends[:, :1]).all():  # the same at all operating points
-            return np.tile(ends[:, :1], (1, self.cells, 1))
+        some = [[self._reading(effect, row, s) for s in self._extremes] for row in rows[:ALIKE]]
+        if all(one == row[0] for row in some for one in row):  # the same at all operating points
+            found = np.array([self._reading(effect, row, self.setting) for row in rows])
+            return np.tile(found[:, None], (1, self.cells, 1))
         return np.array([[self._reading(effect, row, s) for s in self.settings] for row in rows])
 
     def _reading(
@@ -564,50 +523,6 @@ class Model:
                 ],
                 axis=-1,
             )
-
-    def level_of(self, hypothesis: Hypothesis, shares: Array) -> Level:
-        """Build the level of the acting effects of a hypothesis at shares (p,)."""
-        space = self.space(hypothesis)
-        acting = self.acting_columns(space)
-        return Level(self.acting(hypothesis), tuple(space.values(shares[None])[0, acting].tolist()))
-
-    def with_joint(self, hypothesis: Hypothesis, shares: Array, times: Array) -> Model:
-        """Add simulations of effects together.
-
-        Parameters
-        ----------
-        hypothesis : acting effects.
-        shares : of their ranges, (K, p).
-        times : simulated at every other angle of the levels, s, (K, C, JOINT_ANGLES).
-        """
-        alone = replace(self, joint={})
-        base = self._moments(self.simulated.base[:, :: ANGLES // JOINT_ANGLES])
-        found = self._moments(times) - base
-        space = self.space(hypothesis)
-        values = space.values(shares)
-        ruled = np.zeros_like(found)
-        growth = np.zeros(found.shape[:2])
-        for name in hypothesis:
-            change, _ = alone.changes(name, values[:, space.columns(name)])
-            ruled += change
-            growth += np.expm1(change[..., 0])
-        product = np.exp(ruled[..., 0])
-        added = np.maximum(1.0 + growth, LEAST_PART * product)
-        ruled[..., 1] += np.log(added / product)
-        ruled[..., 0] = np.log(added)
-        residuals = np.nan_to_num(found - ruled)
-        if before := self.joint.get(hypothesis):
-            shares = np.vstack([before.shares, shares])
-            residuals = np.concatenate([before.residuals, residuals])
-        return replace(self, joint={**self.joint, hypothesis: _Joint(shares, residuals)})
-
-    def acting_columns(self, space: Space) -> Array:
-        """Find the columns of the effects that are simulated, (k,)."""
-        columns = [
-            np.arange(len(space.parameters))[space.columns(name)]
-            for name in self.acting(space.hypothesis)
-        ]
-        return np.concatenate(columns) if columns else np.zeros(0, dtype=int)
 
 
 def build_models(

@@ -30,7 +30,6 @@ from dogshape.sim.units import RPM
 
 ANGLES = 16  #: even relative angles of each level
 DENSE = 3  #: times as many angles of the baseline
-JOINT_ANGLES = 8  #: of the levels' angles, for effects together
 ALONG, PLANE = 9, 33  #: levels of one parameter, and of two or more
 WIDER = 0.5  #: of a prior's range, by which it is widened at either end
 SEED = 1  #: of where the angles begin
@@ -204,18 +203,6 @@ def simulate(
         tuple(levels),
         np.array(times).reshape(len(levels), len(settings), ANGLES),
         np.array([[one.delay for one in row] for row in changed]).reshape(-1, len(settings)),
-    )
-
-
-def simulate_together(level: Level, effects: Mapping[str, Effect], simulated: Simulated) -> Array:
-    """Simulate effects together at every other angle of the levels: times, s, (C, JOINT_ANGLES)."""
-    angles = np.take_along_axis(simulated.angles, simulated.common, axis=1)
-    changed = [level.setting(effects, setting) for setting in simulated.settings]
-    return np.array(
-        [
-            replace(setting, delay=0.0).times(mine[:: ANGLES // JOINT_ANGLES])
-            for setting, mine in zip(changed, angles, strict=True)
-        ]
     )
 
 

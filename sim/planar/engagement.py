@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -18,16 +17,7 @@ from numpy.typing import NDArray
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.plant import PlanarClutch, planar_clutch, state_size
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.conclusion import (
-    FINER,
-    End,
-    Engagement,
-    Run,
-    conclude,
-    end_of,
-    passed_through,
-    times_of,
-)
+from dogshape.sim.shift.conclusion import FINER, Engagement, Run, conclude, passed_through
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.outcome import TIME_LIMIT
 from dogshape.sim.shift.release import release
@@ -48,30 +38,15 @@ def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) ->
     point : mismatch and force.
     relative_angle : output ring's lead over dogs facing dogs, rad.
     """
-    run, end = _ended(plant, point, relative_angle)
-    return conclude(plant.clutch, point, relative_angle, run, end)
-
-
-def shift_times(plant: PlanarClutch, point: OperatingPoint, angles: Sequence[float]) -> Floats:
-    """Simulate shifts at relative ``angles`` in rad for their times alone.
-
-    Returns the times at which ring and actuator make the travel, s from the command, (n, 2), as in
-    ``sim.engines.shift_times``.
-    """
-    ends = [_ended(plant, point, angle)[1] for angle in angles]
-    return times_of(ends) + point.profile.delay
-
-
-def _ended(plant: PlanarClutch, point: OperatingPoint, angle: float) -> tuple[Run, End]:
-    """Integrate to an end; again in finer steps where dogs passed through each other."""
-    run = _run(plant, point, angle)
-    end = end_of(plant.clutch, run)
-    if not passed_through(run, end):
-        return run, end
+    run = _run(plant, point, relative_angle)
+    found = conclude(plant.clutch, point, relative_angle, run)
+    if not passed_through(run, found):
+        return found
     clutch, solver = plant.clutch, plant.clutch.solver
     finer = replace(clutch, solver=replace(solver, max_step=solver.max_step / FINER))
-    more = _run(planar_clutch(finer), point, angle)
-    return replace(more, evaluations=run.evaluations + more.evaluations), end_of(clutch, more)
+    more = _run(planar_clutch(finer), point, relative_angle)
+    again = conclude(clutch, point, relative_angle, more)
+    return replace(again, evaluations=run.evaluations + more.evaluations)
 
 
 def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:

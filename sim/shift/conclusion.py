@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.dead_time import later, later_phases, later_trace
@@ -15,7 +12,7 @@ from dogshape.sim.shift.loads import Loads, loads_of
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.passing import passing_through, path_of
 from dogshape.sim.shift.phases import Phase, phases_of, touches_of
-from dogshape.sim.shift.trace import Series, Trace, crossing, growing, trace_of
+from dogshape.sim.shift.trace import Series, Trace, crossing, trace_of
 
 FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
 
@@ -67,79 +64,38 @@ class Run:
     evaluations: int
 
 
-@dataclass(frozen=True)
-class End:
-    """End of a run: its outcome, why it failed, and when ring and actuator made the travel, s.
+def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> Engagement:
+    """Work a result out of a run.
 
-    Times count from the start of the force; None where the travel was never made.
-    """
-
-    outcome: Outcome
-    failure: str
-    ring: float | None
-    actuator: float | None
-
-    @property
-    def shift_time(self) -> float | None:
-        """Time of a shift that engaged, s."""
-        return self.ring if self.outcome is Outcome.ENGAGED else None
-
-    @property
-    def actuator_time(self) -> float | None:
-        """Time of the actuator's travel in a valid shift, s."""
-        return None if self.outcome is Outcome.DIVERGED else self.actuator
-
-
-def end_of(clutch: Clutch, run: Run) -> End:
-    """Find how a run ended; one whose dogs passed through each other is ``Outcome.DIVERGED``."""
-    time, state = growing(run.times, run.states)
-    way, speed, travel = state[:, 1], state[:, 4], clutch.shift_travel
-    ring = crossing(time, way, speed, travel)
-    linked = clutch.mechanism.has_linkage
-    actuator = crossing(time, state[:, 6], state[:, 7], travel) if linked else ring
-    failure = run.failure
-    if not failure:
-        angle, turn = state[:, 0] - state[:, 2], state[:, 3] - state[:, 5]
-        failure = passing_through(clutch, *path_of(clutch, time, (way, angle), (speed, turn)))
-    held = Outcome.BLOCKED if run.blocked else Outcome.TIMED_OUT
-    valid = held if ring is None else Outcome.ENGAGED
-    return End(Outcome.DIVERGED if failure else valid, failure, ring, actuator)
-
-
-def times_of(ends: Sequence[End | Engagement]) -> Series:
-    """List the times of ring and actuator, s, (n, 2): inf without travel, NaN if diverged."""
-    every = [
-        (math.nan, math.nan)
-        if end.outcome is Outcome.DIVERGED
-        else [math.inf if t is None else t for t in (end.shift_time, end.actuator_time)]
-        for end in ends
-    ]
-    return np.array(every, dtype=float).reshape(-1, 2)
-
-
-def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run, end: End) -> Engagement:
-    """Work a result out of a run and its end.
-
-    Times of a run count from the start of the force, those of the result from the command: a dead
-    time later.
+    A shift whose dogs passed through each other is ``Outcome.DIVERGED``. Times of a run
+    count from the start of the force, those of the result from the command: a dead time later.
     """
     trace = trace_of(clutch, point, run.times, run.states)
-    last = float(trace.time[-1]) if end.ring is None else end.ring
+    outcome, failure = _outcome(clutch, run, trace), run.failure
+    if outcome is not Outcome.DIVERGED:
+        failure = passing_through(clutch, *path_of(clutch, trace))
+        outcome = Outcome.DIVERGED if failure else outcome
+    way = clutch.shift_travel
+    done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
+    far = done
+    if clutch.mechanism.has_linkage:
+        far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
+    end = float(trace.time[-1]) if done is None else done
     touched = touches_of(clutch, trace)
-    phases = phases_of(clutch, trace, touched, last)
+    phases = phases_of(clutch, trace, touched, end)
     found = Engagement(
         clutch=clutch,
         point=point,
         relative_angle=angle,
-        outcome=end.outcome,
-        shift_time=end.shift_time,
-        actuator_time=end.actuator_time,
+        outcome=outcome,
+        shift_time=done if outcome is Outcome.ENGAGED else None,
+        actuator_time=None if outcome is Outcome.DIVERGED else far,
         phases=phases,
         events=events_of(clutch, trace, touched),
         loads=loads_of(clutch, trace, touched, phases),
         steps=len(trace.time),
         evaluations=run.evaluations,
-        detail=end.failure or end.outcome.message,
+        detail=failure or outcome.message,
         trace=trace,
     )
     return _delayed(found, point.profile.delay)
@@ -158,6 +114,14 @@ def _delayed(found: Engagement, delay: float) -> Engagement:
     )
 
 
-def passed_through(run: Run, end: End) -> bool:
+def passed_through(run: Run, found: Engagement) -> bool:
     """Decide whether a shift diverged for its dogs alone, which finer steps may mend."""
-    return end.outcome is Outcome.DIVERGED and not run.failure
+    return found.outcome is Outcome.DIVERGED and not run.failure
+
+
+def _outcome(clutch: Clutch, run: Run, trace: Trace) -> Outcome:
+    if run.failure:
+        return Outcome.DIVERGED
+    if (trace.displacement >= clutch.shift_travel).any():
+        return Outcome.ENGAGED
+    return Outcome.BLOCKED if run.blocked else Outcome.TIMED_OUT

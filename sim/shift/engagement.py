@@ -15,7 +15,7 @@ import numpy as np
 from pydrake.systems.framework import Context, EventStatus
 
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.conclusion import FINER, Engagement, Run, conclude, end_of, passed_through
+from dogshape.sim.shift.conclusion import FINER, Engagement, Run, conclude, passed_through
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.outcome import TIME_LIMIT
 from dogshape.sim.shift.plant import ClutchPlant
@@ -111,13 +111,11 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     Engagement
         Never raises for physical failure; a failed integration is an outcome.
     """
-    clutch, run = plant.clutch, _simulated(plant, point, relative_angle)
-    end = end_of(clutch, run)
-    if passed_through(run, end):
-        more = _simulated(_finer(plant), point, relative_angle)
-        run = replace(more, evaluations=run.evaluations + more.evaluations)
-        end = end_of(clutch, run)
-    return conclude(clutch, point, relative_angle, run, end)
+    run, found = _simulated(plant, point, relative_angle)
+    if not passed_through(run, found):
+        return found
+    again = _simulated(_finer(plant), point, relative_angle)[1]
+    return replace(again, clutch=plant.clutch, evaluations=found.evaluations + again.evaluations)
 
 
 def _finer(plant: ClutchPlant) -> ClutchPlant:
@@ -127,7 +125,9 @@ def _finer(plant: ClutchPlant) -> ClutchPlant:
     return ClutchPlant(replace(plant.clutch, solver=finer))
 
 
-def _simulated(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Run:
+def _simulated(
+    plant: ClutchPlant, point: OperatingPoint, relative_angle: float
+) -> tuple[Run, Engagement]:
     record = _Record(plant, point)
     simulator = plant.start(point, relative_angle)
     simulator.set_monitor(record)
@@ -141,4 +141,5 @@ def _simulated(plant: ClutchPlant, point: OperatingPoint, relative_angle: float)
     finally:
         simulator.clear_monitor()
     spent = simulator.get_integrator().get_num_derivative_evaluations()
-    return Run(record.times, record.states, record.blocked, record.failure, spent)
+    run = Run(record.times, record.states, record.blocked, record.failure, spent)
+    return run, conclude(plant.clutch, point, relative_angle, run)

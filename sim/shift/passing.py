@@ -15,6 +15,7 @@ from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
+from dogshape.sim.shift.trace import Trace
 from dogshape.sim.units import MM
 
 Series = NDArray[np.float64]
@@ -59,28 +60,22 @@ def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Serie
     return deepest
 
 
-def path_of(
-    clutch: Clutch, time: Series, places: tuple[Series, Series], rates: tuple[Series, Series]
-) -> tuple[Series, Series]:
+def path_of(clutch: Clutch, trace: Trace) -> tuple[Series, Series]:
     """Follow a shift between its steps too: way in m and relative angle in rad, each (m,).
 
     A step turns fast rings by more than a pitch, and dogs may meet and part within it. Steps that
     turn by more than ``LONG`` are divided into parts that do not, with the cubic through both ends.
-
-    Parameters
-    ----------
-    time : s, (n,).
-    places : way in m and relative angle in rad, each (n,).
-    rates : of both, m/s and rad/s, each (n,).
     """
-    (way, angle), (speed, turn) = places, rates
+    way, angle, speed, turn = (
+        trace.displacement, trace.relative_angle, trace.axial_speed, trace.relative_speed,
+    )  # fmt: skip
     turned = np.abs(angle[1:] - angle[:-1]) / clutch.dog.pitch_angle
     long = np.flatnonzero(turned > LONG)
     if not long.size:
         return way, angle
     parts = int(np.ceil(turned.max() / LONG))
     s = np.arange(1, parts)[:, None] / parts
-    step = time[long + 1] - time[long]
+    step = trace.time[long + 1] - trace.time[long]
 
     def between(place: Series, rate: Series) -> Series:
         start, end = place[long], place[long + 1]

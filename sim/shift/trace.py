@@ -60,15 +60,6 @@ class Trace:
         return self.output_speed - self.sliding_speed
 
 
-def growing(
-    times: Sequence[float] | Series, states: Sequence[Series] | Series
-) -> tuple[Series, Series]:
-    """Drop the states whose time in s does not grow, (n,) and (n, 6 or more)."""
-    time, state = np.asarray(times), np.asarray(states)
-    keep = np.concatenate([[True], time[1:] > time[:-1]])
-    return (time, state) if keep.all() else (time[keep], state[keep])
-
-
 def trace_of(
     clutch: Clutch,
     point: OperatingPoint,
@@ -82,7 +73,10 @@ def trace_of(
     times : s, (n,); a time that does not grow is left out.
     states : as ``sim.shift.conclusion.Run`` has them.
     """
-    time, state = growing(times, states)
+    time, state = np.array(times), np.array(states)
+    keep = np.concatenate([[True], time[1:] > time[:-1]])
+    if not keep.all():
+        time, state = time[keep], state[keep]
     mean_force, torque = contact_means(clutch, point.profile, time, state)
     far = state[:, 6:8] if clutch.mechanism.has_linkage else state[:, [1, 4]]
     shafts = shaft_torques(clutch, state)

@@ -17,7 +17,6 @@ from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
 from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]
@@ -155,23 +154,6 @@ def test_limits_of_a_linkage_are_mass_and_compliance_alone(setting: Setting) -> 
     light = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 1e-6})
     alone = setting.with_mechanism(compliance=4e-6)
     assert _shifted(light).shift_time == pytest.approx(_shifted(alone).shift_time, rel=1e-3)
-
-
-@pytest.mark.parametrize("name", EFFECTS)
-def test_times_alone_are_those_of_the_records(setting: Setting, name: str) -> None:
-    """To the last digit, read at the actuator; inf where a shift does not engage."""
-    values = {p.name: p.at(0.45) for p in EFFECTS[name].parameters}
-    changed = replace(EFFECTS[name].apply(setting, values), sensor="actuator")
-    angles = (3 * DEG, 15 * DEG)
-    read = [changed.time_of(row) for row in run_block(changed.block(angles))]
-    assert changed.times(angles).tolist() == [math.inf if one is None else one for one in read]
-
-
-def test_times_of_shifts_that_do_not_engage(setting: Setting) -> None:
-    flat = setting.with_dog(chamfer=4.5 * DEG).with_point(mismatch=0.0)
-    assert flat.times((0.0,)).tolist() == [math.inf]
-    few = replace(setting.clutch, solver=replace(setting.clutch.solver, max_steps=50))
-    assert np.isnan(replace(setting, clutch=few).times((15 * DEG,))).all()
 
 
 def test_masses_of_linkage_and_actuator_add_up(setting: Setting) -> None:

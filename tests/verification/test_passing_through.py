@@ -125,9 +125,7 @@ def test_dogs_are_looked_at_between_the_steps_of_a_fast_shift() -> None:
     clutch = replace(load_study("mq200_paper").clutch, dog=dog)
     point = OperatingPoint(5000 * RPM, ForceProfile(100.0, 0.05))
     found = engage(ClutchPlant(clutch), point, 7.4755 * DEG)
-    seen = found.trace
-    places = seen.displacement, seen.relative_angle
-    way, angle = path_of(clutch, seen.time, places, (seen.axial_speed, seen.relative_speed))
+    way, angle = path_of(clutch, found.trace)
     assert way.size > found.trace.time.size
     assert found.outcome is Outcome.ENGAGED
     assert penetration(dog, way, angle).max() < COVERED * pressure_apex(dog)[1]

@@ -16,6 +16,7 @@ from dogshape.diagnosis.inference.ranking import _Search, _unlisted, log_prior
 from dogshape.diagnosis.inference.sampling import Sample, refined, screened
 from dogshape.diagnosis.likelihood.likelihood import NODES, Likelihood, node_weights
 from dogshape.diagnosis.likelihood.observed import observe
+from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from tests.made_up import KNOWN
@@ -100,7 +101,8 @@ def test_prior_probabilities_of_all_sets_are_one() -> None:
 def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     """Without an effect: a Gaussian of each amplitude, all amplitudes summed."""
     likelihood = likelihood_with(0.1)
-    one = fit(likelihood, sample_of(likelihood, NONE))
+    flights = Flights(likelihood.model.effects, likelihood.model.settings)
+    one = fit(likelihood, sample_of(likelihood, NONE), flights)
     mean, sd, gap, _ = left_out(likelihood, one)
     p = one.predicted.only([0])
     found = likelihood.terms(p)
