@@ -5,8 +5,7 @@
 Each set has a hypothesis of the prior (*unknown* and sets of three effects too), sizes of their
 ranges, and data as the likelihood has them: discrepancy, nuisances, errors of effect laws, late
 shifts, odd means, spreads, engagement. Points are half of those of ``mq200_adams`` with 3 to 20
-shifts each; half of the sets are means. So probabilities must hold. Effects together follow the
-rule of combination with its error: none are simulated together. FILE keeps finished sets, from
+shifts each; half of the sets are means. So probabilities must hold. FILE keeps finished sets, from
 which a stopped run goes on.
 """
 
@@ -69,19 +68,13 @@ class Answer:
     seconds: float
 
 
-def world_of(bench: Bench, model: Model) -> tuple[Bench, Model]:
-    """Set what sets are drawn from: points of a bench, and a record that leaves nothing open."""
-    clutch = bench.clutch.with_engine("drake")  # so that no effects are simulated together
-    return replace(bench, record=RECORD, clutch=clutch, warnings=(), measured=()), model
-
-
 @cache
 def world(bank: Path = BANK) -> tuple[Bench, Model]:
     """Load the points and their predictions, once in a process."""
     bench = load_bench("mq200_adams")
     cells = tuple(cell for cell in bench.cells if cell.n)[::2]
     bench = replace(bench, cells=cells, record=RECORD, clutch=bench.clutch.with_engine("planar"))
-    return world_of(bench, models_of(bench, load(), Means(bank=bank))["sleeve"])
+    return bench, models_of(bench, load(), Means(bank=bank))["sleeve"]
 
 
 @cache
@@ -302,6 +295,8 @@ def print_figures(found: Sequence[Answer]) -> None:
     print(f"{'probability of the leading one':40}{said:.3f}")
     mean = np.mean([a.leads for a in pairs]) if pairs else float("nan")
     print(f"{'the same, a pair leads':40}{mean:.3f}")
+    acting = [a.leads - (tuple(a.leading) == cause_of(a)) for a in found if len(cause_of(a)) == 2]
+    print(f"{'a pair acts: probability less right':40}{np.mean(acting):.3f}")
     actual = np.mean([len(cause_of(a)) == 2 for a in found])
     print(f"{'pairs: probability, share':40}{np.mean([a.pairs for a in found]):.3f} {actual:.3f}")
     error = calibration([[pair] for pair in hits])["value"]

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from scipy.stats import kstest
 
-from benchmarks.self_consistency import answer, cause_of, in_set, world_of
+from benchmarks.self_consistency import answer, cause_of, in_set
 from tests.made_up import small_model
 
 SETS = 100
 
 
-@pytest.mark.slow
 def test_probabilities_hold_what_they_say() -> None:
     """Bounds are three standard errors of 100 sets."""
-    bench, model = world_of(*small_model())
+    bench, model = small_model()
     found = [answer(bench, model, seed) for seed in range(SETS)]
     held = np.mean([in_set(one) for one in found])
     assert abs(held - 0.9) < 3.0 * (0.9 * 0.1 / SETS) ** 0.5
