@@ -96,7 +96,7 @@ class Diagnosis:
 
     @property
     def model(self) -> Model:
-        """Predictions, with all joint simulations."""
+        """Predictions for the data set."""
         return self.likelihood.model
 
     @property

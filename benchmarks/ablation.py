@@ -1,0 +1,150 @@
+"""Headline figures of an opened field set without each part of the diagnosis.
+
+    python -m benchmarks.ablation DIR [--cases N] [--jobs N] [--kept FILE]
+
+DIR is a field set whose key is open, made and run by ``dogshape blind``. The first N cases in a
+fixed random order are diagnosed once with all parts and once without each. ``d ln p`` is the change
+of the log probability of the truth, mean over the cases with its standard error. FILE keeps
+finished diagnoses, from which a stopped run goes on.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+from joblib import Parallel, delayed
+
+from dogshape.diagnosis import diagnosis
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.likelihood.observed import Observed
+from dogshape.diagnosis.prediction import model
+from dogshape.diagnosis.settings import USUAL
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed
+from dogshape.validation.blind.case_diagnosis import ENGINE
+from dogshape.validation.blind.score import Mark, headline, mark_of
+from dogshape.validation.blind.sealed import opened
+
+KEPT = Path("results") / "ablation.jsonl"
+SHOWN = ("named", "leads", "whole_truth", "false_alarms", "none_shown", "unknown", "credible")
+SHOWN += ("sizes", "cpu_s")
+LEAST = 1e-3  #: probability of a truth that counts as not seen
+NEVER = 1e-300  #: probability of what is left out
+
+Patch = tuple[Any, str, Any]  #: module, name and value
+
+
+@dataclass(frozen=True)
+class Part:
+    """Part of the diagnosis: settings and patches that leave it out."""
+
+    name: str
+    settings: dict[str, Any]
+    patches: tuple[Patch, ...] = ()
+
+
+def _observing(**changes: Callable[[Observed], Any]) -> tuple[Patch, ...]:
+    """Patch the observations of a data set."""
+    plain = diagnosis.observe
+
+    def observe(*given: Any) -> Observed:
+        seen = plain(*given)
+        return replace(seen, **{name: change(seen) for name, change in changes.items()})
+
+    return ((diagnosis, "observe", observe),)
+
+
+PARTS = (
+    Part("all parts", {}),
+    Part("odd means", {"odd_share": NEVER}),
+    Part("odd spreads", {"odd_spread": NEVER}),
+    Part("spreads", {}, _observing(freedom=lambda seen: 0.0 * seen.freedom)),
+    Part("late shifts within means", {}, _observing(hidden=lambda seen: seen.hidden & False)),
+    Part("three effects at once", {"most": 2}),
+    Part("contact as a nuisance", {"nuisance": 1.001}),
+    Part("discrepancy", {"discrepancy": 1e-3}),
+    Part("error of effect laws", {"law": 0.0}),
+    Part("error of effects together", {}, ((model, "COMBINED", 0.0),)),
+    Part("error of interpolation", {}, ((model, "MISSED", (0.0, 0.0)), (model, "BLOCKED", 0.0))),
+    Part("unseen effects as absent", {}, ((diagnosis, "unseen", lambda *_: {}),)),
+    Part("names hold at even priors", {"even": 0.0}),
+    Part("floor", {"floor": 0.0}),
+)
+
+
+def found(part: int, folder: Path, name: str, truth: dict[str, Any]) -> dict[str, Any]:
+    """Diagnose a case without a part: its record."""
+    one = PARTS[part]
+    means = Means(jobs=1, engine=ENGINE, settings=replace(USUAL, **one.settings))
+    with ExitStack() as stack:
+        for place in one.patches:
+            stack.enter_context(patch.object(*place))
+        record = diagnosed(load_bench(folder / "cases" / name), means).to_dict()
+    keys = ("hypotheses", "verdict", "causes", "credible_set", "next_test", "seconds")
+    return {key: record[key] for key in keys}
+
+
+def kept_of(folder: Path, names: Sequence[str], truths: Any, jobs: int, path: Path) -> Any:
+    """Diagnose the cases without each part; take what the file has: marks by part and case."""
+    records: dict[tuple[int, str], Any] = {}
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if path.exists():
+        rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
+        records = {(row["part"], row["case"]): row["record"] for row in rows}
+    left = [(k, n) for k in range(len(PARTS)) for n in names if (k, n) not in records]
+    pool = Parallel(n_jobs=jobs, return_as="generator")
+    every = pool(delayed(found)(k, folder, n, truths[n]) for k, n in left)
+    with path.open("a", encoding="utf-8") as file:
+        for (k, n), record in zip(left, every, strict=True):
+            records[k, n] = record
+            file.write(json.dumps({"part": k, "case": n, "record": record}) + "\n")
+            file.flush()
+    return {
+        (k, n): mark_of(
+            folder, n, truths[n], {"diagnosis": record, "cpu_s": record["seconds"]}, lambda *_: None
+        )
+        for (k, n), record in records.items()
+    }
+
+
+def log_score(mark: Mark) -> float:
+    """Compute the log probability of the truth, or of what data can show of it."""
+    return float(np.log(max(LEAST, sum(mark.posterior.get(h, 0.0) for h in mark.seen))))
+
+
+def main() -> None:
+    """Diagnose and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--cases", type=int, default=64)
+    parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--kept", type=Path, default=KEPT)
+    given = parser.parse_args()
+    truths = opened(given.folder)["cases"]
+    names = np.random.default_rng(1).permutation(sorted(truths))[: given.cases].tolist()
+    marks = kept_of(given.folder, names, truths, given.jobs, given.kept)
+    plain = np.array([log_score(marks[0, n]) for n in names])
+    print(f"{len(names)} cases\n")
+    print(f"{'without':28}" + "".join(f"{name:>16}" for name in SHOWN) + f"{'d ln p':>18}")
+    for k, one in enumerate(PARTS):
+        mine = [marks[k, n] for n in names]
+        figures = headline(mine)
+        cells = [figures[name] for name in SHOWN]
+        change = np.array([log_score(mark) for mark in mine]) - plain
+        words = [f"{c['value']:.2f} ({c['n']})" if c["n"] else "-" for c in cells]
+        error = change.std() / len(change) ** 0.5
+        print(
+            f"{one.name:28}" + "".join(f"{word:>16}" for word in words)
+            + f"{change.mean():+10.3f} ± {error:.3f}"
+        )  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
