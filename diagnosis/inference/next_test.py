@@ -19,7 +19,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
 from scipy.special import rel_entr
@@ -34,8 +34,9 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
-    from dogshape.diagnosis.diagnosis import Diagnosis
     from dogshape.diagnosis.inference.fit import Fit
+    from dogshape.diagnosis.likelihood.observed import Observed
+    from dogshape.diagnosis.prediction.model import Model
     from dogshape.diagnosis.settings import Settings
 
 LEAST = 5e-3  #: probability from which a hypothesis takes part
@@ -139,6 +140,27 @@ class NextTest:
         return record
 
 
+class Findings(Protocol):
+    """Parts of a diagnosis that advice rests on, as ``diagnosis.diagnosis`` has them."""
+
+    @property
+    def bench(self) -> Bench: ...  # noqa: D102
+    @property
+    def effects(self) -> Mapping[str, Effect]: ...  # noqa: D102
+    @property
+    def settings(self) -> Settings: ...  # noqa: D102
+    @property
+    def posterior(self) -> Mapping[Hypothesis, float]: ...  # noqa: D102
+    @property
+    def fits(self) -> Mapping[Hypothesis, Fit]: ...  # noqa: D102
+    @property
+    def readings(self) -> Sequence[Any]: ...  # noqa: D102
+    @property
+    def model(self) -> Model: ...  # noqa: D102
+    @property
+    def seen(self) -> Observed: ...  # noqa: D102
+
+
 def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
     """Raise DataError where a data set's terms are of no test, or leave none to advise."""
     menu = {*GENERIC, *(effect.test.name for effect in effects.values())}
@@ -169,7 +191,7 @@ def imitator_odds(settings: Settings) -> float:
     return settings.unlisted * settings.imitated / (1.0 - settings.unlisted)
 
 
-def choose(diagnosis: Diagnosis, marks: Marks | None = None) -> tuple[NextTest, ...]:
+def choose(diagnosis: Findings, marks: Marks | None = None) -> tuple[NextTest, ...]:
     """Rank the tests of a diagnosis, the best first.
 
     ``marks`` predicts the marks of the flight. Without it no traces are on the menu, unless
@@ -184,7 +206,7 @@ def choose(diagnosis: Diagnosis, marks: Marks | None = None) -> tuple[NextTest, 
     return (_judged(diagnosis, first, marks, seed=2), *others)
 
 
-def _judged(diagnosis: Diagnosis, test: NextTest, marks: Marks | None, seed: int = 1) -> NextTest:
+def _judged(diagnosis: Findings, test: NextTest, marks: Marks | None, seed: int = 1) -> NextTest:
     """Add worth and foreseen outcomes to a test."""
     outcome, settings = outcome_of(diagnosis, test, marks), diagnosis.settings
     if outcome is None:
@@ -196,7 +218,7 @@ def _judged(diagnosis: Diagnosis, test: NextTest, marks: Marks | None, seed: int
 
 
 def settle(
-    diagnosis: Diagnosis,
+    diagnosis: Findings,
     test: NextTest,
     outcome: Sequence[float] | str,
     marks: Marks | None = None,
@@ -228,7 +250,7 @@ def settle(
     return dict(zip(part.hypotheses, after.tolist(), strict=True))
 
 
-def outcome_of(diagnosis: Diagnosis, test: NextTest, marks: Marks | None) -> Outcome | None:
+def outcome_of(diagnosis: Findings, test: NextTest, marks: Marks | None) -> Outcome | None:
     """Predict the outcome of a test; None where no hypothesis does."""
     if test.kind == "direct":
         return _read(diagnosis, test)
@@ -238,18 +260,18 @@ def outcome_of(diagnosis: Diagnosis, test: NextTest, marks: Marks | None) -> Out
     return None if test.kind == "record" or marks is None else _flown(diagnosis, test, marks)
 
 
-def _plausible(diagnosis: Diagnosis) -> list[Hypothesis]:
+def _plausible(diagnosis: Findings) -> list[Hypothesis]:
     """List the known hypotheses that take part."""
     return [h for h, p in diagnosis.posterior.items() if p > LEAST and h in diagnosis.fits]
 
 
-def _before(diagnosis: Diagnosis, outcome: Outcome) -> Array:
+def _before(diagnosis: Findings, outcome: Outcome) -> Array:
     """Compute the probabilities of the hypotheses of an outcome; none of them is impossible."""
     found = np.array([max(1e-9, diagnosis.posterior.get(h, 0.0)) for h in outcome.hypotheses])
     return np.asarray(found / found.sum())
 
 
-def _nearest(diagnosis: Diagnosis) -> Hypothesis:
+def _nearest(diagnosis: Findings) -> Hypothesis:
     """Find the most probable known hypothesis."""
     return max(diagnosis.fits, key=lambda h: diagnosis.posterior.get(h, 0.0))
 
@@ -260,7 +282,7 @@ def _rows(fit: Fit) -> np.ndarray:
 
 
 def _ranked(
-    tests: Sequence[NextTest], diagnosis: Diagnosis, top: Hypothesis
+    tests: Sequence[NextTest], diagnosis: Findings, top: Hypothesis
 ) -> tuple[NextTest, ...]:
     """Order tests: those worth their cost by their value, all others by information an hour."""
     settings = diagnosis.settings
@@ -286,7 +308,7 @@ def _ranked(
     return tuple(sorted(ranked, key=lambda t: t is not first))
 
 
-def _questions(diagnosis: Diagnosis) -> list[NextTest]:
+def _questions(diagnosis: Findings) -> list[NextTest]:
     """List the questions about the record whose answers are weighed, with their worth."""
     found = []
     for key in dict.fromkeys(one.key for one in diagnosis.readings):
@@ -306,7 +328,7 @@ def _questions(diagnosis: Diagnosis) -> list[NextTest]:
     return found
 
 
-def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
+def _direct_tests(diagnosis: Findings) -> list[NextTest]:
     """List the direct tests of the effects, but for those whose results are known."""
     bench, known = diagnosis.bench, {one.effect for one in diagnosis.bench.measured}
     grouped: dict[str, list[Effect]] = {}
@@ -326,7 +348,7 @@ def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
     ]
 
 
-def _read(diagnosis: Diagnosis, test: NextTest) -> Outcome:
+def _read(diagnosis: Findings, test: NextTest) -> Outcome:
     """Predict a direct test; an effect without parameters reads 1 where it is there, else 0."""
     setting, settings = diagnosis.model.setting, diagnosis.settings
     effects = [diagnosis.effects[name] for name in test.effects]
@@ -363,7 +385,7 @@ def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
     return (mismatch, force), f"{number(mismatch / RPM)} 1/min and {number(force)} N"
 
 
-def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
+def _further_tests(diagnosis: Findings) -> list[NextTest]:
     """List more shifts at each operating point at which shifts can engage."""
     bench, found = diagnosis.bench, []
     setup, mean = hours_of(bench, "more shifts"), diagnosis.fits[_nearest(diagnosis)].predicted.mean
@@ -376,7 +398,7 @@ def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
     return found
 
 
-def _further(diagnosis: Diagnosis, hypothesis: Hypothesis, test: NextTest) -> Densities:
+def _further(diagnosis: Findings, hypothesis: Hypothesis, test: NextTest) -> Densities:
     """Predict mean time and share engaged of more shifts at an operating point."""
     seen, settings, known = diagnosis.seen, diagnosis.settings, hypothesis in diagnosis.fits
     fit = diagnosis.fits[hypothesis if known else _nearest(diagnosis)]
@@ -397,7 +419,7 @@ def _further(diagnosis: Diagnosis, hypothesis: Hypothesis, test: NextTest) -> De
     return smoothed(np.stack([mean, share], axis=1), both[:, None, :] * np.eye(2))
 
 
-def _trace_tests(diagnosis: Diagnosis, top: Hypothesis, marks: Marks | None) -> list[NextTest]:
+def _trace_tests(diagnosis: Findings, top: Hypothesis, marks: Marks | None) -> list[NextTest]:
     """List traces at the least force without any; at the largest residual where unknown leads."""
     bench, seen = diagnosis.bench, diagnosis.seen
     profiles = [cell.point.profile for cell in bench.cells]
@@ -419,7 +441,7 @@ def _trace_tests(diagnosis: Diagnosis, top: Hypothesis, marks: Marks | None) -> 
     return [NextTest(name, how, "traces", hours, cell=cell, point=point, shifts=TRACED)]
 
 
-def _flown(diagnosis: Diagnosis, test: NextTest, marks: Marks) -> Outcome:
+def _flown(diagnosis: Findings, test: NextTest, marks: Marks) -> Outcome:
     """Predict the marks of the flight of some traces."""
     assert test.cell is not None, "traces are made at an operating point"
     profile, student = diagnosis.bench.cells[test.cell].point.profile, diagnosis.settings

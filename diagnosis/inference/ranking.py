@@ -71,9 +71,7 @@ def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed
     """Compute the log prior probability of a set of effects."""
     if hypothesis == UNKNOWN:
         return math.log(settings.unlisted)
-    odds = {
-        n: settings.prior(n) / (1.0 - settings.prior(n)) for n in model.effects if n != REVERSED
-    }
+    odds = {n: settings.prior(n) / (1.0 - settings.prior(n)) for n in model.effects}
     # Elementary symmetric sums: all sets of at most so many effects have probability 1 together.
     sums = np.zeros(settings.most + 1)
     sums[0] = 1.0
@@ -88,7 +86,7 @@ def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed
 
 def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
     """List the sets of so many effects, those of the reversed sense behind them."""
-    names = sorted(name for name in model.effects if name != REVERSED)
+    names = sorted(model.effects)
     plain = [h for h in itertools.combinations(names, size) if not set(h) >= REDUNDANT]
     if model.turned is None:
         return plain
@@ -175,7 +173,7 @@ class _Search:
             tuple(sorted((*h, name)))
             for h in near[:THIRDS]
             for name in self.likelihood.model.effects
-            if name not in h and name != REVERSED
+            if name not in h
         )
         return [h for h in dict.fromkeys(wider) if h in known]
 

@@ -8,9 +8,14 @@ to 0 that mass moves with the ring, as in ``moving_mass``; with both effects the
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.effects.moving_mass import EFFECT as MOVING_MASS
 from dogshape.sim.setting import Setting
 from dogshape.sim.units import to_si
+
+(_MASS,) = MOVING_MASS.parameters
 
 
 def _change(setting: Setting, values: Values) -> Setting:
@@ -35,16 +40,7 @@ EFFECT = Effect(
             most=120.0,
             ordinary=(4.3, "Bowden cables"),
         ),
-        Parameter(
-            "mass_behind_kg",
-            neutral=0.0,
-            low=0.03,
-            high=18.0,
-            scale="log-uniform",
-            source="fork and rod weigh 0.1 to 1 kg; an arm of 0.5 kg behind a ratio "
-            "of 3.2 feels like 5 kg, a robot's drive like three times that",
-            most=60.0,
-        ),
+        replace(_MASS, name="mass_behind_kg", ordinary=None),
     ),
     change=_change,
     test=BenchTest(
