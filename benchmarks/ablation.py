@@ -3,9 +3,10 @@
     python -m benchmarks.ablation DIR [--cases N] [--jobs N] [--kept FILE]
 
 DIR is a field set whose key is open, made and run by ``dogshape blind``. The first N cases in a
-fixed random order are diagnosed once with all parts and once without each. ``d ln p`` is the change
-of the log probability of the truth, mean over the cases with its standard error. FILE keeps
-finished diagnoses, from which a stopped run goes on.
+fixed random order are diagnosed once with all parts and once without each; the last two rows have
+one wrong entry in each table, half as long again or two fifths shorter. ``d ln p`` is the change of
+the log probability of the truth, mean over the cases with its standard error. FILE keeps finished
+diagnoses, from which a stopped run goes on.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ import numpy as np
 from joblib import Parallel, delayed
 
 from dogshape.diagnosis import diagnosis
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction import model
 from dogshape.diagnosis.settings import USUAL
@@ -43,11 +44,12 @@ Patch = tuple[Any, str, Any]  #: module, name and value
 
 @dataclass(frozen=True)
 class Part:
-    """Part of the diagnosis: settings and patches that leave it out."""
+    """Part of the diagnosis: settings and patches that leave it out, on data with a wrong entry."""
 
     name: str
     settings: dict[str, Any]
     patches: tuple[Patch, ...] = ()
+    wrong: bool = False
 
 
 def _observing(**changes: Callable[[Observed], Any]) -> tuple[Patch, ...]:
@@ -74,9 +76,23 @@ PARTS = (
     Part("error of effects together", {}, ((model, "COMBINED", 0.0),)),
     Part("error of interpolation", {}, ((model, "MISSED", (0.0, 0.0)), (model, "BLOCKED", 0.0))),
     Part("unseen effects as absent", {}, ((diagnosis, "unseen", lambda *_: {}),)),
-    Part("names hold at even priors", {"even": 0.0}),
     Part("floor", {"floor": 0.0}),
+    Part("all parts, a wrong entry", {}, wrong=True),
+    Part("odd means, a wrong entry", {"odd_share": NEVER}, wrong=True),
 )
+
+
+def with_wrong_entry(bench: Bench, seed: int) -> Bench:
+    """Multiply all times of one operating point by 1.5 or 0.6."""
+    generator, cells = np.random.default_rng(seed), list(bench.cells)
+    place = generator.choice([k for k, cell in enumerate(cells) if cell.time is not None])
+    factor = generator.choice([1.5, 0.6])
+    readings = [
+        replace(one, time=None if one.time is None else factor * one.time)
+        for one in cells[place].readings
+    ]
+    cells[place] = replace(cells[place], readings=tuple(readings))
+    return replace(bench, cells=tuple(cells))
 
 
 def found(part: int, folder: Path, name: str, truth: dict[str, Any]) -> dict[str, Any]:
@@ -86,7 +102,10 @@ def found(part: int, folder: Path, name: str, truth: dict[str, Any]) -> dict[str
     with ExitStack() as stack:
         for place in one.patches:
             stack.enter_context(patch.object(*place))
-        record = diagnosed(load_bench(folder / "cases" / name), means).to_dict()
+        bench = load_bench(folder / "cases" / name)
+        if one.wrong:
+            bench = with_wrong_entry(bench, truth["seed"])
+        record = diagnosed(bench, means).to_dict()
     keys = ("hypotheses", "verdict", "causes", "credible_set", "next_test", "seconds")
     return {key: record[key] for key in keys}
 
@@ -130,14 +149,15 @@ def main() -> None:
     truths = opened(given.folder)["cases"]
     names = np.random.default_rng(1).permutation(sorted(truths))[: given.cases].tolist()
     marks = kept_of(given.folder, names, truths, given.jobs, given.kept)
-    plain = np.array([log_score(marks[0, n]) for n in names])
+    scores = np.array([[log_score(marks[k, n]) for n in names] for k in range(len(PARTS))])
+    plain = {wrong: scores[[one.wrong for one in PARTS].index(wrong)] for wrong in (False, True)}
     print(f"{len(names)} cases\n")
     print(f"{'without':28}" + "".join(f"{name:>16}" for name in SHOWN) + f"{'d ln p':>18}")
     for k, one in enumerate(PARTS):
         mine = [marks[k, n] for n in names]
         figures = headline(mine)
         cells = [figures[name] for name in SHOWN]
-        change = np.array([log_score(mark) for mark in mine]) - plain
+        change = scores[k] - plain[one.wrong]
         words = [f"{c['value']:.2f} ({c['n']})" if c["n"] else "-" for c in cells]
         error = change.std() / len(change) ** 0.5
         print(

@@ -298,11 +298,8 @@ def diagnose(
     fits = {h: fit(likelihood, best.samples[h], flights) for h in dict.fromkeys((NONE, *plausible))}
     shares = unseen(likelihood, fits, evidence)
     posterior = seen_apart(shares, evidence)
-    even = seen_apart(
-        shares, _floored(_mixed([_even(one) for one in answers]), answers[0].ranking, settings)
-    )
     within = within_margin(likelihood, fits, evidence, bench.margin)
-    verdict = decide(posterior, even, fits, within, settings)
+    verdict = decide(posterior, fits, within, settings)
     known = [h for h in posterior if h in fits]
     rival = next((h for h in known[1:] if h != NONE), None)
     plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
@@ -412,17 +409,6 @@ def _mixed(answers: Sequence[_Answer]) -> dict[Hypothesis, float]:
     return found
 
 
-def _even(one: _Answer) -> _Answer:
-    """Give an answer as if all effects were as rare."""
-    settings = one.ranking.likelihood.settings
-    odds = {
-        name: np.log(settings.rare / (1.0 - settings.rare)) - np.log(p / (1.0 - p))
-        for name, p in settings.included.items()
-    }
-    logs = {h: log + sum(odds.get(name, 0.0) for name in h) for h, log in one.logs.items()}
-    return replace(one, logs=logs)
-
-
 def _floored(
     found: Mapping[Hypothesis, float], ranking: Ranking, settings: Settings
 ) -> dict[Hypothesis, float]:
@@ -451,11 +437,8 @@ def _readings(
         mine = [one for one in answers if one.record.get(key) == value]
         log = float(logsumexp([one.log for one in mine]))
         mine = [replace(one, log=one.log - log) for one in mine]
-        posterior, even = (
-            seen_apart(shares, _floored(_mixed(some), mine[0].ranking, settings))
-            for some in (mine, [_even(one) for one in mine])
-        )
-        verdict = decide(posterior, even, fits, within, settings)
+        posterior = seen_apart(shares, _floored(_mixed(mine), mine[0].ranking, settings))
+        verdict = decide(posterior, fits, within, settings)
         prior = 1.0 / sum(k == key for k, _ in keys)
         probability = (1.0 - settings.floor) * float(np.exp(log)) + settings.floor * prior
         found.append(Reading(key, value, probability, verdict, posterior))

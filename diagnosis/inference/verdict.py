@@ -63,7 +63,6 @@ def within_margin(
 
 def decide(
     posterior: Mapping[Hypothesis, float],
-    even: Mapping[Hypothesis, float],
     fits: Mapping[Hypothesis, Fit],
     within: float,
     settings: Settings,
@@ -72,8 +71,7 @@ def decide(
 
     *None* where the gap is within its margin, *unknown* where nothing listed explains it, *effect*
     where one hypothesis is named that passes the predictive check. Otherwise *ambiguous*, with the
-    effects that are part of the cause under nearly all hypotheses. ``even`` are the probabilities
-    where all effects are as rare: no name rests on the prior of an effect alone.
+    effects that are part of the cause under nearly all hypotheses.
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
     top, part = order[0], inclusion(posterior)
@@ -83,8 +81,7 @@ def decide(
             break
         credible.append(h)
         whole += posterior[h]
-    evenly = inclusion(even)
-    sure = {n for n, p in part.items() if p > settings.part and evenly[n] > settings.named}
+    sure = {n for n, p in part.items() if p > settings.part}
     kind: Kind = "ambiguous"
     causes = tuple(sorted(sure))
     known = [h for h in credible if h in fits]
@@ -93,12 +90,7 @@ def decide(
         kind, causes = "none", ()
     elif posterior[UNKNOWN] > settings.named or (known and len(fails) == len(known)):
         kind, causes = "unknown", ()
-    elif (
-        top not in fails
-        and posterior[top] > settings.named
-        and even[top] > settings.even
-        and top != NONE
-    ):
+    elif top not in fails and posterior[top] > settings.named and top != NONE:
         doubted = REVERSED not in top and part.get(REVERSED, 0.0) > 1.0 - settings.part
         if not doubted and len(forward(top)) <= settings.named_at_once:
             kind, causes = "effect", top

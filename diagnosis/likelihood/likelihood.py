@@ -414,7 +414,7 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Options:
-    """What a mean may be: the options of all points one after the other, P in all.
+    """Possible means: the options of all points one after the other, P in all.
 
     Parameters
     ----------

@@ -140,7 +140,7 @@ class Predicted:
 
 
 class Changes(NamedTuple):
-    """What an effect changes at m values of its parameters.
+    """Changes by an effect at m values of its parameters.
 
     Parameters
     ----------
@@ -340,7 +340,7 @@ class Model:
         return extremes(self.settings)
 
     def changes(self, name: str, values: Array) -> Changes:
-        """Compute what an effect changes at values (m, p).
+        """Compute the changes by an effect at values (m, p).
 
         Hypotheses share prior draws of their effects, so recent results are kept.
         """
