@@ -1,0 +1,136 @@
+r"""Closed form of crests that cross, where dogs hang by friction whatever their chamfer.
+
+Crests are straight and lie across the axis. Where two of them meet they cross under the angle
+:math:`\psi = h \tan\beta/r`, so that over a width :math:`W = \psi b` of overlap at the mean radius
+the crossing lies on both dogs. Moved across each other there, the crossing runs along the crests
+and nothing gives way: the common normal is the axis, and friction has nothing to hold. With a
+compliant layer the rigid crest stands a depth :math:`\delta` below the other one. At the place
+*x* along it the local overlap is :math:`\ell = L + \psi x`; there the rigid face and the rigid
+flank press with the smaller of the depths below both faces of the other dog. Summed over *x*, these
+loads are :math:`N = k \delta^3 n/\psi` along the axis and :math:`T = k \delta^3 t/\psi` across,
+*n* and *t* integrals over :math:`\ell/\delta` from :math:`(L - W/2)/\delta` to
+:math:`(L + W/2)/\delta`. Over the whole pattern, :math:`-\tan\beta \le \ell/\delta \le \cot\alpha`,
+*t* vanishes for all angles; only where the pattern runs off the end of a dog there is
+something to hold. Static friction holds where :math:`|T| \le \mu N`.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.phases import crests_cross
+
+#: Chamfer, traction and braking angle in deg, height in mm, dogs. The last two lean so far that
+#: their crests cross over a wide overlap; both faces slide from rest by far.
+DESIGNS = {
+    "prototype": (8.0, 12.0, 22.0, 3.7, 15),
+    "lean": (12.5, 20.0, 16.0, 4.5, 14),
+    "steep face": (19.9, 15.0, 15.0, 3.5, 18),
+}
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Crests:
+    """Two crests that cross.
+
+    Parameters
+    ----------
+    chamfer, traction : rad.
+    crossing : angle between them, rad.
+    width : overlap at the mean radius over which the crossing lies on both dogs, m.
+    stiffness : of the contact, Pa/m.
+    """
+
+    chamfer: float
+    traction: float
+    crossing: float
+    width: float
+    stiffness: float
+
+    def sums(self, cells: int = 1200) -> tuple[Array, Array, Array]:
+        """Return l/delta (m,) and the integrals *n* and *t* from its low end up to there."""
+        places = np.linspace(-math.tan(self.traction), 1.0 / math.tan(self.chamfer), cells)
+        face, flank = np.array([self._pressed(place) for place in places]).T
+        along = math.cos(self.chamfer) * face + math.sin(self.traction) * flank
+        across = math.cos(self.traction) * flank - math.sin(self.chamfer) * face
+        return places, _running(along, places), _running(across, places)
+
+    def _pressed(self, overlap: float) -> tuple[float, float]:
+        """Return the forces of the rigid face and flank at an overlap, both over depth."""
+        (ca, sa), (cb, sb) = _turn(self.chamfer), _turn(self.traction)
+
+        def below_face(y: float, z: float) -> float:
+            return sa * y - ca * z
+
+        def below_flank(y: float, z: float) -> float:
+            return -(cb * y + sb * z)
+
+        found = []
+        for way in ((ca, sa), (-sb, cb)):  # up the rigid face, up the rigid flank
+            depths = [(below(-overlap, -1.0), below(*way)) for below in (below_face, below_flank)]
+            ends = [start / -slope for start, slope in depths if slope < 0.0]
+            starts = [-start / slope for start, slope in depths if slope > 0.0]
+            low, high = max([0.0, *starts]), min(ends)
+            along = low + (high - low) * (np.arange(200) + 0.5) / 200
+            least = np.minimum(*(start + slope * along for start, slope in depths))
+            inside = high > low and min(d + s * 0.5 * (low + high) for d, s in depths) > 0.0
+            found.append(float(least.mean() * (high - low)) if inside else 0.0)
+        return found[0], found[1]
+
+    def balance(self, overlap: Array, force: float) -> tuple[Array, Array]:
+        """Return depth in m and T/N at overlaps (m,) under an axial force on one dog, N."""
+        places, along, across = self.sums()
+        depths, ratios = [], []
+        for here in overlap:
+            low, high = here - 0.5 * self.width, here + 0.5 * self.width
+
+            def total(sums: Array, depth: float, a: float = low, b: float = high) -> float:
+                return float(np.diff(np.interp([a / depth, b / depth], places, sums))[0])
+
+            small, large = 1e-9, 2e-3
+            for _ in range(60):
+                depth = math.sqrt(small * large)
+                pressed = self.stiffness * depth**3 / self.crossing * total(along, depth)
+                small, large = (depth, large) if pressed < force else (small, depth)
+            depths.append(large)
+            ratios.append(total(across, large) / total(along, large))
+        return np.array(depths), np.array(ratios)
+
+    def window(self, force: float, friction: float) -> float:
+        """Return the width of overlap, m, over which friction holds one dog under a force, N."""
+        overlap = np.linspace(-self.width, self.width, 401)
+        ratio = self.balance(overlap, force)[1]
+        return float((np.abs(ratio) <= friction).sum() * (overlap[1] - overlap[0]))
+
+
+def _turn(angle: float) -> tuple[float, float]:
+    return math.cos(angle), math.sin(angle)
+
+
+def _running(values: Array, places: Array) -> Array:
+    means = 0.5 * (values[1:] + values[:-1])
+    sums: Array = np.concatenate([[0.0], np.cumsum(means * np.diff(places))])
+    return sums
+
+
+def crests_of(clutch: Clutch) -> Crests:
+    """Return the crests of a clutch."""
+    dog = clutch.dog
+    crossing = dog.height * math.tan(dog.traction) / dog.mean_radius
+    width = crossing * dog.radial_width
+    return Crests(dog.chamfer, dog.traction, crossing, width, clutch.contact.stiffness)
+
+
+def time_on_crests(shift: Engagement) -> float:
+    """Return how long the crossing lay on both dogs at the depth of the crests, s."""
+    trace = shift.trace
+    there = crests_cross(shift.clutch, trace.relative_angle, trace.displacement)
+    return float(np.diff(trace.time, prepend=0.0)[there].sum())
