@@ -407,11 +407,12 @@ def validation() -> str:
     """Write the figures of the surrogate of three clutches."""
     rows = []
     for clutch, words in CLUTCHES.items():
-        _, error, bias, _, q2, inside, points, inside_points, rank, _ = fitted(clutch)
-        rows.append((words, f"{q2:.3f}", f"{error:.2f} ms", f"{bias:+.2f} ms", f"{inside:.0f} %",
-                     f"{points:.3f}", f"{inside_points:.0f} %", f"{rank:.2f}"))  # fmt: skip
+        _, error, bias, noise, q2, inside, points, inside_points, rank, _ = fitted(clutch)
+        sure = f"{inside:.0f} %", f"{points:.3f}", f"{inside_points:.0f} %", f"{rank:.2f}"
+        errors = f"{error:.2f} ms", f"{bias:+.2f} ms"
+        rows.append((words, f"{q2:.3f}", *errors, *sure, f"{noise:.2f} ms"))
     head = ("clutch", "Q\u00b2", "error", "bias", "in 95 %", "Q\u00b2 of points", "in 95 %",
-            "rank of the best")  # fmt: skip
+            "rank of the best", "error of a reference")  # fmt: skip
     return markdown(head, rows)
 
 
