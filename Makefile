@@ -2,8 +2,8 @@
 #   make study   environment, default study, report
 #   make test    environment, lint, types, tests (ten minutes on two idle cores)
 # make test-fast runs tests/unit alone: no server, browser or study (two minutes on two idle cores).
-# make surrogate simulates and fits the surrogate that the package brings (minutes), with the tables
-# about surrogates (an hour); make one-level one of Drake alone to compare (1.5 hours).
+# make surrogate simulates and fits the surrogate that the package brings (minutes), with the table
+# that judges surrogates of three clutches (half an hour).
 # make bank simulates the bank that the package brings for the published data sets, with the
 # flights of traces (ten minutes).
 # make studies runs all bundled studies and keeps their results in studies/ (half an hour).
@@ -12,7 +12,7 @@
 # make blind makes, diagnoses and scores data whose effect is withheld (half an hour on two cores);
 # stopped, it goes on.
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
-# make figures puts what sources say into the figures of README.md and docs, and lists what has none.
+# make figures writes the tables of README.md and docs from kept results and docs/evidence.
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
 # make picture draws docs/mismatch.svg, docs/dog.svg, docs/shift.png and
 # docs/report.png again; it needs Chromium and a study.
@@ -28,7 +28,7 @@ EXTRAS := dev,blind,cad,docs,fem,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs evidence blind surrogate one-level bank studies samplers gaps figures picture tutorial constraints system clean
+.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps figures picture tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -65,11 +65,8 @@ blind: $(VENV)/complete
 	$(BIN)/dogshape blind run $(BLIND)
 	$(BIN)/dogshape blind score $(BLIND)
 
-EVIDENCE := convergence convergence_designs stiction floor work_precision expectation second_engine \
-  adams engines engine_effects root_stress load_height impact_force crest_hang workers effects blind_engines \
-  self_consistency valid_range keeping ranking forecasts edge_radius linkage_steps mechanism_accuracy linkage_mass
-SURROGATE := asking two_fidelities fit_clock
-ONE_LEVEL := learning_curve active_learning
+EVIDENCE := convergence work_precision expectation second_engine adams engines mechanisms root_stress \
+  impact_force blind_engines self_consistency valid_range
 
 # What scripts print, with the command before it, in docs/evidence; a script that fails leaves
 # the old table.
@@ -85,18 +82,13 @@ evidence: $(VENV)/complete
 	$(BIN)/python -m pytest -m slow
 	$(call print_tables,$(EVIDENCE))
 
-# The surrogate that the package brings, as anybody makes one (minutes), and the tables about it
-# (an hour): what it learns from is simulated into results/mq200_paper-space, where a run that was
-# stopped goes on.
+# The surrogate that the package brings, as anybody makes one (minutes), and the table that judges
+# surrogates (half an hour): what it learns from is simulated into results/mq200_paper-space, where
+# a run that was stopped goes on.
 surrogate: $(VENV)/ready
 	$(BIN)/dogshape fit mq200_paper --choose
 	cp results/mq200_paper-space/surrogate.json studies/mq200_paper/surrogate.json
-	$(call print_tables,$(SURROGATE))
-
-# One of Drake alone, to compare (1.5 hours).
-one-level: $(VENV)/ready
-	$(BIN)/dogshape fit mq200_paper --levels 1 --choose --set name=mq200_paper_drake
-	$(call print_tables,$(ONE_LEVEL))
+	$(call print_tables,surrogate_validation)
 
 # The bank of the published clutch in both senses of rotation; goes on from BANK where that has
 # finished shifts, and simulates nothing where the bundled file has all.
@@ -111,7 +103,7 @@ studies: $(VENV)/ready
 	for name in $(STUDIES); do \
 	  $(BIN)/dogshape study studies/$$name --out results/$$name --resume || exit 1; \
 	  cp results/$$name/result.json results/$$name/designs.csv studies/$$name/ || exit 1; done
-	$(call print_tables,contact_sets gearbox_loads question wear_drift control_worth)
+	$(call print_tables,contact_sets gearbox_loads)
 
 # Samplers compared, with torch, which nothing else wants (half an hour).
 samplers: $(VENV)/ready
@@ -127,7 +119,6 @@ gaps: $(VENV)/ready
 
 figures: $(VENV)/ready
 	$(BIN)/python -m benchmarks.figures
-	$(BIN)/python -m benchmarks.constants
 
 # The parser of docstrings is shown the rooms as the type checker is.
 docs: $(VENV)/complete
@@ -143,8 +134,8 @@ $(OUT)/report.html:
 # The pictures of the README: one shift at 45 ms and the report, drawn without a screen.
 picture: $(VENV)/ready $(OUT)/report.html
 	mkdir -p build docs
-	$(BIN)/python -m benchmarks.mismatch > docs/mismatch.svg
-	$(BIN)/python -m benchmarks.named_dog > docs/dog.svg
+	$(BIN)/python -m benchmarks.drawings mismatch > docs/mismatch.svg
+	$(BIN)/python -m benchmarks.drawings dog > docs/dog.svg
 	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10 \
 	  --html build/shift.html
 	$(SHOOT) --window-size=1280,880 --force-device-scale-factor=0.9375 \

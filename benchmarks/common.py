@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import os
+import json
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
+from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
@@ -38,16 +40,6 @@ class Cell:
     def mean(self) -> float:
         """Mean over the shifts that engaged, s."""
         return float(np.nanmean(self.times))
-
-
-#: Processes that want a core beside those of a benchmark, at most, on a machine that is idle.
-IDLE_LOAD = 0.3
-
-
-def load_told() -> str:
-    """Describe the load of the machine in the last minute, idle or not."""
-    load = os.getloadavg()[0]
-    return f"load average {load:.2f}, {'idle' if load <= IDLE_LOAD else 'not idle'}"
 
 
 def clutch_of(study: Setup, design: str) -> Clutch:
@@ -82,3 +74,10 @@ def measure(plant: ClutchPlant, point: OperatingPoint, angles: Iterable[float]) 
 def paper_study() -> Setup:
     """Return the paper's study."""
     return load_study("mq200_paper")
+
+
+def kept(name: str) -> dict[str, Any]:
+    """Read the kept result of a bundled study."""
+    text = (bundled_root() / name / "result.json").read_text(encoding="utf-8")
+    found: dict[str, Any] = json.loads(text)
+    return found

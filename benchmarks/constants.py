@@ -1,21 +1,12 @@
-"""Write the settings of the diagnosis, with unit, status and source, into docs/inference.md.
-
-python -m benchmarks.constants
-"""
+"""Write the table of the settings of the diagnosis, with unit, status and source."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from dogshape.diagnosis.settings import USUAL, described
 
-PAGE = Path(__file__).parents[1] / "docs" / "inference.md"
-BEGIN, END = (
-    "<!-- constants: written by benchmarks/constants.py -->\n",
-    "<!-- end of constants -->\n",
-)
 HEAD = "| setting | value | unit | meaning | source | status |\n|---|---|---|---|---|---|\n"
 
 
@@ -36,13 +27,3 @@ def table() -> str:
         for name, value, facts in described(USUAL)
     ]
     return HEAD + "".join(rows)
-
-
-def with_constants(page: str) -> str:
-    """Put the table into the text of the page."""
-    before, after = page.split(BEGIN, maxsplit=1)[0], page.split(END)[1]
-    return f"{before}{BEGIN}{table()}{END}{after}"
-
-
-if __name__ == "__main__":
-    PAGE.write_text(with_constants(PAGE.read_text(encoding="utf-8")), encoding="utf-8")

@@ -16,18 +16,15 @@ three minutes on two cores.
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from pathlib import Path
-from typing import Any
 
-from benchmarks.common import paper_study
+from benchmarks.common import kept, paper_study
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.units import DEG
@@ -54,13 +51,6 @@ def designs_of(study: Setup) -> Designs:
         "chosen": {key: best[key] for key in study.variables},
         "gearbox's": {key: asked[key] for key in study.variables},
     }
-
-
-def kept(name: str) -> dict[str, Any]:
-    """Read the kept result of a bundled study."""
-    text = (bundled_root() / name / "result.json").read_text(encoding="utf-8")
-    found: dict[str, Any] = json.loads(text)
-    return found
 
 
 def settings() -> dict[str, Setup]:

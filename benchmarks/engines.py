@@ -5,7 +5,7 @@
 Clutches of three sizes (prototype, small, large), both contact sets, designs drawn over the
 search space, seven mismatch speeds of either sign at a random force of the paper's study, eight
 even angles from a random start: 3 x 2 x designs x 7 x 8 shifts in each engine, in turn. The
-published set is Drake's ``cenic`` at its default accuracy; ``--fine`` makes its steps finer.
+published set is Drake's ``cenic`` at its default accuracy.
 Where both differ by more than a percent, up to ``--causes`` shifts drawn at random are simulated
 again, one change at a time: finer steps of Drake, of the compiled engine, of both.
 One process; takes a quarter of an hour.
@@ -57,9 +57,7 @@ def drawn(rng: np.random.Generator, size: str) -> Dog:
             return dog
 
 
-def sampled(
-    seed: int, designs: int, fine: bool
-) -> list[tuple[str, str, float, list[Pair], Series]]:
+def sampled(seed: int, designs: int) -> list[tuple[str, str, float, list[Pair], Series]]:
     """Simulate: size, contact set, speed in 1/min, pairs of shifts and CPU time of each, s."""
     rng, study, found = np.random.default_rng(seed), paper_study(), []
     forces = sorted({point.profile.force for point in study.points})
@@ -72,17 +70,14 @@ def sampled(
                 for speed in SPEEDS:
                     sign, force = rng.choice([-1.0, 1.0]), float(rng.choice(forces))
                     point = OperatingPoint(sign * speed * RPM, profiles[force])
-                    found.append((size, name, speed, *shifts(clutch, point, rng.random(), fine)))
+                    found.append((size, name, speed, *shifts(clutch, point, rng.random())))
     return found
 
 
-def shifts(
-    clutch: Clutch, point: OperatingPoint, start: float, fine: bool
-) -> tuple[list[Pair], Series]:
+def shifts(clutch: Clutch, point: OperatingPoint, start: float) -> tuple[list[Pair], Series]:
     """Simulate even angles with either engine in turn; CPU times (n, 2), s."""
     pairs, spent = [], []
     compiled = clutch.with_engine("planar")
-    clutch = clutch.refined() if fine else clutch
     for angle in (np.arange(ANGLES) + start) / ANGLES * clutch.dog.pitch_angle:
         begin = time.process_time()
         first = engage(compiled, point, float(angle))
@@ -213,11 +208,10 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=20261126)
     parser.add_argument("--designs", type=int, default=9)
     parser.add_argument("--causes", type=int, default=100)
-    parser.add_argument("--fine", action="store_true", help="Drake at its refined accuracy")
     given = parser.parse_args()
     study = paper_study()
     engage(study.clutch.with_engine("planar"), study.points[0], 0.1)  # compiled before it is timed
-    groups = sampled(given.seed, given.designs, given.fine)
+    groups = sampled(given.seed, given.designs)
     print(f"seed {given.seed}, {given.designs} designs of each clutch and contact set, "
           f"{ANGLES} angles; median of the bias's size")  # fmt: skip
     print_table(groups)

@@ -1,22 +1,15 @@
-"""CPU time for one percent of standard error of the expected shift time, and what it is worth.
+"""Cost of one percent of standard error of the expected shift time, and coverage of its interval.
 
     python -m benchmarks.expectation
 
-The prototype at all operating points of the paper's study, 96 even angles at each in Drake and in
-the compiled engine. One process; takes some ten minutes; needs the extra ``blind``.
+The prototype at all operating points of the paper's study, 96 even angles at each in Drake. The
+program is run to one percent, without the numerical error, which repeats an eighth of the shifts.
 
-**Random angles**: what the variance over these angles asks for, times what a shift costs, in Drake
-and in MuJoCo, measured interleaved. **Even angles**: how many give one percent, with the scatter of
-the mean over 400 random starts on the same 96 times.
-
-**The program** run to one percent, without the numerical error, which repeats an eighth of the
-shifts.
-
-**Coverage**: the program run ``RUNS`` times from other random starts, each angle replaced by the
-nearest of the 96 below, so that its angles are even ones among them and no shift is simulated
-again. The share of 95 % intervals that hold the mean of all 96 Drake shifts: of single operating
-points and of the whole. A retry costs twelve mean times, and one shift that does not engage is in
-some runs and not in others; so beside it the same without retries.
+Then it is run ``RUNS`` times from other random starts, each angle replaced by the nearest of the 96
+below, so that its angles are even ones among them and no shift is simulated again. The share of
+95 % intervals that hold the mean of all 96: of single operating points and of the whole. A retry
+costs twelve mean times, and one shift that does not engage is in some runs and not in others; so
+beside it the same without retries. One process; takes some four minutes.
 """
 
 from __future__ import annotations
@@ -27,21 +20,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from benchmarks.common import angles_of, paper_study
+from benchmarks.common import paper_study
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.simulate.precision import FIRST, expect_to
+from dogshape.pipeline.simulate.precision import expect_to
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record
-from dogshape.validation.second_engine import SecondEngine
 
-DENSE, STARTS, GOAL, RUNS = 96, 400, 0.01, 20
+DENSE, GOAL, RUNS = 96, 0.01, 20
+Place = tuple[float, float, int]  #: mismatch, force and number of the angle
 
 
 @dataclass
@@ -49,9 +42,9 @@ class Dense:
     """Shifts at all angles of a grid, in place of an executor that simulates them."""
 
     study: Setup
-    rows: dict[tuple[str, float, float, int], Record]
-    cpu: dict[tuple[str, float, float, int], float]
-    used: set[tuple[str, float, float, int]] = field(default_factory=set)
+    rows: dict[Place, Record]
+    cpu: dict[Place, float]
+    used: set[Place] = field(default_factory=set)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         """Return the records of blocks, each at the nearest angle of the grid below its own."""
@@ -59,8 +52,7 @@ class Dense:
 
     def _row(self, block: Block, angle: float) -> Record:
         phase = angle / block.clutch.dog.pitch_angle
-        engine = block.clutch.solver.engine
-        place = engine, *_named(block.point), int(phase * DENSE + 1e-9) % DENSE
+        place = *_named(block.point), int(phase * DENSE + 1e-9) % DENSE
         self.used.add(place)
         return self.rows[place]
 
@@ -68,97 +60,46 @@ class Dense:
         """Return the same shifts, none of them used."""
         return replace(self, used=set())
 
-    def times(self, engine: str) -> np.ndarray:
-        """Tabulate the shift times, s, NaN where a shift did not engage, (points, angles)."""
-        named = [_named(point) for point in self.study.points]
-        rows = [[self.rows[engine, *key, k] for k in range(DENSE)] for key in named]
-        return np.array([[r["shift_time_s"] for r in mine] for mine in rows], dtype=float)
-
-    def cost(self, engine: str) -> np.ndarray:
-        """Average the CPU time of a shift at each operating point, s, (points,)."""
-        named = [_named(point) for point in self.study.points]
-        return np.array(
-            [np.mean([self.cpu[engine, *key, k] for k in range(DENSE)]) for key in named]
-        )
-
     @property
     def reference(self) -> Expectation:
-        """Expectation of all Drake's shifts."""
+        """Expectation of all shifts."""
         named = [_named(point) for point in self.study.points]
-        rows = [[self.rows["drake", *key, k] for k in range(DENSE)] for key in named]
+        rows = [[self.rows[*key, k] for k in range(DENSE)] for key in named]
         return expectation_of(self.study, self.study.points, rows)
 
 
 def main() -> None:
-    """Print the comparison."""
+    """Print cost and coverage."""
     study = paper_study()
-    dense, other = simulated(study)
-    times, cpu = dense.times("drake"), dense.cost("drake")
-    mean = float(np.nanmean(times, axis=1).mean())
-    print(f"expected shift time {dense.reference.mean * 1e3:.2f} ms with retries, "
-          f"{mean * 1e3:.2f} ms without, {len(times)} operating points")  # fmt: skip
-    lost = [int(np.isnan(dense.times(engine)).sum()) for engine in ("drake", "planar")]
-    apart = np.abs(dense.times("planar") - times)
-    print(f"of {times.size} shifts {lost[0]} did not engage in Drake, {lost[1]} in the compiled "
-          f"engine; {np.mean(apart > 1e-3):.2%} differ by more than 1 ms")  # fmt: skip
-    random = np.nanvar(times, axis=1).mean() / (GOAL * mean) ** 2
-    drake, second = random * cpu.mean(), random * other
-    print(f"random angles: {random:.0f} shifts for 1 %")
-    print(f"  Drake    {cpu.mean() * 1e3:6.1f} ms a shift, {drake:7.1f} s CPU")
-    print(f"  MuJoCo   {other * 1e3:6.1f} ms a shift, {second:7.1f} s CPU")
-    print(f"  compiled {dense.cost('planar').mean() * 1e3:6.1f} ms a shift")
-    print("even angles")
-    for factor in (1.0, 4 / 3, 5 / 3, 2.0):
-        count = np.round(np.full(len(times), FIRST) * factor).astype(int)
-        error = scatter(times, count) / mean
-        cost = float(count @ cpu)
-        # Error falls as one over the angles: cost at one percent.
-        scaled = cost * error / GOAL
-        times_less = f"1/{drake / scaled:.1f} of Drake, 1/{second / scaled:.1f} of MuJoCo"
-        line = f"  {count.sum():4d} shifts: {error:.2%} in {cost:6.1f} s; "
-        print(f"{line}1 % in {scaled:6.1f} s CPU, {times_less} at random angles")
+    dense = simulated(study)
+    whole = dense.reference
+    assert whole.mean_engaged is not None
+    times = f"{whole.mean * 1e3:.2f} ms with retries, {whole.mean_engaged * 1e3:.2f} ms without"
+    print(f"expected shift time {times}, {len(study.points)} operating points")
+    print(f"of {len(dense.rows)} shifts {whole.lost} did not engage")
     reported(study)
     coverage(study, dense)
 
 
-def simulated(study: Setup) -> tuple[Dense, float]:
-    """Simulate all shifts in both engines by turns; give MuJoCo's CPU time a shift too, s."""
-    clutches = {"drake": study.clutch, "planar": study.clutch.with_engine("planar")}
-    second, other = SecondEngine(study.clutch), 0.0
+def simulated(study: Setup) -> Dense:
+    """Simulate all shifts."""
     grid = (np.arange(DENSE) + 0.5) / DENSE * study.clutch.dog.pitch_angle
     dense = Dense(study, {}, {})
-    for clutch in clutches.values():  # plants are built, and compiled, outside of the times
-        engage(clutch, study.points[-1], float(grid[0]))
-    for index, point in enumerate(study.points):
+    engage(
+        study.clutch, study.points[-1], float(grid[0])
+    )  # the plant is built outside of the times
+    for point in study.points:
         for place, angle in enumerate(grid):
-            for engine, clutch in clutches.items():
-                key = engine, *_named(point), place
-                start = time.process_time()
-                found = engage(clutch, point, float(angle))
-                dense.cpu[key] = time.process_time() - start
-                dense.rows[key] = {
-                    "outcome": found.outcome.value,
-                    "shift_time_s": found.shift_time,
-                }
-        start = time.process_time()
-        for angle in angles_of(study.clutch, 3, index):
-            second.shift(point, float(angle))
-        other += (time.process_time() - start) / 3
-    return dense, other / len(study.points)
+            key = *_named(point), place
+            start = time.process_time()
+            found = engage(study.clutch, point, float(angle))
+            dense.cpu[key] = time.process_time() - start
+            dense.rows[key] = {"outcome": found.outcome.value, "shift_time_s": found.shift_time}
+    return dense
 
 
 def _named(point: OperatingPoint) -> tuple[float, float]:
     return point.mismatch, point.profile.force
-
-
-def scatter(table: np.ndarray, count: np.ndarray) -> float:
-    """Return the standard deviation of the mean over random starts, s."""
-    rng = np.random.default_rng(11)
-    means = np.zeros(STARTS)
-    for row, n in zip(table, count, strict=True):
-        phases = (np.arange(n) + rng.random((STARTS, 1))) / n
-        means += np.nanmean(row[(phases * DENSE).astype(int) % DENSE], axis=1)
-    return float(means.std() / len(table))
 
 
 def reported(study: Setup) -> None:

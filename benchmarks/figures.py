@@ -1,59 +1,476 @@
-"""Hold the figures that README.md and docs/*.md publish against what they come from.
+"""Write the tables of README.md and docs that come from kept results and docs/evidence.
 
-    python -m benchmarks.figures --check    list figures that differ from their source, or have none
-    python -m benchmarks.figures            put what the sources give in their place
+    python -m benchmarks.figures
 
-``benchmarks.published`` has the table of figures: kept results, docs/evidence or a quick
-computation. Some passages are written as a whole (``benchmarks.blocks``). ``benchmarks.sections``
-says which sections hold results: every number in them that has a unit or a decimal point needs an
-entry, or a pattern with a reason.
+A table stands between two lines, ``<!-- NAME: ... -->`` and ``<!-- end of NAME -->``, which readers
+do not see. ``TABLES`` has the function that writes each name.
 """
 
 from __future__ import annotations
 
-import sys
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from functools import cache
+from pathlib import Path
+from typing import Any
 
-from benchmarks.blocks import filled, outdated, spans
-from benchmarks.entries import ROOT, Finding, differences, rewritten, unvouched
-from benchmarks.field_table import FIELD
-from benchmarks.published import ENTRIES
-from benchmarks.sections import RESULTS
+from benchmarks import constants, field_table
+from dogshape.pipeline.store.result_schema import key_table
 
-BLOCKS = (FIELD,)
+ROOT = Path(__file__).resolve().parents[1]
+EVIDENCE = ROOT / "docs" / "evidence"
+BLOCK = re.compile(r"(<!-- ([\w ]+): .*-->\n)(.*?)(<!-- end of \2 -->\n)", re.DOTALL)
+NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
+PAPER = "mq200_paper"
+OPTUNA = ("TPE", "NSGA-II", "GPSampler", "quasi-random")
+OWN = "own, two levels"
+CLUTCHES = {"prototype": "prototype", "small": "small, 40 mm", "large": "large, 92 mm"}
+BESTS = ("chosen", "gearbox's")  #: designs of contact_sets.txt
+#: Settings of contact_sets.txt, and their words.
+CONTACTS = {
+    "lubricated_steel": "design set",
+    "adams2019": "contact of the published model",
+    "friction 0.080": "friction a third lower",
+    "friction 0.160": "friction a third higher",
+    "toothing;": "friction of 0.1 in the ring's toothing",
+    "toothing, fork, drag": "the same, a fork of 0.3 kg and a drag of 0.1 N m",
+    "dissipation 3 s/m": "faces that throw back",
+    "dissipation 1 s/m": "faces that throw back as dry steel",
+    "dissipation 60 s/m": "faces that throw back little",
+}
 
 
-def documents() -> list[str]:
-    """List README.md and the notes of docs, as paths below the root."""
-    return ["README.md", *sorted(f"docs/{path.name}" for path in (ROOT / "docs").glob("*.md"))]
+# Sources
 
 
-def checked() -> list[Finding]:
-    """List all that is wrong with the figures of all documents."""
-    found = []
-    for file in documents():
-        text = (ROOT / file).read_text(encoding="utf-8")
-        entries = [entry for entry in ENTRIES if entry.file == file]
-        blocks = [block for block in BLOCKS if block.file == file]
-        found += outdated(text, blocks) + differences(text, entries)
-        found += unvouched(file, text, entries, RESULTS.get(file, {}), spans(text, blocks))
-    return found
+@cache
+def read(path: str) -> Any:
+    """Read a JSON file below the root of the project."""
+    return json.loads((ROOT / path).read_text(encoding="utf-8"))
 
 
-def main() -> int:
-    """Write the figures unless ``--check`` is given; list what is wrong, with status 1."""
-    if "--check" not in sys.argv[1:]:
-        for file in documents():
-            path = ROOT / file
-            old = path.read_text(encoding="utf-8")
-            new = filled(old, [block for block in BLOCKS if block.file == file])
-            new = rewritten(new, [entry for entry in ENTRIES if entry.file == file])
-            if new != old:
-                path.write_text(new, encoding="utf-8")
-                print(f"{file} written")
-    found = checked()
-    print("\n".join(map(str, found)) or f"{len(ENTRIES)} pieces agree with their sources")
-    return 1 if found else 0
+def result(study: str) -> Any:
+    """Read the result that ``make studies`` keeps of a bundled study."""
+    return read(f"studies/{study}/result.json")
+
+
+def gap(bench: str) -> Any:
+    """Read the diagnosis that ``make gaps`` keeps of the bench ``stand`` or ``adams``."""
+    return read(f"docs/evidence/gap_{bench}.json")
+
+
+def numbers(table: str, *labels: str) -> list[float]:
+    """Read the numbers behind a label in a table of docs/evidence.
+
+    Parameters
+    ----------
+    table : name of the file without its ending.
+    labels : beginnings of lines, spaces aside: the first line with the last label that comes after
+        lines with the others in their order.
+
+    Raises
+    ------
+    LookupError : the table has no such line.
+    """
+    lines = iter((EVIDENCE / f"{table}.txt").read_text(encoding="utf-8").splitlines())
+    for label in labels:
+        line = next((one.strip() for one in lines if one.strip().startswith(label)), None)
+        if line is None:
+            raise LookupError(f"{table}.txt has no line that begins with {label!r}")
+    return [float(word) for word in NUMBER.findall(line[len(labels[-1]) :])]  # type: ignore[index]
+
+
+# Words
+
+
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """Write a table with a proper minus."""
+    lines = [f"| {' | '.join(cells)} |".replace(" -", " \u2212") for cells in (head, *rows)]
+    return "\n".join([lines[0], "|---" * len(head) + "|", *lines[1:], ""])
+
+
+def plus_minus(pair: Sequence[float], digits: int = 1, unit: str = "ms") -> str:
+    """Write a value and its standard error."""
+    return f"{pair[0]:.{digits}f} \u00b1 {pair[1]:.{digits}f} {unit}"
+
+
+def percent(share: float, digits: int = 0) -> str:
+    """Write a share."""
+    return f"{100.0 * share:.{digits}f} %"
+
+
+def confirmed(study: str, who: str, digits: int = 1) -> str:
+    """Write the time of the prototype or the best design at new angles, with its length."""
+    found, row = result(study)["confirmation"][who], designs(study)[who]
+    pair = [1e3 * found[key] for key in ("expected_shift_time_s", "standard_error_s")]
+    return f"{plus_minus(pair, digits)}; {row['axial_length_mm']:.1f} mm"
+
+
+def designs(study: str) -> dict[str, Any]:
+    """Return prototype and best design of a study as the search has them."""
+    return {"prototype": result(study)["trials"][0], "best": result(study)["best"]}
+
+
+def estimate(study: str, who: str, name: str, scale: float = 1e3) -> list[float]:
+    """Return an objective at new angles with its standard error."""
+    found = result(study)["confirmation"][who]["estimates"][name]
+    return [scale * found["value"], scale * found["standard_error"]]
+
+
+def gain(setting: str, design: str = "chosen") -> str:
+    """Write the gain of a design under one of the contact sets."""
+    value, error, share = numbers("contact_sets", setting, design)[-3:]
+    return f"{plus_minus((value, error))} ({share:.0f} %)"
+
+
+def slower() -> str:
+    """Write by how much the best design of the paper's study is slower where it is."""
+    both = result(PAPER)["confirmation"]
+    pairs = zip(both["prototype"]["points"], both["best"]["points"], strict=True)
+    found = sorted(1e3 * (b["mean_s"] - a["mean_s"]) for a, b in pairs)
+    return " and ".join(f"{one:.0f}" for one in found if one > 0.0) + " ms"
+
+
+def size(effect: str, name: str, digits: int = 0, scale: float = 1.0) -> str:
+    """Write the 90 % interval of a size on the stand over all plausible hypotheses."""
+    found = gap("stand")["sizes"][effect][name]
+    return " to ".join(f"{scale * found[end]:.{digits}f}" for end in ("low", "high"))
+
+
+def part(effect: str) -> str:
+    """Write the probability that an effect is part of the stand's cause."""
+    if effect == "unknown":
+        rows = gap("stand")["hypotheses"]
+        return percent(sum(h["probability"] for h in rows if h["effects"] == ["unknown"]))
+    return percent(gap("stand")["inclusion"][effect])
+
+
+def rms(bench: str, name: str, digits: int = 0) -> str:
+    """Write a root-mean-square gap of a bench."""
+    return f"{1e3 * gap(bench)['gap'][f'{name}_rmse_s']:.{digits}f} ms"
+
+
+def summary(pattern: str) -> str:
+    """Return a number of the paragraph on the stand.
+
+    Raises
+    ------
+    LookupError : the paragraph has no such words.
+    """
+    found = re.search(pattern, gap("stand")["summary"])
+    if found is None:
+        raise LookupError(f"the paragraph on the stand has no {pattern!r}")
+    return f"{float(found[1]):.0f}"
+
+
+def field(words: str, *, counted: bool = True) -> str:
+    """Write a headline figure of the field set with its interval and its number of cases."""
+    _, value, n, *_ = next(row for row in field_table.headline_of(field_table.SCORE)
+                           if row[0] == words)  # fmt: skip
+    return f"{value} of {n}" if counted else value
+
+
+def fitted(clutch: str) -> list[float]:
+    """Return designs, rmse, bias, error of references, Q2, share in 95 %, of points, and rank."""
+    return numbers("surrogate_validation", f"{clutch} ")
+
+
+def each_clutch(place: int, digits: int) -> str:
+    """Write one figure of the fits of three clutches."""
+    return "{}, {} and {}".format(*(f"{fitted(one)[place]:.{digits}f}" for one in CLUTCHES))
+
+
+def shares(sampler: str) -> list[float]:
+    """Return a sampler's shares of the hypervolume, three a column, and its number of seeds."""
+    return numbers("samplers", "share of the reference front", sampler)
+
+
+# Tables
+
+
+def found() -> str:
+    """Write what README.md says was found."""
+    gearbox, paper = result("mq200")["best"], result(PAPER)["best"]
+    adams = ("as published", "all angles, as published", "shifts of the compiled engine that skip")
+    ten, every, short = (numbers("adams", label) for label in adams)
+    pulled = numbers("gearbox_loads", "toothing 0.1:", "chosen", "pulled out with")[0]
+    released = numbers("contact_sets", "friction above", "chosen")[0]
+    rows = [
+        ("Which dogs engage fastest? (28 operating points, new angles; with the mechanism and "
+         "uncertain contact)",
+         f"{confirmed('mq200', 'best')} long, instead of {confirmed('mq200', 'prototype')}; no "
+         "operating point slower",
+         f"smallest margin {percent(gearbox['margin_worst_case'], 1)} at worst-case tolerances"),
+        (f"And as the paper asks? (`{PAPER}`: no mechanism, nominal parts)",
+         f"{confirmed(PAPER, 'best', 2)}, instead of {confirmed(PAPER, 'prototype', 2)}",
+         f"slower by {slower()} at two points of 249 1/min; smallest margin "
+         f"{percent(paper['smallest_margin'], 1)}, at worst-case tolerances "
+         f"{percent(paper['margin_worst_case'])}; {pulled:.0f} N to pull it out under torque, "
+         "where the actuator has 641.5 N"),
+        ("Does that gain survive other contact?",
+         f"gain {gain('lubricated_steel')} at other angles",
+         f"{gain('friction 0.080')} with a third less friction; {gain('toothing;')} with friction "
+         f"in the toothing; {gain('dissipation 1 s/m')} with dry-steel restitution; self-locks "
+         f"above a friction of {released:.3f}"),
+        ("Is the search good?",
+         f"{shares(OWN)[0]:.2f} of the best hypervolume known with 230 shifts of Drake, the best "
+         f"of four samplers of Optuna {max(shares(name)[0] for name in OPTUNA):.2f}",
+         f"with 1152 GPSampler, given the closed forms, has {shares('GPSampler')[3]:.2f}, ahead at "
+         "one seed of five"),
+        ("Is the surrogate, which `dogshape fit` makes in minutes for a new clutch?",
+         f"Q\u00b2 {each_clutch(4, 3)} on three clutches, at a single point {each_clutch(6, 3)}",
+         f"rank correlation in the best tenth {each_clutch(8, 2)}; 95 % intervals hold "
+         f"{each_clutch(5, 0)} %"),
+        ("Does it agree with the published Adams model?",
+         f"root-mean-square deviation {ten[0]:.1f} % at the ten published angles, {every[0]:.1f} % "
+         "over all angles",
+         f"fast shifts that skip no slot take {short[-2]:.2f} of the published times; the end of a "
+         "shift is not published"),
+        ("Why is the stand slower by a tenth of a second?", *_stand()),
+        (f"Is the diagnosis right? ({field('processor time of a decision, s').split()[-1]} sealed "
+         "cases of two engines, one of them foreign, and three clutches)", *_diagnosis()),
+    ]  # fmt: skip
+    return markdown(("question", "found", "but"), rows)
+
+
+def _stand() -> tuple[str, str]:
+    found, test = gap("stand"), gap("stand")["next_test"]
+    delay = size("actuation_delay", "delay_s", scale=1e3)
+    return (
+        f"{' and '.join(found['causes']) or 'no cause'} is named; dead time of the actuation "
+        f"{delay} ms and drag {size('drag_torque', 'drag_Nm', 1)} N m are part of it with "
+        f"{part('actuation_delay')} and {part('drag_torque')}; gap {rms('stand', 'baseline')}, "
+        f"{rms('stand', 'heldout')} at held-out points, {rms('stand', 'floor')} by chance alone",
+        f"open beside: elastic linkage with its mass {part('linkage_compliance')}, mass "
+        f"{part('moving_mass')}, dry friction {part('sleeve_friction')}, *unknown* "
+        f"{part('unknown')}; the drag is {ordinary_drags()} times that of bearings and seals; "
+        f"{test['name']} are expected to settle it with {percent(test['chance_to_settle'])}",
+    )
+
+
+def ordinary_drags() -> str:
+    """Write the stand's drag in multiples of that of bearings and seals."""
+    return summary(r"Drag of [\d.]+ N m is ([\d.]+) times")
+
+
+def _diagnosis() -> tuple[str, str]:
+    return (
+        f"what is named is the whole truth in {field('named: the whole truth')} cases; above 0.95 "
+        f"wrong, but for causes that data cannot show, {field('named above 0.95: wrong')}; an "
+        f"effect is named in {field('no effect: one is named')} cases without any",
+        f"a clear cause is named in {field('clear cause: named')} and leads in "
+        f"{field('clear cause: leads', counted=False)}; *unknown* is said in "
+        f"{field('clear, outside the list: unknown said')} outside the list, *none* in "
+        f"{field('no effect, and data can show it: none said')} that can show it; of pairs "
+        f"{field('pairs: probability said less share right', counted=False)} more is said than "
+        "is right; the 90 % set holds the truth, but for such causes, in "
+        f"{field('90 % set holds the truth', counted=False)}, 90 % intervals the sizes in "
+        f"{field('90 % intervals hold the sizes', counted=False)}; the advised test settles "
+        f"{field('cause open: the advised test settles it')} open cases and misleads in "
+        f"{field('cause open: the advised test misleads', counted=False)}",
+    )
+
+
+def paper_design() -> str:
+    """Write prototype and best design of the paper's study."""
+    rows = designs(PAPER)
+    angles = ("chamfer_deg", "traction_deg", "braking_deg")
+
+    def both(words: str, cell: Callable[[str], str]) -> tuple[str, str, str]:
+        return (words, *(cell(who) for who in ("prototype", "best")))
+
+    table = [
+        both("chamfer \u03b1, traction \u03b2, braking \u03b3",
+             lambda who: ", ".join(f"{rows[who][key]:.2f}\u00b0" for key in angles)),
+        both("height h, number N",
+             lambda who: f"{rows[who]['height_mm']:.3f} mm, {rows[who]['count']:d}"),
+        both("expected shift time; axial length, root to root",
+             lambda who: confirmed(PAPER, who, 2)),
+        both("smallest margin", lambda who: percent(rows[who]["smallest_margin"], 1)),
+        both("smallest with every tolerance at its worst (all checks but the landing)",
+             lambda who: percent(rows[who]["margin_worst_case"])),
+    ]  # fmt: skip
+    return markdown(("", "prototype", "best design"), table)
+
+
+def contacts() -> str:
+    """Write the gains of two designs under each contact set."""
+    rows = [
+        (words, f"{numbers('contact_sets', name)[-2]:.2f}", *(gain(name, one) for one in BESTS))
+        for name, words in CONTACTS.items()
+    ]
+    limits = (f"{numbers('contact_sets', 'friction above', one)[0]:.3f}" for one in BESTS)
+    rows.append(("friction above which a flank locks", "", *limits))
+    return markdown(
+        ("contact and mechanism", "restitution", f"best of `{PAPER}`", "best of `mq200`"), rows
+    )
+
+
+def studies() -> str:
+    """Write prototype and choice of the bundled studies."""
+    time, blow = "expected time; axial length", "peak_impact_force_N"
+
+    def other(study: str, who: str) -> str:
+        length = f"{designs(study)[who]['axial_length_mm']:.1f} mm"
+        if study == "mq200_robust":
+            return f"{plus_minus(estimate(study, who, 'shift_time_quantile_s'), 0)}; {length}"
+        mean = plus_minus(estimate(study, who, "expected_shift_time_s"), 0)
+        return f"{mean}; {length}; {plus_minus(estimate(study, who, blow, 1e-3), 1, 'kN')}"
+
+    rows = [
+        ("`mq200`: [the default study](#the-default-study)", time, "mq200"),
+        (f"`{PAPER}`: [as the paper asks](#as-the-paper-asks)", time, PAPER),
+        ("`mq200_actuation`: [shift control too](#shift-control-searched-with-the-shape)", time,
+         "mq200_actuation"),
+        ("`mq200_robust`: friction, force and inertia uncertain",
+         "95 % quantile of the time; axial length", "mq200_robust"),
+        ("`mq200_three`: both signs of mismatch", f"{time}; peak impact force", "mq200_three"),
+    ]  # fmt: skip
+    simple = ("mq200", PAPER, "mq200_actuation")
+    return markdown(
+        ("study", "sought", "prototype", "chosen"),
+        [
+            (words, sought, *((confirmed if study in simple else other)(study, who)
+                              for who in ("prototype", "best")))
+            for words, sought, study in rows
+        ],
+    )  # fmt: skip
+
+
+def stand() -> str:
+    """Write the diagnosis of the stand."""
+    found, test = gap("stand"), gap("stand")["next_test"]
+    sure = {(one["key"], one["value"]): percent(one["probability"]) for one in found["readings"]}
+    at_rest = summary(r"elastic linkage \([\d.]+ mm/kN\) explains ([\d.]+) ms")
+    linkage = "linkage_compliance"
+    rows = [
+        ("gap of the 25 operating points that have a time, root mean square",
+         f"{rms('stand', 'baseline')}; chance alone leaves {rms('stand', 'floor')}"),
+        ("gap at held-out points",
+         f"{rms('stand', 'heldout')}, of the best rival {rms('stand', 'rival_heldout')}"),
+        ("named cause", " and ".join(found["causes"]) or "none"),
+        ("**dead time of the actuation**",
+         f"{part('actuation_delay')}; {size('actuation_delay', 'delay_s', 0, 1e3)} ms"),
+        ("**drag torque on the sliding ring**",
+         f"{part('drag_torque')}; {size('drag_torque', 'drag_Nm', 1)} N m, "
+         f"{ordinary_drags()} times that of bearings and seals"),
+        ("elastic linkage with its mass",
+         f"{part(linkage)}; {size(linkage, 'compliance_mm_kN', 1)} mm/kN at the sleeve, "
+         f"{size(linkage, 'mass_behind_kg', 1)} kg; as read at rest it explains {at_rest} ms"),
+        ("mass", f"{part('moving_mass')}; {size('moving_mass', 'added_mass_kg')} kg at the sleeve"),
+        ("dry friction", f"{part('sleeve_friction')}; {size('sleeve_friction', 'friction_N')} N"),
+        ("oil damping",
+         f"{part('viscous_damping')}; {size('viscous_damping', 'damping_Ns_m')} N s/m"),
+        ("*unknown*", part("unknown")),
+        ("times start with the command; sense of the table",
+         f"{sure['time_zero', 'command']} and {sure['sense', 'as_noted']}"),
+        (f"next test: {test['name']}",
+         f"expected to settle it with {percent(test['chance_to_settle'])}, {test['hours']:.1f} h"),
+        ("gap of the published simulation, root mean square",
+         f"{rms('adams', 'baseline', 1)}; chance alone leaves {rms('adams', 'floor')}"),
+    ]  # fmt: skip
+    return markdown(("cause or figure", "probability and 90 % interval, or value"), rows)
+
+
+def adams() -> str:
+    """Write the deviations from the published table."""
+
+    def cells(values: Sequence[float]) -> list[str]:
+        return [f"{value:.1f} %" for value in values]
+
+    rows = [
+        (words, *cells([*numbers("adams", name)[:2], *numbers("adams", f"all angles, {name}")[:2]]))
+        for words, name in (("all, Drake", "as published"), ("all, compiled", "compiled engine"))
+    ]
+    rows += [
+        (str(speed), *cells(numbers("adams", "1/min", f"{speed} ")[1:]))
+        for speed in (5, 10, 25, 50, 100, 149, 249)
+    ]
+    head = ("1/min", "ten published angles: root mean square", "mean",
+            "all angles, 48 even ones: root mean square", "mean")  # fmt: skip
+    return markdown(head, rows)
+
+
+def engines() -> str:
+    """Write how far shifts of the compiled engine and of Drake differ, by mismatch."""
+    rows = []
+    for speed in ("5", "10", "25", "50", "100", "149", "249", "all"):
+        _, same, median, most, _, left, *_ = numbers("engines", f"{speed} ")
+        rows.append((speed, f"{same:.2f} %", f"{median:.3f} %", f"{most:.2f} %", f"{left:.2f} %"))
+    head = ("1/min", "same outcome", "deviation of a shift, median", "90 %",
+            "variance left within a point")  # fmt: skip
+    return markdown(head, rows)
+
+
+def validation() -> str:
+    """Write the figures of the surrogate of three clutches."""
+    rows = []
+    for clutch, words in CLUTCHES.items():
+        _, error, bias, noise, q2, inside, points, inside_points, rank, _ = fitted(clutch)
+        sure = f"{inside:.0f} %", f"{points:.3f}", f"{inside_points:.0f} %", f"{rank:.2f}"
+        errors = f"{error:.2f} ms", f"{bias:+.2f} ms"
+        rows.append((words, f"{q2:.3f}", *errors, *sure, f"{noise:.2f} ms"))
+    head = ("clutch", "Q\u00b2", "error", "bias", "in 95 %", "Q\u00b2 of points", "in 95 %",
+            "rank of the best", "error of a reference")  # fmt: skip
+    return markdown(head, rows)
+
+
+def forms() -> str:
+    """Write the forms of the covariance that the bundled fit compared."""
+    rows = [
+        (one["form"], *(f"{one[key]:.3f}" for key in ("log_density", "log_rmse")),
+         percent(one["coverage_95"]))
+        for one in read(f"studies/{PAPER}/surrogate.json")["comparison"]
+    ]  # fmt: skip
+    return markdown(("form", "mean log density of ln t", "rmse of ln t", "in 95 %"), rows)
+
+
+def samplers() -> str:
+    """Write the shares of the hypervolume of all samplers."""
+    rows = []
+    for name in (*OPTUNA, OWN):
+        row = shares(name)
+        spans = [row[k : k + 3] for k in range(0, 12, 3)]
+        rows.append((name, *(f"{m:.2f} ({low:.2f} to {high:.2f})" for m, low, high in spans),
+                     f"{row[12]:.0f}"))  # fmt: skip
+    head = ("sampler", "230 shifts", "1152 shifts", "a quarter of the minutes", "all minutes",
+            "seeds")  # fmt: skip
+    return markdown(head, rows)
+
+
+TABLES: dict[str, Callable[[], str | None]] = {
+    "found": found,
+    "paper design": paper_design,
+    "contacts": contacts,
+    "studies": studies,
+    "stand": stand,
+    "blind field": field_table.passage,
+    "adams": adams,
+    "engines": engines,
+    "validation": validation,
+    "forms": forms,
+    "samplers": samplers,
+    "constants": constants.table,
+    "keys": key_table,
+}
+
+
+def filled(page: str) -> str:
+    """Put the tables of the sources into the text of a page."""
+
+    def block(match: re.Match[str]) -> str:
+        table = TABLES[match[2]]()
+        return match[0] if table is None else f"{match[1]}{table}{match[4]}"
+
+    return BLOCK.sub(block, page)
+
+
+def pages() -> list[Path]:
+    """List README.md and the pages of docs."""
+    return [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    for path in pages():
+        path.write_text(filled(path.read_text(encoding="utf-8")), encoding="utf-8")

@@ -17,18 +17,15 @@ the gap as the mass to the power -1/4, and the peak of a spring alone with the m
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.common import paper_study
+from benchmarks.common import kept, paper_study
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.contact import ContactSet
@@ -57,8 +54,7 @@ class Forces:
 
 def designs(study: Setup) -> dict[str, Clutch]:
     """Read the prototype and the chosen design of the kept result."""
-    path = bundled_root() / study.name / "result.json"
-    result: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    result = kept(study.name)
     chosen = result["confirmation"]["chosen"]
     row = next(row for row in result["trials"] if row["trial"] == chosen)
     best = study.clutch.with_dog(study.dog_with({key: row[key] for key in study.variables}))

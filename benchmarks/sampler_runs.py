@@ -10,8 +10,8 @@ worst so far, which these samplers do not read.
 So it proposes among allowed designs only (``AllowedGP``): it is given the closed forms, and spends
 its shifts. Its constraint is the landing, the one that a simulation has to tell.
 
-In two levels a search is that of a study with ``search.levels = 2`` and a pair of shifts at each
-operating point, with this project's sampler or with TPE: all but the proposals is the same then.
+This project's search is that of a study with ``search.levels = 2`` and a pair of shifts at each
+operating point.
 """
 
 from __future__ import annotations
@@ -48,7 +48,6 @@ from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.surrogate.hypervolume import not_dominated
 
 START = 10  #: designs that every sampler begins with, the prototype among them
-POINTS = 3  #: operating points of six that the search in one level simulates of a design
 MOST_ASKED = 4000  #: proposals after which a search gives up: most may be forbidden
 SCREEN = 64  #: angles of the compiled engine at each operating point of a design in two levels
 WIDE, NEAR = 2048, 100  #: allowed designs among which ``AllowedGP`` proposes: of the space, near
@@ -98,9 +97,8 @@ SAMPLERS: dict[str, Callable[[int], BaseSampler]] = {
     "GPSampler": AllowedGP,
     "quasi-random": lambda seed: QMCSampler(seed=seed, scramble=True),
 }
-ONE_LEVEL = "own, one level"  #: every shift is Drake's, at 3 of 6 points of a design
+OWN = "own, two levels"
 LEVEL_SHARE = 0.25  #: of the shifts of Drake after which a search in two levels ends
-LEVELS = {"own, two levels": "surrogate", "TPE, two levels": "tpe"}  #: ``search.sampler`` of each
 
 
 @dataclass(frozen=True)
@@ -140,10 +138,8 @@ def search(sampler: str, seed: int, designs: int) -> Record:
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     with warnings.catch_warnings(), TemporaryDirectory() as folder:
         warnings.simplefilter("ignore", ExperimentalWarning)
-        if sampler == ONE_LEVEL:
-            return _one_level(Path(folder), seed, designs)
-        if sampler in LEVELS:
-            return _two_levels(Path(folder), sampler, seed, designs)
+        if sampler == OWN:
+            return _two_levels(Path(folder), seed, designs)
         executor = Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), 1)
         return _asked_and_told(SAMPLERS[sampler](seed), executor, problem(), seed, designs)
 
@@ -157,39 +153,20 @@ def first_designs(study: Setup, seed: int) -> list[Values]:
     return [dict(asked.ask(search_space(study)).params) for _ in range(START)]
 
 
-def _one_level(folder: Path, seed: int, designs: int) -> Record:
-    trials = designs * len(problem().points) // POINTS
-    study = problem(f"search.points={POINTS}", f"search.trials={trials}", f"search.seed={seed}")
-    guide = DogGuide(study)
-    root = StudyFolder(folder)
-    journal = ShiftJournal(root.shifts)
-    opened = open_search(study, root, None, False, guide=guide)
-    record, begun = Record(trials), time.process_time()
-
-    def after_round(_: str, state: SearchState) -> None:
-        record.note(state, journal, begun)
-
-    run(opened, sampler_factory(study, guide), Executor(journal, 1), after_round)
-    return record
-
-
 class _SpentError(Exception):
     """The shifts of a search are spent."""
 
 
-def _two_levels(folder: Path, name: str, seed: int, designs: int) -> Record:
+def _two_levels(folder: Path, seed: int, designs: int) -> Record:
     """Search in two levels until the shifts of Drake are spent."""
     study = problem(
         "search.levels=2", "search.pair_angles=1", f"search.screen_angles={SCREEN}",
-        f"search.sampler={LEVELS[name]}", f"search.seed={seed}", f"search.trials={MOST_ASKED}",
+        f"search.seed={seed}", f"search.trials={MOST_ASKED}",
     )  # fmt: skip
     guide, root = DogGuide(study), StudyFolder(folder)
     journal, opened = ShiftJournal(root.shifts), open_search(study, root, None, False, guide=guide)
     executor, begun, record = Executor(journal, 1), time.process_time(), Record()
     budget = LEVEL_SHARE * designs * sum(whole_plan(problem()))
-    if study.file.search.sampler != "surrogate":
-        for place, params in enumerate(first_designs(study, seed)):
-            opened.optuna.enqueue_trial(params, user_attrs={"prototype": True} if not place else {})
 
     def after_round(_: str, state: SearchState) -> None:
         record.note(state, journal, begun)

@@ -1,6 +1,6 @@
 """Samplers compared: how much of the front each finds, by shifts and by time.
 
-    python -m benchmarks.samplers [--seeds N] [--designs N] [--jobs N] [--out DIR] [--kept]
+    python -m benchmarks.samplers [--seeds N] [--designs N] [--jobs N] [--out DIR]
 
 The paper's study's objectives and constraints at six of its operating points; of a hundred landings
 one may be harder than the checks take. ``benchmarks/sampler_runs.py`` says how each sampler is run
@@ -19,8 +19,8 @@ of the rest up to a quarter beyond the prototype, as a share of that of the refe
 best of all designs that were simulated so, among them the front of a search over 20 000 designs by
 the surrogate that the package brings.
 
-Finished runs are kept in a folder and not run again, and so are designs that were simulated again;
-``--kept`` tells of those runs only. Takes half an hour of a processor; needs the extra ``gp``.
+Finished runs are kept in a folder and not run again, and so are designs that were simulated again.
+Takes half an hour of a processor; needs the extra ``gp``.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.sampler_runs import LEVELS, ONE_LEVEL, SAMPLERS, Values, problem, search
+from benchmarks.sampler_runs import OWN, SAMPLERS, Values, problem, search
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import search_space
 from dogshape.pipeline.search.repair import simulated_levels
@@ -61,16 +61,6 @@ SHIFTS = 24  #: of a whole design
 PAIRS, DENSE = 1, 64  #: new angles at each operating point of a declared design: Drake, compiled
 SHARES = (0.2, 1.0)  #: of all shifts of Drake, at which fronts are compared
 PARTS = (0.25, 1.0)  #: of the processor time of the best of Optuna's, at which fronts are compared
-OWN, RIVAL = "own, two levels", "TPE, two levels"  #: the search that is judged, and its proposals
-GIVEN = {
-    "TPE": "Drake at 24 shifts a design; forbidden designs cost nothing and are told as such",
-    "NSGA-II": "the same",
-    "quasi-random": "the same; it reads nothing",
-    "GPSampler": "Drake at 24 shifts a design; proposes among allowed designs only",
-    ONE_LEVEL: "Drake at 12 shifts a design, 3 of 6 points; proposes allowed designs only",
-    OWN: "384 compiled shifts a design and 6 of Drake; proposes allowed designs only",
-    RIVAL: "the same engines, screen and declared front; forbidden designs cost nothing",
-}
 BEYOND = 1.25  #: the hypervolume's reference point, over the prototype's time and length
 WIDE, NEAR, ROUNDS = 8000, 3000, 4  #: designs of the search by the surrogate: wide, near, rounds
 KEPT = 24  #: designs of its front that are simulated
@@ -91,20 +81,13 @@ def run_and_keep(sampler: str, seed: int, designs: int, path: Path) -> str:
     return f"{sampler}, seed {seed}: {record.steps[-1].shifts} shifts"
 
 
-def all_runs(
-    samplers: Sequence[str], seeds: int, designs: int, jobs: int, folder: Path, *, kept: bool
-) -> list[Run]:
-    """Return the records of all searches; those that are kept are not run again.
-
-    ``kept``: of those only.
-    """
+def all_runs(seeds: int, designs: int, jobs: int, folder: Path) -> list[Run]:
+    """Return the records of all searches; those that are kept are not run again."""
     paths = {
         (name, seed): folder / f"{name.replace(' ', '_').replace(',', '')}-{seed}-{designs}.json"
         for seed in range(1, seeds + 1)
-        for name in samplers
+        for name in (*SAMPLERS, OWN)
     }
-    if kept:
-        paths = {key: path for key, path in paths.items() if path.exists()}
     with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
         left = [
             pool.submit(run_and_keep, *key, designs, path)
@@ -221,11 +204,6 @@ class Truth:
         """Return the objectives of designs that were simulated, (n, 2)."""
         return np.array([self._values[self._key(d)] for d in designs]).reshape(-1, 2)
 
-    @property
-    def all(self) -> Array:
-        """Objectives of every design so far, (n, 2)."""
-        return np.array([*self._values.values()])
-
     def _key(self, design: Values) -> Key:
         return tuple(design[name] for name in self._study.variables)
 
@@ -238,13 +216,6 @@ def best_other(runs: Sequence[Run], truth: Truth, beyond: Array, most: int) -> s
             volume = hypervolume(truth.of(front_at(run, "shifts", most)), beyond)
             found.setdefault(run["sampler"], []).append(volume)
     return max(found, key=lambda name: float(np.median(found[name])))
-
-
-def print_given(names: Sequence[str]) -> None:
-    """Print what each sampler is given."""
-    print("given:")
-    for name in names:
-        print(f"  {name:<18}{GIVEN[name]}")
 
 
 def print_shares(names: Sequence[str], shares: Shares, columns: Sequence[str]) -> None:
@@ -302,12 +273,10 @@ def main() -> None:
     parser.add_argument("--designs", type=int, default=48)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("build/samplers"))
-    parser.add_argument("--kept", action="store_true", help="run nothing, tell what is kept")
-    parser.add_argument("--only", nargs="*", default=[*SAMPLERS, *LEVELS])
     given = parser.parse_args()
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     given.out.mkdir(parents=True, exist_ok=True)
-    runs = all_runs(given.only, given.seeds, given.designs, given.jobs, given.out, kept=given.kept)
+    runs = all_runs(given.seeds, given.designs, given.jobs, given.out)
     tell(runs, SHIFTS * given.designs, Truth(given.out, given.jobs))
 
 
@@ -347,7 +316,6 @@ def tell(runs: Sequence[Run], most: int, truth: Truth) -> None:
           f"{1e2 * apart:+.3f} +- {1e2 * error:.3f} %")  # fmt: skip
     columns = [f"{count} shifts" for count in counts] + [f"{part:.2f} min" for part in minutes]
     names = [*dict.fromkeys(run["sampler"] for run in runs)]
-    print_given(names)
     print_shares(names, shares, columns)
     print_races(shares, columns, most)
     print_costs(runs, names, truth, most)

@@ -4,10 +4,9 @@
 
 The first table has the mean shift time of either engine over even angles, the median
 difference of single shifts, the share of angles that flip (differ by more than a tenth:
-another slot, or another bounce) and the CPU time a shift; once at MuJoCo's default and
-once at its fine settings. The second changes one thing at a time in the cells that
-differ most. A last one has all three engines, each at its fine settings. Takes about five
-minutes; needs the extra ``blind``.
+another slot, or another bounce) and the CPU time a shift. The second changes one thing at a time in
+the cells that differ most. A last one has all three engines, each at its fine settings. Takes about
+five minutes; needs the extra ``blind``.
 """
 
 from __future__ import annotations
@@ -24,7 +23,6 @@ from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM
-from dogshape.validation import second_model
 from dogshape.validation.second_engine import SecondEngine
 from dogshape.validation.second_model import FINE, EngineSettings
 
@@ -94,11 +92,9 @@ def measure_second(engine: SecondEngine, point: OperatingPoint, angles: np.ndarr
     return Cell(np.array(times), cpu / len(times), steps / len(times))
 
 
-def table(count: int, settings: EngineSettings) -> None:
+def table(count: int) -> None:
     """Print the agreement of every design and operating point."""
-    print(
-        f"\nMuJoCo at {settings.time_step * 1e6:g} us, damping {settings.damping:g} 1/s; ", end=""
-    )
+    print(f"\nMuJoCo at {FINE.time_step * 1e6:g} us, damping {FINE.damping:g} 1/s; ", end="")
     print(f"{count} angles")
     for head in (
         ("design", "point", "Drake", "MuJoCo", "mean", "median", "flipped", "Drake", "MuJoCo"),
@@ -111,7 +107,7 @@ def table(count: int, settings: EngineSettings) -> None:
     rows = []
     for design in DESIGNS:
         clutch = clutch_of(study, design)
-        plant, engine = ClutchPlant(clutch), SecondEngine(clutch, settings)
+        plant, engine = ClutchPlant(clutch), SecondEngine(clutch, FINE)
         for index, (mismatch, force) in enumerate(POINTS):
             point, angles = point_of(study, mismatch, force), angles_of(clutch, count, index)
             row = Agreement(measure(plant, point, angles), measure_second(engine, point, angles))
@@ -256,31 +252,14 @@ def causes(count: int) -> None:
                 f"{row.mean * 100:>+9.2f}{row.median * 100:>10.2f}{row.flipped * 100:>11.0f}",
                 flush=True,
             )
-    print("\nMuJoCo's own choices, prototype at 249 1/min, 469 N: mean over the angles, ms")
-    point = point_of(study, 249.0, 469.0)
-    angles = angles_of(study.clutch, count, 4)
-    for label, name, value in (
-        ("as chosen", "IMPEDANCE", 1e-3),
-        ("impedance 1e-2", "IMPEDANCE", 1e-2),
-        ("impedance 1e-4", "IMPEDANCE", 1e-4),
-        ("impedance 0.99", "IMPEDANCE", 0.99),
-        ("friction softer, 1 over A", "HOLD", 1.0),
-        ("friction of the last slip", "SLIP_DAMPING", 1.0),
-    ):
-        kept = getattr(second_model, name)
-        setattr(second_model, name, value)
-        times = measure_second(SecondEngine(study.clutch, FINE), point, angles).times
-        setattr(second_model, name, kept)
-        print(f"  {label:<40}{np.nanmean(times) * 1e3:>9.2f}")
 
 
 def main() -> None:
-    """Print both tables and the causes."""
+    """Print all tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--angles", type=int, default=8)
     count = parser.parse_args().angles
-    table(count, EngineSettings())
-    table(count, FINE)
+    table(count)
     causes(count)
     three(count)
 

@@ -11,8 +11,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from benchmarks.common import paper_study
-from benchmarks.kept import result
+from benchmarks.common import kept, paper_study
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
@@ -29,7 +28,7 @@ ANGLES = 6
 
 def chosen(clutch: Clutch) -> Clutch:
     """Give the clutch with the chosen design of the paper's study."""
-    p = result("mq200_paper")["best"]
+    p = kept("mq200_paper")["best"]
     dog = replace(
         clutch.dog,
         count=int(p["count"]),

@@ -1,6 +1,6 @@
 """Error of the mean shift time against CPU time: Drake's integrators and MuJoCo.
 
-    python -m benchmarks.work_precision [--html FILE]
+    python -m benchmarks.work_precision [--angles N]
 
 All settings run interleaved, shift by shift, on the prototype at the seeds' operating points
 from 25 1/min up, three even angles each. Every setting is judged against accuracy 1e-6
@@ -14,14 +14,10 @@ import argparse
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
-from pydrake.geometry import HydroelasticContactRepresentation as Representation
 
-import dogshape.sim.shift.plant
 from benchmarks.common import angles_of, paper_study
 from dogshape.sim.shift.clutch import SCHEMES, Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.engagement import engage
@@ -60,21 +56,6 @@ def _drake(clutch: Clutch) -> Shift:
     return lambda point, angle: engage(plant, point, angle).shift_time
 
 
-def _polygons(clutch: Clutch) -> Shift:
-    original: Any = dogshape.sim.shift.plant.AddMultibodyPlantSceneGraph
-
-    def build(*args: Any, **kwargs: Any) -> Any:
-        made = original(*args, **kwargs)
-        made[0].set_contact_surface_representation(Representation.kPolygon)
-        return made
-
-    dogshape.sim.shift.plant.AddMultibodyPlantSceneGraph = build
-    try:
-        return _drake(clutch)
-    finally:
-        dogshape.sim.shift.plant.AddMultibodyPlantSceneGraph = original
-
-
 def _mujoco(clutch: Clutch, settings: EngineSettings) -> Shift:
     engine = SecondEngine(clutch, settings)
     return lambda point, angle: engine.shift(point, angle).shift_time
@@ -88,7 +69,6 @@ def settings_of(clutch: Clutch) -> list[Setting]:
 
     # One coefficient for all: cenic alone knows two.
     one = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
-    stiff = replace(clutch, contact=replace(clutch.contact, stiffness=2e13))
     fine = {"accuracy": 1e-6, "max_step": 2e-4}
     made = [Setting("Drake rk3", "1e-6", _drake(solved(**fine)))]
     for accuracy in (1e-2, 3e-3, 1e-3, 3e-4, 1e-4, 1e-5):
@@ -105,10 +85,7 @@ def settings_of(clutch: Clutch) -> list[Setting]:
         solver = Solver("cenic", accuracy)
         other = replace(clutch, contact=one, solver=solver)
         made.append(Setting("Drake cenic", f"{accuracy:.0e}", _drake(other)))
-    made.append(Setting("Drake rk3, polygons", "3e-04", _polygons(clutch)))
     made.append(Setting("Drake rk3, all dogs", "3e-04", _drake(solved(all_dogs=True))))
-    made.append(Setting("Drake rk3, stiff", "1e-6", _drake(replace(stiff, solver=Solver(**fine)))))
-    made.append(Setting("Drake rk3, stiff", "3e-04", _drake(stiff)))
     return made + second_settings(replace(clutch, contact=one))
 
 
@@ -141,8 +118,7 @@ def rows_of(made: list[Setting]) -> list[dict[str, Any]]:
     rows = []
     for setting in made:
         family = setting.family
-        own = family in ("MuJoCo", "Drake rk3, stiff")
-        reference = references[family if own else "Drake rk3"]
+        reference = references["MuJoCo" if family == "MuJoCo" else "Drake rk3"]
         times = np.array(setting.times)
         both = np.isfinite(times) & np.isfinite(reference)
         single = np.abs(times[both] / reference[both] - 1.0)
@@ -161,10 +137,9 @@ def rows_of(made: list[Setting]) -> list[dict[str, Any]]:
 
 
 def main() -> None:
-    """Print the table and draw it."""
+    """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--angles", type=int, default=3)
-    parser.add_argument("--html", type=Path)
     given = parser.parse_args()
     rows = rows_of(run(given.angles))
     unit = next(r["cpu_ms"] for r in rows if (r["family"], r["label"]) == ("Drake rk3", "3e-04"))
@@ -176,26 +151,6 @@ def main() -> None:
             f"{r['family']:<26}{r['label']:>9}{r['cpu_ms']:9.1f}{r['cpu_ms'] / unit:7.2f}", end=""
         )
         print(f"{r['mean']:9.3f}{r['median']:11.4f}{r['worst']:10.2f}{r['lost']:6d}")
-    if given.html:
-        draw(rows).write_html(given.html, include_plotlyjs=True)
-
-
-def draw(rows: list[dict[str, Any]]) -> go.Figure:
-    """Draw error over cost, one line a family."""
-    figure = go.Figure()
-    for family in dict.fromkeys(r["family"] for r in rows):
-        mine = [r for r in rows if r["family"] == family and r["median"] > 0.0]
-        figure.add_scatter(
-            x=[r["cpu_ms"] for r in mine],
-            y=[r["median"] for r in mine],
-            text=[r["label"] for r in mine],
-            mode="lines+markers+text",
-            textposition="top center",
-            name=family,
-        )
-    figure.update_xaxes(type="log", title="CPU of a shift, ms")
-    figure.update_yaxes(type="log", title="median error of a shift, %")
-    return figure
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ Work = dict[Kind, float]
 FILLS, PROPOSED = 0.15, 0.8
 COUNTS = 4.0  #: designs that this guess counts for, once some were
 #: s that a proposal takes, fit included: with few rows, and more with a surrogate of so many, by
-#: the square of their number (``benchmarks/workers.py``).
+#: the square of their number.
 PROPOSAL, MORE, ROWS = 0.25, 1.75, 2500
 
 

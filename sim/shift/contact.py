@@ -12,7 +12,7 @@ Coulomb friction regularised over a stiction velocity.
 ``lubricated_steel``
     for design: oiled hardened steel, coefficients 0.12 and 0.10, with a
     stiction velocity small against every sliding speed of a shift: at half of it
-    mean times change by less than 0.2 % (``benchmarks/stiction.py``).
+    mean times change by less than 0.2 % (``benchmarks/convergence.py``).
 
 Stiffness of the design set. A pair of teeth of steel has a single stiffness
 c' = 14 N/(mm um) per width (ISO 6336-1, method C). Over the height of a flank of

@@ -80,9 +80,9 @@ def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -
     Crests are straight; where their overlap is zero at the mean radius they stand
     ``height tan(traction) / radius`` out of parallel, rounded ones more by what they stand back.
     There the common normal is the axis, and
-    friction holds whatever the chamfer (``benchmarks/crest_hang.py``). Ridges of rounded crests
+    friction holds whatever the chamfer (``tests/verification/crests.py``). Ridges of rounded crests
     stand lower and farther back, and friction holds their slopes up to its angle beyond
-    (``benchmarks/edge_radius.py``).
+    (``tests/verification/ridges.py``).
     """
     dog, radius = clutch.dog, clutch.dog.edge_radius
     back = 2.0 * crest_setback(dog, radius)

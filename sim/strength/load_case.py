@@ -9,7 +9,7 @@ about the median plane and the resultant of the flank's pressure lie at half the
 that touches, load height 0.5. Flanks out of angle move it to one end, and a flank is stiff
 against tilt: plane finite elements of two prototype dogs at 417 N/mm give 0.61, 0.71, 0.89
 and 0.95 for 0.05, 0.10, 0.25 and 0.50 degrees between the flanks
-(``benchmarks/load_height.py``). Flanks made to 0.25 degrees thus carry near an edge, on one
+(``tests/verification/flank_model.py``). Flanks made to 0.25 degrees thus carry near an edge, on one
 ring near its tip: 0.9 is the default. Run-in rings come closer to 0.5; 1 is the edge alone.
 
 Every shift loads a flank once to the design torque and, when the vehicle coasts, the

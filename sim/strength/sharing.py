@@ -43,7 +43,7 @@ flanks and taken to scatter as much along the shaft (an assumption).
 
 *Stiffness.* 25 N/(mm um) of the dogs' radial width where none is given: plane finite elements of
 two prototype dogs approach by 11.9 to 16.9 um under 417 N/mm, finer ones by 6.1 to 8.7 um under
-184 N/mm (``benchmarks/load_height.py``), which is 21 to 35 N/(mm um).
+184 N/mm (``tests/verification/flank_model.py``), which is 21 to 35 N/(mm um).
 """
 
 from __future__ import annotations

@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from benchmarks.result_keys import BEGIN, PAGE, with_keys
 from dogshape.pipeline.config.study_file import VARIABLES, bundled_studies
 from dogshape.pipeline.simulate.design import OBJECTIVES
 from dogshape.pipeline.store.result_schema import DesignRow, StudyRecord, require_result
@@ -187,10 +186,3 @@ def test_what_the_schema_lacks_is_refused(
 
 def test_a_design_has_a_key_for_each_variable_and_objective() -> None:
     assert {*VARIABLES, *OBJECTIVES} <= set(DesignRow.model_fields)
-
-
-def test_the_docs_list_the_keys_of_the_schema() -> None:
-    """``python -m benchmarks.result_keys`` writes them."""
-    page = PAGE.read_text(encoding="utf-8")
-    assert page.count(BEGIN) == 1
-    assert page == with_keys(page)

@@ -7,7 +7,6 @@ from dataclasses import fields, replace
 
 import pytest
 
-from benchmarks.constants import PAGE, with_constants, written
 from dogshape.diagnosis.settings import USUAL, Settings, described
 from tests.diagnosed import simulated_bench, simulated_diagnosis
 
@@ -35,14 +34,3 @@ def test_each_setting_has_unit_meaning_and_status() -> None:
     assert sum(USUAL.discrepancy_shape) == pytest.approx(1.0)
     assert {f.name for f in fields(Settings)} == set(USUAL.as_dict())
     assert len(fields(Settings)) <= MOST
-
-
-def test_the_page_has_all_constants() -> None:
-    """``python -m benchmarks.constants`` writes them."""
-    page = PAGE.read_text(encoding="utf-8")
-    assert page == with_constants(page)
-
-
-def test_values_are_written_short() -> None:
-    assert written((0.5, 1.5)) == "0.5, 1.5"
-    assert written({"way": 0.5, "force": 1e-3}) == "way: 0.5; force: 0.001"

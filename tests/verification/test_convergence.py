@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.common import DESIGNS, angles_of, clutch_of, measure, paper_study, point_of
-from benchmarks.convergence import POINTS, error, with_accuracy
-from benchmarks.convergence_designs import Pair, pairs
+from benchmarks.convergence import POINTS, Pair, error, pairs, with_accuracy
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.plant import ClutchPlant
 

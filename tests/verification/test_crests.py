@@ -9,7 +9,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from benchmarks.crest_hang import DESIGNS, Crests, crests_of, time_on_crests
 from dogshape.pipeline.reports.shift.story import event_facts
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
@@ -19,6 +18,7 @@ from dogshape.sim.shift.phases import face_overlap
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
 from tests.conftest import dog_of
+from tests.verification.crests import DESIGNS, Crests, crests_of, time_on_crests
 
 Point = Callable[[float, float], OperatingPoint]
 

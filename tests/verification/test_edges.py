@@ -12,13 +12,6 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import dogshape.sim.shift.planes
-from benchmarks.crest_hang import DESIGNS
-from benchmarks.edge_radius import (
-    WIDER,
-    ridges_of,
-    rounded,
-    share_held,
-)
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import GeometryError, InputError
@@ -60,6 +53,8 @@ from dogshape.sim.strength.manufacture import (
 from dogshape.sim.strength.notch import notch_factor
 from dogshape.sim.units import DEG, MM
 from tests.conftest import dog_of
+from tests.verification.crests import DESIGNS
+from tests.verification.ridges import WIDER, ridges_of, rounded, share_held
 
 Point = Callable[[float, float], OperatingPoint]
 RADII = (0.02 * MM, 0.1 * MM, 0.3 * MM)

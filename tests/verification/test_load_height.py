@@ -1,11 +1,9 @@
-"""Flanks out of angle on plane finite elements: balance, symmetry, a beam and a flat punch.
-
-Numbers behind the load height: ``python -m benchmarks.load_height``.
-"""
+"""Flanks out of angle on plane finite elements: balance, symmetry, a beam and a flat punch."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,7 +16,7 @@ from dogshape.validation.finite_elements.root_stress import fem_available
 from tests.conftest import needed
 
 if TYPE_CHECKING:
-    from benchmarks.load_height import FlankModel
+    from tests.verification.flank_model import FlankModel
 
 FORCE = 4e5  #: N/m
 
@@ -27,7 +25,7 @@ FORCE = 4e5  #: N/m
 def coarse(prototype: Dog) -> FlankModel:
     """The prototype with twelve strips."""
     needed(fem_available(), "scikit-fem")
-    from benchmarks.load_height import FlankModel
+    from tests.verification.flank_model import FlankModel
 
     return FlankModel(prototype, strips=12)
 
@@ -53,10 +51,16 @@ def test_angle_moves_the_load_to_either_end(coarse: FlankModel) -> None:
 
 
 def test_figures_of_the_documentation(coarse: FlankModel) -> None:
-    """On a coarse mesh, at the design force."""
+    """Load height by the angle, and the approach behind 25 N/(mm um), at the design force.
+
+    On a coarse mesh. The approach hangs on what holds the sides of the body.
+    """
     for angle, height in ((0.05, 0.61), (0.1, 0.71), (0.25, 0.89), (0.5, 0.95)):
         found = coarse.press(angle * DEG, 1.25e6 / 3.0)
         assert found.height == pytest.approx(height, abs=0.01)
+    for sides, approach in (("free", 16.9e-6), ("alike", 11.9e-6), ("clamped", 7.7e-6)):
+        found = replace(coarse, sides=sides).press(0.0, 1.25e6 / 3.0)
+        assert found.approach == pytest.approx(approach, rel=0.02)
 
 
 def test_only_load_over_angle_matters(coarse: FlankModel) -> None:
@@ -81,7 +85,7 @@ def test_pressure_is_that_of_a_flat_punch(coarse: FlankModel) -> None:
 def test_flexibility_is_symmetric_and_a_slender_dog_bends_as_a_beam() -> None:
     """A load at b turns all above by b^2/(2 E'I) more than the root: its curvature in b."""
     needed(fem_available(), "scikit-fem")
-    from benchmarks.load_height import FlankModel
+    from tests.verification.flank_model import FlankModel
 
     dog = Dog(628, 0.0, 0.0, 0.0, 30e-3, 2.0, 1.992, 1e-3)
     model = FlankModel(dog, strips=24)

@@ -13,8 +13,7 @@ import pytest
 from pydrake.systems.framework import Context, EventStatus
 
 from benchmarks.common import paper_study
-from benchmarks.mismatch import picture
-from benchmarks.named_drawing import named_svg
+from benchmarks.drawings import named_svg, picture
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
 from dogshape.sim.shift.phases import face_overlap

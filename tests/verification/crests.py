@@ -1,6 +1,4 @@
-r"""Crests that cross: where dogs hang by friction whatever their chamfer, against a closed form.
-
-    python -m benchmarks.crest_hang
+r"""Closed form of crests that cross, where dogs hang by friction whatever their chamfer.
 
 Crests are straight and lie across the axis. Where two of them meet they cross under the angle
 :math:`\psi = h \tan\beta/r`, so that over a width :math:`W = \psi b` of overlap at the mean radius
@@ -14,43 +12,27 @@ loads are :math:`N = k \delta^3 n/\psi` along the axis and :math:`T = k \delta^3
 :math:`(L + W/2)/\delta`. Over the whole pattern, :math:`-\tan\beta \le \ell/\delta \le \cot\alpha`,
 *t* vanishes for all angles; only where the pattern runs off the end of a dog there is
 something to hold. Static friction holds where :math:`|T| \le \mu N`.
-
-Printed is the width of that window over the pitch beside shifts in Drake that land at overlaps all
-over it: the share of a pitch at which they hang, and at which they stay on the crests for more
-than 20 ms and engage late. Then what stiffness, mesh and all dogs change. Takes five minutes.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.common import paper_study, point_of
-from benchmarks.convergence import plant_with
-from dogshape.pipeline.config.study_file import VARIABLES, Setup
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.phases import crests_cross
-from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.units import MM
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs. The last two lean so far that
 #: their crests cross over a wide overlap; both faces slide from rest by far.
 DESIGNS = {
     "prototype": (8.0, 12.0, 22.0, 3.7, 15),
-    "chosen (19)": (10.633, 6.891, 24.498, 2.485, 31),
     "lean": (12.5, 20.0, 16.0, 4.5, 14),
     "steep face": (19.9, 15.0, 15.0, 3.5, 18),
 }
-MISMATCHES = (0.0, 5.0, 10.0)  #: 1/min
-FORCES = (235.2, 641.5)  #: N
-ANGLES = 16
-LONG = 0.02  #: s on crests from which a shift counts as late
 
 Array = NDArray[np.float64]
 
@@ -147,95 +129,8 @@ def crests_of(clutch: Clutch) -> Crests:
     return Crests(dog.chamfer, dog.traction, crossing, width, clutch.contact.stiffness)
 
 
-def shifts_about(
-    plant: ClutchPlant, point: OperatingPoint, angles: int = ANGLES
-) -> list[Engagement]:
-    """Simulate shifts that land at even overlaps from -W to W."""
-    clutch = plant.clutch
-    dog, width = clutch.dog, crests_of(clutch).width
-    overlap = width * (2.0 * (np.arange(angles) + 0.5) / angles - 1.0)
-    mass = clutch.mechanism.sleeve_mass(clutch.rings.mass)
-    time = point.profile.free_flight_time(dog.axial_gap, mass)
-    return [
-        engage(plant, point, (here - dog.crest_overlap) / dog.mean_radius - point.mismatch * time)
-        for here in overlap.tolist()
-    ]
-
-
 def time_on_crests(shift: Engagement) -> float:
     """Return how long the crossing lay on both dogs at the depth of the crests, s."""
     trace = shift.trace
     there = crests_cross(shift.clutch, trace.relative_angle, trace.displacement)
     return float(np.diff(trace.time, prepend=0.0)[there].sum())
-
-
-def shares(shifts: list[Engagement], clutch: Clutch) -> tuple[float, float]:
-    """Return the shares of a pitch at which shifts hang, and at which they engage late, %."""
-    each = 100.0 * 2.0 * crests_of(clutch).width / clutch.dog.pitch / len(shifts)
-    hung = sum(s.outcome is Outcome.BLOCKED for s in shifts)
-    late = sum(s.outcome is Outcome.ENGAGED and time_on_crests(s) > LONG for s in shifts)
-    return hung * each, late * each
-
-
-def clutch_of(study: Setup, design: str) -> Clutch:
-    """Return the study's clutch with one of the designs."""
-    values = dict(zip(VARIABLES, DESIGNS[design], strict=True))
-    return study.clutch.with_dog(study.dog_with(values))
-
-
-def windows(study: Setup) -> None:
-    """Print crossing, static window and what hangs in Drake."""
-    print("share of a pitch, %: crests cross; static friction holds; Drake hangs / is late")
-    heads = "".join(f"{f'{m:.0f} 1/min':>14}" for m in MISMATCHES)
-    print(f"{'design':<12} {'N':>6} {'W, mm':>6} {'cross':>6} {'held':>6}{heads}")
-    for name in DESIGNS:
-        clutch = clutch_of(study, name)
-        crests, pitch, plant = crests_of(clutch), clutch.dog.pitch, ClutchPlant(clutch)
-        for force in FORCES:
-            held = crests.window(force / clutch.dog.count, clutch.contact.dynamic_friction)
-            cells = []
-            for mismatch in MISMATCHES:
-                shifts = shifts_about(plant, point_of(study, mismatch, force))
-                hung, late = shares(shifts, clutch)
-                cells.append(f"{hung:7.2f} / {late:4.2f}")
-            print(
-                f"{name:<12} {force:6.1f} {crests.width / MM:6.3f} "
-                f"{100 * crests.width / pitch:6.2f} {100 * held / pitch:6.2f}" + "".join(cells),
-                flush=True,
-            )
-
-
-def variants(study: Setup, name: str = "lean", angles: int = 8) -> None:
-    """Print what stiffness, mesh and all dogs change, at no mismatch and the smallest force."""
-    base, point = clutch_of(study, name), point_of(study, 0.0, FORCES[0])
-    contact, solver = base.contact, base.solver
-    changed = {
-        "as it is": ClutchPlant(base),
-        "a tenth as stiff": ClutchPlant(_stiff(base, 0.1)),
-        "ten times as stiff": ClutchPlant(_stiff(base, 10.0)),
-        "rigid side cut into 24 triangles": plant_with(base, 1),
-        "a tenth of the stiction velocity": ClutchPlant(
-            replace(base, contact=replace(contact, stiction_velocity=2e-5))
-        ),
-        "all dogs": ClutchPlant(replace(base, solver=replace(solver, all_dogs=True))),
-    }
-    print(f"\n{name}, {FORCES[0]} N, no mismatch, {angles} overlaps: share of a pitch, %")
-    print(f"{'':<34} {'held':>6} {'hangs / late':>14}")
-    for words, plant in changed.items():
-        clutch = plant.clutch
-        held = crests_of(clutch).window(FORCES[0] / clutch.dog.count, contact.dynamic_friction)
-        hung, late = shares(shifts_about(plant, point, angles), clutch)
-        print(
-            f"{words:<34} {100 * held / clutch.dog.pitch:6.2f} {hung:7.2f} / {late:4.2f}",
-            flush=True,
-        )
-
-
-def _stiff(clutch: Clutch, factor: float) -> Clutch:
-    contact = clutch.contact
-    return replace(clutch, contact=replace(contact, stiffness=factor * contact.stiffness))
-
-
-if __name__ == "__main__":
-    windows(paper_study())
-    variants(paper_study())

@@ -1,7 +1,5 @@
 r"""Where the pressure of two flanks that are out of angle acts, and how far dogs give way.
 
-    python -m benchmarks.load_height
-
 Plane finite elements of one dog on its body, one pitch wide, in plane strain, unrolled at
 the mean radius. Biquadratic quadrilaterals; root and tip have sharp corners, the body's
 lower face is fixed, its sides are free, clamped, or move alike as in
@@ -21,13 +19,10 @@ and an active set finds them. What touches ends where the tips' roundings begin
 refined. With their true gap :math:`g = \varrho - \sqrt{\varrho^2 - d^2}`, :math:`d` beyond
 that end, it stays finite and reaches a little onto the roundings: that is "rounded",
 against "cut". The rings are held at the angle, whatever moment that takes.
-
-Takes two minutes.
 """
 
 from __future__ import annotations
 
-import logging
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -40,26 +35,19 @@ from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, ElementVector, MeshQuad
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from benchmarks.common import clutch_of, paper_study
 from dogshape.sim.shift.flank import FlankContact, flank_contact
 from dogshape.sim.shift.geometry import Dog, section
-from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.materials import POISSON, YOUNG
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.units import MM
 
 Array = NDArray[np.float64]
 Sides = Literal["free", "clamped", "alike"]
 Ends = Literal["cut", "rounded"]
 
 ROOT_RADIUS = 0.3 * MM
-ANGLES = (0.0, 0.05, 0.10, 0.25, 0.35, 0.50)  #: deg between the flanks
 STRIPS = 48  #: over what touches
 DEPTH = 0.6  #: of the body below the floor, pitches
-TOOTH_STIFFNESS = 14e9  #: of a pair over its width, N/m2 (ISO 6336-1: 14 N/(mm um))
 GRAIN = 7  #: decimals of coordinates in mm, so that dog and body share their nodes
-NAMES = ("prototype", "fine")
-SIDES: tuple[Sides, ...] = ("free", "alike", "clamped")
-ENDS: tuple[Ends, ...] = ("rounded", "cut")
 
 
 @dataclass(frozen=True)
@@ -266,73 +254,3 @@ def _dense_ends(cells: int) -> Array:
 def _dense_start(cells: int) -> Array:
     """Return knots on [0, 1], denser at the start."""
     return np.asarray(np.linspace(0.0, 1.0, cells + 1) ** 2)
-
-
-def line_force(dog: Dog) -> float:
-    """Return the design force of the dog that carries most over its width, N/m."""
-    return LoadCase().force_per_dog(dog) / dog.radial_width
-
-
-def dog_of(name: str) -> Dog:
-    """Return the dog of one of the designs."""
-    return clutch_of(paper_study(), name).dog
-
-
-def bed_height(height: float, force: float, angle: float) -> float:
-    """Return the load height on a bed of springs of the tooth stiffness, all of it touching."""
-    return 0.5 + TOOTH_STIFFNESS * height * angle / (12.0 * force)
-
-
-def table(name: str) -> None:
-    """Print how the flanks of a design touch, by the body's sides and the angle."""
-    dog = dog_of(name)
-    force, height = line_force(dog), flank_contact(dog, ROOT_RADIUS, "traction").height
-    print(f"{name}: {force * MM:.1f} N/mm on {height / MM:.2f} mm,", end=" ")
-    print(f"mean pressure {force / height * 1e-6:.0f} MPa")
-    bed = (f"{bed_height(height, force, angle * DEG):.3f}" for angle in ANGLES[:3])
-    print("  on a bed of springs", *bed, "at", *(f"{angle:.2f}" for angle in ANGLES[:3]), "deg")
-    print("  sides     deg   height  cut off  touching  peak  approach in um")
-    for sides in SIDES:
-        model = FlankModel(dog, sides=sides)
-        for angle in ANGLES:
-            found, cut = (model.press(angle * DEG, force, ends) for ends in ENDS)
-            print(f"  {sides:<8}{angle:5.2f}{found.height:9.3f}{cut.height:9.3f}", end="")
-            print(f"{found.touching:10.2f}{found.peak:6.1f}{found.approach * 1e6:8.1f}", flush=True)
-
-
-def heights(model: FlankModel, what: str, ends: Ends = "rounded") -> None:
-    """Print load heights at every angle, peak over mean pressure and approach at none."""
-    force = line_force(model.dog)
-    found = [model.press(angle * DEG, force, ends) for angle in ANGLES]
-    print(f"  {what:<36}", "".join(f"{c.height:7.3f}" for c in found), end="")
-    peaks = (found[0].peak, found[-1].peak)
-    print(f"   {peaks[0]:6.1f}{peaks[1]:6.1f}{found[0].approach * 1e6:8.1f}", flush=True)
-
-
-def influences() -> None:
-    """Print what mesh, depth, root radius and load do to the prototype's load height."""
-    dog = dog_of("prototype")
-    print("\nPrototype, sides alike: load height at", *(f"{a:.2f}" for a in ANGLES), "deg;")
-    print("  peak over mean pressure at the first and last angle; approach in um at the first")
-    for strips in (STRIPS // 2, STRIPS, 3 * STRIPS // 2):
-        model = FlankModel(dog, strips=strips)
-        for ends in ENDS:
-            heights(model, f"{strips} strips, {ends}, {model.basis.N} unknowns", ends)
-    for depth in (0.3, 1.0):
-        heights(FlankModel(dog, depth=depth), f"body {depth:.1f} pitches deep")
-    for radius in (0.1, 0.5):
-        heights(FlankModel(dog, radius * MM), f"root radius {radius:.1f} mm")
-
-
-def main() -> None:
-    """Print everything."""
-    logging.getLogger("skfem").setLevel(logging.ERROR)
-    print("Load height, the same with roundings cut off, share that touches, peak over mean")
-    print("pressure, and approach along the circumference at the end that touches first")
-    for name in NAMES:
-        table(name)
-    influences()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,11 +1,16 @@
-"""Error and cost of Drake's scheme ``cenic`` with a mechanism, against the compiled engine.
+"""Effects and mechanisms in both engines: change of the mean shift time, error and cost.
 
-    python -m benchmarks.mechanism_accuracy
+    python -m benchmarks.mechanisms
 
-Ten random designs, operating points and relative angles for each mechanism, with the published
-contact set. ``off`` is the deviation of a shift's time from that of the compiled engine with finer
-steps, percent: median, 90 % quantile, largest; the last column is processor time a shift. A shift
-that does not engage counts with the time-out. Takes some three minutes of one processor.
+The first table has each effect at the middle of its prior, on the prototype: the change of the mean
+over eight even angles at four operating points in either engine. Effects of the sensor alone are
+left out.
+
+The second has ten random designs, operating points and relative angles for each mechanism, with the
+published contact set, which Drake simulates by its scheme ``cenic``. ``off`` is the deviation of a
+shift's time from that of the compiled engine with finer steps, percent: median, 90 % quantile,
+largest; the last column is processor time a shift. A shift that does not engage counts with the
+time-out. One process; takes some eight minutes.
 """
 
 from __future__ import annotations
@@ -15,16 +20,22 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from benchmarks.common import paper_study
+from benchmarks.common import paper_study, point_of
+from dogshape.sim.effects import load
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import DogshapeError
+from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, solver_for
 from dogshape.sim.shift.contact import contact_set
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.units import DEG, MM, RPM
 
+POINTS = ((10.0, 235.2), (25.0, 469.0), (50.0, 641.5), (149.0, 315.5))
+ANGLES = 8
+QUIET = ("actuation_delay", "relative_angle")  # no simulation of their own
 ACCURACIES = (1e-7, 1e-8, 1e-9)
 SHIFTS = 10
 MECHANISMS = {
@@ -34,6 +45,36 @@ MECHANISMS = {
     "free play": Mechanism(free_play=0.5 * MM),
     "shaft with play": Mechanism(ring_inertia=2e-3, input_stiffness=5e3, backlash=0.3 * DEG),
 }
+
+
+def times(setting: Setting, engine: str) -> NDArray[np.float64]:
+    """Simulate even angles; shift times in s, (n,), the time-out where a shift does not engage."""
+    clutch = setting.clutch if engine == "drake" else setting.clutch.with_engine(engine)
+    angles = (np.arange(ANGLES) + 0.5) / ANGLES * clutch.dog.pitch_angle
+    found = [engage(clutch, setting.point, float(angle)).shift_time for angle in angles]
+    return np.array([clutch.timeout if one is None else one for one in found])
+
+
+def effects() -> None:
+    """Print the change of the mean by each effect in both engines."""
+    study, known = paper_study(), load()
+    settings = [Setting(study.clutch, point_of(study, *given)) for given in POINTS]
+    base = {name: [times(one, name) for one in settings] for name in ("drake", "planar")}
+    print(f"change of the mean over {len(POINTS)} operating points and {ANGLES} angles, ms")
+    print(f"{'effect':<22}{'Drake':>9}{'planar':>9}{'differ':>9}{'of Drake':>10}")
+    for name, effect in known.items():
+        if name in QUIET:
+            continue
+        values = {p.name: p.at(0.5) for p in effect.parameters}
+        changed = [effect.apply(one, values) for one in settings]
+        moved = {
+            engine: 1e3 * float(np.mean([times(one, engine) - before for one, before in
+                                         zip(changed, base[engine], strict=True)]))
+            for engine in base
+        }  # fmt: skip
+        off = moved["planar"] - moved["drake"]
+        share = f"{abs(off / moved['drake']):10.2%}" if moved["drake"] else f"{'-':>10}"
+        print(f"{name:<22}{moved['drake']:9.2f}{moved['planar']:9.2f}{off:9.3f}{share}", flush=True)
 
 
 def drawn(clutch: Clutch, rng: np.random.Generator) -> Clutch:
@@ -80,13 +121,13 @@ def _time(clutch: Clutch, point: OperatingPoint, angle: float) -> float:
     return engage(clutch, point, angle).shift_time or clutch.timeout
 
 
-def main() -> None:
-    """Print the table."""
+def errors() -> None:
+    """Print error and cost of Drake with each mechanism."""
     study, contact = paper_study(), contact_set("adams2019")
     base = replace(study.clutch, contact=contact, solver=solver_for(contact))
     engage(base.with_engine("planar"), study.points[0], 0.1)  # compiled before it is timed
     print(
-        f"{'mechanism':<17}{'solver':<13}{'off: median':>12}{'90 %':>8}{'largest':>9}{'CPU s':>9}"
+        f"\n{'mechanism':<17}{'solver':<13}{'off: median':>12}{'90 %':>8}{'largest':>9}{'CPU s':>9}"
     )
     for name, mechanism in MECHANISMS.items():
         for solver, (off, spent) in measured(replace(base, mechanism=mechanism)).items():
@@ -98,4 +139,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    effects()
+    errors()
