@@ -10,7 +10,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis, Reading
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import explained
 from dogshape.diagnosis.inference.verdict import Verdict
-from dogshape.diagnosis.terms import Hypothesis, plain
+from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis, plain
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import suffix_of, unit_of
 
@@ -89,8 +89,18 @@ def headline(
         return "Unknown: no known effect explains the gap"
     if names:
         return f"Part of the cause: {names}; the rest is open"
-    more = " and others" if len(credible) > MOST else ""
-    return f"Open: {listed([plain(h, effects) for h in credible[:MOST]], 'or')}{more}"
+    known = [set(h) for h in credible if h not in (NONE, UNKNOWN)]
+    common = set.intersection(*known) if known else set()
+    if len(known) < 2 or not common:
+        more = " and others" if len(credible) > MOST else ""
+        return f"Open: {listed([plain(h, effects) for h in credible[:MOST]], 'or')}{more}"
+    others = dict.fromkeys(
+        name for h in credible for name in h if name in set.union(*known) - common
+    )
+    beside = listed([effects[name].plain for name in [*others][:MOST]], "or")
+    rest = [f", or {plain(h, effects)}" for h in (NONE, UNKNOWN) if h in credible]
+    whole = listed([effects[name].plain for name in sorted(common)])
+    return f"Open: {whole}, with or without {beside}{''.join(rest)}"
 
 
 def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
@@ -121,8 +131,11 @@ def _cause(found: Diagnosis) -> str:
     if verdict.kind == "unknown":
         return "No known effect, alone or with others, explains all of the data."
     if not verdict.causes:
-        likely = [f"{plain(h, found.effects)} ({chance(p)})" for h, p in found.posterior.items()]
-        return f"The cause is open: {listed(likely[:MOST], 'or')}."
+        likely = [(n, p) for n, p in found.inclusion.items() if p > OPEN][:MOST]
+        said = [f"{_sized(found, name)} ({chance(p)})" for name, p in likely]
+        rest = [(h, found.posterior.get(h, 0.0)) for h in (NONE, UNKNOWN)]
+        said += [f"{plain(h, found.effects)} ({chance(p)})" for h, p in rest if p > OPEN]
+        return f"The cause is open. Parts and their probabilities: {listed(said)}."
     sizes = [_sized(found, name) for name in verdict.causes]
     whole = f", with {chance(found.posterior[found.leading])}" if verdict.kind == "effect" else ""
     part = "Cause" if verdict.kind == "effect" else "Part of the cause"

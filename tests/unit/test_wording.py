@@ -53,6 +53,15 @@ def test_each_verdict_has_its_headline(kind: str, causes: tuple[str, ...], words
     assert headline(kind, causes, [NONE, UNKNOWN], EFFECTS) == words
 
 
+def test_an_open_cause_names_the_parts_that_all_hypotheses_have() -> None:
+    pair, third = ("actuation_delay", "drag_torque"), ("sleeve_friction",)
+    said = headline("ambiguous", (), [pair, tuple(sorted(pair + third)), UNKNOWN], EFFECTS)
+    assert said == (
+        "Open: dead time of the actuation and drag torque on the sliding ring, with or without dry "
+        "friction of the sliding ring, or an unknown cause"
+    )
+
+
 def test_the_summary_has_sizes_over_all_plausible_hypotheses() -> None:
     found = diagnosed()
     said = summary(found)
@@ -112,7 +121,7 @@ def test_a_reading_of_the_record_that_decides_is_stated() -> None:
         ({UNKNOWN: 0.9, ("drag_torque",): 0.1}, "No known effect, alone or with others"),
         (
             {("drag_torque",): 0.6, ("sleeve_friction",): 0.4},
-            "The cause is open: drag torque on the sliding ring (60 %) or dry friction of the",
+            "The cause is open. Parts and their probabilities: drag torque on the sliding ring",
         ),
         ({("drag_torque",): 0.97, NONE: 0.03}, "Cause, with 97 %: drag torque on the sliding ring"),
     ],
