@@ -15,13 +15,14 @@ from dogshape.pipeline.config.study_file import (
     find_study,
     load_study,
 )
-from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, read_json
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.contact import CONTACT_SETS
+
+Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,11 @@ class NamedDesign:
     row: Row | None = None
 
     @property
+    def title(self) -> str:
+        """Name of the study, and the number of the design where it has one."""
+        return self.study.name + ("" if self.row is None else f", design {self.row['trial']}")
+
+    @property
     def own_study(self) -> Setup:
         """The study with the design as its dog, operated as the design is."""
         if self.row is None:
@@ -50,21 +56,39 @@ class NamedDesign:
         return build_study(validate(StudyFile, content, self.label)).operated(self.row)
 
 
-def named_design(
+def design_or_study(
     name: str, settings: Iterable[str] | Mapping[str, Any] | None = None
 ) -> NamedDesign:
-    """Read a design; without ``#N`` the chosen one of a result, else the study's own dog.
+    """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result, any other name as a study's dog.
 
     Parameters
     ----------
-    name : ``results/mq200#43``, ``mq200#43``, ``results/mq200``, ``mq200`` or a study file.
-    settings : keys of the study with their values; the design is then the study's own dog.
+    name : ``results/mq200#43``, ``mq200#43``, or what ``load_study`` takes.
+    settings : keys of the study with their values, of a study alone.
 
     Raises
     ------
     InputError
-        For an unknown name, settings of a design with a number, or a design that is not there or
-        was not simulated.
+        As ``named_design`` and ``load_study``, and for settings of a design with a number.
+    """
+    where, sign, _ = name.rpartition("#")
+    if not sign or Path(name).exists():
+        return NamedDesign(name, load_study(name, settings))
+    if settings:
+        raise InputError(
+            f"'{name}' is a design as it was simulated, which --set would change; give '{where}' "
+            "and the keys of the dog"
+        )
+    return named_design(name)
+
+
+def named_design(name: str) -> NamedDesign:
+    """Read a design; without ``#N`` the chosen one of a result, else the study's own dog.
+
+    Raises
+    ------
+    InputError
+        For an unknown name, or a design that is not there or was not simulated.
     StorageError
         For a folder with damaged files.
     """
@@ -74,16 +98,11 @@ def named_design(
             f"'{name}' must end in the number of a design after '#'; write for instance "
             "results/mq200#43"
         )
-    if sign and settings:
-        raise InputError(
-            f"'{name}' is a design as it was simulated, which --set would change; give '{where}' "
-            "and the keys of the dog"
-        )
     trial = int(number) if sign else None
     folder = StudyFolder(Path(where))
-    if folder.manifest.exists() and not settings:
+    if folder.manifest.exists():
         return _searched(where, folder.stored_study(), folder.stored_result(), trial)
-    study, kept = _study(where, settings), None if settings else _kept_result(where)
+    study, kept = _study(where), _kept_result(where)
     if kept is not None:
         return _searched(where, study, read_json(kept, "take it away"), trial)
     if trial is not None:
@@ -94,7 +113,7 @@ def named_design(
     return NamedDesign(where, study)
 
 
-def _study(where: str, settings: Iterable[str] | Mapping[str, Any] | None) -> Setup:
+def _study(where: str) -> Setup:
     try:
         find_study(where)
     except InputError as error:
@@ -103,7 +122,7 @@ def _study(where: str, settings: Iterable[str] | Mapping[str, Any] | None) -> Se
             f"results/mq200 (with #N for a design), a study file, one of "
             f"{', '.join(bundled_studies())}, or contact sets ({', '.join(sorted(CONTACT_SETS))})"
         ) from error
-    return load_study(where, settings)
+    return load_study(where)
 
 
 def _kept_result(where: str) -> Path | None:
