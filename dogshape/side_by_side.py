@@ -8,15 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.check import Check, check_design
+from dogshape.data_sheet import record_of
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.study.design_record import (
-    design_record,
-    difference,
-    searched_record,
-)
-from dogshape.pipeline.reports.study.named_design import NamedDesign, named_design
-from dogshape.pipeline.simulate.design import weakest_within
+from dogshape.pipeline.reports.study.design_record import difference
+from dogshape.pipeline.reports.study.named_design import named_design
 from dogshape.pipeline.store.folder import comparable
 from dogshape.result import Result, ms
 from dogshape.sim.errors import InputError
@@ -91,47 +86,18 @@ def compare(*names: str) -> SideBySide:
         found = tuple({"label": item.pop("name"), **item} for item in items)
         return SideBySide("contact_sets", found)
     designs = [named_design(name) for name in names]
-    records = [record_of(one) for one in designs]
+    records = [record_of(one)[0] for one in designs]
     settings = _differing([one.study for one in designs])
-    first = designs[0].study.points
     items = []
     for one, record, given in zip(designs, records, settings, strict=True):
-        alike = record is not records[0] and one.study.points == first
-        apart = difference(records[0], record) if alike else None
-        value, error = apart or (None, None)
+        alike = one is not designs[0] and one.study.points == designs[0].study.points
+        value, error = (difference(records[0], record) if alike else None) or (None, None)
+        margins = record.pop("margins")
         items.append({
-            "label": one.label,
-            **{key: record[key] for key in ("expected_shift_time_s", "standard_error_s")},
-            "difference_s": value,
-            "difference_standard_error_s": error,
-            **{key: value for key, value in record.items() if key != "margins"},
-            "settings": given,
-            "margins": record["margins"],
+            "label": one.label, **record, "difference_s": value,
+            "difference_standard_error_s": error, "settings": given, "margins": margins,
         })  # fmt: skip
     return SideBySide("designs", tuple(items))
-
-
-def record_of(one: NamedDesign) -> dict[str, Any]:
-    """Record a design: from its result, or as ``check`` judges it where it was not searched."""
-    if one.result is not None and one.row is not None:
-        return searched_record(one.study, one.result, one.row)
-    return checked_record(check_design(one.study))
-
-
-def checked_record(found: Check) -> dict[str, Any]:
-    """Record the design of a check by the keys of a searched one."""
-    expected, study = found.expected, found.config
-    return design_record(
-        study,
-        study.prototype,
-        {check.name: check.margin for check in found.design.checks},
-        weakest_within(study, found.design),
-        time=None if expected is None else expected.time,
-        error=None if expected is None else expected.error,
-        engaged=None if found.quick is None else found.quick.engaged,
-        source=found.refusal or "compiled engine",
-        engine="planar",
-    )
 
 
 def _contact_sets(names: Sequence[str]) -> list[ContactSet]:

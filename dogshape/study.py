@@ -16,7 +16,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from dogshape.check import Check
-    from dogshape.data_sheet import DataSheet
     from dogshape.expectation import Expectation
     from dogshape.predictions import Predictions
     from dogshape.shift import Shift
@@ -184,15 +183,12 @@ class Study:
         where = Where(jobs, None, _path(keep), progress)
         return check_strength(self.config, where, simulate=simulate)
 
-    def data_sheet(self, why: str = "") -> DataSheet:
-        """Make the data sheet of the study's own dog, simulated as by ``check``.
-
-        ``why`` is the reason of a decision for it.
-        """
-        from dogshape.data_sheet import sheet_of  # noqa: PLC0415
+    def data_sheet(self, path: str | Path, why: str = "") -> Path:
+        """Write the data sheet of the dog (``dogshape.data_sheet.write_data_sheet``)."""
+        from dogshape.data_sheet import write_data_sheet  # noqa: PLC0415
         from dogshape.pipeline.reports.study.named_design import NamedDesign  # noqa: PLC0415
 
-        return sheet_of(NamedDesign(self.name, self.config), why)
+        return write_data_sheet(NamedDesign(self.name, self.config), path, why)
 
     def what_if(
         self, out: str | Path | None = None, *, surrogate: str | Path | None = None

@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-    from dogshape.data_sheet import DataSheet
 
 TOLD = ("engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
 
@@ -111,11 +110,11 @@ class StudyResult(Result):
             return sure_figure(self.record)
         return front_figure(self.record, list(self.config.variables), objective or others[0])
 
-    def data_sheet(self, design: int, why: str = "") -> DataSheet:
-        """Make the data sheet of a design; ``why`` is the reason of a decision for it."""
-        from dogshape.data_sheet import sheet_of  # noqa: PLC0415
+    def data_sheet(self, design: int, path: str | Path, why: str = "") -> Path:
+        """Write the data sheet of a design (``dogshape.data_sheet.write_data_sheet``)."""
+        from dogshape.data_sheet import write_data_sheet  # noqa: PLC0415
 
-        return sheet_of(named_design(f"{self.folder}#{design}"), why)
+        return write_data_sheet(named_design(f"{self.folder}#{design}"), path, why)
 
     def report(self, path: str | Path | None = None, *, progress: Progress = SILENT) -> Path:
         """Write the report; give its path.

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.data_sheet import sheet_of
+from dogshape.data_sheet import write_data_sheet
 from dogshape.pipeline.reports.study.named_design import named_design
 from tests.browser import print_pdf
 
@@ -16,6 +16,6 @@ WHY = "a reason that goes on for more than one line: " + 30 * "why, "
 
 @pytest.mark.parametrize("name", ["mq200_paper", "mq200"])
 def test_a_data_sheet_prints_on_one_page(tmp_path: Path, name: str) -> None:
-    page = sheet_of(named_design(name), WHY).report(tmp_path / "sheet.html")
+    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", WHY)
     printed = print_pdf(page, tmp_path)
     assert re.findall(rb"/Count (\d+)", printed) == [b"1"]

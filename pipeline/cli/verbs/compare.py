@@ -9,10 +9,14 @@ from rich.table import Table
 
 from dogshape.pipeline.cli.console import columns, emit, verb
 from dogshape.pipeline.cli.options import Json
-from dogshape.pipeline.reports.kit.text import check_name, label, percent
+from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.reports.kit.text import axis, check_name, percent
+from dogshape.pipeline.reports.study.design_record import ms_or_dash, words_of
 from dogshape.side_by_side import SideBySide
 from dogshape.side_by_side import compare as compare_items
-from dogshape.sim.units import unit_of
+from dogshape.sim.clutch_tables import DogSection
+
+OPERATION = ("contact", "material", "operating_points", "engine")
 
 
 @verb
@@ -34,33 +38,28 @@ def compare(
 
 
 def _table(found: SideBySide) -> Table:
-    """Return the frame of the items as a table, times in ms and margins in percent."""
-    frame = found.to_frame()
-    table = columns("", *frame.columns)
-    for key, values in frame.iterrows():
-        table.add_row(_title(str(key)), *(_cell(str(key), value) for value in values))
+    """Return a column for each item: shape, times, margins, and keys that differ."""
+    table = columns("", *(item["label"] for item in found.items))
+    every = [_rows(item) for item in found.items]
+    for title in dict.fromkeys(title for rows in every for title in rows):
+        table.add_row(title, *(rows.get(title, "-") for rows in every))
     return table
 
 
-def _title(key: str) -> str:
-    table, _, name = key.rpartition(".")
-    if table.startswith("settings"):
-        return key.removeprefix("settings.")
-    if table == "margins":
-        return f"margin, {check_name(name)}"
-    unit = unit_of(name).replace("s", "ms") if name.endswith("_s") else unit_of(name)
-    words = label(name) if label(name) != name else check_name(name)
-    return ", ".join(part for part in (table.replace("_", " "), words, unit) if part)
-
-
-def _cell(key: str, value: Any) -> str:
-    if value is None or value != value:  # noqa: PLR0124  # what another item alone has
-        return "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    if isinstance(value, (str, list)):
-        return str(value)
-    if "margin" in key and not key.startswith("settings"):
-        return percent(value)
-    in_ms = key.endswith("_s") and not key.startswith("settings")
-    return f"{1e3 * value:.2f}" if in_ms else f"{value:.4g}"
+def _rows(item: dict[str, Any]) -> dict[str, str]:
+    """Write an item as titles and cells."""
+    if "margins" not in item:  # a contact set
+        return {check_name(k): f"{v:.4g}" for k, v in item.items() if k != "label"}
+    apart = item["difference_s"], item["difference_standard_error_s"]
+    shape = [key for key in (*DogSection.model_fields, *OPERATED) if item.get(key) is not None]
+    return {
+        **{axis(key): f"{item[key]:.4g}" for key in shape},
+        **words_of(item),
+        "difference, ms": ms_or_dash(*apart, "+"),
+        **{check_name(key): str(item[key]) for key in OPERATION},
+        **{key: "-" if value is None else str(value) for key, value in item["settings"].items()},
+        **{
+            f"margin, {check_name(key)}": "-" if one is None else percent(one)
+            for key, one in item["margins"].items()
+        },
+    }

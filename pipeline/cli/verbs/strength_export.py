@@ -127,9 +127,9 @@ def export(
         write_step(dog, radius, body, step)
     if sheet is not None:
         # Figures take half a second to load that nothing else here needs.
-        from dogshape.data_sheet import sheet_of  # noqa: PLC0415
+        from dogshape.data_sheet import write_data_sheet  # noqa: PLC0415
 
-        sheet_of(one, why).report(sheet)
+        write_data_sheet(one, sheet, why)
     files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     volume = part_volume(dog, radius, body) / MM**3

@@ -9,19 +9,21 @@ import math
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.kit.text import (
-    check_name,
-    ms_with_error,
-    percent,
-    place_name,
+from dogshape.pipeline.reports.study.design_record import (
+    difference,
+    ms_or_dash,
+    searched_record,
+    words_of,
 )
-from dogshape.pipeline.reports.study.design_record import difference, searched_record
 from dogshape.sim.errors import GeometryError
 
-HEAD = (
-    "design", "mean, ms", "worst point against the prototype, ms", "smallest margin, nominal size",
-    "at worst-case tolerances", "locks above friction", "length, mm", "costs, ms",
+#: Columns of the table, of the words of a record, between design and cost.
+COLUMNS = (
+    "expected shift time, ms", "worst point against the prototype, ms",
+    "smallest margin, nominal size", "at worst-case tolerances", "locks above friction",
+    "length, mm",
 )  # fmt: skip
+HEAD = ("design", *COLUMNS, "costs, ms")
 
 
 def alternatives(study: Setup, result: Row) -> list[Row]:
@@ -44,41 +46,10 @@ def alternatives(study: Setup, result: Row) -> list[Row]:
 
 def cells_of(one: Row, chosen: Row) -> tuple[str, ...]:
     """Write the cells of a design below ``HEAD``; costs are differences to the chosen design."""
-    margin, worst = one["margin_worst_case"], one["weakest_check_worst_case"]
-    surface = check_name(one["locking_surface"]).removesuffix(" release")
-    return (
-        "prototype" if one["prototype"] else f"design {one['design']}",
-        _time_words(one),
-        _worst_words(one),
-        f"{percent(one['smallest_margin'])} {check_name(one['weakest_check'])}",
-        "no dog" if margin is None else f"{percent(margin)} {check_name(worst)}",
-        f"{one['locking_friction']:.3f} ({surface})",
-        f"{one['axial_length_mm']:.2f}",
-        _cost_words(one, chosen),
-    )
-
-
-def _time_words(one: Row) -> str:
-    if one["expected_shift_time_s"] is None:
-        return "engages in {} of {}".format(*one["shifts_engaged"])
-    return ms_with_error(one["expected_shift_time_s"], one["standard_error_s"])
-
-
-def _worst_words(one: Row) -> str:
-    worst = one["worst_against_prototype"]
-    if worst is None:
-        return "" if one["prototype"] else "-"
-    loss, error = worst["difference_s"], worst["standard_error_s"]
-    side = "slower" if loss > 0.0 else "faster"
-    at = place_name(worst["mismatch_rpm"], worst["force_N"])
-    return f"{ms_with_error(abs(loss), error or 0.0)} {side} at {at}"
-
-
-def _cost_words(one: Row, chosen: Row) -> str:
-    if one["design"] == chosen["design"]:
-        return ""
-    cost = difference(chosen, one)
-    return "-" if cost is None else ms_with_error(*cost, "+")
+    words, (cost, error) = words_of(one), difference(chosen, one) or (None, None)
+    name = "prototype" if one["prototype"] else f"design {one['design']}"
+    costs = "" if one["design"] == chosen["design"] else ms_or_dash(cost, error, "+")
+    return (name, *(words[column] for column in COLUMNS), costs)
 
 
 def _time(one: Row) -> float:

@@ -10,45 +10,34 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.reports.kit.html import write_page
 from dogshape.pipeline.reports.kit.look import Row
-from dogshape.pipeline.reports.kit.text import check_name, minus, ms_with_error, percent, place_name
-from dogshape.pipeline.reports.study.design_record import confirmation_of
+from dogshape.pipeline.reports.kit.text import check_name, label, minus, percent
+from dogshape.pipeline.reports.study.design_record import confirmation_of, words_of
 from dogshape.pipeline.reports.study.named_design import NamedDesign
 from dogshape.pipeline.reports.study.provenance import command_of, now
 from dogshape.pipeline.reports.study.summary import engine_of
 from dogshape.pipeline.search.tolerance_effects import checks_within
 from dogshape.pipeline.simulate.design import SUMMARIES, design_of, margins_within
+from dogshape.pipeline.store.folder import write_json
+from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.units import suffix_of, to_si, unit_of
 from dogshape.sim.versions import versions
 
-#: Dimensions in the order of the sheet: field of the dog, words, and the unit's size and name.
-DIMENSIONS = (
-    ("chamfer", "chamfer \u03b1", DEG, "°"),
-    ("traction", "traction flank \u03b2", DEG, "°"),
-    ("braking", "braking flank \u03b3", DEG, "°"),
-    ("height", "height h", MM, "mm"),
-    ("outer_diameter", "outer diameter", MM, "mm"),
-    ("inner_diameter", "inner diameter", MM, "mm"),
-    ("axial_gap", "axial gap in neutral", MM, "mm"),
-)
 GENERAL = "ISO 2768-f"  #: tolerance of a dimension that the study gives none for
 
 
-def sheet_record(one: NamedDesign, record: Row, checks: Sequence[Row] | None, why: str) -> Row:
-    """Record the data sheet of a design.
+def write_sheet(one: NamedDesign, record: Row, checks: Sequence[Row], why: str, path: Path) -> None:
+    """Write the data sheet of a design as a page, or as JSON by the ending of the path.
 
     Parameters
     ----------
-    record : record of the design (``design_record``).
-    checks : its checks where it was checked; None for a design of a result.
+    record, checks : of the design (``design_record``), and each of its checks.
     why : reason of a decision for the design; empty for none.
     """
     study = one.own_study
-    if checks is None:
-        checks = _searched_checks(study, one, record["margins"])
     own = [check for check in checks if check["name"] not in SUMMARIES]
-    return {
+    sheet = {
         "name": one.title,
         "time": now(),
         "why": why or None,
@@ -57,85 +46,49 @@ def sheet_record(one: NamedDesign, record: Row, checks: Sequence[Row] | None, wh
         "checks": sorted(own, key=lambda check: list(GROUPS).index(check["group"])),
         "provenance": _provenance(one),
     }
-
-
-def write_sheet(study: Setup, sheet: Row, path: Path) -> None:
-    """Write the page of a data sheet; ``study`` has the design as its own dog."""
-    section = dimensioned_svg(study.clutch.dog, study.limits, sheet["name"])
+    if path.suffix.lower() == ".json":
+        return write_json(path, sheet)
     write_page(
-        path, "datasheet.html.j2", plotly="", section=section, times=_times(sheet),
-        percent=percent, check_name=check_name, minus=minus, **sheet,
+        path, "datasheet.html.j2", plotly="", words=words_of(sheet), general=GENERAL,
+        section=dimensioned_svg(study.clutch.dog, study.limits, one.title),
+        percent=percent, check_name=check_name, minus=minus, label=label, **sheet,
     )  # fmt: skip
 
 
 def _dimensions(study: Setup) -> list[Row]:
     """List the dimensions with their tolerances; those that follow from others have none."""
-    dog, limits = study.clutch.dog, study.limits
-    known = limits.tolerances.dimensions
-    rows: list[tuple[str, float, str, str]] = [
-        ("number of dogs N", dog.count, "", "both rings alike")
-    ]
-    for name, words, size, unit in DIMENSIONS:
-        tolerance = f"± {known[name] / size:.2f} {unit}" if name in known else GENERAL
-        rows.append((words, getattr(dog, name) / size, unit, tolerance))
-    radius = known.get("root_radius")
-    words = "root and tip radius R" if dog.edge_radius == 0.0 else "root radius R"
-    tolerance = GENERAL if radius is None else f"± {radius / MM:.2f} mm"
-    rows.append((words, limits.root_radius / MM, "mm", tolerance))
-    if dog.edge_radius > 0.0:
-        rows.append(("radius of the tip edges", dog.edge_radius / MM, "mm", GENERAL))
-    follows = (
-        ("travel to full depth", dog.travel),
-        ("tip width at the inner radius", dog.tip_width_at(dog.inner_radius)),
-        ("pitch at the mean radius", dog.pitch),
-    )
-    rows += [(words, length / MM, "mm", "follows") for words, length in follows]
-    keys = ("dimension", "value", "unit", "tolerance")
-    return [dict(zip(keys, row, strict=True)) for row in rows]
+    dog, limits, known = study.clutch.dog, study.limits, study.limits.tolerances.dimensions
+    every = {key: getattr(dog, key.removesuffix(suffix_of(key))) for key in DogSection.model_fields}
+    given = {key: value for key, value in every.items() if value} | {
+        "root_radius_mm": limits.root_radius
+    }
+    follows = {
+        "travel_mm": dog.travel,
+        "tip_width_at_the_inner_radius_mm": dog.tip_width_at(dog.inner_radius),
+        "pitch_at_the_mean_radius_mm": dog.pitch,
+    }
+    rows = []
+    for key, value in (given | follows).items():
+        size, tolerance = to_si(key, 1.0), known.get(key.removesuffix(suffix_of(key)))
+        rows.append({
+            "key": key, "value": value / size, "unit": unit_of(key),
+            "tolerance": None if tolerance is None else tolerance / size, "follows": key in follows,
+        })  # fmt: skip
+    return rows
 
 
-def _searched_checks(study: Setup, one: NamedDesign, margins: Row) -> list[Row]:
-    """List the closed forms of a design, then what the confirmation or the search simulated."""
-    assert one.result is not None
-    assert one.row is not None
-    design = design_of(study, {})
+def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
+    """List the closed forms of a design, then what the confirmation or the search simulated.
+
+    ``study`` has the design as its own dog.
+    """
+    design, confirmed = design_of(study, {}), confirmation_of(result, row)
     found = {check["name"]: check for check in checks_within(design, margins_within(study, design))}
-    confirmed = confirmation_of(one.result, one.row) or {"checks": []}
-    for check in confirmed["checks"]:
+    for check in (confirmed or {"checks": []})["checks"]:
         found[check["name"]] = found.get(check["name"], {}) | check
-    for name in margins.keys() - found.keys():
-        found[name] = {"name": name, "margin": margins[name], "group": "impact"}
+    for name in row["margins"].keys() - found.keys():
+        found[name] = {"name": name, "margin": row["margins"][name], "group": "impact"}
     return list(found.values())
-
-
-def _times(sheet: Row) -> list[tuple[str, str]]:
-    """List what was simulated, in words, and the friction that locks."""
-    name = f"expected shift time ({sheet['source']})"
-    if sheet["expected_shift_time_s"] is None:
-        counts = sheet["shifts_engaged"]
-        rows = [(name, "engages in {} of {} shifts".format(*counts) if counts else "none")]
-    else:
-        rows = [(name, _ms(sheet["expected_shift_time_s"], sheet["standard_error_s"]))]
-    if sheet["gain_s"] is not None:
-        gain = _ms(sheet["gain_s"], sheet["gain_standard_error_s"])
-        rows.append(("gain over the prototype", gain))
-    if (slow := sheet["slowest_point"]) is not None:
-        at = place_name(slow["mismatch_rpm"], slow["force_N"])
-        rows.append((f"slowest point, {at}", _ms(slow["mean_s"], slow["standard_error_s"])))
-    if (worst := sheet["worst_against_prototype"]) is not None:
-        at = place_name(worst["mismatch_rpm"], worst["force_N"])
-        loss = worst["difference_s"]
-        words = _ms(abs(loss), worst["standard_error_s"]) + (" slower" if loss > 0 else " faster")
-        rows.append((f"worst against the prototype, {at}", words))
-    if sheet["engaged"] is not None:
-        rows.append(("engage at the first try, least", f"{100 * sheet['engaged']:.0f} %"))
-    surface = check_name(sheet["locking_surface"]).removesuffix(" release")
-    friction = f"{sheet['locking_friction']:.3f}"
-    return [*rows, (f"friction above which the {surface} locks", friction)]
-
-
-def _ms(time: float, error: float | None) -> str:
-    return f"{ms_with_error(time, error or 0.0)} ms"
 
 
 def _provenance(one: NamedDesign) -> dict[str, str]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import Row
+from dogshape.pipeline.reports.kit.text import check_name, ms_with_error, percent, place_name
 from dogshape.pipeline.reports.study.designs import (
     confirmed_designs,
     engaged_shifts,
@@ -25,6 +26,12 @@ from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.result_records import number_or_none
 from dogshape.sim.strength.locking import locking_friction
 from dogshape.sim.units import MM
+
+#: Keys of what was simulated of a design.
+SIMULATION = (
+    SIMULATED, "standard_error_s", "source", "engaged", "shifts_engaged", "gain_s",
+    "gain_standard_error_s", "worst_against_prototype", "slowest_point",
+)  # fmt: skip
 
 
 def design_record(
@@ -41,28 +48,20 @@ def design_record(
     params : the searched keys of the study, edge units; its own dog where there are none.
     margins : margins of all checks by name.
     worst : check with the smallest margin at worst-case tolerances, and that margin.
-    known : number of the design, and what was simulated of it.
+    known : what else is known of the design, by the keys of the record.
     """
     dog, (weakest, least) = study.dog_with(dict(params)), least_margins(margins)[0]
     friction, surface = locking_friction(dog, study.limits.load)
     return {
         "study": study.name,
-        "design": known.get("design", 0),
-        "prototype": known.get("prototype", True),
+        "design": 0,
+        "prototype": True,
         **study.file.dog.model_dump(),
         **params,
         "axial_length_mm": dog.axial_length / MM,
         "travel_mm": dog.travel / MM,
-        "expected_shift_time_s": known.get("time"),
-        "standard_error_s": known.get("error"),
-        "source": known.get("source"),
-        "confirmed": known.get("confirmed", False),
-        "engaged": known.get("engaged"),
-        "shifts_engaged": known.get("shifts_engaged"),
-        "gain_s": known.get("gain", (None, None))[0],
-        "gain_standard_error_s": known.get("gain", (None, None))[1],
-        "worst_against_prototype": known.get("worst_point"),
-        "slowest_point": known.get("slowest"),
+        **dict.fromkeys(SIMULATION),
+        "confirmed": False,
         "passes": all(margin >= 0.0 for margin in margins.values()),
         "smallest_margin": least,
         "weakest_check": weakest,
@@ -70,37 +69,35 @@ def design_record(
         "weakest_check_worst_case": worst and worst[0],
         "locking_friction": friction,
         "locking_surface": surface,
-        "engine": known.get("engine", study.clutch.solver.engine),
+        "engine": study.clutch.solver.engine,
         "contact": study.clutch.contact.name,
         "material": study.limits.material.name,
         "operating_points": len(study.points),
         "physics_hash": study.physics_hash,
         "config_hash": study.config_hash,
-        "margins": dict(margins),
+        "margins": {name: number_or_none(margin) for name, margin in margins.items()},
+        **known,
     }
 
 
 def searched_record(study: Setup, result: Row, row: Row) -> Row:
     """Record a design of a result; ``study`` is the one that was searched."""
-    params = {name: row[name] for name in study.variables}
     confirmed = confirmation_of(result, row)
     known = row if confirmed is None else confirmed
-    simulated: Row = {}
+    simulated: Row = {"engaged": known["engaged"], "source": "search"}
+    if confirmed is not None:
+        counts = list(engaged_shifts(confirmed))
+        simulated |= {"source": "new angles", "confirmed": True, "shifts_engaged": counts}
     if is_measured(known):
-        simulated = {"time": known[SIMULATED], "error": known["standard_error_s"] or 0.0}
-        if confirmed is not None:
-            simulated |= _point_facts(result, row, confirmed)
+        simulated |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
+        simulated |= {} if confirmed is None else _point_facts(result, row, confirmed)
     return design_record(
         study,
-        params,
+        {name: row[name] for name in study.variables},
         margins_of(row, confirmed),
         weakest_at_worst(study, row),
         design=int(row["trial"]),
         prototype=bool(row["prototype"]),
-        source="search" if confirmed is None else "new angles",
-        confirmed=confirmed is not None,
-        engaged=known["engaged"],
-        shifts_engaged=None if confirmed is None else list(engaged_shifts(confirmed)),
         **simulated,
     )
 
@@ -126,24 +123,63 @@ def difference(one: Row, other: Row) -> tuple[float, float] | None:
 def _point_facts(result: Row, row: Row, confirmed: Row) -> Row:
     """Collect the slowest operating point, and gain and greatest loss over the prototype."""
     slow = max(confirmed["points"], key=lambda p: p["mean_s"])
-    place = slow["mismatch_rpm"], slow["force_N"]
-    found: Row = {"slowest": _point(place, "mean_s", slow["mean_s"], slow["standard_error_s"])}
+    keys = ("mismatch_rpm", "force_N", "mean_s", "standard_error_s")
+    found: Row = {"slowest_point": {key: slow[key] for key in keys}}
     own = result["confirmation"]["prototype"]
     if row["prototype"] or not is_measured(own):
         return found
-    error = math.hypot(own["standard_error_s"] or 0.0, confirmed["standard_error_s"] or 0.0)
-    found["gain"] = own[SIMULATED] - confirmed[SIMULATED], error
+    errors = [one["standard_error_s"] or 0.0 for one in (own, confirmed)]
+    found["gain_s"] = own[SIMULATED] - confirmed[SIMULATED]
+    found["gain_standard_error_s"] = math.hypot(*errors)
     points = gains({"prototype": own, "best": confirmed})
     if points:
         worst = min(points, key=lambda one: one.gain_s)
-        found["worst_point"] = _point(worst.place, "difference_s", -worst.gain_s, worst.error_s)
+        found["worst_against_prototype"] = {
+            "mismatch_rpm": worst.mismatch_rpm,
+            "force_N": worst.force_N,
+            "difference_s": -worst.gain_s,
+            "standard_error_s": number_or_none(worst.error_s),
+        }
     return found
 
 
-def _point(place: tuple[float, float], name: str, time: float, error: float | None) -> Row:
+def words_of(one: Row) -> dict[str, str]:
+    """Write times, margins and friction of a record with their errors; a dash where unknown."""
+    margin, check = one["margin_worst_case"], one["weakest_check_worst_case"]
+    surface = check_name(one["locking_surface"]).removesuffix(" release")
+    engaged, least = one["engaged"], one["smallest_margin"]
     return {
-        "mismatch_rpm": place[0],
-        "force_N": place[1],
-        name: time,
-        "standard_error_s": number_or_none(error),
+        "expected shift time, ms": _time_words(one),
+        "gain over the prototype, ms": ms_or_dash(one["gain_s"], one["gain_standard_error_s"]),
+        "worst point against the prototype, ms": _place_words(one["worst_against_prototype"]),
+        "slowest point, ms": _place_words(one["slowest_point"]),
+        "engage at the first try, least": "-" if engaged is None else percent(engaged),
+        "smallest margin, nominal size": f"{percent(least)} {check_name(one['weakest_check'])}",
+        "at worst-case tolerances": "no dog"
+        if margin is None
+        else f"{percent(margin)} {check_name(check)}",
+        "locks above friction": f"{one['locking_friction']:.3f} ({surface})",
+        "length, mm": f"{one['axial_length_mm']:.2f}",
     }
+
+
+def ms_or_dash(time: float | None, error: float | None, sign: str = "") -> str:
+    """Print a time and its standard error, both in s, in ms; a dash where there is none."""
+    return "-" if time is None else ms_with_error(time, error or 0.0, sign)
+
+
+def _time_words(one: Row) -> str:
+    counts, source = one["shifts_engaged"], one["source"]
+    if one[SIMULATED] is None:
+        return "engages in {} of {}".format(*counts) if counts else f"none ({source})"
+    said = ms_with_error(one[SIMULATED], one["standard_error_s"])
+    return said if one["confirmed"] else f"{said} ({source})"
+
+
+def _place_words(point: Row | None) -> str:
+    if point is None:
+        return "-"
+    at, loss = place_name(point["mismatch_rpm"], point["force_N"]), point.get("difference_s")
+    said = ms_or_dash(abs(point["mean_s"] if loss is None else loss), point["standard_error_s"])
+    side = "" if loss is None else (" slower" if loss > 0.0 else " faster")
+    return f"{said}{side} at {at}"

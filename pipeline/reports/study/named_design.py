@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import (
     Setup,
-    build_study,
     bundled_studies,
     find_study,
     load_study,
@@ -18,7 +16,6 @@ from dogshape.pipeline.config.study_file import (
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, read_json
 from dogshape.sim.bundled import bundled_root
-from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.contact import CONTACT_SETS
 
@@ -51,9 +48,9 @@ class NamedDesign:
         """The study with the design as its dog, operated as the design is."""
         if self.row is None:
             return self.study
-        content = self.study.file.model_dump(exclude_none=True)
-        content["dog"] |= {key: self.row[key] for key in self.study.shape_keys}
-        return build_study(validate(StudyFile, content, self.label)).operated(self.row)
+        dog = self.study.dog_with({key: self.row[key] for key in self.study.variables})
+        own = self.study.operated(self.row)
+        return replace(own, clutch=own.clutch.with_dog(dog))
 
 
 def design_or_study(
