@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from dogshape.bench import Bench
     from dogshape.check import Check
     from dogshape.comparison import Comparison
-    from dogshape.decision import Decision
     from dogshape.drawn import DrawnExpectation, expect_draws
     from dogshape.expectation import Expectation
     from dogshape.fitted import Fitted, fit
@@ -44,7 +43,6 @@ __all__ = [
     "BenchTest",
     "Check",
     "Comparison",
-    "Decision",
     "Diagnosis",
     "DogshapeError",
     "DrawnExpectation",
@@ -80,7 +78,6 @@ _HOMES = {
     "BenchTest": "dogshape.sim.effect",
     "Check": "dogshape.check",
     "Comparison": "dogshape.comparison",
-    "Decision": "dogshape.decision",
     "Diagnosis": "dogshape.gap",
     "DogshapeError": "dogshape.sim.errors",
     "DrawnExpectation": "dogshape.drawn",

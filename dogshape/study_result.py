@@ -13,6 +13,7 @@ from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.study.designs import all_designs_frame, front_frame
 from dogshape.pipeline.reports.study.front import front_figure, sure_figure
 from dogshape.pipeline.reports.study.goals import goals_of
+from dogshape.pipeline.reports.study.named_design import named_design
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.reports.study.summary import gained, headline
 from dogshape.pipeline.store.folder import StudyFolder
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-    from dogshape.decision import Decision
 
 TOLD = ("engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
 
@@ -110,11 +110,11 @@ class StudyResult(Result):
             return sure_figure(self.record)
         return front_figure(self.record, list(self.config.variables), objective or others[0])
 
-    def choose(self, design: int, why: str, *, force: bool = False) -> Decision:
-        """Decide for a design (``dogshape.decision.choose_design``)."""
-        from dogshape.decision import choose_design  # noqa: PLC0415
+    def data_sheet(self, design: int, path: str | Path, why: str = "") -> Path:
+        """Write the data sheet of a design (``dogshape.data_sheet.write_data_sheet``)."""
+        from dogshape.data_sheet import write_data_sheet  # noqa: PLC0415
 
-        return choose_design(self.folder, design, why, force=force)
+        return write_data_sheet(named_design(f"{self.folder}#{design}"), path, why)
 
     def report(self, path: str | Path | None = None, *, progress: Progress = SILENT) -> Path:
         """Write the report; give its path.

@@ -31,7 +31,6 @@ VERBS = {
     "export": "dogshape.pipeline.cli.verbs.strength_export",
     "study": "dogshape.pipeline.cli.verbs.study",
     "report": "dogshape.pipeline.cli.verbs.study",
-    "choose": "dogshape.pipeline.cli.verbs.choose",
     "compare": "dogshape.pipeline.cli.verbs.compare",
     "fit": "dogshape.pipeline.cli.verbs.study",
     "validate": "dogshape.pipeline.cli.verbs.validate",

@@ -17,8 +17,6 @@
 ``effects.json``     effects and indices from the surrogate, for the report
 ``report.html``      the report
 ``designs.csv``      every simulated design of the search as a table
-``decision.json``    decisions of people about its designs
-``decision/``        files for the workshop of the last one
 ``shifts/``          pages of the shifts that the report links
 """
 
@@ -60,7 +58,6 @@ class StudyFolder:
         self.surrogate = root / "surrogate.json"
         self.effects = root / "effects.json"
         self.designs = root / "designs.csv"
-        self.decision = root / "decision.json"
         self.report = root / "report.html"
 
     def writing(self) -> AbstractContextManager[None]:

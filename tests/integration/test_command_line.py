@@ -21,7 +21,7 @@ from tests.integration.studies import Finished
 Call = Callable[..., Said]
 VERBS = (
     "shift", "expect", "strength", "study", "report", "fit", "check", "validate",
-    "export", "gap", "choose", "compare",
+    "export", "gap", "compare",
 )  # fmt: skip
 ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
 SETS = [part for text in SMALL for part in ("--set", text)]

@@ -1,4 +1,4 @@
-"""The data sheet of a decision prints on one page."""
+"""The data sheet of a design prints on one page."""
 
 from __future__ import annotations
 
@@ -7,18 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.pipeline.reports.decision import workshop
+from dogshape.data_sheet import write_data_sheet
+from dogshape.pipeline.reports.study.named_design import named_design
 from tests.browser import print_pdf
-from tests.kept import kept_folder
+
+WHY = "a reason that goes on for more than one line: " + 30 * "why, "
 
 
 @pytest.mark.parametrize("name", ["mq200_paper", "mq200"])
-def test_a_data_sheet_prints_on_one_page(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
-) -> None:
-    monkeypatch.setattr(workshop, "cad_available", lambda: False)
-    folder = kept_folder(tmp_path / name, name)
-    best = folder.stored_result()["best"]["trial"]
-    workshop.choose(folder, best, "a reason that goes on for more than one line: " + 30 * "why, ")
-    printed = print_pdf(folder.root / "decision" / "datasheet.html", tmp_path)
+def test_a_data_sheet_prints_on_one_page(tmp_path: Path, name: str) -> None:
+    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", WHY)
+    printed = print_pdf(page, tmp_path)
     assert re.findall(rb"/Count (\d+)", printed) == [b"1"]

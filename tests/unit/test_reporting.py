@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 import os
 import shlex
 from dataclasses import replace
@@ -34,7 +33,6 @@ from dogshape.pipeline.reports.study.single_shifts import Shifts, extremes, quan
 from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.reports.study.summary import (
     Gained,
-    as_decided,
     at_the_ends,
     facts_of,
     gained,
@@ -55,7 +53,7 @@ from dogshape.pipeline.train.found_surrogates import known_surrogate
 from dogshape.sim.bundled import bundled_root
 from dogshape.surrogate.hypervolume import hypervolume
 from dogshape.surrogate.store import save
-from tests.found import TIME, VARIABLES, Row, confirmed, design, shift
+from tests.found import TIME, VARIABLES, Row, design, shift
 from tests.kept import kept_folder
 
 
@@ -293,16 +291,6 @@ def test_gains_under_other_contact_stand_beside_the_sampling_error(few: Setup, r
     assert facts(few, result)["gain under other contact"] == "20.0 ± 2.0 ms with friction 0.0667"
     result["confirmation"]["gains_by_contact"] = []
     assert "gain under other contact" not in facts(few, result)
-
-
-def test_a_decision_takes_the_place_of_the_search_s_choice(result: Row) -> None:
-    other = {"trial": 1, **confirmed(result["confirmation"]["best"]["points"], 0.083)}
-    result["confirmation"]["designs"].append(other)
-    found = as_decided(result, 1)
-    assert in_words(headline(found), "Design 1", "17 % faster")
-    assert gained(found)[0].gain == pytest.approx((17.0, math.hypot(0.6, 0.6)))
-    for same in (None, 0, 2, 3):  # none, the prototype, the search's own, one not confirmed
-        assert as_decided(result, same) is result
 
 
 def test_fact_on_shifts_that_are_tried_again(few: Setup, result: Row) -> None:

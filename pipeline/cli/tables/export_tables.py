@@ -34,7 +34,12 @@ def root_table(roots: Sequence[RootCheck]) -> RenderableType:
 
 def export_text(written: dict[str, str], volume: float) -> RenderableType:
     """List the files that were written; ``volume`` of one ring in mm3."""
-    words = {"svg": "drawing", "stl": "one ring, both are alike", "step": "both rings"}
+    words = {
+        "svg": "drawing",
+        "stl": "one ring, both are alike",
+        "step": "both rings",
+        "sheet": "data sheet",
+    }
     lines = [f"wrote {path} ({words[kind]})" for kind, path in written.items()]
     return Group(*lines, f"volume of a ring {volume:.1f} mm3")
 

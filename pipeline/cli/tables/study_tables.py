@@ -11,7 +11,7 @@ from rich.table import Table
 from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.text import axis, check_name, in_ms, percent
-from dogshape.pipeline.reports.study.alternatives import HEAD, alternatives
+from dogshape.pipeline.reports.study.alternatives import HEAD, alternatives, cells_of
 from dogshape.pipeline.reports.study.designs import (
     designs_shown,
     failed_at_new_angles,
@@ -42,10 +42,10 @@ def study_table(study: Setup, result: Row, report: Path | None) -> RenderableTyp
         error = result["confirmation"]["best"]["numerical_error_s"]
         if error is not None:
             lines.append(f"numerical error of the expected shift time {error * 1e3:.2g} ms")
-        if others := alternatives(study, result, None):
+        if others := alternatives(study, result):
             table = columns(*HEAD)
             for one in others:
-                table.add_row(*one.cells)
+                table.add_row(*cells_of(one, others[0]))
             lines += ["", "designs of the front that pass every check at the new angles", table]
     if result["best"] is not None:
         last = ", last what failed at the new angles" if failed_at_new_angles(result) else ""

@@ -16,6 +16,7 @@ from dogshape.pipeline.cli.tables.margin_tables import strength_table
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.cad import require_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.pipeline.reports.study.named_design import design_or_study
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.kept_shifts import SHIFTS
 from dogshape.pipeline.simulate.plausibility import slips_of
@@ -30,7 +31,8 @@ from dogshape.sim.units import MM
 from dogshape.strength import check_strength
 from dogshape.validation.finite_elements.root_check import root_checks
 
-ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",)}
+ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
+           "--sheet": (".html", ".json")}  # fmt: skip
 
 
 @verb
@@ -75,23 +77,37 @@ def strength(
 
 @verb
 def export(
-    study: StudyArg,
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="STUDY, or FOLDER#N or STUDY#N for a design")
+    ],
     stl: Annotated[Path | None, typer.Option(help="one ring for print; both are alike")] = None,
     step: Annotated[Path | None, typer.Option(help="both rings for CAD; extra [cad]")] = None,
     svg: Annotated[Path | None, typer.Option(help="dimensioned section of a dog")] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="data sheet, a page for A4, or JSON by its ending")
+    ] = None,
+    why: Annotated[str, typer.Option(help="with --sheet: reason of a decision")] = "",
     body_mm: Annotated[float, typer.Option(help="thickness of a ring below the slots")] = 3.0,
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Geometry for CAD and print, and the drawing of a dog.
+    """Geometry for CAD and print, drawing and data sheet of a design.
 
-    Example: dogshape export mq200 --step rings.step --svg dog.svg
+    The data sheet has dimensions, times, margins and provenance: those of the search for
+    results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
+
+    Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
-    given = load_study(study, set_)
+    one = design_or_study(study, set_)
+    given = one.own_study
     dog, radius = given.clutch.dog, given.limits.root_radius
-    if not (stl or step or svg):
-        raise InputError("export was asked for nothing; give --stl, --step or --svg with a file")
-    require_targets({"--stl": stl, "--step": step, "--svg": svg}, ENDINGS)
+    if not (stl or step or svg or sheet):
+        raise InputError(
+            "export was asked for nothing; give --stl, --step, --svg or --sheet with a file"
+        )
+    if why and sheet is None:
+        raise InputError("--why is for the data sheet; give --sheet with a file")
+    require_targets({"--stl": stl, "--step": step, "--svg": svg, "--sheet": sheet}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
     if step is not None:
@@ -103,13 +119,18 @@ def export(
     body = body_mm * MM
     if svg is not None:
         with naming(svg):
-            svg.write_text(dimensioned_svg(dog, given.limits), encoding="utf-8")
+            svg.write_text(dimensioned_svg(dog, given.limits, one.title), encoding="utf-8")
     if stl is not None:
         with naming(stl):
-            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {given.name} ring"))
+            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {one.title} ring"))
     if step is not None:
         write_step(dog, radius, body, step)
-    files = {"svg": svg, "stl": stl, "step": step}
+    if sheet is not None:
+        # Figures take half a second to load that nothing else here needs.
+        from dogshape.data_sheet import write_data_sheet  # noqa: PLC0415
+
+        write_data_sheet(one, sheet, why)
+    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     volume = part_volume(dog, radius, body) / MM**3
     emit(

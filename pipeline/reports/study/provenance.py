@@ -65,5 +65,5 @@ def _lacks(given: Row, wanted: Row) -> bool:
 
 
 def now() -> str:
-    """Give the time (UTC) at which something is decided, to the second."""
+    """Give the time (UTC), to the second."""
     return f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"

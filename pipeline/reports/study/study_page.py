@@ -23,11 +23,10 @@ from dogshape.pipeline.reports.study.prices import at_factor, dear, prices_figur
 from dogshape.pipeline.reports.study.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.study.replays import replays_of, write_replays
 from dogshape.pipeline.reports.study.single_shifts import Shifts, place, read_shifts
-from dogshape.pipeline.reports.study.summary import as_decided, facts_of
+from dogshape.pipeline.reports.study.summary import facts_of
 from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
 from dogshape.pipeline.reports.surrogate.figures import effects_figure, indices_html
 from dogshape.pipeline.simulate.design import limits_of
-from dogshape.pipeline.store.decisions import decisions_of, record_of, result_hash
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.output_files import require_targets
@@ -86,8 +85,7 @@ def _write(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Pa
 
 def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Row:
     """Collect the content of the report's template; what is not known is empty."""
-    decided = _decided(folder)
-    result = as_decided(at_own_places(study, result), decided.get("design"))
+    result = at_own_places(study, result)
     variables, best = list(study.variables), result["best"]
     fitted, confirmation = result["surrogate"], result["confirmation"]
     goals, weights = goals_of(result), {point.weight for point in study.points}
@@ -135,8 +133,8 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "headline": summary.headline(result),
         "facts": facts,
         "head_of_alternatives": other_choices.HEAD,
-        "alternatives": other_choices.alternatives(study, result, shifts, decided.get("design")),
-        "decided": decided,
+        "alternatives": other_choices.alternatives(study, result),
+        "cells_of": other_choices.cells_of,
         "margin_of": lambda row: designs.least_margins(row["margins"])[0],
         "worst_of": lambda row: designs.weakest_at_worst(study, row),
         "failure": summary.failure,
@@ -165,17 +163,6 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "failed_anew": designs.failed_at_new_angles(result),
         "hard": [r for r in trials if not r["feasible"] and not designs.is_barred(r)],
     }
-
-
-def _decided(folder: StudyFolder) -> Row:
-    """Return the last decision, and whether the result has changed since; empty without one."""
-    taken = decisions_of(folder)
-    if not taken:
-        return {}
-    same = taken[-1].result_sha256 == result_hash(folder)
-    why = taken[-1].why
-    ended = why if why.endswith((".", "!", "?")) else f"{why}."
-    return {**record_of(taken[-1]), "why": ended, "day": taken[-1].day, "same": same}
 
 
 def _html(name: str, figure: Any) -> Any:

@@ -30,7 +30,7 @@ from dogshape.pipeline.reports.study.designs import (
 )
 from dogshape.pipeline.reports.study.goals import Goal, goals_of
 from dogshape.pipeline.reports.study.point_gains import gains
-from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, WORST
+from dogshape.pipeline.simulate.design import SIMULATED, WORST
 from dogshape.pipeline.simulate.failing import failing_words
 
 Span = tuple[float, float]
@@ -115,29 +115,6 @@ def gained(result: Row) -> list[Gained]:
             continue
         found.append(Gained(goal, one, other, change))
     return found
-
-
-def as_decided(result: Row, design: int | None) -> Row:
-    """Put the design that was decided for in place of the search's own choice.
-
-    Unchanged without a decision, for the prototype, and for a design that was not confirmed.
-    """
-    found = confirmed_designs(result).get(design) if design else None
-    if found is None or design == result["best"]["trial"]:
-        return result
-    c = result["confirmation"]
-    row = next(row for row in result["trials"] if row["trial"] == design)
-    changes = {}
-    for name in found["estimates"].keys() & c["prototype"]["estimates"].keys():
-        one, other = found["estimates"][name], c["prototype"]["estimates"][name]
-        errors = [each["standard_error"] or 0.0 for each in (one, other)]
-        difference = OBJECTIVES[name].sign * (other["value"] - one["value"])
-        changes[name] = {"value": difference, "standard_error": math.hypot(*errors)}
-    return {
-        **result,
-        "best": row,
-        "confirmation": {**c, "chosen": design, "best": found, "gains": changes},
-    }
 
 
 def engine_of(result: Row) -> str:

@@ -1,1 +1,0 @@
-"""Compare designs, studies and contact sets side by side."""

@@ -1,1 +1,0 @@
-"""Write what a workshop needs of the design that was chosen."""

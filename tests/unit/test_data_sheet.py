@@ -1,0 +1,110 @@
+"""``export --sheet``: the data sheet of any design, as a page and as JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import dogshape as ds
+from dogshape.check import check_design
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.sim.statistics.shift_records import content_key
+from tests.conftest import Said
+from tests.kept import kept_folder
+
+Call = Callable[..., Said]
+WHY = "shorter, and as fast within the error"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> StudyFolder:
+    return kept_folder(tmp_path / "mq200_paper")
+
+
+def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) -> None:
+    name = f"{folder.root}#44"
+    said = dogshape("export", name, "--sheet", "sheet.html", "--why", WHY, "--json")
+    assert said.status == 0, said.err
+    assert said.json["sheet"] == "sheet.html"
+    page = Path("sheet.html").read_text()
+    for words in (
+        "mq200_paper, design 44", WHY, "15.70 deg", "± 0.25 deg", "3.15 mm", "59.5 ± 0.2",
+        "31.9 ± 1.9 slower", "traction release", content_key(folder.stored_result()),
+        "16MnCr5", "drake 1.51",
+    ):  # fmt: skip
+        assert words in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+
+
+def test_the_json_has_every_check_and_dimension(dogshape: Call, folder: StudyFolder) -> None:
+    said = dogshape("export", f"{folder.root}#44", "--sheet", "sheet.json", "--why", WHY)
+    assert said.status == 0, said.err
+    sheet, result = json.loads(Path("sheet.json").read_text()), folder.stored_result()
+    (confirmed,) = (d for d in result["confirmation"]["designs"] if d["trial"] == 44)
+    assert (sheet["design"], sheet["why"]) == (44, WHY)
+    assert sheet["expected_shift_time_s"] == confirmed["expected_shift_time_s"]
+    checks = {check["name"]: check for check in sheet["checks"]}
+    for check in confirmed["checks"]:
+        assert checks[check["name"]]["value"] == pytest.approx(check["value"])
+    assert checks["root_fatigue"]["margin_worst_case"] < checks["root_fatigue"]["margin"]
+    by_name = {row["key"]: row for row in sheet["dimensions"]}
+    assert by_name["height_mm"]["value"] == pytest.approx(sheet["height_mm"])
+
+
+def test_a_design_that_was_not_confirmed_has_the_time_of_the_search(folder: StudyFolder) -> None:
+    rows = {row["trial"]: row for row in folder.stored_result()["trials"]}
+    path = ds.load_result(folder.root).data_sheet(41, folder.root / "sheet.json")
+    sheet = json.loads(path.read_text())
+    assert (sheet["source"], sheet["why"]) == ("search", None)
+    assert sheet["expected_shift_time_s"] == rows[41]["expected_shift_time_s"]
+    margins = {check["name"]: check["margin"] for check in sheet["checks"]}
+    assert margins["edge_pressure_impact"] == rows[41]["margins"]["edge_pressure_impact"]
+    page = ds.load_result(folder.root).data_sheet(41, folder.root / "sheet.html").read_text()
+    assert "(search)" in page
+
+
+def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
+    keys = ("--set", "dog.chamfer_deg=12")
+    assert dogshape("export", "mq200", *keys, "--sheet", "sheet.json").status == 0
+    ds.Study("mq200", chamfer_deg=12).data_sheet("sheet.html")
+    assert "12.00 deg" in Path("sheet.html").read_text()
+    sheet = json.loads(Path("sheet.json").read_text())
+    found = check_design(load_study("mq200", ["dog.chamfer_deg=12"]))
+    assert (sheet["name"], sheet["chamfer_deg"]) == ("mq200", 12)
+    assert sheet["expected_shift_time_s"] == pytest.approx(found.time_s)
+    assert {check["name"]: check["margin"] for check in sheet["checks"]}.items() <= {
+        check.name: check.margin for check in found.design.checks
+    }.items()
+    assert sheet["provenance"]["study"] == "dogshape study mq200 --set dog.chamfer_deg=12.0"
+
+
+def test_a_design_is_drawn_and_printed_by_its_number(dogshape: Call) -> None:
+    """Geometry of a number and of its keys typed in is the same."""
+    row = ds.compare("mq200#33", "mq200#0").to_dict()["items"][0]
+    keys = ("count", "chamfer_deg", "traction_deg", "braking_deg", "height_mm")
+    typed = [part for key in keys for part in ("--set", f"dog.{key}={row[key]!r}")]
+    one = dogshape("export", "mq200#33", "--stl", "one.stl", "--json").json
+    other = dogshape("export", "mq200", *typed, "--stl", "other.stl", "--json").json
+    assert one["ring_volume_mm3"] == other["ring_volume_mm3"]
+    assert Path("one.stl").read_bytes()[80:] == Path("other.stl").read_bytes()[80:]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("mq200_paper#480", "--sheet", "a.html"), "has no design 480"),
+        (("mq200_paper#44", "--set", "dog.count=20", "--sheet", "a.html"), "--set would change"),
+        (("mq200_paper#44", "--svg", "a.svg", "--why", "x"), "--why is for the data sheet"),
+        (("mq200_paper#44", "--sheet", "a.pdf"), "must end in .html"),
+    ],
+)
+def test_what_has_no_sheet_is_refused(
+    dogshape: Call, arguments: tuple[str, ...], words: str
+) -> None:
+    said = dogshape("export", *arguments)
+    assert said.status == 2
+    assert words in said.sentence
