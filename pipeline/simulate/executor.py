@@ -25,7 +25,6 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from dogshape.pipeline.simulate.block_cost import dearest_first, likely_cost, mean_cost
 from dogshape.pipeline.simulate.watchdog import LOOK, broken, end_with_parent, ended_after, watched
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.errors import InputError, WorkerError
@@ -63,9 +62,7 @@ class Executor:
     ``jobs`` 0 means one worker for each core. With one worker nothing is forked. ``cluster`` is
     the address of a Dask scheduler, whose workers then take the place of the cores. ``known`` is
     called with the number of shifts that the journal has already, instead of ``progress``, and
-    ``quick`` with that of shifts simulated apart. ``begun`` is called before any are simulated,
-    with the number of those that will be kept. ``weigh`` is called before ``progress`` or ``quick``
-    with the likely cost of each of the shifts just finished, over the mean of usual ones.
+    ``quick`` with that of shifts simulated apart.
     """
 
     journal: ShiftJournal
@@ -74,8 +71,6 @@ class Executor:
     cluster: str | None = None
     known: Progress | None = None
     quick: Progress = field(default=_silent)
-    begun: Callable[[int], None] | None = None
-    weigh: Callable[[float], None] | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
     _again: dict[str, Record] = field(default_factory=dict, init=False, repr=False)
 
@@ -91,28 +86,10 @@ class Executor:
         self._counted |= asked
         if known:
             (self.known or self.progress)(len(known))
-        left = self._unfinished(blocks)
-        if self.begun is not None:
-            self.begun(sum(len(block.angles) for block in left))
-        cost, usual = self._costs(left), mean_cost(left)
-        for rows in self._simulate(left):
+        for rows in self._simulate(self._unfinished(blocks)):
             self.journal.add(rows)
-            if rows and self.weigh is not None:
-                whole = sum(cost.get(str(row["key"]), usual) for row in rows)
-                self.weigh(whole / len(rows) / usual)
             self.progress(len(rows))
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
-
-    def _none(self, _: int) -> None:
-        """Announce shifts of which none is kept."""
-        if self.begun is not None:
-            self.begun(0)
-
-    def _costs(self, blocks: Sequence[Block]) -> dict[str, float]:
-        """Return the likely cost of each shift by its key, where somebody asks."""
-        if self.weigh is None:
-            return {}
-        return {key: likely_cost(block) for block in blocks for key in block.keys}
 
     @contextmanager
     def apart(self, again: Sequence[Block] = ()) -> Iterator[Executor]:
@@ -123,9 +100,7 @@ class Executor:
         with tempfile.TemporaryDirectory(prefix="dogshape-") as folder:
             journal = ShiftJournal(Path(folder) / "shifts.jsonl")
             journal.rows |= self._again
-            yield Executor(
-                journal, self.jobs, self.quick, self.cluster, begun=self._none, weigh=self.weigh
-            )
+            yield Executor(journal, self.jobs, self.quick, self.cluster)
             keys = {key for block in again for key in block.keys}.intersection(journal.finished)
             self._again |= {key: journal.rows[key] for key in keys}
 
@@ -143,8 +118,6 @@ class Executor:
 
     def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:
         jobs = min(workers_of(self.jobs), len(blocks))
-        if self.cluster is not None or jobs > 1:
-            blocks = dearest_first(blocks)
         if self.cluster is not None:
             return self._on_cluster(blocks, self.cluster)
         if jobs <= 1:
@@ -276,17 +249,14 @@ def _handed_back(address: str, blocks: Sequence[Block]) -> Iterator[list[Record]
 
 
 def scratch_executor(
-    jobs: int = 0,
-    progress: Progress = _silent,
-    cluster: str | None = None,
-    weigh: Callable[[float], None] | None = None,
+    jobs: int = 0, progress: Progress = _silent, cluster: str | None = None
 ) -> Executor:
     """Return an executor whose journal is a temporary file, gone when the program ends."""
     connect(cluster)
     folder = tempfile.mkdtemp(prefix="dogshape-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     journal = ShiftJournal(Path(folder) / "shifts.jsonl")
-    return Executor(journal, jobs, progress, cluster, weigh=weigh)
+    return Executor(journal, jobs, progress, cluster)
 
 
 _clients: dict[str, Any] = {}  #: of Dask clusters, by address
