@@ -18,6 +18,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -25,16 +26,16 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from dogshape.pipeline.simulate.watchdog import LOOK, broken, end_with_parent, ended_after, watched
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.errors import InputError, WorkerError
 from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.shift_records import Record, failed_record
+from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.versions import engine, versions
 
 Progress = Callable[[int], None]  #: called with the number of shifts just finished
 
+LOOK = 1.0  #: s between looks whether the parent, or a cluster's worker, is alive
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 ALONE = 60.0  #: s that a cluster may be without any worker
 MANY = 100  #: blocks that a cluster is sent at once
@@ -125,7 +126,7 @@ class Executor:
         return self._on_cores(blocks, jobs)
 
     def _on_cores(self, blocks: list[Block], jobs: int) -> Iterator[list[Record]]:
-        """Yield the records of blocks as they finish; a shift that kills its worker has failed."""
+        """Yield the records of blocks as they finish; what a dead worker left goes to others."""
         tries = TRIES
         while blocks:
             known = len(self.journal.rows)
@@ -133,7 +134,6 @@ class Executor:
                 yield from self._pooled(blocks, jobs)
             except TerminatedWorkerError as error:
                 yield self.journal.read_new()
-                yield self._write_off(blocks)
                 tries = tries - 1 if len(self.journal.rows) == known else TRIES
                 if not tries:
                     raise WorkerError(
@@ -146,23 +146,10 @@ class Executor:
     def _pooled(self, blocks: list[Block], jobs: int) -> Iterable[list[Record]]:
         with parallel_config(backend="loky", inner_max_num_threads=1):
             pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-        broken(self.journal.path.parent)  # marks that a kill left
         results: Iterable[list[Record]] = pool(
             delayed(_work_alone)(block, self.journal.path) for block in blocks
         )
         return results
-
-    def _write_off(self, blocks: Sequence[Block]) -> list[Record]:
-        """Write the shifts that ended their processes into the journal as failed."""
-        reasons = broken(self.journal.path.parent)
-        rows = [
-            failed_record(given, block.seed, reasons[key])
-            for block in blocks
-            for key, given in zip(block.keys, block.inputs, strict=True)
-            if key in reasons and key not in self.journal.rows
-        ]
-        append(self.journal.path, *rows)
-        return rows
 
     def _on_cluster(self, blocks: list[Block], address: str) -> Iterator[list[Record]]:
         """Yield the records of blocks as a cluster hands them back, written."""
@@ -191,28 +178,32 @@ def _work(block: Block, path: Path) -> list[Record]:
     return rows
 
 
-def _limit(block: Block) -> float:
-    """Return the time of a watch on a shift, s: the shift's own limit can come first."""
-    return 1.5 * block.clutch.solver.time_limit + 1.0
-
-
 def _work_alone(block: Block, path: Path) -> list[Record]:
     """Work in a process of its own, no longer than its parent; Ctrl-C is the parent's business."""
-    end_with_parent()
+    _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    rows = []
-    for place, key in enumerate(block.keys):
-        with watched(path.parent, key, _limit(block)):
-            rows += _work(block.only([place]), path)
-    return rows
+    return _work(block, path)
+
+
+@cache
+def _end_with_parent() -> None:
+    """End this process soon after its parent, of which nothing else tells it if it was killed.
+
+    A process whose parent is gone has another one. The thread is started once in a process.
+    """
+    parent = os.getppid()
+
+    def look() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK)
+        os._exit(1)
+
+    threading.Thread(target=look, name="parent", daemon=True).start()
 
 
 def _work_away(block: Block) -> list[Record]:
-    """Work on another machine, whose process may have several threads.
-
-    A process that does not come back ends, and its block goes to another.
-    """
-    with _one_at_a_time, ended_after(_limit(block) * len(block.angles)):
+    """Work on another machine, whose process may have several threads."""
+    with _one_at_a_time:
         return list(run_block(block))
 
 
