@@ -142,8 +142,7 @@ def _at_angles(
         listed = tuple(angle * DEG for angle in angles)
         blocks = listed_blocks(config.clutch, points, listed, settings.seed, unsure)
     shifts = sum(len(block.angles) for block in blocks)
-    again = repeated(shifts)
-    with where.executor("expect", asked, shifts + again, again) as running:
+    with where.executor("expect", asked, shifts + repeated(shifts)) as running:
         rows = running.executor.run(blocks)
         error = numerical_error(blocks, rows, running.executor.run)
     found = expectation_of(config, points, rows, even=even)

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.simulate.block_cost import FINE
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
 from dogshape.sim.errors import InputError, refusal
@@ -33,17 +32,11 @@ class Where:
     progress: Progress = SILENT
 
     @contextmanager
-    def executor(
-        self, name: str, asked: tuple[Any, ...], shifts: int, finer: int = 0
-    ) -> Iterator[Running]:
-        """Give what simulates the shifts of one question, and counts them.
-
-        ``finer`` of them are repeated with a smaller tolerance.
-        """
-        extra = (FINE - 1.0) * finer
-        with WorkCounter(self.progress, shifts, extra=extra) as counter:
+    def executor(self, name: str, asked: tuple[Any, ...], shifts: int) -> Iterator[Running]:
+        """Give what simulates the shifts of one question, and counts them."""
+        with WorkCounter(self.progress, shifts) as counter:
             if self.keep is None:
-                executor = scratch_executor(self.jobs, counter.advance, self.cluster, counter.weigh)
+                executor = scratch_executor(self.jobs, counter.advance, self.cluster)
                 yield Running(executor, counter)
                 return
             folder = work_folder(self.keep, name, *asked)

@@ -1,19 +1,16 @@
-"""Progress of long work: what a library tells whoever waits for it.
+"""Progress of long work, for a library that prints nothing.
 
-A library prints nothing. It counts into a ``WorkCounter``, which tells a ``Progress``: the command
-line's bar (``pipeline.cli.progress_bar``), a notebook's, or ``SILENT``.
+Work counts into a ``WorkCounter``, which informs a ``Progress``: the command line's bar
+(``pipeline.cli.progress_bar``), a notebook's, or ``SILENT``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
-from typing import Protocol
-
-from dogshape.pipeline.forecast import NO_GUESS, Forecast, Kind
+from typing import Any, Protocol
 
 
 @dataclass(frozen=True)
@@ -23,11 +20,10 @@ class Count:
     Parameters
     ----------
     done, total : counted so far, and expected in all.
-    known : of ``done``, those that an earlier run finished: they say nothing of the time left.
+    known : part of ``done`` that an earlier run finished, which took no time in this run.
     at_most : whether ``total`` is an upper bound.
-    unit : what is counted.
+    unit : name of the counted thing, in the plural.
     ended : whether the work is over, finished or not.
-    left_s : foreseen time left, s; None where it follows from the counts alone.
     """
 
     done: int
@@ -36,11 +32,10 @@ class Count:
     at_most: bool = False
     unit: str = "shifts"
     ended: bool = False
-    left_s: float | None = None
 
 
 class Progress(Protocol):
-    """Whoever waits for long work."""
+    """Receiver of the progress of long work."""
 
     def update(self, count: Count) -> None:
         """Take the count, each time that it changes."""
@@ -65,131 +60,49 @@ SILENT: Progress = _Silent()
 
 
 class WorkCounter:
-    """Count finished shifts into a progress; a context manager that says when the work ends.
+    """Counter of finished work that informs a progress; a context manager that reports the end.
 
-    ``most`` says that ``total`` is an upper bound, ``unit`` what is counted. ``forecast`` foresees
-    the time left where shifts are not all of the work; without it the time follows from what was
-    counted so far, each shift weighed by what it likely costs; ``extra`` is how many usual ones
-    more than ``total`` the whole work costs.
+    Parameters
+    ----------
+    total : expected in all.
+    most : whether ``total`` is an upper bound.
+    unit : name of the counted thing, in the plural.
     """
 
     def __init__(
-        self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts",
-        forecast: Forecast | None = None, extra: float = 0.0,
-    ) -> None:  # fmt: skip
+        self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts"
+    ) -> None:
         self._progress = progress
-        self._total = total
-        self._most = most
-        self._unit = unit
-        self._bare = forecast is None  # nothing but shifts, and no guess of their cost
-        self._forecast = forecast or Forecast({"shift": total + extra}, weight=NO_GUESS)
-        self._done = self._known = 0
-        self._kind: Kind = "shift"
-        self._factor, self._weighed = 1.0, False
+        self._count = Count(0, total, at_most=most, unit=unit)
 
     def __enter__(self) -> WorkCounter:
-        self._update()
+        self._change()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
-    ) -> None:
-        self._update(ended=True)
+    def __exit__(self, *_: object) -> None:
+        self._change(ended=True)
 
-    def _update(self, *, ended: bool = False) -> None:
-        foreseen = not self._bare or (self._weighed and self._forecast.done)
-        left = self._forecast.seconds if foreseen else None
-        count = Count(self._done, self._total, self._known, self._most, self._unit, ended, left)
-        self._progress.update(count)
+    def _change(self, **changes: Any) -> None:
+        self._count = replace(self._count, **changes)
+        self._progress.update(self._count)
 
-    def advance(self, count: int) -> None:
-        """Count ``count`` more finished shifts; more than were expected raise the total."""
-        self.of(self._kind)(count)
-
-    def of(self, kind: Kind) -> Callable[[int], None]:
-        """Give what counts finished shifts of a kind."""
-
-        def advance(count: int) -> None:
-            self._forecast.report(kind, count * self._factor)
-            self._add(count)
-
-        return advance
-
-    def known_of(self, kind: Kind) -> Callable[[int], None]:
-        """Give what counts shifts of a kind that an earlier run finished."""
-
-        def known(count: int) -> None:
-            self._known += count
-            self._forecast.skip(kind, count)
-            self._add(count)
-
-        return known
-
-    def weigh(self, factor: float) -> None:
-        """Take that each of the shifts counted next costs ``factor`` times the mean of its kind."""
-        self._factor, self._weighed = factor, True
-
-    def worked(self, kind: Kind, count: int = 1) -> None:
-        """Take that work was finished that is no shift."""
-        self._forecast.report(kind, count)
-        self._update()
-
-    def foresee(self, kind: Kind, count: float) -> None:
-        """Expect ``count`` more shifts of a kind, which the total has already."""
-        self._forecast.left[kind] = count
-        self._update()
-
-    def confirms(self, other: bool = True) -> None:
-        """Take all further shifts for those of another engine, which confirms, or of the same."""
-        self._kind = "confirm" if other else "shift"
-
-    def quick(self, count: int) -> None:
-        """Take ``count`` more finished shifts of the compiled engine, which are not counted."""
-        self._forecast.report("quick", count * self._factor)
-        self._update()
-
-    def proposed(self) -> None:
-        """Take that what went before was no simulation but a proposal of designs."""
-        self._forecast.report("design", 0)
-
-    def asked(self, count: int) -> None:
-        """Take ``count`` more designs as proposed; the first ones fill the space."""
-        first = self._forecast.left.get("first", 0.0) > 0.0
-        self._forecast.report("first" if first else "design", count)
-        self._update()
-
-    def told(self, left: Mapping[Kind, float]) -> None:
-        """Take what is expected of each kind after a round of designs was told."""
-        self._forecast.report("design", 0)
-        self.expects(left)
-
-    def expects(self, left: Mapping[Kind, float]) -> None:
-        """Take what is expected of each kind from now on."""
-        self._forecast.expect(left)
-        self._update()
-
-    def _add(self, count: int) -> None:
-        self._done += count
-        self._total = max(self._total, self._done)
-        self._update()
+    def advance(self, count: int, known: int = 0) -> None:
+        """Count ``count`` more as done, ``known`` of them by an earlier run; raise the total."""
+        done = self._count.done + count
+        total = max(self._count.total, done)
+        self._change(done=done, known=self._count.known + known, total=total)
 
     def known(self, count: int) -> None:
-        """Count shifts that an earlier run finished."""
-        self.known_of(self._kind)(count)
+        """Count ``count`` more as done by an earlier run."""
+        self.advance(count, count)
 
     def extend(self, count: int) -> None:
-        """Expect ``count`` more shifts than was said at first."""
-        self._total += count
-        if self._bare:
-            self._forecast.left["shift"] += count
-        self._update()
+        """Expect ``count`` more than before."""
+        self._change(total=self._count.total + count)
 
     def rest(self, count: int) -> None:
-        """Expect ``count`` more shifts after those that are done, whatever was said before."""
-        self._total = self._done + count
-        if self._bare:
-            self._forecast.left["shift"] = count
-        self._update()
+        """Expect ``count`` more than those that are done."""
+        self._change(total=self._count.done + count)
 
     @contextmanager
     def kept_in(self, root: Path, how: str) -> Iterator[None]:
@@ -203,3 +116,19 @@ class WorkCounter:
     def say(self, line: str) -> None:
         """Hand on a sentence for the user."""
         self._progress.say(line)
+
+
+def about(seconds: float) -> str:
+    """Round a time, s, to words: minutes, from two hours on hours and minutes."""
+    minutes = round(seconds / 60.0)
+    if seconds < 45.0:
+        return "less than a minute"
+    if minutes <= 1:
+        return "about a minute"
+    if minutes < 120:
+        return f"about {minutes} minutes"
+    if minutes >= 600:
+        return f"about {round(minutes / 60)} h"
+    # Nobody plans by the minute what takes hours.
+    tens = 10 * round(minutes / 10)
+    return f"about {tens // 60} h {tens % 60} min" if tens % 60 else f"about {tens // 60} h"

@@ -11,13 +11,10 @@ from typing import Any
 from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
-from dogshape.pipeline.duration import about
-from dogshape.pipeline.forecast import Forecast
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
-from dogshape.pipeline.search.foreseen import RoundAhead, costs, to_confirm, to_live, to_search
 from dogshape.pipeline.search.front_uncertainty import standings
 from dogshape.pipeline.search.repair import repair
 from dogshape.pipeline.search.rounds import SamplerOf, run
@@ -43,7 +40,7 @@ from dogshape.pipeline.simulate.design import (
     limits_of,
     objectives_of,
 )
-from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
+from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.simulate.level_times import require_levels
 from dogshape.pipeline.simulate.life import STAGES, life_of
 from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
@@ -107,9 +104,7 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
     """
     folder, journal = how.folder, ShiftJournal(how.folder.shifts)
     most, words = _most(search)
-    jobs = workers_of(how.jobs)
-    foreseen = Forecast(to_search(search), jobs, costs(search.study))
-    with WorkCounter(how.progress, most, most=True, forecast=foreseen) as progress:
+    with WorkCounter(how.progress, most, most=True) as progress:
         progress.say(words)
         if (angles := search.study.file.search.screen_angles) is not None:
             progress.say(
@@ -118,22 +113,16 @@ def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str
             )
         if outside := _outside(search.study):
             progress.say(f"the study's own dog is not among the designs searched: {outside}")
-        lasts = about(foreseen.seconds)
-        progress.say(f"that takes {lasts} with {jobs} workers; surrogate and report follow")
 
         def after_round(line: str, state: SearchState) -> None:
-            ahead.told(state)
+            progress.rest(_most(search)[0])
             progress.say(line)
             write_json(folder.result, collect(state, journal))
 
-        ahead = RoundAhead(search, progress)
-        executor = Executor(
-            journal, how.jobs, progress.advance, how.cluster, progress.known, progress.quick,
-            ahead.begun, progress.weigh,
-        )  # fmt: skip
+        executor = Executor(journal, how.jobs, progress.advance, how.cluster, progress.known)
         with progress.kept_in(folder.root, "--resume goes on"):
             findings = repair(search, executor, progress.say)
-            searched = run(search, sampler_of, executor, after_round, findings, asked=ahead.asked)
+            searched = run(search, sampler_of, executor, after_round, findings)
             confirmation, state = _confirm(searched, executor, progress)
             life = _life(confirmation, state, executor, progress)
     if state.shared:
@@ -177,8 +166,6 @@ def _life(
     trial = next(t for t in state.trials if t.number == confirmation["chosen"])
     each = len(study.points) * study.file.search.confirm_angles
     progress.rest((len(STAGES) - 1) * each)
-    progress.confirms(other=False)
-    progress.expects({"shift": to_live(study)})
     progress.say(f"design {trial.number} over its life: half worn and worn")
     try:
         return life_of(study, dict(trial.params), wear, executor)
@@ -323,13 +310,8 @@ def _margins(design: Design) -> dict[str, Any]:
 def _confirm(
     state: SearchState, executor: Executor, progress: WorkCounter
 ) -> tuple[dict[str, Any] | None, SearchState]:
-    if state.study.confirming is not state.study:
-        progress.confirms()
-
     def told(count: int, line: str) -> None:
         progress.rest(most_to_confirm(state.study, count))
-        work = to_confirm(state.study, count)
-        progress.told({**work, "shift": work.get("shift", 0.0) + to_live(state.study)})
         progress.say(line)
 
     return confirm(state, executor, told)

@@ -22,9 +22,7 @@ from dogshape.diagnosis.inference.static_readings import require_measured
 from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL, Settings
-from dogshape.pipeline.duration import about
-from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.simulate.block_cost import dearness
+from dogshape.pipeline.progress import SILENT, Progress, WorkCounter, about
 from dogshape.pipeline.simulate.executor import Executor, workers_of
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.bundled import bundled_root
@@ -103,14 +101,11 @@ def shifts_of(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
         left = sum(len(block.angles) for block in lacking)
         there = sum(key in journal.rows for block in lacking for key in block.keys)
         means.progress.say(_announced(means, left, there))
-        extra = sum((dearness(block) - 1.0) * len(block.angles) for block in lacking)
         with (
-            WorkCounter(means.progress, left, extra=extra) as progress,
+            WorkCounter(means.progress, left) as progress,
             progress.kept_in(means.bank, "the same command goes on from there"),
         ):
-            executor = Executor(
-                journal, means.jobs, progress.advance, known=progress.known, weigh=progress.weigh
-            )
+            executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
             rows = store.times(blocks, executor.run)
         journal.say_unfinished(means.progress.say)
         with suppress(OSError):  # the file of banks has them

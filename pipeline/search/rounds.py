@@ -39,13 +39,10 @@ def run(
     executor: Executor,
     after_round: AfterRound,
     findings: Findings = NOTHING,
-    *,
-    asked: Callable[[int], None] = lambda _: None,
 ) -> SearchState:
     """Run the search until the study's number of trials is finished, by this run and others.
 
-    It ends sooner where the space has fewer designs than that. ``asked`` is called with the number
-    of designs of a round before they are simulated. Give the state at its end.
+    It ends sooner where the space has fewer designs than that. Give the state at its end.
     """
     waiting = False
     while True:
@@ -54,7 +51,6 @@ def run(
             ended = not ids and exhausted(search, sampler_of, findings)
         if ids:
             waiting = False
-            asked(len(ids))
             findings = finish(search, ids, executor, findings)
             state = search.read(findings)
             after_round(_status(state), state)

@@ -103,7 +103,7 @@ class SearchState:
     @property
     def spent(self) -> int:
         """Number of shifts of all designs, each design counted once."""
-        return spent_on(self.study, self.simulated)
+        return sum(sum(self.plan(trial)) for trial in distinct(self.simulated))
 
     @property
     def rows(self) -> list[list[float | None]]:
@@ -226,11 +226,6 @@ def measured_of(study: Setup, trial: FrozenTrial) -> Measured | None:
     # Storages of earlier versions have the hardest landing itself.
     dog = study.dog_with(dict(trial.params))
     return Measured(demand_of(dog, landing_of(trial.user_attrs), study.limits))
-
-
-def spent_on(study: Setup, trials: Iterable[FrozenTrial]) -> int:
-    """Count the shifts of simulated trials in the study's own engine, each design once."""
-    return sum(sum(plan_of(study, trial)) for trial in distinct([*trials]))
 
 
 def compiled_shifts(study: Setup, trials: Iterable[FrozenTrial]) -> int:

@@ -18,6 +18,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any
@@ -25,17 +26,16 @@ from typing import Any
 from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from dogshape.pipeline.simulate.block_cost import dearest_first, likely_cost, mean_cost
-from dogshape.pipeline.simulate.watchdog import LOOK, broken, end_with_parent, ended_after, watched
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.errors import InputError, WorkerError
 from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.shift_records import Record, failed_record
+from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.versions import engine, versions
 
 Progress = Callable[[int], None]  #: called with the number of shifts just finished
 
+LOOK = 1.0  #: s between looks whether the parent, or a cluster's worker, is alive
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 ALONE = 60.0  #: s that a cluster may be without any worker
 MANY = 100  #: blocks that a cluster is sent at once
@@ -63,9 +63,7 @@ class Executor:
     ``jobs`` 0 means one worker for each core. With one worker nothing is forked. ``cluster`` is
     the address of a Dask scheduler, whose workers then take the place of the cores. ``known`` is
     called with the number of shifts that the journal has already, instead of ``progress``, and
-    ``quick`` with that of shifts simulated apart. ``begun`` is called before any are simulated,
-    with the number of those that will be kept. ``weigh`` is called before ``progress`` or ``quick``
-    with the likely cost of each of the shifts just finished, over the mean of usual ones.
+    ``quick`` with that of shifts simulated apart.
     """
 
     journal: ShiftJournal
@@ -74,8 +72,6 @@ class Executor:
     cluster: str | None = None
     known: Progress | None = None
     quick: Progress = field(default=_silent)
-    begun: Callable[[int], None] | None = None
-    weigh: Callable[[float], None] | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
     _again: dict[str, Record] = field(default_factory=dict, init=False, repr=False)
 
@@ -91,28 +87,10 @@ class Executor:
         self._counted |= asked
         if known:
             (self.known or self.progress)(len(known))
-        left = self._unfinished(blocks)
-        if self.begun is not None:
-            self.begun(sum(len(block.angles) for block in left))
-        cost, usual = self._costs(left), mean_cost(left)
-        for rows in self._simulate(left):
+        for rows in self._simulate(self._unfinished(blocks)):
             self.journal.add(rows)
-            if rows and self.weigh is not None:
-                whole = sum(cost.get(str(row["key"]), usual) for row in rows)
-                self.weigh(whole / len(rows) / usual)
             self.progress(len(rows))
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
-
-    def _none(self, _: int) -> None:
-        """Announce shifts of which none is kept."""
-        if self.begun is not None:
-            self.begun(0)
-
-    def _costs(self, blocks: Sequence[Block]) -> dict[str, float]:
-        """Return the likely cost of each shift by its key, where somebody asks."""
-        if self.weigh is None:
-            return {}
-        return {key: likely_cost(block) for block in blocks for key in block.keys}
 
     @contextmanager
     def apart(self, again: Sequence[Block] = ()) -> Iterator[Executor]:
@@ -123,9 +101,7 @@ class Executor:
         with tempfile.TemporaryDirectory(prefix="dogshape-") as folder:
             journal = ShiftJournal(Path(folder) / "shifts.jsonl")
             journal.rows |= self._again
-            yield Executor(
-                journal, self.jobs, self.quick, self.cluster, begun=self._none, weigh=self.weigh
-            )
+            yield Executor(journal, self.jobs, self.quick, self.cluster)
             keys = {key for block in again for key in block.keys}.intersection(journal.finished)
             self._again |= {key: journal.rows[key] for key in keys}
 
@@ -143,8 +119,6 @@ class Executor:
 
     def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:
         jobs = min(workers_of(self.jobs), len(blocks))
-        if self.cluster is not None or jobs > 1:
-            blocks = dearest_first(blocks)
         if self.cluster is not None:
             return self._on_cluster(blocks, self.cluster)
         if jobs <= 1:
@@ -152,7 +126,7 @@ class Executor:
         return self._on_cores(blocks, jobs)
 
     def _on_cores(self, blocks: list[Block], jobs: int) -> Iterator[list[Record]]:
-        """Yield the records of blocks as they finish; a shift that kills its worker has failed."""
+        """Yield the records of blocks as they finish; what a dead worker left goes to others."""
         tries = TRIES
         while blocks:
             known = len(self.journal.rows)
@@ -160,7 +134,6 @@ class Executor:
                 yield from self._pooled(blocks, jobs)
             except TerminatedWorkerError as error:
                 yield self.journal.read_new()
-                yield self._write_off(blocks)
                 tries = tries - 1 if len(self.journal.rows) == known else TRIES
                 if not tries:
                     raise WorkerError(
@@ -173,23 +146,10 @@ class Executor:
     def _pooled(self, blocks: list[Block], jobs: int) -> Iterable[list[Record]]:
         with parallel_config(backend="loky", inner_max_num_threads=1):
             pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-        broken(self.journal.path.parent)  # marks that a kill left
         results: Iterable[list[Record]] = pool(
             delayed(_work_alone)(block, self.journal.path) for block in blocks
         )
         return results
-
-    def _write_off(self, blocks: Sequence[Block]) -> list[Record]:
-        """Write the shifts that ended their processes into the journal as failed."""
-        reasons = broken(self.journal.path.parent)
-        rows = [
-            failed_record(given, block.seed, reasons[key])
-            for block in blocks
-            for key, given in zip(block.keys, block.inputs, strict=True)
-            if key in reasons and key not in self.journal.rows
-        ]
-        append(self.journal.path, *rows)
-        return rows
 
     def _on_cluster(self, blocks: list[Block], address: str) -> Iterator[list[Record]]:
         """Yield the records of blocks as a cluster hands them back, written."""
@@ -218,28 +178,32 @@ def _work(block: Block, path: Path) -> list[Record]:
     return rows
 
 
-def _limit(block: Block) -> float:
-    """Return the time of a watch on a shift, s: the shift's own limit can come first."""
-    return 1.5 * block.clutch.solver.time_limit + 1.0
-
-
 def _work_alone(block: Block, path: Path) -> list[Record]:
     """Work in a process of its own, no longer than its parent; Ctrl-C is the parent's business."""
-    end_with_parent()
+    _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    rows = []
-    for place, key in enumerate(block.keys):
-        with watched(path.parent, key, _limit(block)):
-            rows += _work(block.only([place]), path)
-    return rows
+    return _work(block, path)
+
+
+@cache
+def _end_with_parent() -> None:
+    """End this process soon after its parent, of which nothing else tells it if it was killed.
+
+    A process whose parent is gone has another one. The thread is started once in a process.
+    """
+    parent = os.getppid()
+
+    def look() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK)
+        os._exit(1)
+
+    threading.Thread(target=look, name="parent", daemon=True).start()
 
 
 def _work_away(block: Block) -> list[Record]:
-    """Work on another machine, whose process may have several threads.
-
-    A process that does not come back ends, and its block goes to another.
-    """
-    with _one_at_a_time, ended_after(_limit(block) * len(block.angles)):
+    """Work on another machine, whose process may have several threads."""
+    with _one_at_a_time:
         return list(run_block(block))
 
 
@@ -276,17 +240,14 @@ def _handed_back(address: str, blocks: Sequence[Block]) -> Iterator[list[Record]
 
 
 def scratch_executor(
-    jobs: int = 0,
-    progress: Progress = _silent,
-    cluster: str | None = None,
-    weigh: Callable[[float], None] | None = None,
+    jobs: int = 0, progress: Progress = _silent, cluster: str | None = None
 ) -> Executor:
     """Return an executor whose journal is a temporary file, gone when the program ends."""
     connect(cluster)
     folder = tempfile.mkdtemp(prefix="dogshape-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     journal = ShiftJournal(Path(folder) / "shifts.jsonl")
-    return Executor(journal, jobs, progress, cluster, weigh=weigh)
+    return Executor(journal, jobs, progress, cluster)
 
 
 _clients: dict[str, Any] = {}  #: of Dask clusters, by address

@@ -48,13 +48,11 @@ def kept_shifts(
             _remove_empty(made)
             reason = str(error).partition(";")[0]
             progress.say(f"{reason}: should this run be stopped, its finished shifts are lost")
-            yield scratch_executor(jobs, progress.advance, cluster, progress.weigh)
+            yield scratch_executor(jobs, progress.advance, cluster)
             return
         journal = ShiftJournal(folder / "shifts.jsonl")
         try:
-            yield Executor(
-                journal, jobs, progress.advance, cluster, progress.known, weigh=progress.weigh
-            )
+            yield Executor(journal, jobs, progress.advance, cluster, progress.known)
         except BaseException as error:
             if journal.read_new() or journal.rows:
                 if isinstance(error, KeyboardInterrupt):

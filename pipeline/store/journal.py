@@ -104,8 +104,8 @@ class ShiftJournal:
         """Report the number of shifts that the clock ended, if any."""
         if ended := len(self.rows) - len(self.finished):
             say(
-                f"{ended} of the shifts failed at solver.time_limit_s or hung, as on a busy "
-                "machine; they are not kept, and the same command simulates them again"
+                f"{ended} of the shifts failed at solver.time_limit_s, as on a busy machine; "
+                "they are not kept, and the same command simulates them again"
             )
 
     def frame(self) -> pd.DataFrame:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -101,16 +101,10 @@ def mix_blocks(study: Setup, design: Design, index: int) -> list[Block]:
     ]
 
 
-def simulate_mix_rows(
-    study: Setup,
-    folder: StudyFolder,
-    executor: Executor,
-    chose: Callable[[], None] = lambda: None,
-) -> None:
+def simulate_mix_rows(study: Setup, folder: StudyFolder, executor: Executor) -> None:
     """Simulate the designs that a folder lacks; ``study`` is that in the compiled engine.
 
     Shifts are counted as quick ones of the executor; those of its journal are none of them.
-    ``chose`` is called after the fit that chooses designs.
     """
     count = count_of(study)
     if count == 0:
@@ -120,7 +114,6 @@ def simulate_mix_rows(
     _simulate(study, filling, 0, (folder.mix, known), executor)
     if not folder.chosen.exists():
         _choose(study, folder, filling, count - len(filling))
-        chose()
     chosen = _chosen(folder)
     _simulate(study, chosen, len(filling), (folder.mix, known), executor)
 

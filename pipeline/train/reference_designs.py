@@ -61,34 +61,38 @@ def simulate_references(
     study: Setup,
     designs: Sequence[dict[str, float]],
     executor: Executor,
-    ahead: Callable[[int], None],
+    more: Callable[[int], None],
     *,
     alike: bool = True,
 ) -> None:
     """Simulate designs to the study's error of references, at most ``MOST`` angles at a point.
 
-    The shifts are in the executor's journal; ``ahead`` is told how many each round adds. Designs
-    share their angles where they are ``alike``.
+    The shifts are in the executor's journal. ``more`` is called with the number of shifts that each
+    round adds to ``first_shifts``. Designs share their angles where they are ``alike``.
     """
     clutches = [study.clutch.with_dog(study.dog_with(design)) for design in designs]
     counts, size = [study.file.surrogate.reference_angles] * len(study.points), len(study.points)
-    before = 0
     while clutches:
         blocks = [
             block
             for index, clutch in enumerate(clutches)
             for block in _blocks(study, clutch, counts, 0 if alike else index)
         ]
-        shifts = sum(len(block.angles) for block in blocks)
-        ahead(shifts - before)
-        before = shifts
         found = executor.run(blocks)
         rows = np.array([_mean_and_error(study, shifts) for shifts in found])
         wanted = study.file.surrogate.reference_error
         finer = finer_counts(rows.reshape(-1, size, 2), counts, wanted, study_mix(study).weights)
         if finer == counts:
             return
+        more((sum(finer) - sum(counts)) * len(clutches))
         counts = finer
+
+
+def first_shifts(study: Setup) -> int:
+    """Count the shifts of the first round of references."""
+    settings = study.file.surrogate
+    designs = settings.references + settings.best_references
+    return designs * len(study.points) * settings.reference_angles
 
 
 def _blocks(study: Setup, clutch: Clutch, counts: Sequence[int], more: int) -> list[Block]:

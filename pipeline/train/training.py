@@ -17,20 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.duration import about
-from dogshape.pipeline.forecast import Forecast, Kind
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.simulate.executor import Executor, connect, workers_of
+from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import filling_blocks, first_designs, own_blocks
-from dogshape.pipeline.train.foreseen import (
-    IN_TWO_LEVELS,
-    engine_kind,
-    most_references,
-    round_by_round,
-    to_fill,
-)
 from dogshape.pipeline.train.inquiry import Inquiry, inquire
 from dogshape.pipeline.train.mix_rows import (
     angles_of,
@@ -41,6 +32,7 @@ from dogshape.pipeline.train.mix_rows import (
 )
 from dogshape.pipeline.train.reference_designs import (
     best_designs,
+    first_shifts,
     reference_designs,
     simulate_references,
 )
@@ -92,7 +84,7 @@ def fill(
     if levels == 2:
         _fill_in_two_levels(study, folder, jobs, cluster, progress)
         return
-    settings, kind = study.file.surrogate, engine_kind(study)
+    settings = study.file.surrogate
     connect(cluster)
     with folder.writing():
         folder.open(study, resume=True)
@@ -104,39 +96,23 @@ def fill(
             for block in filling_blocks(study, design, index, settings.seed)
         ]
         total = sum(len(block.angles) for block in (*own, *blocks))
-        keeping = "the same command goes on"
-        foreseen = Forecast(to_fill(study, folder, total, 0, 1), workers_of(jobs))
         with (
-            WorkCounter(
-                progress, total + most_references(study, 1), most=True, forecast=foreseen
-            ) as counter,
-            counter.kept_in(folder.root, keeping),
+            WorkCounter(progress, total + first_shifts(study)) as counter,
+            counter.kept_in(folder.root, "the same command goes on"),
         ):
             shifts, apart_from_them = map(ShiftJournal, (folder.shifts, folder.references))
-            rows = _executor(shifts, jobs, cluster, counter, kind)
-            rows.run(own)
-            counter.say(_lasting(foreseen, jobs))
-            rows.run(blocks)
-            executor = _executor(apart_from_them, jobs, cluster, counter, kind)
+            _executor(shifts, jobs, cluster, counter).run([*own, *blocks])
+            executor = _executor(apart_from_them, jobs, cluster, counter)
             both = _references(study, folder, designs, counter)
-            simulate_references(study, both, executor, round_by_round(counter, kind))
+            simulate_references(study, both, executor, counter.extend)
             for journal in (shifts, apart_from_them):
                 journal.say_unfinished(progress.say)
 
 
-def _lasting(foreseen: Forecast, jobs: int) -> str:
-    """Write the time of the rest, as the first shifts have it."""
-    took = about(foreseen.seconds)
-    return f"the rest takes {took} with {workers_of(jobs)} workers; the fit follows"
-
-
 def _executor(
-    journal: ShiftJournal, jobs: int, cluster: str | None, counter: WorkCounter, kind: Kind
+    journal: ShiftJournal, jobs: int, cluster: str | None, counter: WorkCounter
 ) -> Executor:
-    return Executor(
-        journal, jobs, counter.of(kind), cluster, counter.known_of(kind), counter.of("quick"),
-        weigh=counter.weigh,
-    )  # fmt: skip
+    return Executor(journal, jobs, counter.advance, cluster, counter.known, counter.advance)
 
 
 def _references(
@@ -169,33 +145,20 @@ def _fill_in_two_levels(
         cheap, dear = row_blocks(study, designs), pair_blocks(study, designs)
         every, few = (sum(len(block.angles) for block in both) for both in ([*own, *cheap], dear))
         every += count_of(study) * angles_of(study) * len(study.points)
-        keeping = "the same command goes on"
-        expected_work = to_fill(study, folder, every, few, 2)
-        foreseen = Forecast(expected_work, workers_of(jobs), cost=IN_TWO_LEVELS)
         with (
-            WorkCounter(
-                progress, every + few + most_references(study, 2), most=True, forecast=foreseen
-            ) as counter,
-            counter.kept_in(folder.root, keeping),
+            WorkCounter(progress, every + few + first_shifts(study)) as counter,
+            counter.kept_in(folder.root, "the same command goes on"),
         ):
             files = folder.compiled, folder.pairs, folder.compiled_references, folder.references
             journals = [ShiftJournal(path) for path in files]
-            kinds: tuple[Kind, ...] = ("quick", "shift", "quick", "shift")
             rows, pairs, many, one_each = (
-                _executor(journal, jobs, cluster, counter, kind)
-                for journal, kind in zip(journals, kinds, strict=True)
+                _executor(journal, jobs, cluster, counter) for journal in journals
             )
-            rows.run(own)
-            counter.say(_lasting(foreseen, jobs))
-            rows.run(cheap)
+            rows.run([*own, *cheap])
             pairs.run(dear)
-            simulate_mix_rows(compiled(study), folder, rows, lambda: counter.worked("fit"))
-            simulate_two_level_references(
-                study,
-                _references(study, folder, designs, counter),
-                (many, one_each),
-                (round_by_round(counter, "quick"), partial(counter.foresee, "shift")),
-            )
+            simulate_mix_rows(compiled(study), folder, rows)
+            both = _references(study, folder, designs, counter)
+            simulate_two_level_references(study, both, (many, one_each), counter.extend)
             for journal in journals:
                 journal.say_unfinished(progress.say)
 
@@ -212,9 +175,7 @@ def ask_more(
     study = folder.stored_study()
     _require_shapes_alone(study)
     with folder.writing(), WorkCounter(progress, inquiry.shifts) as counter:
-        executor = Executor(
-            ShiftJournal(folder.shifts), jobs, counter.advance, cluster, weigh=counter.weigh
-        )
+        executor = Executor(ShiftJournal(folder.shifts), jobs, counter.advance, cluster)
         with counter.kept_in(folder.root, "the same command goes on"):
             deque(inquire(study, inquiry, executor, progress.say), maxlen=0)
 
@@ -224,7 +185,6 @@ def _best(study: Setup, folder: StudyFolder, counter: WorkCounter) -> list[dict[
     if not folder.best.exists():
         counter.say("choosing references among the best designs")
         write_json(folder.best, {"designs": best_designs(study, _quickly(study, folder))})
-        counter.worked("fit")
     remedy = "remove it and fit again"
     kept: list[dict[str, float]] = read_json(folder.best, remedy).get("designs", [])
     return kept

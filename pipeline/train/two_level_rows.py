@@ -88,13 +88,14 @@ def simulate_two_level_references(
     study: Setup,
     designs: Sequence[dict[str, float]],
     executors: tuple[Executor, Executor],
-    ahead: tuple[Callable[[int], None], Callable[[int], None]],
+    more: Callable[[int], None],
 ) -> None:
     """Simulate references in the compiled engine, and at some points one of the angles in Drake.
 
-    ``executors`` are of the compiled engine and of Drake, and ``ahead`` is told what each adds.
+    ``executors`` are of the compiled engine and of Drake; ``more`` is called with the number of
+    shifts that come on top of ``first_shifts``.
     """
-    simulate_references(compiled(study), designs, executors[0], ahead[0], alike=False)
+    simulate_references(compiled(study), designs, executors[0], more, alike=False)
     settings = study.file.surrogate
     count, seed = settings.reference_angles, settings.seed + APART
     blocks = []
@@ -104,7 +105,7 @@ def simulate_two_level_references(
             point, draw = study.points[place], (seed + index, place)
             whole = even_block(clutch, point, count, draw, count, uncertainty=study.uncertainty)
             blocks.append(whole.only([(index + place) % count]))
-    ahead[1](len(blocks))
+    more(len(blocks))
     executors[1].run(blocks)
 
 

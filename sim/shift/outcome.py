@@ -26,11 +26,10 @@ _MESSAGES = {
     Outcome.DIVERGED: "the integration failed",
 }
 
-#: How the reasons of failures begin that depend on how fast the machine was, not on the shift.
+#: Beginning of the reason of a failure that depends on the speed of the machine.
 TIME_LIMIT = "no end after solver.time_limit_s"
-HUNG = "hung"
 
 
 def depends_on_clock(reason: str) -> bool:
     """Decide whether a failure for this reason may not happen when the shift is simulated again."""
-    return reason.startswith((TIME_LIMIT, HUNG))
+    return reason.startswith(TIME_LIMIT)

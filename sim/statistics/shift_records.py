@@ -17,7 +17,6 @@ from dogshape.sim.shift.outcome import Outcome, depends_on_clock
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
 from dogshape.sim.units import DEG, MM, RPM
-from dogshape.sim.versions import versions
 
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
@@ -135,21 +134,6 @@ def content_key(record: Record) -> str:
     rounded = {k: float(f"{v:.12g}") if isinstance(v, float) else v for k, v in record.items()}
     text = json.dumps(rounded, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
-
-
-def failed_record(given: Record, seed: int | None, reason: str) -> Record:
-    """Return the record of a shift that took its process down and so says nothing but why."""
-    return {
-        "key": content_key(given),
-        **given,
-        "outcome": Outcome.DIVERGED.value,
-        "shift_time_s": None,
-        **landing_record(Landing()),
-        "reason": reason,
-        "dogshape": versions()["dogshape"],
-        "drake": versions()["drake"],
-        "seed": seed,
-    }
 
 
 def unfinished(record: Record) -> bool:

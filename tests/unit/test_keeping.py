@@ -120,24 +120,6 @@ def test_other_questions_have_other_folders(tmp_path: Path) -> None:
     assert one != work_folder(tmp_path, "expect", "abc", 4)
 
 
-def test_shifts_that_are_known_say_nothing_of_the_time_left(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    seconds = iter([0.0, 1.0, 10.0, 20.0])
-    monkeypatch.setattr("dogshape.pipeline.cli.progress_bar.LINE_EVERY", 0.0)
-    monkeypatch.setattr(
-        "dogshape.pipeline.cli.progress_bar.time.monotonic", lambda: next(seconds, 20.0)
-    )
-    progress = WorkCounter(ProgressBar(), 100)
-    progress.known(50)
-    progress.advance(5)
-    lines = [line for line in capsys.readouterr().err.splitlines() if line]
-    assert len(lines) == 1, lines
-    left = float(lines[0].partition("about ")[2].split()[0])
-    assert lines[0].startswith("55 of 100")
-    assert left == 3  # minutes: 45 shifts at one in four seconds, not 55 in twenty seconds
-
-
 def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
     bench = few_cells(load_bench("mq200_adams"), [(10, 235.2)])
     effects = {"moving_mass": load()["moving_mass"]}
