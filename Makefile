@@ -44,18 +44,10 @@ test: $(VENV)/complete lint
 test-fast: $(VENV)/complete
 	$(PYTEST) tests/unit
 
-# The type checker knows no mapping of package folders: it is shown them under one name.
-ROOMS := sim surrogate diagnosis validation pipeline
-define map_rooms
-rm -rf build/typed && mkdir -p build/typed/dogshape
-ln -s $(CURDIR)/dogshape/* $(addprefix $(CURDIR)/,$(ROOMS)) build/typed/dogshape/
-endef
-
 lint: $(VENV)/complete
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(map_rooms)
-	MYPYPATH=build/typed $(BIN)/mypy -p dogshape
+	$(BIN)/mypy -p dogshape
 
 # BLIND is the folder of the set; SEED draws one of its own.
 BLIND ?= results/blind
@@ -129,9 +121,7 @@ figures: $(VENV)/ready
 	$(BIN)/python -m benchmarks.figures
 	$(BIN)/python -m benchmarks.constants
 
-# The parser of docstrings is shown the rooms as the type checker is.
 docs: $(VENV)/complete
-	$(map_rooms)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 SHOOT := $(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader \
