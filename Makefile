@@ -14,6 +14,7 @@
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
 # make figures puts what sources say into the figures of README.md and docs, and lists what has none.
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
+# make golden writes the JSON of the main verbs into GOLDEN, for diff -r before and after a change.
 # make picture draws docs/mismatch.svg, docs/dog.svg, docs/shift.png and
 # docs/report.png again; it needs Chromium and a study.
 # make tutorial runs the commands of docs/tutorial.md and draws its pictures again; it needs Chromium.
@@ -28,7 +29,7 @@ EXTRAS := dev,blind,cad,docs,fem,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs evidence blind surrogate one-level bank studies samplers gaps figures picture tutorial constraints system clean
+.PHONY: study test test-fast lint docs evidence blind surrogate one-level bank studies samplers gaps figures golden picture tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -120,6 +121,10 @@ gaps: $(VENV)/ready
 figures: $(VENV)/ready
 	$(BIN)/python -m benchmarks.figures
 	$(BIN)/python -m benchmarks.constants
+
+GOLDEN ?= build/golden
+golden: $(VENV)/ready
+	$(BIN)/python -m benchmarks.golden $(GOLDEN)
 
 docs: $(VENV)/complete
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
