@@ -14,6 +14,7 @@
 # make gaps diagnoses the bundled bench tables and keeps the records in docs/evidence (minutes).
 # make figures writes the tables of README.md and docs from kept results and docs/evidence.
 # make docs builds the pages of docs and the API as a site in build/site, without a network.
+# make golden writes the JSON of the main verbs into GOLDEN, for diff -r before and after a change.
 # make picture draws docs/mismatch.svg, docs/dog.svg, docs/shift.png and
 # docs/report.png again; it needs Chromium and a study.
 # make tutorial runs the commands of docs/tutorial.md and draws its pictures again; it needs Chromium.
@@ -28,7 +29,7 @@ EXTRAS := dev,blind,cad,docs,fem,machines,mdf,nested,tdms
 DEBIAN := python3.11-venv libglib2.0-0
 SYSTEM_OK := $(PYTHON) -c 'import ensurepip, ctypes; ctypes.CDLL("libglib-2.0.so.0")'
 
-.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps figures picture tutorial constraints system clean
+.PHONY: study test test-fast lint docs evidence blind surrogate bank studies samplers gaps figures golden picture tutorial constraints system clean
 
 study: $(VENV)/ready
 	$(BIN)/dogshape study studies/mq200 --out $(OUT) --resume
@@ -44,18 +45,10 @@ test: $(VENV)/complete lint
 test-fast: $(VENV)/complete
 	$(PYTEST) tests/unit
 
-# The type checker knows no mapping of package folders: it is shown them under one name.
-ROOMS := sim surrogate diagnosis validation pipeline
-define map_rooms
-rm -rf build/typed && mkdir -p build/typed/dogshape
-ln -s $(CURDIR)/dogshape/* $(addprefix $(CURDIR)/,$(ROOMS)) build/typed/dogshape/
-endef
-
 lint: $(VENV)/complete
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(map_rooms)
-	MYPYPATH=build/typed $(BIN)/mypy -p dogshape
+	$(BIN)/mypy -p dogshape
 
 # BLIND is the folder of the set; SEED draws one of its own.
 BLIND ?= results/blind
@@ -120,9 +113,11 @@ gaps: $(VENV)/ready
 figures: $(VENV)/ready
 	$(BIN)/python -m benchmarks.figures
 
-# The parser of docstrings is shown the rooms as the type checker is.
+GOLDEN ?= build/golden
+golden: $(VENV)/ready
+	$(BIN)/python -m benchmarks.golden $(GOLDEN)
+
 docs: $(VENV)/complete
-	$(map_rooms)
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 SHOOT := $(CHROMIUM) --headless --no-sandbox --use-angle=swiftshader --enable-unsafe-swiftshader \

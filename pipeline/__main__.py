@@ -35,6 +35,12 @@ def _run() -> int:
         return CLOSED if reader_gone() else int(end.code or 0)
     except KeyboardInterrupt:
         return STOPPED
+    except ModuleNotFoundError as error:
+        if error.name != "dogshape.validation":
+            raise
+        needed = "a clone of the repository, installed in place with 'pip install -e .'"
+        print(f"dogshape: validation is not installed; it needs {needed}", file=sys.stderr)
+        return 2
     except Exception as error:
         # Typer brings its own copy of click, whose errors are known by this method.
         message = getattr(error, "format_message", None)

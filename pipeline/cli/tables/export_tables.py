@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 
 from dogshape.pipeline.cli.console import columns
 from dogshape.sim.units import MM, MPA
-from dogshape.validation.finite_elements.root_check import RootCheck
+
+if TYPE_CHECKING:
+    from dogshape.validation.finite_elements.root_check import RootCheck
 
 
 def root_table(roots: Sequence[RootCheck]) -> RenderableType:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Group, RenderableType
@@ -29,7 +29,9 @@ from dogshape.sim.shift.mesh import to_stl
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import MM
 from dogshape.strength import check_strength
-from dogshape.validation.finite_elements.root_check import root_checks
+
+if TYPE_CHECKING:
+    from dogshape.validation.finite_elements.root_check import RootCheck
 
 ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
            "--sheet": (".html", ".json")}  # fmt: skip
@@ -58,7 +60,11 @@ def strength(
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
     given = load_study(study, with_engine(set_, engine))
-    roots = root_checks(given.clutch.dog, given.limits) if fem else []
+    roots: list[RootCheck] = []
+    if fem:
+        from dogshape.validation.finite_elements.root_check import root_checks  # noqa: PLC0415
+
+        roots = root_checks(given.clutch.dog, given.limits)
     found = check_strength(given, Where(jobs, None, SHIFTS, ProgressBar()), simulate=simulation)
     if fem:
         found = found.with_finite_elements([root_record(root) for root in roots])
