@@ -22,11 +22,15 @@ def test_wheel_brings_code_templates_studies_and_bench_data(tmp_path: Path) -> N
         names = archive.namelist()
     assert any(name.endswith("entry_points.txt") for name in names)
     assert not any(name.startswith(("tests/", "dogshape/validation/")) for name in names)
-    # Only the unpacked wheel is on the path before the libraries; the folder is empty.
+    # Only the unpacked wheel is on the path before the libraries, no hook leads to the checkout,
+    # and the folder is empty.
     work = tmp_path / "work"
     work.mkdir()
     code = (
-        f"import sys; sys.path.insert(0, {str(target)!r}); import dogshape.pipeline.__main__ as c; "
+        "import sys; "
+        "hooks = [f for f in sys.meta_path if 'Editable' not in getattr(f, '__name__', '')]; "
+        "sys.meta_path[:] = hooks; "
+        f"sys.path.insert(0, {str(target)!r}); import dogshape.pipeline.__main__ as c; "
         f"assert c.__file__.startswith({str(target)!r}); c.main()"
     )
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"}
