@@ -13,7 +13,6 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 
 import numpy as np
 from scipy.special import logsumexp
@@ -23,11 +22,13 @@ from dogshape.diagnosis.inference.sampling import More, Sample, refined, screene
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+from dogshape.diagnosis.terms import UNKNOWN, Array, Hypothesis
 
-WITHIN = (12.0, 8.0, 5.0)  #: nats below the best, in which hypotheses are refined round by round
-MANY = (24, 12, 8)  #: hypotheses refined in a round, at most
-ROUNDS = (2, 3, 5)
+#: Steps of refinement: nats below the best, hypotheses at most, and rounds of each. Prior draws
+#: miss narrow posteriors by many nats, so the first step takes many hypotheses.
+STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 12, 5))
+SLACK = 0.05  #: of the predicted time, gap that errors of emulation may explain in the screening
+ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
@@ -117,28 +118,20 @@ class _Search:
             )
 
     def distance(self, p: Predicted) -> Array:
-        """Compute squared distances of predicted means from the data, (m,).
+        """Compute squared distances of predicted means and engagement from the data, (m,).
 
-        A gap within one error of emulation counts as none. With more, draws of large errors would
-        take the place of those that have likelihood.
+        A mean counts by ``ODD`` at most, since late shifts may hide in it. A gap within one error
+        of emulation counts as none, up to ``SLACK``: else draws of large errors would take the
+        place of those that have likelihood.
         """
-        some, seen = self.likelihood.having, self.likelihood.seen
+        like, some, seen = self.likelihood, self.likelihood.having, self.likelihood.seen
         gap = seen.mean[some] - p.mean[:, some]
-        wide = np.hypot(p.common, p.emulated)[:, some]
         simulated = np.maximum((p.mean - p.delay)[:, some], 1e-3)
-        scaled = (gap - np.clip(gap, -wide, wide)) / simulated
-        return np.asarray(((scaled @ self._white) ** 2).sum(axis=1))
-
-    @cached_property
-    def _white(self) -> Array:
-        """Matrix that whitens relative gaps, (c, c)."""
-        like, some = self.likelihood, self.likelihood.having
-        base = like.model.predict(NONE, np.zeros((1, 0)))
-        simulated = (base.mean - base.delay)[0, some]
-        own = base.sd[0, some] ** 2 / np.maximum(like.seen.count[some], 1.0)
-        columns = np.hstack([like.settings.discrepancy * like.smooth, like.shared])[some]
-        whole = np.diag(own / simulated**2 + 0.02**2) + columns @ columns.T
-        return np.asarray(np.linalg.inv(np.linalg.cholesky(whole)).T)
+        wide = np.minimum(np.hypot(p.common, p.emulated)[:, some], SLACK * simulated)
+        own = p.sd[:, some] ** 2 / np.maximum(seen.count[some], 1.0)
+        own = own + (like.settings.discrepancy * simulated) ** 2
+        squares = (gap - np.clip(gap, -wide, wide)) ** 2 / own
+        return np.asarray(np.minimum(squares, ODD**2).sum(axis=1) - 2.0 * like.log_engaged(p))
 
     def value(self, h: Hypothesis) -> float:
         return self.samples[h].log_evidence + self.priors[h]
@@ -153,10 +146,11 @@ class _Search:
         names = list(self.samples if among is None else among)
         score = {h: self.promise(h) if step == 0 else self.value(h) for h in names}
         top = max(self.promise(h) if step == 0 else self.value(h) for h in self.samples)
-        near = [h for h in sorted(names, key=lambda h: -score[h]) if score[h] > top - WITHIN[step]]
-        for h in near[: MANY[step]]:
+        within, many, rounds = STEPS[step]
+        near = [h for h in sorted(names, key=lambda h: -score[h]) if score[h] > top - within]
+        for h in near[:many]:
             self.samples[h] = refined(
-                self.likelihood, self.samples[h], self.more, ROUNDS[step], self.generator
+                self.likelihood, self.samples[h], self.more, rounds, self.generator
             )
 
     def thirds(self) -> list[Hypothesis]:
@@ -195,6 +189,7 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     if likelihood.settings.most > 2:
         thirds = search.thirds()
         search.screen(thirds)
+        search.refine(0, thirds)
         search.refine(1, thirds)
     search.refine(2)
     found = Ranking(search.likelihood, search.samples, search.priors, 0.0)

@@ -197,8 +197,8 @@ class Likelihood:
             fixed = np.concatenate([fixed, size * self._free(length, q)], axis=2)
         residual, variance, other = self._chosen(q, own, basis, fixed)
         log, nodes = _integrated(residual, variance, basis, fixed, self.settings.discrepancy)
-        log = log + (other + self._engaged(p))
-        nodes = nodes + (other + self._engaged(p))[:, None]
+        log = log + (other + self.log_engaged(p))
+        nodes = nodes + (other + self.log_engaged(p))[:, None]
         return Terms(log, nodes, residual, variance)
 
     def _free(self, length: float, q: Predicted) -> Array:
@@ -315,12 +315,12 @@ class Likelihood:
         score = norm.ppf(np.clip((1.0 - odd) * usual + odd * wide, 1e-12, 1.0 - 1e-12))
         return np.where((freedom > 1.0) & ~seen.hidden[some], score, np.nan)
 
-    def _engaged(self, p: Predicted) -> Array:
+    def log_engaged(self, p: Predicted) -> Array:
         """Compute the log probability of the numbers that engaged, (m,)."""
-        return np.asarray(self._log_engaged.at(p.engaged).sum(axis=1))
+        return np.asarray(self._engaged.at(p.engaged).sum(axis=1))
 
     @cached_property
-    def _log_engaged(self) -> _Table:
+    def _engaged(self) -> _Table:
         tried = self.seen.engaged + self.seen.failed
         return self._log_counts(self.seen.engaged, tried)
 

@@ -135,7 +135,7 @@ def test_numbers_engaged_are_beta_binomial() -> None:
     known = USUAL.late_known
     exact = [stats.betabinom(n, known * 0.8, known * 0.2).logpmf(k) for n, k in ((5, 3), (10, 9))]
     # Between the shares of its table the log probability errs by less than a thousandth.
-    assert likelihood_of(seen)._engaged(p)[0] == pytest.approx(sum(exact), abs=1e-3)
+    assert likelihood_of(seen).log_engaged(p)[0] == pytest.approx(sum(exact), abs=1e-3)
 
 
 def test_a_drift_is_that_of_generalised_least_squares() -> None:
