@@ -228,7 +228,7 @@ def found() -> str:
          f"fast shifts that skip no slot take {short[-2]:.2f} of the published times; the end of a "
          "shift is not published"),
         ("Why is the stand slower by a tenth of a second?", *_stand()),
-        (f"Is the diagnosis right? ({field('processor time of a decision, s').split()[-1]} sealed "
+        (f"Is the diagnosis right? ({field('processor time of a decision, s').split()[-1]} "
          "cases of two engines, one of them foreign, and three clutches)", *_diagnosis()),
     ]  # fmt: skip
     return markdown(("question", "found", "but"), rows)
