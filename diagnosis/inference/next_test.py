@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
-from scipy.special import rel_entr
+from scipy.special import entr, rel_entr
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
@@ -68,7 +68,6 @@ RECORD = {  #: questions about the record
     ),
     "empty_cells": ("shifts without a time", "Look up whether they were tried and failed."),
 }
-TINY = 1e-300  #: probability, at least
 EDGE = 0.02  #: least share of shifts that engage or fail, and its simulated error
 STEP = 1e-3  #: s, sampling step of a recording
 MARK_SIZES = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
@@ -318,8 +317,8 @@ def _questions(diagnosis: Findings) -> list[NextTest]:
         chance = chance / chance.sum()
         every = {h for one in answers for h in one.posterior}
         after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
-        # A probability that underflows in the mean over the answers would tell infinitely much.
-        gain = (rel_entr(after, np.maximum(chance @ after, TINY)) * chance[:, None]).sum()
+        # No answer tells more than there is to learn of it, whatever underflows.
+        gain = min((rel_entr(after, chance @ after) * chance[:, None]).sum(), entr(chance).sum())
         best, named = after.max(axis=1), after.max(axis=1) > diagnosis.settings.named
         right, wrong = (float(chance @ (named * one)) for one in (best, 1.0 - best))
         name, how = RECORD[key]
