@@ -12,17 +12,17 @@ diagnoses, from which a stopped run goes on.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
 import numpy as np
-from joblib import Parallel, delayed
 
+from benchmarks.kept_rows import kept_rows
 from dogshape.diagnosis import diagnosis
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.likelihood.observed import Observed
@@ -39,6 +39,7 @@ SHOWN += ("sizes", "cpu_s")
 LEAST = 1e-3  #: probability of a truth that counts as not seen
 NEVER = 1e-300  #: probability of what is left out
 
+Record = dict[str, Any]  #: a diagnosis, or the truths of a key
 Patch = tuple[Any, str, Any]  #: module, name and value
 
 
@@ -95,7 +96,7 @@ def with_wrong_entry(bench: Bench, seed: int) -> Bench:
     return replace(bench, cells=tuple(cells))
 
 
-def found(part: int, folder: Path, name: str, truth: dict[str, Any]) -> dict[str, Any]:
+def found(folder: Path, truths: Record, part: int, name: str) -> Record:
     """Diagnose a case without a part: its record."""
     one = PARTS[part]
     means = Means(jobs=1, engine=ENGINE, settings=replace(USUAL, **one.settings))
@@ -104,32 +105,22 @@ def found(part: int, folder: Path, name: str, truth: dict[str, Any]) -> dict[str
             stack.enter_context(patch.object(*place))
         bench = load_bench(folder / "cases" / name)
         if one.wrong:
-            bench = with_wrong_entry(bench, truth["seed"])
+            bench = with_wrong_entry(bench, truths[name]["seed"])
         record = diagnosed(bench, means).to_dict()
     keys = ("hypotheses", "verdict", "causes", "credible_set", "next_test", "seconds")
     return {key: record[key] for key in keys}
 
 
-def kept_of(folder: Path, names: Sequence[str], truths: Any, jobs: int, path: Path) -> Any:
-    """Diagnose the cases without each part; take what the file has: marks by part and case."""
-    records: dict[tuple[int, str], Any] = {}
-    path.parent.mkdir(parents=True, exist_ok=True)
-    if path.exists():
-        rows = [json.loads(line) for line in path.read_text(encoding="utf-8").splitlines()]
-        records = {(row["part"], row["case"]): row["record"] for row in rows}
-    left = [(k, n) for k in range(len(PARTS)) for n in names if (k, n) not in records]
-    pool = Parallel(n_jobs=jobs, return_as="generator")
-    every = pool(delayed(found)(k, folder, n, truths[n]) for k, n in left)
-    with path.open("a", encoding="utf-8") as file:
-        for (k, n), record in zip(left, every, strict=True):
-            records[k, n] = record
-            file.write(json.dumps({"part": k, "case": n, "record": record}) + "\n")
-            file.flush()
+def marks_of(
+    folder: Path, names: Sequence[str], truths: Record, jobs: int, path: Path
+) -> dict[tuple[int, str], Mark]:
+    """Diagnose the cases without each part, but for what the file has: marks by part and case."""
+    keys = [(part, name) for part in range(len(PARTS)) for name in names]
+    records = kept_rows(path, keys, partial(found, folder, truths), jobs)
+    results = {key: {"diagnosis": one, "cpu_s": one["seconds"]} for key, one in records.items()}
     return {
-        (k, n): mark_of(
-            folder, n, truths[n], {"diagnosis": record, "cpu_s": record["seconds"]}, lambda *_: None
-        )
-        for (k, n), record in records.items()
+        (part, name): mark_of(folder, name, truths[name], results[part, name], lambda *_: None)
+        for part, name in keys
     }
 
 
@@ -148,7 +139,7 @@ def main() -> None:
     given = parser.parse_args()
     truths = opened(given.folder)["cases"]
     names = np.random.default_rng(1).permutation(sorted(truths))[: given.cases].tolist()
-    marks = kept_of(given.folder, names, truths, given.jobs, given.kept)
+    marks = marks_of(given.folder, names, truths, given.jobs, given.kept)
     scores = np.array([[log_score(marks[k, n]) for n in names] for k in range(len(PARTS))])
     plain = {wrong: scores[[one.wrong for one in PARTS].index(wrong)] for wrong in (False, True)}
     print(f"{len(names)} cases\n")

@@ -12,16 +12,16 @@ which a stopped run goes on.
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from joblib import Parallel, delayed
 from scipy.stats import kstest
 
+from benchmarks.kept_rows import kept_rows
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.reading import Cell, Reading
 from dogshape.diagnosis.bench.record import BenchRecord
@@ -232,29 +232,18 @@ def figures(truth: Truth, found: Diagnosis) -> Answer:
     )
 
 
-def one(seed: int, bank: Path) -> tuple[int, Answer]:
+def one(bank: Path, seed: int) -> dict[str, Any]:
     """Draw and diagnose a set of the world."""
-    # A worker process finds a cache by its module, which here is another one's main program.
-    from benchmarks.self_consistency import world  # noqa: PLC0415
+    # A worker process finds caches by their module, which here is another one's main program.
+    from benchmarks import self_consistency as module  # noqa: PLC0415
 
-    return seed, answer(*world(bank), seed)
+    return asdict(module.answer(*module.world(bank), seed))
 
 
 def answers(count: int, jobs: int, kept: Path, bank: Path) -> list[Answer]:
     """Diagnose so many sets; take those that a file has."""
-    known: dict[int, Answer] = {}
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    if kept.exists():
-        rows = [json.loads(line) for line in kept.read_text(encoding="utf-8").splitlines()]
-        known = {row.pop("seed"): Answer(**row) for row in rows}
-    left = [seed for seed in range(count) if seed not in known]
-    pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
-    with kept.open("a", encoding="utf-8") as file:
-        for seed, found in pool(delayed(one)(seed, bank) for seed in left):
-            known[seed] = found
-            file.write(json.dumps({"seed": seed, **asdict(found)}) + "\n")
-            file.flush()
-    return [known[seed] for seed in sorted(known) if seed < count]
+    rows = kept_rows(kept, [(seed,) for seed in range(count)], partial(one, bank), jobs)
+    return [Answer(**row) for row in rows.values()]
 
 
 def in_set(one: Answer, level: float = 0.9) -> bool:

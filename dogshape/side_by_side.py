@@ -116,9 +116,9 @@ def _differing(studies: Sequence[Setup]) -> list[dict[str, Any]]:
     """Select the dotted keys of study files that differ, with the value of each study."""
     files = [comparable(study.file) for study in studies]
     flat = [_flat({k: v for k, v in file.items() if k not in APART}) for file in files]
-    every = dict.fromkeys(key for one in flat for key in one)
-    values = {key: [one.get(key) for one in flat] for key in every}
-    unlike = [k for k, told in values.items() if len(set(map(json.dumps, told))) > 1]
+    keys = dict.fromkeys(key for one in flat for key in one)
+    values = {key: [one.get(key) for one in flat] for key in keys}
+    unlike = [k for k, every in values.items() if len(set(map(json.dumps, every))) > 1]
     return [{key: values[key][index] for key in unlike} for index in range(len(studies))]
 
 

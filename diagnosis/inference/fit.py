@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -83,41 +83,39 @@ def fit(likelihood: Likelihood, sample: Sample, flights: Flights) -> Fit:
     """Draw the posterior of a hypothesis."""
     generator = np.random.default_rng(1)
     places = sample.draw(DRAWN, generator)
-    predicted = sample.predicted.only(places)
+    predicted, shares = sample.predicted.only(places), sample.shares[places]
     amplitude, offset = likelihood.drawn(predicted, generator)
-    found = Fit(
+    space = likelihood.model.space(sample.hypothesis)
+    some = np.linspace(0, DRAWN - 1, CHECKED).astype(int)
+    values = space.values(shares[some])
+    marks = flight_scores(likelihood.seen.flights, flights, space.hypothesis, values)
+    return Fit(
         sample.hypothesis,
-        likelihood.model.space(sample.hypothesis),
-        sample.shares[places],
+        space,
+        shares,
         predicted,
         amplitude,
         offset,
         sample.log_evidence,
         sample.error,
-        np.nan,
+        predictive_p(likelihood, predicted.only(some), amplitude[some], marks),
     )
-    return replace(found, p=predictive_p(likelihood, found, flights))
 
 
-def predictive_p(likelihood: Likelihood, one: Fit, flights: Flights) -> float:
+def predictive_p(likelihood: Likelihood, p: Predicted, amplitude: Array, marks: Array) -> float:
     """Compute the p-value of the squared distance of means, spreads and marks, mean over draws.
 
     The true values and a draw of their posterior have the same distribution together with the data,
     so the distance at a draw is chi-square with all observations as degrees of freedom (Johnson
-    2004, A Bayesian chi-squared test for goodness-of-fit, Annals of Statistics 32).
+    2004, A Bayesian chi-squared test for goodness-of-fit, Annals of Statistics 32). ``marks`` are
+    normal deviates of the marks of each profile, (m, profiles).
     """
-    some = np.linspace(0, len(one.amplitude) - 1, CHECKED).astype(int)
-    p = one.predicted.only(some)
     found = likelihood.terms(p)
     simulated = (p.mean - p.delay)[..., None]
-    smooth = one.amplitude[some, None, None] * simulated * likelihood.smooth
+    smooth = amplitude[:, None, None] * simulated * likelihood.smooth
     columns = np.concatenate([smooth, likelihood.columns(p)], axis=2)[:, likelihood.having]
     distance = squared_distance(found.residual, found.variance, columns)
     spread = likelihood.spread_scores(p)
-    distance = distance + np.nansum(spread**2, axis=1)
-    count = found.residual.shape[1] + np.isfinite(spread[0]).sum()
-    seen = likelihood.seen.flights
-    if seen:
-        marks = flight_scores(seen, flights, one.space.hypothesis, one.values[some])
-        distance, count = distance + (marks**2).sum(axis=1), count + len(seen)
+    distance = distance + np.nansum(spread**2, axis=1) + (marks**2).sum(axis=1)
+    count = found.residual.shape[1] + np.isfinite(spread[0]).sum() + marks.shape[1]
     return float(chi2.sf(distance, count).mean())

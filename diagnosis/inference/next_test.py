@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal, Protocol
 
 import numpy as np
-from scipy.special import entr, rel_entr
+from scipy.special import rel_entr
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
@@ -317,8 +317,7 @@ def _questions(diagnosis: Findings) -> list[NextTest]:
         chance = chance / chance.sum()
         every = {h for one in answers for h in one.posterior}
         after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
-        # No answer tells more than there is to learn of it, whatever underflows.
-        gain = min((rel_entr(after, chance @ after) * chance[:, None]).sum(), entr(chance).sum())
+        gain = (rel_entr(after, chance @ after) * chance[:, None]).sum()
         best, named = after.max(axis=1), after.max(axis=1) > diagnosis.settings.named
         right, wrong = (float(chance @ (named * one)) for one in (best, 1.0 - best))
         name, how = RECORD[key]

@@ -192,12 +192,9 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
         search.refine(0, thirds)
         search.refine(1, thirds)
     search.refine(2)
-    found = Ranking(search.likelihood, search.samples, search.priors, 0.0)
-    priors = {
-        **search.priors,
-        UNKNOWN: log_prior(UNKNOWN, likelihood.model, likelihood.settings, 0.0),
-    }
-    return replace(found, log_prior=priors, log_unknown=_unlisted(search) + beside)
+    unknown = log_prior(UNKNOWN, likelihood.model, likelihood.settings, 0.0)
+    priors = {**search.priors, UNKNOWN: unknown}
+    return Ranking(likelihood, search.samples, priors, _unlisted(search) + beside)
 
 
 def _unlisted(search: _Search) -> float:

@@ -35,11 +35,14 @@ def unseen(
 def seen_apart(shares: Unseen, raw: Mapping[Hypothesis, float]) -> Probabilities:
     """Count what the data cannot show as absent: probabilities, the largest first."""
     found = dict(raw)
-    for h in sorted(raw, key=lambda h: -len(h)):
+    for smaller in (s for parts in shares.values() for s in parts):
+        found.setdefault(smaller, 0.0)
+    for h in sorted(found, key=lambda h: -len(h)):
         whole = found[h]
         for smaller, share in shares.get(h, {}).items():
             found[smaller] += whole * share
             found[h] -= whole * share
+        found[h] = max(0.0, found[h])  # shares of one may leave less than none by rounding
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 

@@ -221,7 +221,7 @@ class Likelihood:
         timely = np.where(part == 0.0, self._scatter(q)[:, at], single)
         scatter = timely * (1.0 - part) + part * behind_sd**2
         scatter = scatter / self.seen.count[self.having][at]
-        number = options.log_number.at(q.late[:, at])
+        number = options.log_number.at(q.late, at)
         mixed = single * (1.0 - part) + part * behind_sd**2 + part * (1.0 - part) * behind**2
         weight = number + self._spread(q, mixed)
 
@@ -330,8 +330,11 @@ class Likelihood:
 
     def log_failed(self, p: Predicted) -> Array:
         """Compute the log probability that all untold shifts were tried and failed, (m,)."""
-        untold = self.seen.untold
-        return np.asarray(self._log_counts(0.0 * untold, untold).at(p.engaged).sum(axis=1))
+        return np.asarray(self._failed.at(p.engaged).sum(axis=1))
+
+    @cached_property
+    def _failed(self) -> _Table:
+        return self._log_counts(0.0 * self.seen.untold, self.seen.untold)
 
     def late_mean(self, p: Predicted) -> Array:
         """Compute the mean of all shifts, late ones too, s, (m, C)."""
@@ -402,12 +405,13 @@ class _Table:
     high: float
     values: Array
 
-    def at(self, share: Array) -> Array:
-        """Interpolate at shares (m, P), each for its function, (m, P)."""
+    def at(self, share: Array, which: np.ndarray | slice = slice(None)) -> Array:
+        """Interpolate at shares (m, c), of which each function has the one at ``which``, (m, P)."""
         low, high = logit(self.low), logit(self.high)
         place = (logit(np.clip(share, self.low, self.high)) - low) * ((TABLE - 1) / (high - low))
+        place = place[:, which]
         below = np.clip(place.astype(int), 0, TABLE - 2)
-        columns = np.arange(share.shape[1])
+        columns = np.arange(place.shape[1])
         first, second = self.values[below, columns], self.values[below + 1, columns]
         return np.asarray(first + (place - below) * (second - first))
 

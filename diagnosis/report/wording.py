@@ -89,14 +89,12 @@ def headline(
         return "Unknown: no known effect explains the gap"
     if names:
         return f"Part of the cause: {names}; the rest is open"
-    known = [set(h) for h in credible if h not in (NONE, UNKNOWN)]
-    common = set.intersection(*known) if known else set()
+    known = [h for h in credible if h not in (NONE, UNKNOWN)]
+    common = set.intersection(*map(set, known)) if known else set()
     if len(known) < 2 or not common:
         more = " and others" if len(credible) > MOST else ""
         return f"Open: {listed([plain(h, effects) for h in credible[:MOST]], 'or')}{more}"
-    others = dict.fromkeys(
-        name for h in credible for name in h if name in set.union(*known) - common
-    )
+    others = dict.fromkeys(name for h in known for name in h if name not in common)
     beside = listed([effects[name].plain for name in [*others][:MOST]], "or")
     rest = [f", or {plain(h, effects)}" for h in (NONE, UNKNOWN) if h in credible]
     whole = listed([effects[name].plain for name in sorted(common)])

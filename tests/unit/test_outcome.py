@@ -10,6 +10,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from dogshape.diagnosis.inference.outcome import Outcome, smoothed
+from dogshape.diagnosis.inference.visible import seen_apart
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 
 LAG, MASS = ("actuation_lag",), ("moving_mass",)
@@ -170,3 +171,19 @@ def test_a_value_that_is_not_shown_does_not_count() -> None:
     second = both.only(np.array([False, True]))
     after = second.after(_before(0.5, 0.5), second.log_density(np.array([[3.0]])), 0.0)[0]
     assert after[1] / after[0] == pytest.approx(np.exp(2.5))
+
+
+def test_no_probability_is_negative_where_all_draws_count_as_absent() -> None:
+    """The shares 0.3, 0.6 and 0.1 leave -3e-17 of 1."""
+    pair = ("actuation_delay", "drag_torque")
+    shares = {pair: {pair[:1]: 0.3, pair[1:]: 0.6, NONE: 0.1}}
+    raw = {pair: 1.0, pair[:1]: 0.0, pair[1:]: 0.0, NONE: 0.0}
+    found = seen_apart(shares, raw)
+    assert found[pair] == 0.0
+    assert sum(found.values()) == pytest.approx(1.0)
+
+
+def test_what_one_meaning_of_the_record_left_out_may_take_the_share_of_a_larger_set() -> None:
+    """Under each meaning other sets are worth their evidence."""
+    pair, lag = ("actuation_lag", "moving_mass"), ("actuation_lag",)
+    assert seen_apart({pair: {lag: 0.25}}, {pair: 1.0}) == {pair: 0.75, lag: 0.25}
