@@ -90,7 +90,10 @@ class Settings:
         "probability", "that an effect is part of the cause", "judged",
         "every actuator has a dead time, every ring rubs on its shaft, cables and levers give way",
     )  # fmt: skip
-    rare: float = constant(0.05, "probability", "the same of any other effect", "judged", "")
+    rare: float = constant(
+        0.03, "probability", "the same of any other effect", "judged",
+        "of fifteen such effects one acts on every other stand",
+    )  # fmt: skip
     most: int = constant(3, "effects", "that act at once", "judged", "of four some always fit")
     unlisted: float = constant(
         0.15, "probability", "of *unknown*", "judged", "no list of effects is complete"

@@ -2,8 +2,7 @@
 
 Each effect is part of the cause or not by itself, with its own prior; at most three act at once.
 Which sets are computed never changes a prior. All single effects and pairs are screened by prior
-draws, the plausible ones refined. Plausible sets of several effects are simulated together at their
-most promising draws before any is judged, so that no hypothesis pays for what was not simulated.
+draws, sets of three around the draws of their pairs; the plausible ones are refined.
 *Unknown* adds a gap of larger amplitude to what any single effect or leading pair predicts.
 """
 
@@ -18,7 +17,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.sense import REVERSED, forward, turned
-from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened
+from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened, widened
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings
@@ -29,7 +28,7 @@ from dogshape.diagnosis.terms import UNKNOWN, Array, Hypothesis
 STEPS = ((25.0, 72, 1), (14.0, 32, 2), (8.0, 12, 5))
 SLACK = 0.05  #: of the predicted time, gap that errors of emulation may explain in the screening
 ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
-FOR_THIRD, THIRDS = 6.0, 4  #: nats within which pairs are tried with a third effect, and how many
+FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
 
@@ -153,23 +152,23 @@ class _Search:
                 self.likelihood, self.samples[h], self.more, rounds, self.generator
             )
 
-    def thirds(self) -> list[Hypothesis]:
-        """List sets of three effects that have a plausible pair within."""
-        pairs = [h for h in self.samples if len(forward(h)) == 2]
+    def widen(self) -> list[Hypothesis]:
+        """Sample the sets of three effects that have a plausible pair within, and list them."""
         top = max(self.value(h) for h in self.samples)
-        near = [
-            h
-            for h in sorted(pairs, key=lambda h: -self.value(h))
-            if self.value(h) > top - FOR_THIRD
-        ]
-        known = set(hypotheses_of(self.likelihood.model, 3))
-        wider = (
-            tuple(sorted((*h, name)))
-            for h in near[:THIRDS]
-            for name in self.likelihood.model.effects
-            if name not in h
-        )
-        return [h for h in dict.fromkeys(wider) if h in known]
+        within, promise = dict[Hypothesis, list[Sample]](), dict[Hypothesis, float]()
+        for h in hypotheses_of(self.likelihood.model, 3):
+            pairs = [tuple(n for n in h if n != name) for name in forward(h)]
+            parts = [self.samples[p] for p in pairs if p in self.samples]
+            parts = [one for one in parts if np.isfinite(one.log_evidence)]
+            prior = log_prior(h, self.likelihood.model, self.likelihood.settings, self.reversed_)
+            best = max((one.log_evidence for one in parts), default=-np.inf)
+            if best + prior > top - FOR_THIRD:
+                within[h], promise[h], self.priors[h] = parts, best + prior, prior
+        chosen = sorted(promise, key=lambda h: -promise[h])[:THIRDS]
+        parts_of = {h: within[h] for h in chosen}
+        for one in widened(self.likelihood, parts_of, self.more, self.generator):
+            self.samples[one.hypothesis] = one
+        return chosen
 
 
 def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) -> Ranking:
@@ -187,8 +186,7 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     search.refine(0)
     search.refine(1)
     if likelihood.settings.most > 2:
-        thirds = search.thirds()
-        search.screen(thirds)
+        thirds = search.widen()
         search.refine(0, thirds)
         search.refine(1, thirds)
     search.refine(2)

@@ -1,20 +1,23 @@
 """Evidence and posterior of one hypothesis by importance sampling over its ranges.
 
 Prior draws are a Sobol sequence in the unit cube of shares. Those whose means lie nearest to the
-data get their likelihood; the others are taken to have none. Rounds of Student distributions around
-the weighted draws follow, all draws weighted by the mixture of everything they were drawn from.
+data get their likelihood; the others are taken to have none. A wider hypothesis is drawn around the
+draws of its parts instead. Rounds of proposals around the weighted draws follow, all draws weighted
+by the mixture of everything they were drawn from.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
+from scipy.spatial.distance import cdist
 from scipy.special import gammaln, logsumexp
 from scipy.stats import qmc
 
+from dogshape.diagnosis.bench.sense import forward
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.terms import Array, Hypothesis
@@ -26,10 +29,63 @@ BATCH = 12  #: hypotheses whose draws get their likelihood at once
 ROUND = 192  #: draws of a round
 FREEDOM = 5.0  #: of the Student distribution
 WIDE = 1.5  #: of its covariance over that of the draws
+CENTRES = 16  #: of a proposal
+WIDENED, BESIDE = 24, 8  #: draws around each part of a wider hypothesis, and of its prior
 ENOUGH = 150.0  #: effective draws
 FLAT = 60.0  #: effective draws below which weights are flattened for a proposal
 
 More = Callable[[Hypothesis, Array], Array]  #: log likelihood of what is known beside the shifts
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Mixture of Student distributions around draws (West 1993, J. R. Stat. Soc. B 55).
+
+    Parameters
+    ----------
+    centres : (K, p).
+    root : Cholesky factor of the covariance of each, (p, p).
+    columns : those of the shares, (p,); the others are uniform.
+    count : number of draws from it.
+    """
+
+    centres: Array
+    root: Array
+    columns: np.ndarray
+    count: int = ROUND
+
+    @classmethod
+    def around(cls, sample: Sample) -> Proposal:
+        """Place the centres at draws by their weights, flattened where few draws count."""
+        log = sample.log_weights - sample.log_weights.max()
+        weights = np.exp(min(1.0, max(0.15, sample.effective / FLAT)) * log)
+        weights /= weights.sum()
+        apart = sample.shares - weights @ sample.shares
+        size = apart.shape[1]
+        narrow = (4.0 / (CENTRES * (size + 2.0))) ** (2.0 / (size + 4.0))
+        covariance = narrow * WIDE * (apart.T * weights) @ apart + 1e-6 * np.eye(size)
+        steps = (np.arange(CENTRES) + 0.5) / CENTRES
+        places = np.minimum(np.searchsorted(weights.cumsum(), steps), len(log) - 1)
+        return cls(sample.shares[places], np.linalg.cholesky(covariance), np.arange(size))
+
+    def draw(self, size: int, generator: np.random.Generator) -> Array:
+        """Draw shares of so many parameters, those within their ranges, (n, size)."""
+        shares = generator.random((self.count, size))
+        normal = generator.standard_normal((self.count, len(self.root)))
+        scale = np.sqrt(generator.chisquare(FREEDOM, (self.count, 1)) / FREEDOM)
+        around = self.centres[np.arange(self.count) % len(self.centres)]
+        shares[:, self.columns] = around + (normal / scale) @ self.root.T
+        return np.asarray(shares[((shares > 0.0) & (shares < 1.0)).all(axis=1)])
+
+    def log_density(self, shares: Array) -> Array:
+        """Compute the log of the density, (n,)."""
+        size = len(self.root)
+        inverse = np.linalg.inv(self.root).T
+        squares = cdist(shares[:, self.columns] @ inverse, self.centres @ inverse, "sqeuclidean")
+        constant = gammaln(0.5 * (FREEDOM + size)) - gammaln(0.5 * FREEDOM)
+        constant -= 0.5 * size * np.log(FREEDOM * np.pi) + np.log(np.diag(self.root)).sum()
+        tail = np.exp(-0.5 * (FREEDOM + size) * np.log1p(squares / FREEDOM))
+        return np.asarray(constant + np.log(tail.mean(axis=1)))
 
 
 @dataclass(frozen=True)
@@ -40,7 +96,8 @@ class Sample:
     ----------
     shares, predicted : of n draws.
     log : log likelihood, (n,).
-    drawn : number of prior draws, and proposals with their numbers.
+    drawn : number of prior draws.
+    proposals : of the other draws.
     """
 
     hypothesis: Hypothesis
@@ -48,19 +105,13 @@ class Sample:
     predicted: Predicted
     log: Array
     drawn: int
-    proposals: tuple[tuple[Array, Array, int], ...] = field(default=())
+    proposals: tuple[Proposal, ...] = field(default=())
 
     @cached_property
     def log_density(self) -> Array:
         """Log of what the draws were drawn from, times their number, (n,)."""
-        size = self.shares.shape[1]
         parts = [np.full(len(self.shares), np.log(self.drawn))]
-        for mean, root, count in self.proposals:
-            scaled = np.linalg.solve(root, (self.shares - mean).T)
-            constant = gammaln(0.5 * (FREEDOM + size)) - gammaln(0.5 * FREEDOM)
-            constant -= 0.5 * size * np.log(FREEDOM * np.pi) + np.log(np.diag(root)).sum()
-            tail = 0.5 * (FREEDOM + size) * np.log1p((scaled**2).sum(axis=0) / FREEDOM)
-            parts.append(np.log(count) + constant - tail)
+        parts += [np.log(one.count) + one.log_density(self.shares) for one in self.proposals]
         return np.asarray(logsumexp(parts, axis=0))
 
     @cached_property
@@ -143,19 +194,49 @@ def _nearest(
     return shares[near], p.only(near), len(shares)
 
 
+def widened(
+    likelihood: Likelihood,
+    within: Mapping[Hypothesis, Sequence[Sample]],
+    more: More,
+    generator: np.random.Generator,
+) -> Iterator[Sample]:
+    """Sample hypotheses around the draws of parts of them, some hypotheses at once.
+
+    Effects beyond a part have their prior. A few draws of the prior stand beside.
+    """
+    for start in range(0, len(within), BATCH):
+        some = []
+        for h, parts in list(within.items())[start : start + BATCH]:
+            space = likelihood.model.space(h)
+            size = len(space.parameters)
+            proposals = tuple(
+                replace(
+                    Proposal.around(one),
+                    columns=np.r_[tuple(space.columns(name) for name in forward(one.hypothesis))],
+                    count=WIDENED,
+                )
+                for one in parts
+            )
+            drawn = [one.draw(size, generator) for one in proposals]
+            shares = np.vstack([generator.random((BESIDE, size)), *drawn])
+            some.append((h, shares, proposals, likelihood.model.predict(h, shares)))
+        log = likelihood.terms(Predicted.joined([p for *_, p in some])).log
+        ends = np.cumsum([len(p.mean) for *_, p in some])[:-1]
+        for (h, shares, proposals, p), mine in zip(some, np.split(log, ends), strict=True):
+            possible = likelihood.model.possible(h, shares)
+            beside = np.where(possible, mine + more(h, shares), -np.inf)
+            yield Sample(h, shares, p, beside, BESIDE, proposals)
+
+
 def refined(
     likelihood: Likelihood, sample: Sample, more: More, rounds: int, generator: np.random.Generator
 ) -> Sample:
     """Add rounds of draws around the weighted ones, until enough count."""
-    size = sample.shares.shape[1]
-    for _ in range(rounds if size else 0):
+    for _ in range(rounds if sample.shares.shape[1] else 0):
         if sample.effective > ENOUGH or not np.isfinite(sample.log_evidence):
             break
-        mean, root = _proposal(sample)
-        normal = generator.standard_normal((ROUND, size))
-        scale = np.sqrt(generator.chisquare(FREEDOM, (ROUND, 1)) / FREEDOM)
-        drawn = mean + (normal / scale) @ root.T
-        shares = drawn[((drawn > 0.0) & (drawn < 1.0)).all(axis=1)]
+        proposal = Proposal.around(sample)
+        shares = proposal.draw(sample.shares.shape[1], generator)
         if not len(shares):
             break
         p = likelihood.model.predict(sample.hypothesis, shares)
@@ -166,18 +247,6 @@ def refined(
             Predicted.joined([sample.predicted, p]),
             np.concatenate([sample.log, log]),
             sample.drawn,
-            (*sample.proposals, (mean, root, ROUND)),
+            (*sample.proposals, proposal),
         )
     return sample
-
-
-def _proposal(sample: Sample) -> tuple[Array, Array]:
-    """Compute place and root of the covariance of a round."""
-    log = sample.log_weights - sample.log_weights.max()
-    flat = min(1.0, max(0.15, sample.effective / FLAT))
-    weights = np.exp(flat * log)
-    weights /= weights.sum()
-    mean = weights @ sample.shares
-    apart = sample.shares - mean
-    covariance = WIDE * (apart.T * weights) @ apart + 1e-6 * np.eye(len(mean))
-    return mean, np.asarray(np.linalg.cholesky(covariance))

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 from dogshape.diagnosis.inference.fit import fit
 from dogshape.diagnosis.inference.held_out import left_out
 from dogshape.diagnosis.inference.ranking import _Search, _unlisted, log_prior
-from dogshape.diagnosis.inference.sampling import Sample, refined, screened
+from dogshape.diagnosis.inference.sampling import Sample, refined, screened, widened
 from dogshape.diagnosis.likelihood.likelihood import NODES, Likelihood, node_weights
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.flights import Flights
@@ -71,6 +71,19 @@ def test_evidence_is_that_of_quadrature(hypothesis: Hypothesis, count: int, shar
     mean = one.weights @ one.shares
     spread = np.sqrt(weights @ (shares - weights @ shares) ** 2)
     assert mean == pytest.approx(weights @ shares, abs=0.25 * spread.max())
+
+
+@pytest.mark.parametrize("share", [0.3, 0.75])
+def test_evidence_around_the_parts_is_that_of_quadrature(share: float) -> None:
+    likelihood = likelihood_with(share)
+    log = likelihood.terms(likelihood.model.predict(BOTH, grid(2, 40))).log
+    parts = [sample_of(likelihood, LAG), sample_of(likelihood, MASS)]
+    rng = np.random.default_rng(3)
+    (one,) = widened(likelihood, {BOTH: parts}, nothing, rng)
+    more = refined(likelihood, one, nothing, 4, rng)
+    exact = float(logsumexp(log)) - math.log(len(log))
+    assert more.log_evidence == pytest.approx(exact, abs=max(3.0 * more.error, 0.1))
+    assert one.log_evidence == pytest.approx(exact, abs=max(4.0 * one.error, 0.5))
 
 
 @pytest.mark.slow
