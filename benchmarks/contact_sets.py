@@ -23,7 +23,6 @@ from benchmarks.common import kept, paper_study
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
 from dogshape.sim.statistics.expectation import Expectation
@@ -77,9 +76,8 @@ def expectations(
     study: Setup, designs: Designs, angles: int, executor: Executor
 ) -> dict[str, Expectation]:
     """Return the expected shift time of each design."""
-    dogs = [study.dog_with(params) for params in designs.values()]
-    plans = [whole_plan(study, angles)] * len(dogs)
-    found = evaluate(study, dogs, executor, plans, study.file.expectation.seed + 2 * NEW_ANGLES)
+    seed = study.file.expectation.seed + 2 * NEW_ANGLES
+    found = evaluate(study, [*designs.values()], executor, angles, seed)
     return {name: one.expectation for name, one in zip(designs, found, strict=True)}
 
 

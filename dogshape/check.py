@@ -234,12 +234,10 @@ def simulate_quickly(config: Setup) -> Quick:
     # Half a second that an answer of the surrogate does not need.
     from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
     from dogshape.pipeline.simulate.executor import scratch_executor  # noqa: PLC0415
-    from dogshape.pipeline.simulate.point_plans import whole_plan  # noqa: PLC0415
 
-    quick = replace(config, clutch=config.clutch.with_engine("planar"))
     angles = max(SHIFTS // len(config.points), LEAST_ANGLES)
-    plan, seed = whole_plan(quick, angles), config.file.expectation.seed
-    one = evaluate(quick, [config.clutch.dog], scratch_executor(1), [plan], seed)[0]
+    seed = config.file.expectation.seed
+    (one,) = evaluate(config.in_engine("planar"), [{}], scratch_executor(1), angles, seed)
     found = one.expectation
     mix = mix_over(config, config.points)
     lost = np.array([p.lost for p in found.points])

@@ -93,7 +93,7 @@ def simulate_mean(
     angles: int | Sequence[float] | None = None,
     precision: float | None = None,
 ) -> Expectation:
-    """Simulate the expected shift time.
+    """Simulate the expected shift time: in the compiled engine, unless the study names another.
 
     Parameters
     ----------
@@ -108,6 +108,7 @@ def simulate_mean(
     InputError, GeometryError
         For one half of an operating point, a precision out of range, a dog that cannot be made.
     """
+    config = config.working
     require_makeable(config.clutch.dog, config.limits.manufacturing)
     require_angles(angles)
     if force_rise_s is not None and force_N is None:

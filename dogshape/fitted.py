@@ -13,10 +13,9 @@ from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.pipeline.train.found_surrogates import space_out
-from dogshape.pipeline.train.inquiry import Inquiry
-from dogshape.pipeline.train.training import ask_more, fill, train
+from dogshape.pipeline.train.training import fill, train
 from dogshape.result import Result, ms
-from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.errors import InputError
 from dogshape.study import Study
 from dogshape.surrogate.store import Stored
 
@@ -50,7 +49,7 @@ class Fitted(Result):
             "root-mean-square error": ms(found.rmse_s),
             "within 95 %": f"{found.coverage_95:.0%} of {found.n} designs",
             "designs": self._designs,
-            "shifts": ", ".join(f"{n} of {name}" for name, n in self.engines.items()),
+            "shifts": f"{self.stored.surrogate.data.shifts} of {self.engine}",
         }
 
     @property
@@ -61,27 +60,20 @@ class Fitted(Result):
         return said + own
 
     @property
-    def engines(self) -> dict[str, int]:
-        """Shifts behind the fit by engine, those of references left out."""
-        data = self.stored.surrogate.data
-        own = {"drake": 0, "planar": 0}
-        if data.levels:
-            return {name: data.levels[name] for name in own}
-        return {**own, self.config.clutch.solver.engine: data.shifts}
+    def engine(self) -> str:
+        """Engine that simulated the shifts behind the fit, ``drake`` or ``planar``."""
+        return str(self.stored.surrogate.data.physics.get("engine", "drake"))
 
     def to_dict(self) -> dict[str, Any]:
         """Give the validation, the form, the scores of the forms compared, and the file.
 
-        ``levels`` has the correction of rows in two levels; ``mix_designs`` counts the designs that
-        have all of the study's operating points.
+        ``mix_designs`` counts the designs that have all of the study's operating points.
         """
         own = self.stored.surrogate.own
         return {
             **self.stored.validation.as_dict(),
-            "shifts_drake": self.engines["drake"],
-            "shifts_planar": self.engines["planar"],
+            "engine": self.engine,
             "seconds": self.seconds,
-            "levels": self.stored.surrogate.data.levels,
             "designs": len(self.stored.surrogate.data.designs),
             "mix_designs": 0 if own is None else len(own.x),
             "form": self.stored.surrogate.form,
@@ -100,9 +92,6 @@ def fit(
     *,
     out: str | Path | None = None,
     choose: bool = False,
-    question: str | None = None,
-    shifts: int = 1024,
-    levels: int | None = None,
     jobs: int = 0,
     cluster: str | None = None,
     progress: Progress = SILENT,
@@ -116,22 +105,15 @@ def fit(
     settings : settings of a study that is named, ``["dog.count=18"]``.
     out : file of the surrogate; by default ``surrogate.json`` of the folder.
     choose : whether to compare forms of the model and take the best, minutes.
-    question : ``best``, ``front`` or ``design``, about which more is simulated first.
-    shifts : how many more shifts a question takes.
-    levels : of a study, 2 for rows of the compiled engine that pairs with Drake correct
-        (``pipeline.train.two_level_rows``), 1 for rows of the study's engine; None for what its
-        folder was begun with, else for 2 where the engine is Drake and no question is asked.
 
     Raises
     ------
     InputError
-        For settings of a study that was run, an unknown question, too few designs or pairs,
-        levels that the study cannot have.
+        For settings of a study that was run, or too few designs.
     """
     begun = time.perf_counter()
     target = None if out is None else Path(out)
     require_targets({"--out": target})
-    asked = None if question is None else Inquiry(question, shifts)
     if settings and isinstance(where, Study):
         raise InputError("a Study has its settings already; give them to Study, or name the study")
     folder = None if isinstance(where, Study) else StudyFolder(Path(where))
@@ -139,51 +121,11 @@ def fit(
         config = where.config if isinstance(where, Study) else load_study(where, settings)
         folder = StudyFolder(space_out(config))
         require_variables(config)
-        count = _levels(config, folder, levels, asked)
-        fill(config, folder, jobs, cluster, progress, levels=count)
+        fill(config, folder, jobs, cluster, progress)
     elif settings:
         raise InputError(
             "--set cannot change a study that was run; leave it out, or name the study"
         )
-    elif levels is not None:
-        raise InputError(
-            "--levels cannot change a study that was run; leave it out, or name the study"
-        )
-    if asked is not None:
-        _require_one_level(folder)
-        ask_more(folder, asked, jobs, cluster, progress)
     stored = train(folder, target, choose=choose, say=progress.say)
     seconds = time.perf_counter() - begun
     return Fitted(folder.stored_study(), stored, target or folder.surrogate, seconds)
-
-
-def _levels(config: Setup, folder: StudyFolder, levels: int | None, asked: Inquiry | None) -> int:
-    """Return the number of levels; InputError for one that the study or its folder cannot have."""
-    drake = config.clutch.solver.engine == "drake"
-    before = 2 if folder.compiled.exists() else 1 if folder.shifts.exists() else None
-    if levels is None:
-        return before or (2 if drake and asked is None else 1)
-    if levels == 2 and asked is not None:
-        raise InputError("--question adds rows of one level; leave it out, or give --levels 1")
-    if levels not in (1, 2):
-        raise InputError(refusal("--levels", levels, "", "it must be 1 or 2", "give one of them"))
-    if levels == 2 and not drake:
-        raise InputError(
-            "--levels is 2, but a study of the compiled engine has one level; leave out --levels, "
-            "or give --engine drake"
-        )
-    if before not in (None, levels):
-        raise InputError(
-            f"--levels is {levels}, but {folder.root} was begun with {before}; leave out --levels "
-            "to go on, or remove the folder"
-        )
-    return levels
-
-
-def _require_one_level(folder: StudyFolder) -> None:
-    """Raise InputError for a folder whose rows no question can add to."""
-    if folder.compiled.exists():
-        raise InputError(
-            f"the rows of {folder.root} are of two levels, to which --question adds none; leave it "
-            "out, or remove the folder and fit the study with --levels 1"
-        )

@@ -10,7 +10,6 @@ from dogshape.checked import Checked
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import Design, design_of, margins_within
 from dogshape.pipeline.simulate.evaluation import evaluate
-from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.running import Where
 from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strike_force, strike_torque
@@ -114,6 +113,7 @@ def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Str
     simulate : whether to simulate the hardest landing, dog on dog, of the study's operating points
         and angles; a dog that cannot be made is not simulated.
     """
+    config = config.working
     design = _landed(config, where) if simulate else design_of(config, {})
     shifts = _shifts(config) if simulate else 0
     return Strength(config, design, margins_within(config, design), shifts=shifts)
@@ -129,6 +129,5 @@ def _landed(config: Setup, where: Where) -> Design:
     if not feasible(manufacturing_checks(dog, config.limits.manufacturing)):
         return design_of(config, {})
     with where.executor("strength", (config.config_hash,), _shifts(config)) as running:
-        plans = [whole_plan(config)]
-        (found,) = evaluate(config, [dog], running.executor, plans, settings.seed)
+        (found,) = evaluate(config, [{}], running.executor, settings.angles, settings.seed)
     return design_of(config, {}, found.measured)

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 
-TOLD = ("engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation")
+TOLD = (
+    "engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation", "audit",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,6 +145,9 @@ def search_study(config: Setup, how: Run) -> StudyResult:
         For an unknown objective, or a study without variables.
     StorageError
         For a folder or storage that holds another study, or one that is not to be resumed.
+    EngineError
+        Where the audit of its shifts finds that the compiled engine and Drake do not agree; result
+        and report are written.
     """
     record = run_study(config, how)
     page = how.folder.report if how.report else None

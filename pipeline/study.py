@@ -1,34 +1,21 @@
-"""A whole study: search, confirmation at new angles, surrogate, report."""
+"""A whole study: search, confirmation at new angles, audit in Drake, surrogate, report."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
-from optuna.trial import FrozenTrial
-
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study.study_page import publish
-from dogshape.pipeline.search.confirmation import confirm
-from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
-from dogshape.pipeline.search.front_uncertainty import standings
-from dogshape.pipeline.search.repair import repair
-from dogshape.pipeline.search.rounds import SamplerOf, run
-from dogshape.pipeline.search.samplers import sampler_factory
-from dogshape.pipeline.search.search import Search, open_search
-from dogshape.pipeline.search.state import (
-    SearchState,
-    compiled_of,
-    compiled_shifts,
-    confirmed,
-    measured_of,
-)
+from dogshape.pipeline.search.confirmation import Executors, confirm, shifts_to_confirm
+from dogshape.pipeline.search.search import Search, open_search, run
+from dogshape.pipeline.search.state import SearchState, standings
 from dogshape.pipeline.search.tolerance_effects import smallest_within, spread_record, time_spread
-from dogshape.pipeline.search.trials import UNKNOWN
+from dogshape.pipeline.search.trial import PROTOTYPE, Trial, distinct, simulated_rows
+from dogshape.pipeline.simulate.agreement import Agreement, audit
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -41,19 +28,20 @@ from dogshape.pipeline.simulate.design import (
     objectives_of,
 )
 from dogshape.pipeline.simulate.executor import Executor, connect
-from dogshape.pipeline.simulate.level_times import require_levels
 from dogshape.pipeline.simulate.life import STAGES, life_of
-from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
 from dogshape.pipeline.store.folder import StudyFolder, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.trial_storage import kept
 from dogshape.pipeline.train.training import Say, train
 from dogshape.pipeline.train.training_rows import study_mix
-from dogshape.sim.errors import GeometryError, InputError
+from dogshape.sim.errors import EngineError, GeometryError, InputError
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
 from dogshape.surrogate.model import MIN_DESIGNS
+
+UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
+Record = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 
 
 @dataclass(frozen=True)
@@ -72,21 +60,22 @@ class Run:
     progress: Progress = SILENT
 
 
-def run_study(study: Setup, how: Run) -> dict[str, Any]:
-    """Run or resume a study; give its result, which is also in ``result.json``."""
+def run_study(study: Setup, how: Run) -> Record:
+    """Run or resume a study; give its result, which is also in ``result.json``.
+
+    EngineError, after result and report are written, where its audit finds that the compiled
+    engine and Drake do not agree.
+    """
     objectives_of(study)
     limits_of(study)
     require_variables(study)
-    require_levels(study)
-    guide = DogGuide(study)
-    sampler_of = sampler_factory(study, guide)
-    folder = how.folder
+    folder, say = how.folder, how.progress.say
     connect(how.cluster)
     with folder.writing():
         folder.open(study, how.resume)
-        search = open_search(study, folder, how.storage, how.resume, guide=guide)
+        search = open_search(study.working, folder, how.storage, how.resume)
         with closing(search.claims), kept(how.storage, folder):
-            result, say = _searched(search, sampler_of, how)
+            result = _searched(search, how)
         if result["n_simulated_designs"] >= MIN_DESIGNS:
             _learn(study, folder, result, say)
         else:
@@ -94,46 +83,67 @@ def run_study(study: Setup, how: Run) -> dict[str, Any]:
         write_json(folder.result, result)
         if how.report:
             publish(folder, say)
+    _require_agreement(study, result["audit"])
     return result
 
 
-def _searched(search: Search, sampler_of: SamplerOf, how: Run) -> tuple[dict[str, Any], Say]:
-    """Run a search to its end and confirm its front.
+def _require_agreement(study: Setup, found: Record | None) -> None:
+    """Raise EngineError where the audit of a study finds that its engines do not agree."""
+    if found is not None and not found["agrees"]:
+        raise EngineError(
+            f"the compiled engine and Drake do not agree in the study {study.name}: of "
+            f"{found['shifts']} shifts {found['different_outcomes']} end differently, and the mean "
+            f"time differs by {found['mean_deviation']:+.2%} (s.e. {found['standard_error']:.2%}); "
+            'its result does not hold: give solver.engine = "drake" to simulate all of it in '
+            "Drake"
+        )
 
-    Give the result and how to say more.
-    """
-    folder, journal = how.folder, ShiftJournal(how.folder.shifts)
-    most, words = _most(search)
-    with WorkCounter(how.progress, most, most=True) as progress:
-        progress.say(words)
-        if (angles := search.study.file.search.screen_angles) is not None:
-            progress.say(
-                f"before Drake each design is screened by the compiled engine, {angles} angles at "
-                "every operating point"
-            )
-        if outside := _outside(search.study):
-            progress.say(f"the study's own dog is not among the designs searched: {outside}")
+
+def _searched(search: Search, how: Run) -> Record:
+    """Run a search to its end, confirm its front and audit it; give the result."""
+    folder, study, settings = how.folder, search.study, search.study.file.search
+    journals = ShiftJournal(folder.running), ShiftJournal(folder.shifts)
+    with WorkCounter(how.progress, _most(search), most=True) as counter:
+        counter.say(
+            f"at most {_most(search)} shifts: {settings.trials} designs at "
+            f"{len(study.points)} operating points, then prototype and up to "
+            f"{settings.confirm_designs} of the front at new angles"
+        )
+        if outside := _outside(study):
+            counter.say(f"the study's own dog is not among the designs searched: {outside}")
 
         def after_round(line: str, state: SearchState) -> None:
-            progress.rest(_most(search)[0])
-            progress.say(line)
-            write_json(folder.result, collect(state, journal))
+            counter.rest(_most(search))
+            counter.say(line)
+            write_json(folder.result, collect(state, journals[1]))
 
-        executor = Executor(journal, how.jobs, progress.advance, how.cluster, progress.known)
-        with progress.kept_in(folder.root, "--resume goes on"):
-            findings = repair(search, executor, progress.say)
-            searched = run(search, sampler_of, executor, after_round, findings)
-            confirmation, state = _confirm(searched, executor, progress)
-            life = _life(confirmation, state, executor, progress)
-    if state.shared:
-        searched = search.read(searched.findings)  # with what the others told meanwhile
-    study = search.study
-    if state.shared or study.searches_operation or study.two_levels:  # its shifts do not say it
-        write_json(folder.others, {"rows": searched.rows})
-    result = collect(searched, journal)
+        executors = Executors(
+            *(Executor(j, how.jobs, counter.advance, how.cluster, counter.known) for j in journals)
+        )
+        with counter.kept_in(folder.root, "--resume goes on"):
+            searched = run(search, executors.search, after_round)
+            confirmation, state = _confirm(searched, executors, counter)
+            life = _life(confirmation, state, executors.search, counter)
+            audited = _audit(searched, executors.kept, counter)
+        for journal in journals:
+            journal.say_unfinished(counter.say)
+        executors.search.forget()
+    if search.shared:
+        searched = search.read()  # with what the others told meanwhile
+    confirmed = searched.renew(trial for trial in state.trials if trial.confirmed)
+    write_json(folder.rows, {"rows": simulated_rows(confirmed.simulated)})
+    result = collect(searched, journals[1])
     if confirmation is not None:
-        result |= _of_new_angles(state, confirmation["chosen"])
-    return {**result, "confirmation": confirmation, "life": life}, progress.say
+        rows = rows_of(state)
+        front = [rows[trial.number] for trial in state.front if trial.confirmed]
+        result |= {"best": rows[confirmation["chosen"]], "front": front}
+        result["n_simulated_shifts"] += confirmed_shifts(state, confirmation)
+    return {
+        **result,
+        "confirmation": confirmation,
+        "life": life,
+        "audit": None if audited is None else audited.record,
+    }
 
 
 def _outside(study: Setup) -> str:
@@ -145,38 +155,56 @@ def _outside(study: Setup) -> str:
     )
 
 
-def _of_new_angles(state: SearchState, chosen: int) -> dict[str, Any]:
-    """Record the chosen design and the front by the values of their confirmation."""
-    rows = rows_of(state)
-    front = [rows[trial.number] for trial in state.front if confirmed(trial)]
-    return {"best": rows[chosen], "front": front}
+def _most(search: Search) -> int:
+    """Count the shifts that the rest of a study takes at most."""
+    study = search.study
+    left = max(0, study.file.search.trials - len(search.read().trials))
+    each = len(study.points) * study.file.expectation.angles
+    audited = 0 if study.judging is None else study.file.search.audit_shifts
+    return left * each + shifts_to_confirm(study, study.file.search.confirm_designs) + 2 * audited
+
+
+def _confirm(
+    state: SearchState, executors: Executors, counter: WorkCounter
+) -> tuple[Record | None, SearchState]:
+    def told(count: int, line: str) -> None:
+        counter.rest(shifts_to_confirm(state.study, count))
+        counter.say(line)
+
+    return confirm(state, executors, told)
 
 
 def _life(
-    confirmation: dict[str, Any] | None,
-    state: SearchState,
-    executor: Executor,
-    progress: WorkCounter,
-) -> list[dict[str, Any]] | None:
+    confirmation: Record | None, state: SearchState, executor: Executor, counter: WorkCounter
+) -> list[Record] | None:
     """Simulate the chosen design over its life; None where the study has no wear."""
-    study = state.study
-    wear = wear_of(study.file)
+    study, wear = state.study, wear_of(state.study.file)
     if wear is None or confirmation is None:
         return None
     trial = next(t for t in state.trials if t.number == confirmation["chosen"])
-    each = len(study.points) * study.file.search.confirm_angles
-    progress.rest((len(STAGES) - 1) * each)
-    progress.say(f"design {trial.number} over its life: half worn and worn")
+    counter.rest(len(STAGES) * len(study.points) * study.file.expectation.angles)
+    counter.say(f"design {trial.number} over its life: half worn and worn")
     try:
-        return life_of(study, dict(trial.params), wear, executor)
+        return life_of(study, trial.params, wear, executor)
     except GeometryError as error:
-        progress.say(f"no drift over the life: worn dogs are none: {error}")
+        counter.say(f"no drift over the life: worn dogs are none: {error}")
         return None
 
 
-def _learn(
-    study: Setup, folder: StudyFolder, result: dict[str, Any], say: Callable[[str], None]
-) -> None:
+def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Agreement | None:
+    """Simulate shifts of the search again in Drake; None where Drake does not judge."""
+    study, shifts = state.study, state.study.file.search.audit_shifts
+    designs = [trial.params for trial in distinct(state.simulated)]
+    if study.judging is None or not shifts or not designs:
+        return None
+    counter.rest(2 * shifts)
+    counter.say(f"auditing {shifts} shifts of the search in Drake")
+    found = audit(study, designs, executor, study.judging.clutch, shifts)
+    counter.say(found.words)
+    return found
+
+
+def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
     """Fit the surrogate and add what it says to the result; say why where it cannot be."""
     try:
         stored = train(folder, say=say)
@@ -190,26 +218,8 @@ def _learn(
         row["time_within_tolerances"] = spread_record(spread)
 
 
-def _most(search: Search) -> tuple[int, str]:
-    """Count the shifts that the rest of a study takes at most, and describe them."""
-    study, settings = search.study, search.study.file.search
-    trials = search.trials()
-    left = max(0, settings.trials - len(trials))
-    partial = search.guide is not None and search.guide.partial
-    new = not any(trial.user_attrs.get("prototype") for trial in trials)
-    confirm = settings.confirm_designs
-    most = most_to_search(study, left, partial, left > 0 and new) + most_to_confirm(study, confirm)
-    points = f"{settings.points} of {len(study.points)}" if partial else f"all {len(study.points)}"
-    if study.two_levels:
-        points += f" (Drake at {settings.pair_angles} of {settings.screen_angles} angles of each)"
-    return most, (
-        f"at most {most} shifts: {left} designs at {points} operating points, then prototype and "
-        f"up to {confirm} of the front at all of them to confirm"
-    )
-
-
-def collect(state: SearchState, journal: ShiftJournal) -> dict[str, Any]:
-    """Record the state of a search."""
+def collect(state: SearchState, journal: ShiftJournal) -> Record:
+    """Record the state of a search; ``journal`` has the shifts that are kept."""
     study, best, rows = state.study, state.best, rows_of(state)
     return {
         "study": study.name,
@@ -222,16 +232,26 @@ def collect(state: SearchState, journal: ShiftJournal) -> dict[str, Any]:
         "front": [rows[trial.number] for trial in state.front],
         "trials": list(rows.values()),
         "n_simulated_designs": len(distinct(state.simulated)),
-        "n_simulated_shifts": state.shifts(journal.finished),
-        **_compiled(study, {"n_compiled_shifts": compiled_shifts(study, state.trials)}),
+        "n_simulated_shifts": state.shifts,
         "failed_shifts": failed_shifts(journal),
         "confirmation": None,
         "life": None,
+        "audit": None,
         "surrogate": None,
         "versions": versions(),
         "config_hash": study.config_hash,
         "physics_hash": study.physics_hash,
     }
+
+
+def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
+    """Count the shifts of a confirmation, those of Drake's judgement among them."""
+    own = {trial.number for trial in state.trials if trial.prototype}
+    designs = list(confirmation["designs"])
+    if not any(one["trial"] in own for one in designs):
+        designs.append(confirmation["prototype"])
+    judged = (one["drake"]["shifts"] if one["drake"] else 0 for one in designs)
+    return sum(one["shifts"] for one in designs) + sum(judged)
 
 
 def failed_shifts(journal: ShiftJournal) -> dict[str, int]:
@@ -241,7 +261,7 @@ def failed_shifts(journal: ShiftJournal) -> dict[str, int]:
     return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
-def rows_of(state: SearchState) -> dict[int, dict[str, Any]]:
+def rows_of(state: SearchState) -> dict[int, Record]:
     """Record every design of a state as a row, by trial, feasible ones with their standing."""
     rows = {trial.number: row_of(state, trial) for trial in state.trials}
     for number, standing in standings(state).items():
@@ -253,50 +273,40 @@ def rows_of(state: SearchState) -> dict[int, dict[str, Any]]:
     return rows
 
 
-def row_of(state: SearchState, trial: FrozenTrial) -> dict[str, Any]:
+def row_of(state: SearchState, trial: Trial) -> Record:
     """Record a design as a flat row.
 
     Times are None where it was not simulated, or engages too seldom to have one.
     """
-    study = state.study
-    design = state.design(trial)
-    told, measured = simulated(trial), measured_of(study, trial)
+    study, design = state.study, state.designs[trial.number]
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
     silent = {name for name in names if ENGAGEMENT.name in design.failed and is_time(name)}
-    found = {
-        name: state.value(trial, name) if told and name not in silent else (None, None)
-        for name in names
-    }
-    exact = exact_values(study, design)
+    known = trial.estimates or {}
+    found = {name: known.get(name) if name not in silent else None for name in names}
+    errors = {n: None if one is None else one.standard_error for n, one in found.items()}
+    exact, failed = exact_values(study, design), list(design.failed)
+    if not trial.judged:
+        failed.append("engines")
     return {
         "trial": trial.number,
-        "prototype": bool(trial.user_attrs.get("prototype", False)),
+        PROTOTYPE: trial.prototype,
         **trial.params,
         **exact,
         **_margins(design),
-        **{name: value for name, (value, _) in found.items()},
-        "standard_errors": {
-            **{name: error for name, (_, error) in found.items()},
-            **exact_errors(study, exact),
-        },
-        "standard_error_s": found[SIMULATED][1],
-        "points": len(trial.user_attrs["rows"]) if told else 0,
-        "shifts": sum(state.plan(trial)) if told else 0,
-        **_compiled(study, {"compiled_shifts": compiled_of(study, trial)}),
-        "engaged": None if measured is None else measured.engaged,
-        "feasible": design.feasible and told,
-        "failed": design.failed or ([] if told else [UNKNOWN]),
+        **{name: None if one is None else one.value for name, one in found.items()},
+        "standard_errors": {**errors, **exact_errors(study, exact)},
+        "standard_error_s": errors[SIMULATED],
+        "points": len(study.points) if trial.simulated else 0,
+        "shifts": trial.shifts,
+        "engaged": None if trial.measured is None else trial.measured.engaged,
+        "feasible": trial.simulated and not failed,
+        "failed": failed or ([] if trial.simulated else [UNKNOWN]),
         **smallest_within(study, design),
         "time_within_tolerances": None,
     }
 
 
-def _compiled(study: Setup, counted: dict[str, int]) -> dict[str, int]:
-    """Return counts of compiled shifts for a study in two levels, nothing for another."""
-    return counted if study.two_levels else {}
-
-
-def _margins(design: Design) -> dict[str, Any]:
+def _margins(design: Design) -> Record:
     if not design.checks:
         return {"smallest_margin": None, "weakest_check": "geometry", "margins": {}}
     weakest = smallest_margin(design.checks)
@@ -305,13 +315,3 @@ def _margins(design: Design) -> dict[str, Any]:
         "weakest_check": weakest.name,
         "margins": {c.name: c.margin for c in design.checks},
     }
-
-
-def _confirm(
-    state: SearchState, executor: Executor, progress: WorkCounter
-) -> tuple[dict[str, Any] | None, SearchState]:
-    def told(count: int, line: str) -> None:
-        progress.rest(most_to_confirm(state.study, count))
-        progress.say(line)
-
-    return confirm(state, executor, told)

@@ -40,6 +40,10 @@ class WorkerError(DogshapeError):
     """Worker processes or a cluster that cannot be reached or cannot go on."""
 
 
+class EngineError(DogshapeError):
+    """Engines that do not agree on the shifts of a study."""
+
+
 def number(value: float) -> str:
     """Format ``value`` for a sentence: up to six significant digits."""
     return f"{value:.6g}"

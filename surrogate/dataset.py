@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -45,8 +45,6 @@ class Dataset:
     rows : designs and then ``COLUMNS``, (n, d + 8); the mean is NaN where none engaged.
     physics : everything else that a shift depends on; rows share it.
     engine : versions of the programs that simulated the rows.
-    levels : of rows in two levels, how many shifts each engine has and what corrects the compiled
-        one (``surrogate.discrepancy``); empty where the rows are of one engine.
     """
 
     variables: tuple[str, ...]
@@ -55,7 +53,6 @@ class Dataset:
     rows: Array
     physics: Record
     engine: Record
-    levels: Record = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.rows)
@@ -116,7 +113,6 @@ class Dataset:
         for kind, mine, theirs in (
             ("physics", self.physics, other.physics),
             ("programs", self.engine, other.engine),
-            ("levels", self.levels, other.levels),
         ):
             if apart := differences(mine, theirs):
                 raise DataError(

@@ -5,7 +5,7 @@ with the known designs alone. Two quantities are taken the same for all designs:
 each point, in the mean of the logarithm's exponential, and the shares of the points in the expected
 time, in its error. Against ``Surrogate.expected``, which leaves nothing out, times agree to 0.1 %
 and errors to a few percent. A mix whose times the surrogate has over designs alone is asked of
-those (``surrogate.mix_times``), but for what is simulated next.
+those (``surrogate.mix_times``).
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ import numpy as np
 from dogshape.surrogate.covariance import Array, Part
 from dogshape.surrogate.mix import Mix
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.process import root_of
 from dogshape.surrogate.process_targets import point_coordinates, timed
 
 BETWEEN = 20  #: pairs of designs between which the typical variance is found
@@ -159,10 +158,6 @@ class Over:
         nodes, shares = self._nodes, self._shares
         return [float(shares @ part.point_factor(nodes, nodes) @ shares) for part in self._terms]
 
-    def relative_variance(self, x: Array) -> Array:
-        """Return the variance of the relative error of designs (m, c), (m,)."""
-        return self._relative_variance(self._features(x))
-
     def _relative_variance(self, features: Array) -> Array:
         kept = ~self._rough
         smooth = features[:, kept]
@@ -197,19 +192,6 @@ class Over:
         """Rows of ``_quadratic`` of rough features; pairs of one with another kind count twice."""
         return self._quadratic[self._rough] * np.where(self._rough, 1.0, 2.0)
 
-    def with_rows(self, x: Array, inputs: Array) -> Array:
-        """Compute the covariance of relative errors of designs (m, c) with inputs, (m, n).
-
-        Their covariance before any data.
-        """
-        covariance = self.surrogate.times.covariance
-        designs, points = covariance.split(inputs)
-        total = np.zeros((len(x), len(inputs)))
-        for part in covariance.parts:
-            linked = self._shares @ part.point_factor(self._nodes, points)
-            total += part.design_factor(x, designs) * linked[None, :]
-        return total
-
     def covariance(self, a: Array, b: Array, *, rough: bool = False) -> Array:
         """Return the covariance of relative errors of designs (m, c) and (k, c), (m, k).
 
@@ -223,13 +205,3 @@ class Over:
         left = self._features(a) * counted
         right = left if b is a else self._features(b) * counted
         return total - left @ self._quadratic @ right.T
-
-    def sample(self, x: Array, rng: np.random.Generator) -> Array:
-        """Draw the smooth part of the expected time of designs (m, d), edge units, (m,), s.
-
-        Roughness is left out: a candidate is not to be chosen for the luck of its own draw.
-        """
-        where = self.surrogate.coordinates(x)
-        covariance = self.covariance(where, where)
-        root = root_of(covariance)
-        return self.predict(x)[0] * np.exp(root @ rng.standard_normal(len(x)))

@@ -33,8 +33,8 @@ def mix_times(about: Dataset, rows: Array, mix: Mix) -> MixTimes:
     if len(found) < MIN_DESIGNS:
         raise InputError(
             f"{len(found)} designs engage at every operating point of the study, but the expected "
-            f"time over them needs at least {MIN_DESIGNS}; raise surrogate.mix_shifts, or give "
-            "--levels 1"
+            f"time over them needs at least {MIN_DESIGNS}; raise surrogate.mix_shifts, or "
+            "give 0 to learn it from single points"
         )
     return MixTimes(mix, about, found.x, found.means, _noise(found, mix), data.shifts)
 

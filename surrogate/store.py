@@ -54,7 +54,6 @@ def save(path: Path, stored: Stored) -> None:
         "form": surrogate.form,
         "physics": data.physics,
         "engine": data.engine,
-        **({"levels": data.levels} if data.levels else {}),
         **({} if surrogate.own is None else {"own": own_record(surrogate.own)}),
         "variables": list(data.variables),
         "low": data.low.tolist(),
@@ -105,7 +104,6 @@ def _surrogate(content: dict[str, Any], key: str) -> Surrogate:
         rows=np.array(content["rows"], dtype=float),
         physics=content["physics"],
         engine=content["engine"],
-        levels=content.get("levels", {}),
     )
     form = ALTERNATIVES[content["form"]]
     designs = design_coordinates(data, data.x[:1], form.ridge).shape[1]

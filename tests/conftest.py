@@ -30,13 +30,6 @@ from dogshape.sim.units import DEG, RPM
 RISE = {235.2: 0.2510, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}
 
 #: Overrides that make the paper's study small: two operating points, few angles, narrow ranges.
-#: Drake alone, at some operating points of each design, and its hardest landing.
-ONE_LEVEL = [
-    "search.levels=1",
-    "search.screen_angles=",
-    "search.points=10",
-    "load.landing_share=",
-]
 SMALL = [
     "operating.mismatch_rpm=[50, 149]",
     "operating.force_N=[469.0]",
@@ -51,7 +44,8 @@ SMALL = [
     "variables.count=[12, 24]",
     # Another physics than that of the surrogate which the package brings.
     "shift.timeout_s=1.1",
-    *ONE_LEVEL,
+    "search.audit_shifts=4",
+    "load.landing_share=",
 ]
 
 

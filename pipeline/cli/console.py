@@ -13,13 +13,16 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 
 from dogshape.pipeline.cli.endings import CLOSED, reader_gone
-from dogshape.sim.errors import DogshapeError
+from dogshape.sim.errors import DogshapeError, EngineError
 
 P = ParamSpec("P")
 
 
 def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Give a command the exit status of the contract: 2 bad input, 141 a closed pipe."""
+    """Give a command the exit status of the contract.
+
+    1 where engines do not agree, 2 for bad input, 141 for a closed pipe.
+    """
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
@@ -27,7 +30,7 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             function(*args, **kwargs)
         except DogshapeError as error:
             print(f"dogshape: {error}", file=sys.stderr)
-            raise typer.Exit(2) from error
+            raise typer.Exit(1 if isinstance(error, EngineError) else 2) from error
         except OSError as error:
             if isinstance(error, BrokenPipeError) and reader_gone():
                 raise typer.Exit(CLOSED) from error

@@ -26,7 +26,6 @@ from dogshape.pipeline.config.set_point import (
     own_set_point,
     require_ranges,
 )
-from dogshape.pipeline.config.study_hash import hashed
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
@@ -101,20 +100,27 @@ class Setup:
         return replace(self, points=points, limits=limits, operation=given)
 
     @property
-    def two_levels(self) -> bool:
-        """Whether expected times of its search rest on both engines."""
-        return self.file.search.levels == 2
+    def working(self) -> Setup:
+        """The study in the engine of its means, search and fit.
+
+        That is the compiled engine, unless ``solver.engine`` names another.
+        """
+        return self if self.file.solver.engine is not None else self.in_engine("planar")
 
     @property
-    def own_angles(self) -> int:
-        """Angles of a new design at an operating point, in the study's own engine."""
-        return self.file.search.pair_angles if self.two_levels else self.file.expectation.angles
+    def judging(self) -> Setup | None:
+        """The study in Drake, which judges the compiled engine.
 
-    @property
-    def confirming(self) -> Setup:
-        """The study with the engine that confirms its front."""
-        engine = self.file.search.confirm_engine
-        if engine in (None, self.clutch.solver.engine):
+        None where Drake does all of the work, and for forces of a mechanism that Drake's scheme
+        cannot follow (``pipeline.config.contact.solver_of``).
+        """
+        solver = self.clutch.solver
+        hard = self.clutch.mechanism.has_forces and solver.scheme == "cenic"
+        return None if hard or self.file.solver.engine == "drake" else self.in_engine("drake")
+
+    def in_engine(self, engine: str) -> Setup:
+        """Return the study in an engine, ``drake`` or ``planar``, at that engine's accuracy."""
+        if engine == self.clutch.solver.engine:
             return self
         return replace(self, clutch=self.clutch.with_engine(engine))
 
@@ -195,7 +201,7 @@ class Setup:
     @property
     def config_hash(self) -> str:
         """Content key of the whole study file."""
-        return content_key(hashed(self.file))
+        return content_key(self.file.model_dump())
 
 
 def physics_of(record: Record, variables: Sequence[str], table: RiseTable) -> Record:

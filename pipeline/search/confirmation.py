@@ -1,29 +1,30 @@
-"""Confirmation: designs of the front, re-simulated at every operating point and at new angles.
+"""Confirmation: designs of the front, simulated again at every operating point and at new angles.
 
 A search picks designs that were also lucky, and more angles find harder landings. So prototype and
-designs of the front are re-simulated at angles which the search did not use, and their values and
-checks are those found there. The front follows from these: a design that fails a check leaves it,
-one that another now beats too, and designs that come onto it are confirmed next, until the whole
-front is, or ``search.confirm_designs`` were simulated. What is not confirmed then is not on the
-front of the result. With ``search.confirm_engine`` Drake confirms what the compiled engine has
-searched. In two levels the compiled engine simulates them too, at ``FULL`` times the angles of a
-screen, which hold Drake's. All of it follows from trials and shifts, so that a run that was cut off
-ends as it would have.
+designs of the front are simulated again at angles which the search did not use, by the compiled
+engine at ``DENSER`` times as many; their values and checks are those found there.
+At ``search.confirm_angles`` of the same angles Drake simulates them too, and a design on which both
+engines do not agree (``pipeline.simulate.agreement``) leaves the front. A study in Drake has
+``search.confirm_angles`` new angles alone.
+
+The front follows from these values: a design that fails a check leaves it, one that another now
+beats too, and designs that come onto it are confirmed next, until the whole front is, or
+``search.confirm_designs`` were simulated. What is not confirmed then is not on the front of the
+result. All of it follows from trials and shifts, so that a run that was cut off ends as it would
+have.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from copy import copy
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
-from optuna.trial import FrozenTrial
-
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.state import CONFIRMED, SearchState, checked_design, confirmed
-from dogshape.pipeline.search.trials import attributes_of
+from dogshape.pipeline.search.state import SearchState
+from dogshape.pipeline.search.trial import Trial
+from dogshape.pipeline.simulate.agreement import Agreement, compare_engines
 from dogshape.pipeline.simulate.contact_range import gains_by_contact
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
@@ -35,147 +36,213 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.evaluation import (
     NEW_ANGLES,
+    Params,
     Simulated,
+    design_blocks,
     evaluate,
-    in_two_levels,
-    screen,
 )
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.level_times import compiled_angles
-from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.store.result_records import check_record, expectation_record
+from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.numerical_error import numerical_error, repeated
 
 Told = Callable[[int, str], None]  #: called with how many designs are next, and a line for people
+DENSER = 4  #: times the angles of the search that the compiled engine has at the new ones
 APART = 3.0  #: standard errors from which search and confirmation of a design do not agree
 
 
-def confirm(
-    searched: SearchState, executor: Executor, told: Told
-) -> tuple[dict[str, Any] | None, SearchState]:
-    """Re-simulate prototype and front of an ended search at angles that it did not use.
+@dataclass(frozen=True)
+class Executors:
+    """Executors of a study: of the compiled shifts that no result needs later, and of the others.
 
-    Every operating point is simulated, whatever the search left out. Give the record, None where
-    no design passes every check of the search, and the state with what the new angles say.
+    A study in Drake has its search in the first and its confirmation in the second.
     """
-    state, study, found = searched, searched.study.confirming, dict[int, Simulated]()
+
+    search: Executor
+    kept: Executor
+
+
+@dataclass(frozen=True)
+class Confirmed:
+    """A design at new angles, and the agreement of both engines there; None without two."""
+
+    simulated: Simulated
+    agreement: Agreement | None
+
+
+def new_angles(study: Setup) -> int:
+    """Count the new angles of each operating point: a multiple of ``search.confirm_angles``."""
+    few = study.file.search.confirm_angles
+    if study.clutch.solver.engine == "drake":
+        return few
+    return few * math.ceil(DENSER * study.file.expectation.angles / few)
+
+
+def shifts_to_confirm(study: Setup, designs: int) -> int:
+    """Count the shifts that confirm the prototype and so many designs, at most.
+
+    For prototype and chosen design those for the numerical error come on top.
+    """
+    few, many = study.file.search.confirm_angles, new_angles(study)
+    both = len(study.points) * (many if many == few else many + few)
+    return (1 + designs) * both + 2 * repeated(len(study.points) * few)
+
+
+def confirm(
+    searched: SearchState, executors: Executors, told: Told
+) -> tuple[dict[str, Any] | None, SearchState]:
+    """Simulate prototype and front of an ended search at angles that it did not use.
+
+    Give the record, None where no design passes every check of the search, and the state with the
+    values at the new angles.
+    """
+    state, study, found = searched, searched.study, dict[int, Confirmed]()
     while trials := _next(state, len(found)):
         line = f"confirming prototype and {len(trials)} of the front at new angles"
         if found:
             line = f"confirming {len(trials)} more that the new angles put on the front"
         told(len(trials), line)
-        these = {trial.number: dict(trial.params) for trial in trials}
-        new = resimulated(study, these, executor)
-        found |= new
-        state = state.renew(_with_found(study, t, new[t.number]) for t in trials)
+        new = _resimulated(study, [trial.params for trial in trials], executors)
+        names = [f"design {trial.number}" for trial in trials]
+        _require_known(dict(zip(names, new, strict=True)))
+        found |= {trial.number: one for trial, one in zip(trials, new, strict=True)}
+        state = state.renew(_renewed(study, t, found[t.number]) for t in trials)
     if not found:
         return None, state
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
     order = sorted(found, key=lambda number: (loss[number], number))
-    return _record(searched, state, {number: found[number] for number in order}, executor), state
+    return _record(searched, state, {number: found[number] for number in order}, executors), state
 
 
-def _next(state: SearchState, done: int) -> list[FrozenTrial]:
+def _next(state: SearchState, done: int) -> list[Trial]:
     """Select the designs of the front as it is now that are confirmed next."""
-    open_ones = [trial for trial in state.front if not confirmed(trial)]
+    open_ones = [trial for trial in state.front if not trial.confirmed]
     return open_ones[: max(0, state.study.file.search.confirm_designs - done)]
 
 
-def _with_found(study: Setup, trial: FrozenTrial, found: Simulated) -> FrozenTrial:
-    """Copy a trial with the values of new angles; what the surrogate learns stays the search's."""
-    kept, noted = ("rows", "levels"), copy(trial)
-    new = {k: v for k, v in attributes_of(found).items() if k not in kept}
-    noted.user_attrs = {**trial.user_attrs, **new, CONFIRMED: True}
-    values = {name: one.value for name, one in found.estimates.items()}
-    noted.values = values_of(study, checked_design(study, noted), values)
-    return noted
+def _renewed(study: Setup, trial: Trial, found: Confirmed) -> Trial:
+    """Replace the values of a trial by those of new angles, and add its rows there."""
+    one = found.simulated
+    values = {name: estimate.value for name, estimate in one.estimates.items()}
+    return replace(
+        trial,
+        values=tuple(values_of(study, design_of(study, trial.params, one.measured), values)),
+        estimates=one.estimates,
+        measured=one.measured,
+        rows=[*trial.rows, *row_record(one.rows)],
+        confirmed=True,
+        judged=found.agreement is None or found.agreement.agrees,
+    )
 
 
-def resimulated(
-    study: Setup, designs: Mapping[int, dict[str, float]], executor: Executor
-) -> dict[int, Simulated]:
-    """Simulate designs, by trial, at every operating point and at angles new to the search.
+def _resimulated(
+    study: Setup, designs: Sequence[Params], executors: Executors, *, require_made: bool = True
+) -> list[Confirmed]:
+    """Simulate designs at new angles, and again in Drake at some of them."""
+    many, seed, executor = new_angles(study), _seed(study), _executor(study, executors)
+    found = evaluate(study, designs, executor, many, seed, require_made=require_made)
+    results = []
+    for params, one in zip(designs, found, strict=True):
+        agreement, blocks = None, _thinned(study, params)
+        if study.judging is not None:
+            rows = executor.run(blocks)  # which are known by now
+            agreement = compare_engines(blocks, rows, study.judging.clutch, executors.kept)
+        else:
+            executors.kept.run(blocks)  # for the single shifts of the report
+        results.append(Confirmed(one, agreement))
+    executors.search.forget()
+    return results
 
-    Raises InputError where the shifts of a design say nothing of some objective.
-    """
-    found = dict(zip(designs, _evaluated(study, [*designs.values()], executor), strict=True))
-    _require_known({f"design {trial}": one for trial, one in found.items()})
-    return found
+
+def _with_numerical_error(
+    study: Setup, params: Params, found: Confirmed, executors: Executors
+) -> Confirmed:
+    """Add the numerical error, from some of the shifts repeated."""
+    executor, blocks = _executor(study, executors), _thinned(study, params)
+    error = numerical_error(blocks, executor.run(blocks), executor.run)
+    one = found.simulated
+    expectation = replace(one.expectation, numerical_error=error)
+    return replace(found, simulated=replace(one, expectation=expectation))
 
 
-def _evaluated(
-    study: Setup, designs: list[dict[str, float]], executor: Executor, checked: bool = False
-) -> list[Simulated]:
-    dogs = [study.dog_with(params) for params in designs]
-    own = [study.operated(params) for params in designs]
-    angles, seed = study.file.search.confirm_angles, study.file.expectation.seed + NEW_ANGLES
-    plans = [whole_plan(study, angles)] * len(dogs)
-    found = evaluate(study, dogs, executor, plans, seed, checked=checked, operated=own)
-    if study.two_levels:
-        many = compiled_angles(study)
-        quick = screen(study, dogs, executor, seed, own, angles=many, base=angles)
-        both = [one for one in quick if one is not None]
-        return in_two_levels(study, both, found, seed, angles)
-    screened = screen(study, dogs, executor, seed, own)
-    return [
-        one if quick is None else replace(one, measured=quick.measured)
-        for one, quick in zip(found, screened, strict=True)
-    ]
+def _seed(study: Setup) -> int:
+    return study.file.expectation.seed + NEW_ANGLES
+
+
+def _executor(study: Setup, executors: Executors) -> Executor:
+    return executors.kept if study.clutch.solver.engine == "drake" else executors.search
+
+
+def _thinned(study: Setup, params: Params) -> list[Block]:
+    """Return the shifts of a design at ``search.confirm_angles`` of its new angles."""
+    many = new_angles(study)
+    places = range(0, many, many // study.file.search.confirm_angles)
+    return [block.only(places) for block in design_blocks(study, params, many, _seed(study))]
 
 
 def _record(
-    searched: SearchState, state: SearchState, found: Mapping[int, Simulated], executor: Executor
+    searched: SearchState,
+    state: SearchState,
+    found: Mapping[int, Confirmed],
+    executors: Executors,
 ) -> dict[str, Any]:
     """Record the confirmation of designs, by trial in the search's order.
 
     Chosen is the first of the front in that order; where no design passes, the first of all. None
     is chosen for its luck here.
     """
-    study = searched.study.confirming
+    study = searched.study
     trials = {trial.number: trial for trial in searched.simulated if trial.number in found}
     front = {trial.number for trial in state.front}
     chosen = next((number for number in found if number in front), next(iter(found)))
-    params = dict(trials[chosen].params)
-    both = _evaluated(study, [study.prototype, params], executor, checked=True)
-    _require_known({"the prototype": both[0]})
-    named, own = study.file.search.confirm_engine, bool(trials[chosen].user_attrs.get("prototype"))
+    params, own = trials[chosen].params, trials[chosen].prototype
+    if own:
+        prototype = found[chosen]
+    else:
+        (prototype,) = _resimulated(study, [study.prototype], executors, require_made=False)
+        _require_known({"the prototype": prototype})
+    both = [
+        _with_numerical_error(study, one, known, executors)
+        for one, known in ((study.prototype, prototype), (params, found[chosen]))
+    ]
     return {
-        **({} if named is None else {"engine": named}),
-        "angles": study.file.search.confirm_angles,
+        "angles": new_angles(study),
+        "drake_angles": None if both[0].agreement is None else study.file.search.confirm_angles,
         "prototype": _confirmed(study, study.prototype, both[0]),
         "chosen": chosen,
         "best": _confirmed(study, params, both[1]),
         "designs": [
             {
                 "trial": number,
-                **_confirmed(study, dict(trials[number].params), one),
-                **_beside_search(searched, trials[number], one),
+                **_confirmed(study, trials[number].params, one),
+                **_beside_search(searched, trials[number], one.simulated),
             }
             for number, one in found.items()
         ],
-        "left_out": [trial.number for trial in state.front if not confirmed(trial)],
-        **_gain(study, None if own else both[0], both[1]),
-        "gains_by_contact": [] if own else gains_by_contact(study, params, executor),
+        "left_out": [trial.number for trial in state.front if not trial.confirmed],
+        **_gain(study, None if own else both[0].simulated, both[1].simulated),
+        "gains_by_contact": [] if own else gains_by_contact(study, params, executors.search),
     }
 
 
-def _beside_search(searched: SearchState, trial: FrozenTrial, found: Simulated) -> dict[str, Any]:
-    """Record what the search had said of the leading objective, and how far that is off."""
+def _beside_search(searched: SearchState, trial: Trial, found: Simulated) -> dict[str, Any]:
+    """Record the leading objective by the search, and how far that is off."""
     name = leading(searched.study).name
-    value, error = searched.value(trial, name)
-    new = found.estimates[name]
-    both = math.hypot(error, new.standard_error)
-    off = (new.value - value) / both if both else 0.0
+    old, new = (trial.estimates or {})[name], found.estimates[name]
+    both = math.hypot(old.standard_error, new.standard_error)
+    off = (new.value - old.value) / both if both else 0.0
     return {
-        "searched": {"value": value, "standard_error": error},
+        "searched": {"value": old.value, "standard_error": old.standard_error},
         "errors_apart": off,
         "agrees": abs(off) <= APART,
     }
 
 
-def _require_known(found: Mapping[str, Simulated]) -> None:
+def _require_known(found: Mapping[str, Confirmed]) -> None:
     """Raise InputError where the shifts of a design say nothing of some objective."""
-    unknown = [name for name, one in found.items() if not one.known]
+    unknown = [name for name, one in found.items() if not one.simulated.known]
     if unknown:
         raise InputError(
             f"every shift of {' and '.join(unknown)} at new angles failed, so what they strike "
@@ -217,10 +284,11 @@ def _estimates(found: Simulated) -> dict[str, dict[str, float]]:
     }
 
 
-def _confirmed(study: Setup, params: dict[str, float], found: Simulated) -> dict[str, Any]:
-    design = design_of(study, params, found.measured)
+def _confirmed(study: Setup, params: Params, found: Confirmed) -> dict[str, Any]:
+    design = design_of(study, params, found.simulated.measured)
     return {
-        **expectation_record(found.expectation),
-        "estimates": _estimates(found),
+        **expectation_record(found.simulated.expectation),
+        "estimates": _estimates(found.simulated),
         "checks": [check_record(check) for check in design.checks],
+        "drake": None if found.agreement is None else found.agreement.record,
     }

@@ -59,9 +59,6 @@ class Guide(Protocol):
         Raises InputError where they are too few to say anything.
         """
 
-    def plan(self, prediction: Prediction | None, params: Params, number: int) -> Any:
-        """Choose the simulations of a chosen design, as JSON can hold them; None for all."""
-
 
 class FreeGuide:
     """A guide that knows nothing beforehand: any search space, objectives and constraints."""
@@ -89,10 +86,6 @@ class FreeGuide:
             least = abs(float(known.mean())) / len(known) ** 0.5
             limits.append(Response.fitted(x[kept], known, least=least))
         return _Free(space, [Response.fitted(x, y) for y in values.T], limits)
-
-    def plan(self, prediction: Prediction | None, params: Params, number: int) -> Any:
-        """Leave the plan open."""
-        return None
 
 
 @dataclass(frozen=True)

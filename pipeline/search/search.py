@@ -1,32 +1,57 @@
-"""The search in its storage: how it is opened, and what is read of it.
+"""The search: propose designs, simulate them, tell the storage, until the budget is spent.
 
-Trials of a round are asked together, simulated side by side and told in the
-order of their numbers (``pipeline.search.trials``), so the result does not depend on which finished
-first. A round that was cut off is taken up again with the parameters it had
-(``pipeline.search.rounds``); shifts that it had finished come from the journal. Several runs can
-share a search: each asks for rounds of its own, and takes up those of runs that have ended.
+Designs of a round are proposed together, simulated side by side and told in the order of their
+numbers, so the result does not depend on which finished first. A design that a dead run had
+proposed is simulated with the parameters it had; where the round was cut off while it was
+proposed, it is filled up. So the same seed gives the same designs, interrupted or not. Several runs
+can share a search: each proposes rounds of its own, and takes up those of runs that have ended.
+
+A design of which the clock ended a shift (``sim.statistics.shift_records.unfinished``) is not told:
+the next run simulates it again.
 """
 
 from __future__ import annotations
 
 import logging
 import warnings
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, field
 
+import numpy as np
 import optuna
-from optuna.exceptions import ExperimentalWarning
+from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
+from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESampler
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.dog_guide import DogGuide
-from dogshape.pipeline.search.state import NOTHING, Findings, SearchState, state_of
-from dogshape.pipeline.simulate.design import objectives_of
+from dogshape.pipeline.search.dog_guide import DogGuide, search_space
+from dogshape.pipeline.search.sampler import SurrogateSampler
+from dogshape.pipeline.search.state import SearchState
+from dogshape.pipeline.search.trial import PROTOTYPE, SIMULATION, simulation_record, trial_of
+from dogshape.pipeline.simulate.design import (
+    Design,
+    design_of,
+    leading,
+    objectives_of,
+    values_of,
+)
+from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, reference_blocks
+from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.claims import Claims
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import opening
-from dogshape.sim.errors import StorageError
+from dogshape.sim.errors import InputError, StorageError, did_you_mean
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
+from dogshape.surrogate.model import MIN_DESIGNS
+
+SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
+WORKER = "worker"  #: attribute of a trial: number of the run that is at it
+BEGUN = (TrialState.RUNNING, TrialState.COMPLETE)
+
+SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a proposal by its number
+AfterRound = Callable[[str, SearchState], None]  #: called with a line for people, and the state
 
 
 @dataclass(frozen=True)
@@ -35,46 +60,198 @@ class Search:
 
     Parameters
     ----------
-    study : the study that is searched.
+    study : the study that is searched, in the engine that simulates its designs.
     optuna : its trials, in their storage.
+    sampler_of : gives the sampler of a proposal.
     claims : which runs share the search.
-    guide : gives the surrogate of its trials; None for a search without one.
+    left_open : numbers of trials that this run leaves to the next one.
     """
 
     study: Setup
     optuna: optuna.Study
+    sampler_of: SamplerOf
     claims: Claims = field(default_factory=Claims)
-    guide: DogGuide | None = None
+    left_open: set[int] = field(default_factory=set)
 
-    def trials(self, findings: Findings = NOTHING) -> list[FrozenTrial]:
-        """List the finished trials in the order of their numbers, with this run's findings."""
-        told = [
-            findings.left_open.get(t.number, t) if t.state == TrialState.RUNNING else t
-            for t in self.optuna.get_trials(deepcopy=False)
-        ]
-        finished = [trial for trial in told if trial.state == TrialState.COMPLETE]
-        return [findings.renewed.get(trial.number, trial) for trial in finished]
+    @property
+    def shared(self) -> bool:
+        """Whether several machines may share the search."""
+        return self.claims.worker is not None
 
-    def read(self, findings: Findings = NOTHING) -> SearchState:
-        """List the storage once and work out where the search stands."""
-        shared = self.claims.worker is not None
-        return state_of(self.study, self.guide, shared, findings, self.trials(findings))
+    def read(self) -> SearchState:
+        """Read the finished trials of the storage."""
+        done = self.optuna.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
+        return SearchState(self.study, tuple(trial_of(trial) for trial in done))
+
+    def running(self) -> list[FrozenTrial]:
+        """List the trials that are proposed and not told, but for those that are left open."""
+        trials = self.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+        return [trial for trial in trials if trial.number not in self.left_open]
+
+    def begun(self) -> int:
+        """Count the trials that were proposed, told or not."""
+        return len(self.optuna.get_trials(deepcopy=False, states=BEGUN))
 
 
-def open_search(
-    study: Setup,
-    folder: StudyFolder,
-    storage: str | None,
-    resume: bool,
-    *,
-    guide: DogGuide | None = None,
-) -> Search:
+def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchState:
+    """Run the search until the study's number of trials is finished, by this run and others.
+
+    It ends sooner where the space has fewer designs than that. Give the state at its end.
+    """
+    waiting, goal = False, search.study.file.search.trials
+    while True:
+        with search.claims.turn():
+            trials = next_round(search)
+            ended = not trials and not search.running() and _none_left(search)
+        if trials:
+            waiting = False
+            finish_round(search, trials, executor)
+            state = search.read()
+            after_round(_status(state), state)
+            continue
+        state = search.read()
+        if (left := goal - len(state.trials) - len(search.left_open)) <= 0:
+            return state
+        if ended:
+            line = f"every design that passes the checks was tried: {left} fewer than wanted"
+            after_round(line, state)
+            return state
+        if not waiting:
+            after_round(f"waiting for {left} designs that other runs simulate", state)
+        waiting = True
+        search.claims.wait()
+
+
+def next_round(search: Search) -> list[FrozenTrial]:
+    """Propose this run's next round: what a dead run left, filled up, or else new designs.
+
+    Designs that other runs have proposed count as if they were finished, so none is one too many.
+    """
+    known = search.optuna.get_trials(deepcopy=False)
+    if not any(t.user_attrs.get(PROTOTYPE) for t in known if t.state != TrialState.FAIL):
+        search.optuna.enqueue_trial(search.study.prototype, user_attrs={PROTOTYPE: True})
+    ids, settings = _cut_off(search), search.study.file.search
+    begun = search.begun()
+    size = -begun % settings.batch if ids else settings.batch
+    for number in range(begun, min(begun + size, settings.trials)):
+        # Seeded by its number alone, a proposal does not depend on where a round was cut off.
+        search.optuna.sampler = search.sampler_of(number)
+        if _none_left(search):
+            break
+        ids.append(_propose(search))
+    for trial_id in ids if search.shared else []:
+        optuna.Trial(search.optuna, trial_id).set_user_attr(WORKER, search.claims.worker)
+    return [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
+
+
+def _cut_off(search: Search) -> list[int]:
+    """List the trials that a dead run proposed and did not tell; those without parameters fail."""
+    living, names, ids = search.claims.living(), set(search.study.variables), []
+    for trial in search.running():
+        if trial.user_attrs.get(WORKER) in living:
+            continue
+        if names <= set(trial.params):
+            ids.append(trial._trial_id)
+        else:
+            search.optuna.tell(trial.number, state=TrialState.FAIL)
+    return ids
+
+
+def _propose(search: Search) -> int:
+    trial = search.optuna.ask()
+    with warnings.catch_warnings():
+        # The study's own dog may lie outside the ranges, which the run has said.
+        warnings.filterwarnings("ignore", "Fixed parameter", UserWarning)
+        for name, distribution in search_space(search.study).items():
+            trial._suggest(name, distribution)
+    return trial._trial_id
+
+
+def _none_left(search: Search) -> bool:
+    """Check whether the study's own sampler could only propose designs again."""
+    if search.optuna.get_trials(deepcopy=False, states=(TrialState.WAITING,)):
+        return False
+    sampler = search.sampler_of(search.begun())
+    return isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
+
+
+def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) -> None:
+    """Simulate the designs of trials that may pass, and tell all trials in order."""
+    study, settings = search.study, search.study.file.expectation
+    designs = [design_of(study, dict(trial.params)) for trial in trials]
+    worth = [k for k, design in enumerate(designs) if design.feasible]
+    params = [designs[k].params for k in worth]
+    found = evaluate(study, params, executor, settings.angles, settings.seed)
+    simulated = dict(zip(worth, found, strict=True))
+    for k, trial in enumerate(trials):
+        one = simulated.get(k)
+        if one is not None and one.unfinished:
+            search.left_open.add(trial.number)
+        else:
+            _tell(search, trial, designs[k], one if one is not None and one.known else None)
+    if not search.left_open:
+        reference = reference_blocks(study, settings.angles, settings.seed)
+        executor.forget({key for block in reference for key in block.keys})
+
+
+def _tell(search: Search, given: FrozenTrial, design: Design, found: Simulated | None) -> None:
+    """Write a design into the storage and end its trial there."""
+    study, trial = search.study, optuna.Trial(search.optuna, given._trial_id)
+    landed = design_of(study, design.params, found.measured) if found else design
+    estimates = {} if found is None else {n: e.value for n, e in found.estimates.items()}
+    # A run that seemed dead may have told it meanwhile: it found the same.
+    with suppress(UpdateFinishedTrialError):
+        for name, value in landed.constraints.items():
+            if name not in given.constraints:
+                trial.set_constraint(name, value)
+        if found is not None:
+            trial.set_user_attr(SIMULATION, simulation_record(found))
+        search.optuna.tell(trial, values_of(study, design, estimates), skip_if_finished=True)
+
+
+def _status(state: SearchState) -> str:
+    best, one = state.best, leading(state.study)
+    text = f"{len(state.trials)} of {state.study.file.search.trials} designs"
+    if best is not None and best.estimates is not None:
+        known = best.estimates[one.name]
+        scale, unit = (1e3, "ms") if one.unit == "s" else (1.0, one.unit)
+        text += f", best {known.value * scale:.4g} {unit} +- {known.standard_error * scale:.2g}"
+    return text
+
+
+def sampler_factory(study: Setup) -> SamplerOf:
+    """Return a function that gives the sampler for a proposal, by how many were asked before.
+
+    Optuna's samplers are made and seeded anew for each proposal, which makes a resumed search
+    equal to an uninterrupted one. InputError for an unknown sampler, and where no design passes
+    the checks that need no simulation.
+    """
+    search = study.file.search
+    if search.sampler in ("surrogate", "space_filling"):
+        startup = max(search.startup, MIN_DESIGNS)
+        startup = startup if search.sampler == "surrogate" else search.trials
+        own = SurrogateSampler(DogGuide(study), search.seed, startup)
+        own.require_allowed()
+        return lambda _: own
+    kinds: dict[str, Callable[[int], BaseSampler]] = {
+        "tpe": lambda seed: TPESampler(seed=seed, n_startup_trials=search.startup),
+        "nsga2": lambda seed: NSGAIISampler(seed=seed, population_size=search.startup),
+        "random": lambda seed: RandomSampler(seed=seed),
+    }
+    if search.sampler not in kinds:
+        hint = did_you_mean(search.sampler, SAMPLERS)
+        raise InputError(f"search.sampler is '{search.sampler}', which is not a sampler; {hint}")
+    make = kinds[search.sampler]
+    return lambda number: make(int(np.random.default_rng([search.seed, number]).integers(2**31)))
+
+
+def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
-    ``guide`` gives the surrogate of the trials. Raises StorageError where the storage cannot be
-    opened, or holds a search of that name which is of another configuration, is not to be resumed,
-    or began with rows that an earlier version brought.
+    Raises StorageError where the storage cannot be opened, or holds a search of that name which is
+    of another configuration or is not to be resumed; InputError as ``sampler_factory``.
     """
+    sampler_of = sampler_factory(study)
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(), opening(folder, storage, study.name) as (backend, claims):
         warnings.simplefilter("ignore", ExperimentalWarning)
@@ -93,10 +270,9 @@ def open_search(
         if opened.metric_names is None:
             opened.set_metric_names([objective.name for objective in objectives_of(study)])
         _require_same(study, opened, resume)
-        _require_own_rows(study, opened)
         if claims.worker is not None:
             _require_same_versions(opened)
-    return Search(study, opened, claims, guide)
+    return Search(study, opened, sampler_of, claims)
 
 
 def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
@@ -113,16 +289,6 @@ def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
         raise StorageError(
             f"the storage holds a study '{study.name}' already; add --resume to go on with it "
             "or give the study another name"
-        )
-
-
-def _require_own_rows(study: Setup, opened: optuna.Study) -> None:
-    """Refuse to go on with a search that began with rows which an earlier version brought."""
-    if opened.user_attrs.get("known"):
-        raise StorageError(
-            f"the search of study '{study.name}' began with rows that the package does not bring "
-            "now; go on with the version of dogshape that it began with, or start it again with "
-            "another name and --out"
         )
 
 

@@ -9,14 +9,12 @@ faces that meet through oil (``docs/simulation.md``). What the study draws stays
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, expectation_of
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, Params, design_blocks, expectation_of
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.point_plans import blocks_of, whole_plan
 from dogshape.sim.shift.contact import ContactSet
 from dogshape.sim.statistics.expectation import Expectation
 
@@ -24,25 +22,19 @@ ANGLES = 32  #: of each operating point, for either design
 FRICTION, DISSIPATION = (2.0 / 3.0, 4.0 / 3.0), (1.0, 60.0)  #: factors; s/m
 
 
-def gains_by_contact(
-    study: Setup, params: Mapping[str, float], executor: Executor
-) -> list[dict[str, Any]]:
+def gains_by_contact(study: Setup, params: Params, executor: Executor) -> list[dict[str, Any]]:
     """Simulate the gain in expected shift time under each contact, a row each.
 
     None where either design engages in too few shifts to have a time.
     """
     named = _contacts(study.clutch.contact)
-    designs = [study.prototype, dict(params)]
+    designs = [study.prototype, params]
     seed = study.file.expectation.seed + NEW_ANGLES
     asked = []
     for contact in named.values():
         clutch = replace(study.clutch.with_engine("planar"), contact=contact)
         quick = replace(study, clutch=clutch)
-        asked += [
-            blocks_of(quick.operated(one), clutch.with_dog(study.dog_with(one)),
-                      whole_plan(quick, ANGLES), seed)
-            for one in designs
-        ]  # fmt: skip
+        asked += [design_blocks(quick, one, ANGLES, seed) for one in designs]
     with executor.apart() as running:
         rows = iter(running.run([block for blocks in asked for block in blocks]))
     found = [

@@ -29,7 +29,6 @@ from dogshape.sim.units import MM
 from dogshape.surrogate.covariance import Array
 
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
-MEASURED = "measured"  #: attribute of a trial: what its measured checks are judged by
 WORST = "smallest_margin_worst"
 PROBABLE = "feasible_probability"
 #: Quantities that sum up other checks: a limit on one of them is no check of its own.
@@ -415,20 +414,6 @@ def values_of(
     """
     known = {**exact_values(study, design), **(simulated or {})}
     return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
-
-
-def losses_of(
-    study: Setup, values: Sequence[float], attributes: Mapping[str, Any]
-) -> tuple[Array, Array]:
-    """Return a finished trial's objectives as losses, and their standard errors, each (k,).
-
-    ``values`` and ``attributes`` are the trial's. Losses are to be minimised: what is to be
-    maximised has its sign turned.
-    """
-    objectives = objectives_of(study)
-    errors = attributes.get("standard_errors", {SIMULATED: attributes.get("standard_error_s")})
-    losses = [o.sign * value for o, value in zip(objectives, values, strict=True)]
-    return np.array(losses), np.array([errors.get(o.name) or 0.0 for o in objectives])
 
 
 def exact_losses(study: Setup, designs: Sequence[dict[str, float]]) -> Array:

@@ -4,62 +4,51 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from dogshape.pipeline.config.set_point import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES, Setup
-from dogshape.pipeline.simulate.design import (
-    REFERRED,
-    SIMULATED,
-    Design,
-    Measured,
-    simulated_limits,
-)
+from dogshape.pipeline.simulate.design import REFERRED, Design, Measured, simulated_limits
 from dogshape.pipeline.simulate.estimates import Shifts, estimated, estimates_of
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.level_times import (
-    LevelTimes,
-    common_squares,
-    level_times,
-    parts_of,
-)
-from dogshape.pipeline.simulate.operated_shifts import as_searched
-from dogshape.pipeline.simulate.point_plans import Plan, blocks_of, whole_plan
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.estimate import Estimate
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
-from dogshape.sim.statistics.numerical_error import numerical_error
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import Demand, demand_checks, demand_of, exceeded, hardest
 from dogshape.sim.strength.manufacture import require_makeable
+from dogshape.sim.units import RPM
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import rows_of
 
 NEW_ANGLES = 7919  #: added to the seed of the search for relative angles that it did not use
+
+Params = dict[str, float]  #: searched keys of a design, edge units
 
 
 @dataclass(frozen=True)
 class Simulated:
     """Expectation and loads from the shifts of a design.
 
-    Expected shift time over the operating points that were simulated, what checks are judged by, a
-    row for the surrogate from each, as ``surrogate.dataset.rows_of`` gives them, all simulated
-    objectives by name, and how many of the shifts the clock ended. ``parts`` are the shifts of each
-    operating point (``pipeline.simulate.level_times.parts_of``), ``levels`` those of both engines
-    where all of this rests on both.
+    Parameters
+    ----------
+    expectation : shift time over all operating points.
+    measured : values that the checks are judged by.
+    rows : for the surrogate, one for each operating point, as ``surrogate.dataset.rows_of``.
+    estimates : all simulated objectives, by name.
+    shifts : number of shifts; ``unfinished`` of them the clock ended.
     """
 
     expectation: Expectation
     measured: Measured
     rows: Array
     estimates: dict[str, Estimate]
+    shifts: int
     unfinished: int = 0
-    parts: tuple[Array, ...] = ()
-    levels: LevelTimes | None = None
 
     @property
     def known(self) -> bool:
@@ -67,138 +56,93 @@ class Simulated:
         return all(math.isfinite(estimate.value) for estimate in self.estimates.values())
 
 
+def design_blocks(study: Setup, params: Params, angles: int, seed: int) -> list[Block]:
+    """Return the shifts of a design at even angles, a block for each of its operating points."""
+    own, clutch = study.operated(params), study.clutch.with_dog(study.dog_with(params))
+    return even_blocks(clutch, own.points, angles, seed, uncertainty=study.uncertainty)
+
+
+def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
+    """Return the shifts of ``search.reference``; none where no objective or limit refers to it."""
+    if REFERRED not in estimated(study):
+        return []
+    clutch = study.clutch.with_dog(reference_of(study))
+    return even_blocks(clutch, study.points, angles, seed, uncertainty=study.uncertainty)
+
+
 def evaluate(
     study: Setup,
-    dogs: Sequence[Dog],
+    designs: Sequence[Params],
     executor: Executor,
-    plans: Sequence[Plan],
+    angles: int,
     seed: int,
     *,
-    base: int | None = None,
-    checked: bool = False,
-    operated: Sequence[Setup] | None = None,
-    referred: Sequence[Block] | None = None,
+    require_made: bool = True,
 ) -> list[Simulated]:
-    """Simulate the shifts of several designs side by side and evaluate them.
+    """Simulate designs side by side, ``angles`` at every operating point, and evaluate them.
 
-    ``plans`` say what is simulated of each, with ``base`` as for
-    ``sim.statistics.expectation.even_phases``. ``checked`` adds the numerical error, from an eighth
-    of the shifts repeated. ``operated`` is the study as each design is operated, itself if not
-    given. ``referred`` are the blocks of the reference at the plan that all designs have, where
-    they are at hand. Raises GeometryError for a dog that cannot be made, before anything is
-    simulated; not with ``checked``, where the prototype is compared with, whatever it breaks.
+    Raises GeometryError for a dog that cannot be made, before anything is simulated; not without
+    ``require_made``.
     """
-    each = operated or [study] * len(dogs)
-    for dog in [] if checked else dogs:
-        require_makeable(dog, study.limits.manufacturing)
-    blocks = [
-        blocks_of(own, study.clutch.with_dog(dog), plan, seed, base)
-        for own, dog, plan in zip(each, dogs, plans, strict=True)
-    ]
-    # The same shifts of the reference belong to several designs: the journal holds each once.
-    alike = {
-        plan: _referred(study, [*plan], seed, base) if referred is None else referred
-        for plan in dict.fromkeys(map(tuple, plans))
-    }
-    asked = [block for groups in (blocks, alike.values()) for group in groups for block in group]
-    taken = iter(executor.run(asked))
-    of_designs = [[next(taken) for _ in group] for group in blocks]
-    of_reference = {plan: [next(taken) for _ in group] for plan, group in alike.items()}
-    results = []
-    for k, (dog, group, mine) in enumerate(zip(dogs, blocks, of_designs, strict=True)):
-        plan = tuple(plans[k])
-        result = expectation_of(study, [b.point for b in group], mine)
-        others, where = of_reference[plan], [b.point for b in alike[plan]]
-        beside = expectation_of(study, where, others) if others else None
-        if checked:
-            result = replace(result, numerical_error=numerical_error(group, mine, executor.run))
-        learned = _learned(study, each[k].operation, plans[k], mine)
-        results.append(_simulated(each[k], dog, result, mine, beside, learned=learned))
-    return results
-
-
-def screen(
-    study: Setup,
-    dogs: Sequence[Dog],
-    executor: Executor,
-    seed: int,
-    operated: Sequence[Setup] | None = None,
-    *,
-    angles: int | None = None,
-    base: int | None = None,
-) -> list[Simulated | None]:
-    """Simulate by the compiled engine what checks are judged by; None where the study does not.
-
-    At ``search.screen_angles`` relative angles of every operating point, far more than Drake could
-    simulate: landings are rare events, and the loss on a reference is the largest of many numbers.
-    Its shifts are not kept: a design takes seconds. ``angles`` are other than the study's, which
-    hold ``base`` of a coarser draw (``sim.statistics.expectation.even_phases``).
-    """
-    angles = angles or study.file.search.screen_angles
-    if angles is None:
-        return [None] * len(dogs)
-    quick = replace(study, clutch=study.clutch.with_engine("planar"))
-    plans = [whole_plan(quick, angles)] * len(dogs)
-    own = None if operated is None else [replace(one, clutch=quick.clutch) for one in operated]
-    referred = _referred(quick, whole_plan(quick, angles), seed, base)
-    with executor.apart(referred) as running:
-        found = evaluate(
-            quick, dogs, running, plans, seed, base=base, operated=own, referred=referred
-        )
-    return [*found]
-
-
-def in_two_levels(
-    study: Setup, screened: Sequence[Simulated], found: Sequence[Simulated], seed: int, base: int
-) -> list[Simulated]:
-    """Correct screened designs by their shifts of Drake at some of the same angles.
-
-    Expected times then rest on both engines (``pipeline.simulate.level_times``), checks and rows
-    of the surrogate on the compiled one's many shifts. ``base`` angles of ``seed`` are those that
-    all counts of angles hold.
-    """
+    for params in designs if require_made else []:
+        require_makeable(study.dog_with(params), study.limits.manufacturing)
+    blocks = [design_blocks(study, params, angles, seed) for params in designs]
+    referred = reference_blocks(study, angles, seed)
+    found = iter(executor.run([block for group in (*blocks, referred) for block in group]))
+    shifts = [[next(found) for _ in group] for group in blocks]
+    others = [next(found) for _ in referred]
+    beside = expectation_of(study, [b.point for b in referred], others) if referred else None
     return [
-        _both(study, quick, one, seed, base) for quick, one in zip(screened, found, strict=True)
+        _simulated(study, params, [b.point for b in group], rows, beside)
+        for params, group, rows in zip(designs, blocks, shifts, strict=True)
     ]
 
 
-def _both(study: Setup, quick: Simulated, one: Simulated, seed: int, base: int) -> Simulated:
-    levels = level_times(study, quick.parts, one.parts, seed, base)
-    squares = common_squares(study, levels.squares)
-    variances = levels.compiled_variances + levels.correction_variances(squares)
-    shifted = levels.apart.mean(axis=1)
-    points = []
-    for k, (alone, beside) in enumerate(
-        zip(one.expectation.points, quick.expectation.points, strict=True)
-    ):
-        engaged = None if beside.mean_engaged is None else beside.mean_engaged + float(shifted[k])
-        points.append(
-            replace(
-                alone,
-                mean=float(levels.means[k] + shifted[k]),
-                mean_engaged=engaged,
-                standard_error=math.sqrt(variances[k]),
-                sd=beside.sd,
-                n_planar=levels.many,
-            )
-        )
-    found = replace(expect(points), numerical_error=one.expectation.numerical_error)
-    parts = tuple((levels.weights**2 * variances).tolist())
-    time = Estimate(found.mean, found.standard_error, parts)
-    return replace(
-        quick,
-        expectation=found,
-        estimates={**quick.estimates, SIMULATED: time},
-        unfinished=one.unfinished,
-        levels=levels,
+def _simulated(
+    nominal: Setup,
+    params: Params,
+    points: Sequence[OperatingPoint],
+    rows: Sequence[Sequence[Record]],
+    reference: Expectation | None,
+) -> Simulated:
+    study, dog = nominal.operated(params), nominal.dog_with(params)
+    expectation = expectation_of(study, points, rows)
+    demand = demand_over(study, dog, expectation, rows)
+    checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
+    design = Design({}, dog, checks, "")
+    estimates = estimates_of(Shifts(study, design, expectation, rows, reference))
+    limited = {name: estimates[name].value for name in simulated_limits(study)}
+    # Shifts whose integration failed say nothing of engagement.
+    share = min((p.engaged for p in expectation.points if p.n), default=1.0)
+    shifts = [shift for mine in rows for shift in mine]
+    return Simulated(
+        expectation,
+        Measured(demand, limited, share),
+        rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows)),
+        estimates,
+        len(shifts),
+        sum(map(unfinished, shifts)),
     )
 
 
-def _referred(study: Setup, plan: Plan, seed: int, base: int | None = None) -> list[Block]:
-    """Return the blocks of the reference at a design's angles; none where nothing refers to it."""
-    if REFERRED not in estimated(study):
-        return []
-    return blocks_of(study, study.clutch.with_dog(reference_of(study)), plan, seed, base)
+def _as_searched(
+    study: Setup, operation: Mapping[str, float], rows: Sequence[Sequence[Record]]
+) -> list[Record]:
+    """Rewrite shifts of a design that is operated in its own way as the search sees them.
+
+    Set-point, force and rise are variables of the design to it, and an operating point is one of
+    the study's own, so that designs that are operated differently meet at the same points. A shift
+    has the moved point in its record instead.
+    """
+    if not study.searches_operation:
+        return [shift for mine in rows for shift in mine]
+    keys = [key for key in study.variables if key in OPERATED]
+    own = {key: operation.get(key, study.prototype[key]) for key in keys}
+    return [
+        {**shift, "mismatch_rpm": point.mismatch / RPM, **point.profile.record, **own}
+        for point, mine in zip(study.points, rows, strict=True)
+        for shift in mine
+    ]
 
 
 def reference_of(study: Setup) -> Dog:
@@ -209,41 +153,6 @@ def reference_of(study: Setup) -> Dog:
             hint = did_you_mean(key, VARIABLES)
             raise InputError(f"search.reference has '{key}', which is no key of the dog; {hint}")
     return study.dog_with(dict(given))
-
-
-def _simulated(
-    study: Setup,
-    dog: Dog,
-    expectation: Expectation,
-    rows: Sequence[Sequence[Record]],
-    reference: Expectation | None,
-    *,
-    learned: Array,
-) -> Simulated:
-    shifts = [row for mine in rows for row in mine]
-    demand = demand_over(study, dog, expectation, rows)
-    checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
-    found = Shifts(study, Design({}, dog, checks, ""), expectation, rows, reference)
-    estimates = estimates_of(found)
-    limited = {n: estimates[n].value for n in simulated_limits(study)}
-    # Shifts whose integration failed say nothing of engagement.
-    share = min((p.engaged for p in expectation.points if p.n), default=1.0)
-    measured = Measured(demand, limited, share)
-    ended = sum(map(unfinished, shifts))
-    lost = study.clutch.timeout + study.retraction
-    parts = tuple(parts_of([result_of(row) for row in mine], lost) for mine in rows)
-    return Simulated(expectation, measured, learned, estimates, ended, parts)
-
-
-def _learned(
-    study: Setup, operation: Mapping[str, float], plan: Plan, rows: Sequence[Sequence[Record]]
-) -> Array:
-    """Compute what the surrogate learns from the shifts of a plan, by operating point."""
-    points = [point for point, count in zip(study.points, plan, strict=True) if count]
-    keys = [key for key in study.variables if key in OPERATED]
-    whole = {key: operation.get(key, study.prototype[key]) for key in keys}
-    told = [as_searched(whole, *pair) for pair in zip(points, rows, strict=True)]
-    return rows_of(tuple(study.variables), [shift for shifts in told for shift in shifts])
 
 
 def demand_over(

@@ -15,7 +15,7 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
@@ -62,8 +62,7 @@ class Executor:
 
     ``jobs`` 0 means one worker for each core. With one worker nothing is forked. ``cluster`` is
     the address of a Dask scheduler, whose workers then take the place of the cores. ``known`` is
-    called with the number of shifts that the journal has already, instead of ``progress``, and
-    ``quick`` with that of shifts simulated apart.
+    called with the number of shifts that the journal has already, instead of ``progress``.
     """
 
     journal: ShiftJournal
@@ -71,9 +70,7 @@ class Executor:
     progress: Progress = field(default=_silent)
     cluster: str | None = None
     known: Progress | None = None
-    quick: Progress = field(default=_silent)
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
-    _again: dict[str, Record] = field(default_factory=dict, init=False, repr=False)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         """Return the records of every block, in the order of its angles.
@@ -93,17 +90,16 @@ class Executor:
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
     @contextmanager
-    def apart(self, again: Sequence[Block] = ()) -> Iterator[Executor]:
-        """Give an executor whose journal is gone afterwards: for shifts quick to repeat.
-
-        Those of the blocks ``again``, which every call asks for, stay in memory for the next call.
-        """
+    def apart(self) -> Iterator[Executor]:
+        """Give an executor whose journal is gone afterwards: for shifts quick to repeat."""
         with tempfile.TemporaryDirectory(prefix="dogshape-") as folder:
             journal = ShiftJournal(Path(folder) / "shifts.jsonl")
-            journal.rows |= self._again
-            yield Executor(journal, self.jobs, self.quick, self.cluster)
-            keys = {key for block in again for key in block.keys}.intersection(journal.finished)
-            self._again |= {key: journal.rows[key] for key in keys}
+            yield Executor(journal, self.jobs, self.progress, self.cluster)
+
+    def forget(self, kept: Collection[str] = ()) -> None:
+        """Drop the shifts of the journal, but those ``kept`` by their keys: results have them."""
+        self.journal.drop(self.journal.rows.keys() - set(kept))
+        self._counted &= set(kept)
 
     def _unfinished(self, blocks: Sequence[Block]) -> list[Block]:
         """Reduce blocks to the shifts that are not finished, each once."""

@@ -1,10 +1,10 @@
 """Drift of a design over its life: times and margins as it is new, half worn and worn.
 
 At each stage the worn shape (``sim.strength.wear``) is simulated at every operating point and at
-the angles of the confirmation. Wear by a rate follows the energy of the stage before. What bends
-the root counts as the worse of worn and new: a worn dog is loaded lower above its root. The share
-of the height that touches is that of the new height. Checks of manufacture are those of a new dog,
-and are left out.
+angles that the search did not use. Wear by a rate follows the energy of the stage before. What
+bends the root counts as the worse of worn and new: a worn dog is loaded lower above its root. The
+share of the height that touches is that of the new height. Checks of manufacture are those of a new
+dog, and are left out.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Any
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over, expectation_of
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.point_plans import blocks_of, whole_plan
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.statistics.blocks import even_blocks
 from dogshape.sim.statistics.estimate import mean_over
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.checks import Check, smallest_margin
@@ -57,9 +57,9 @@ def life_of(study: Setup, params: Mapping[str, float], wear: Wear, executor: Exe
 
 
 def _stage(study: Setup, new: Dog, dog: Dog, executor: Executor) -> Row:
-    plan = whole_plan(study, study.file.search.confirm_angles)
-    seed = study.file.expectation.seed + NEW_ANGLES
-    blocks = blocks_of(study, study.clutch.with_dog(dog), plan, seed)
+    settings, clutch = study.file.expectation, study.clutch.with_dog(dog)
+    seed, unsure = settings.seed + NEW_ANGLES, study.uncertainty
+    blocks = even_blocks(clutch, study.points, settings.angles, seed, uncertainty=unsure)
     rows = executor.run(blocks)
     expectation = expectation_of(study, [b.point for b in blocks], rows)
     demand = demand_over(study, dog, expectation, rows)

@@ -2,18 +2,16 @@
 
 ``study.json``       the study file as it was run, with hashes and versions
 ``trials.log``       Optuna's journal
-``shifts.jsonl``     every finished shift
-``result.json``      front, best design and confirmation
+``running.jsonl``    finished shifts of designs that are under way; none once the storage has them
+``shifts.jsonl``     shifts of Drake, and those of a filled folder: kept
+``result.json``      front, best design, confirmation and audit
+``rows.json``        what the surrogate learns of a search, by operating point
 ``surrogate.json``   the surrogate with its data
 ``points.csv``       its data as a table: simulated operating points
-``others.json``      of a search that several machines share, what all of them simulated
 ``references.jsonl`` shifts of designs apart, by which a surrogate is judged
-``compiled.jsonl``   of a fit in two levels, shifts of the compiled engine
-``pairs.jsonl``      those of Drake at some of the same angles
-``mix.jsonl``        rows of the compiled engine, of designs at all operating points of the study
+``mix.jsonl``        rows of designs at all operating points of the study
 ``chosen.json``      which of these designs were chosen as likely to be among the best
-``compiled-references.jsonl`` shifts of the compiled engine of the designs apart
-``best.json``        which of them are of the best tenth
+``best.json``        which designs apart are of the best tenth
 ``effects.json``     effects and indices from the surrogate, for the report
 ``report.html``      the report
 ``designs.csv``      every simulated design of the search as a table
@@ -29,7 +27,6 @@ from typing import Any
 
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
-from dogshape.pipeline.config.study_hash import hashed, without_gone
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
@@ -46,13 +43,11 @@ class StudyFolder:
         self.trials = root / "trials.log"
         self.shifts = root / "shifts.jsonl"
         self.result = root / "result.json"
-        self.others = root / "others.json"
+        self.running = root / "running.jsonl"
+        self.rows = root / "rows.json"
         self.references = root / "references.jsonl"
-        self.compiled = root / "compiled.jsonl"
-        self.pairs = root / "pairs.jsonl"
         self.mix = root / "mix.jsonl"
         self.chosen = root / "chosen.json"
-        self.compiled_references = root / "compiled-references.jsonl"
         self.best = root / "best.json"
         self.points = root / "points.csv"
         self.surrogate = root / "surrogate.json"
@@ -113,7 +108,7 @@ class StudyFolder:
             )
         if "study" not in content:
             raise StorageError(f"{self.manifest} is damaged; start the study in another folder")
-        return build_study(validate(StudyFile, without_gone(content["study"]), str(self.manifest)))
+        return build_study(validate(StudyFile, content["study"], str(self.manifest)))
 
     def stored_result(self) -> dict[str, Any]:
         """Read what the study found so far; raise StorageError where that is damaged."""
@@ -130,8 +125,9 @@ def comparable(file: StudyFile) -> dict[str, Any]:
 
     Numbers of designs may; so may the limit of time, on which no finished shift depends.
     """
-    content = hashed(file)
+    content = file.model_dump()
     del content["search"]["trials"], content["search"]["confirm_designs"]
+    content["search"].pop("audit_shifts", None)
     del content["surrogate"]["designs"]
     content["solver"].pop("time_limit_s", None)
     return content

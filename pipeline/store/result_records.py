@@ -29,7 +29,6 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
         "shifts": expectation.shifts,
         "not_engaged": expectation.lost,
         "held_dog_on_dog": expectation.blocked,
-        **({"compiled_shifts": planar} if (planar := expectation.planar_shifts) else {}),
         "points": [
             {
                 "mismatch_rpm": p.point.mismatch / RPM,
@@ -41,7 +40,6 @@ def expectation_record(expectation: Expectation) -> dict[str, Any]:
                 "engaged": p.engaged,
                 "n": p.n,
                 "held_dog_on_dog": p.blocked,
-                **({"n_planar": p.n_planar} if p.n_planar else {}),
             }
             for p in expectation.points
         ],

@@ -114,10 +114,7 @@ class DesignRow(Section):
     )
     standard_error_s: float | None = key("standard error of the expected shift time", "s")
     points: int = key("operating points that were simulated")
-    shifts: int = key("shifts that were simulated; in two levels those of Drake")
-    compiled_shifts: int | None = key(
-        "shifts of the compiled engine beside them, in two levels", "", None
-    )
+    shifts: int = key("shifts that were simulated")
     engaged: float | None = key("least share of the shifts that engaged at a point", SHARE)
     feasible: bool = key("whether the design was simulated and passes every check")
     failed: list[str] = key("checks that fail; `simulation` where shifts say nothing")
@@ -155,9 +152,6 @@ class PointRow(Section):
     sd_s: float = key("standard deviation of the time of a shift", "s")
     engaged: float = key("share of the shifts that engaged", SHARE)
     n: int = key("number of shifts")
-    n_planar: int | None = key(
-        "shifts of the compiled engine behind `mean_s`, in two levels", "", None
-    )
     held_dog_on_dog: int | None = key(
         "shifts that friction held dog on dog; absent in earlier versions", "", None
     )
@@ -187,6 +181,21 @@ class CheckRow(Section):
     limit_key: str = key("key of the study file that sets the limit")
 
 
+class EngineAgreement(Section):
+    """Shifts of the compiled engine that Drake simulated again."""
+
+    shifts: int = key("shifts that both engines simulated")
+    different_outcomes: int = key("shifts that end differently")
+    median_deviation: float = key(
+        "median size of the deviation of a shift's time from Drake's", "1"
+    )
+    mean_deviation: float = key(
+        "mean time less Drake's, over Drake's; shifts that engage in both", "1"
+    )
+    standard_error: float = key("standard error of `mean_deviation`", "1")
+    agrees: bool = key("whether the engines agree (`docs/search.md`)")
+
+
 class ConfirmedDesign(Section):
     """A design re-simulated at every operating point and at angles that the search did not use."""
 
@@ -204,9 +213,6 @@ class ConfirmedDesign(Section):
         "mean time of the shifts that engaged; absent in earlier versions", "s", None
     )
     shifts: int | None = key("number of shifts; absent in earlier versions", "", None)
-    compiled_shifts: int | None = key(
-        "shifts of the compiled engine beside them, in two levels", "", None
-    )
     not_engaged: int | None = key(
         "shifts that did not engage; absent in earlier versions", "", None
     )
@@ -216,6 +222,9 @@ class ConfirmedDesign(Section):
     points: list[PointRow] = key("the operating points")
     estimates: dict[str, Estimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
+    drake: EngineAgreement | None = key(
+        "agreement of Drake at some of the same angles; null where one engine did all"
+    )
     searched: Estimate | None = key(
         "leading objective by the search, in its unit; in `designs` alone", "", None
     )
@@ -239,8 +248,8 @@ class ContactGain(Section):
 class Confirmation(Section):
     """Re-simulation of the prototype and of designs of the front at new angles."""
 
-    engine: str | None = key("engine of the confirmation, where the study names one", "", None)
     angles: int = key("relative angles at each operating point")
+    drake_angles: int | None = key("angles of these that Drake simulated too; null where none")
     prototype: ConfirmedDesign = key("the study's own design")
     chosen: int = key(
         "trial of the chosen design: first of the front by the search; where none passes, of all"
@@ -317,14 +326,18 @@ class StudyRecord(Section):
     )
     trials: list[DesignRow] = key("all designs, by trial")
     n_simulated_designs: int = key("different designs that were simulated")
-    n_simulated_shifts: int = key("shifts that were simulated; in two levels those of Drake")
-    n_compiled_shifts: int | None = key(
-        "shifts of the compiled engine behind the designs of the search, in two levels", "", None
+    n_simulated_shifts: int = key(
+        "shifts behind the designs of the search and of the confirmation, of both engines"
     )
-    failed_shifts: dict[str, int] = key("shifts that failed in the solver, by reason")
+    failed_shifts: dict[str, int] = key(
+        "shifts of confirmation and audit that failed in the solver, by reason"
+    )
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")
     life: list[LifeStage] | None = key(
         "drift of the chosen design over its life; null for a study without `[wear]`", "", None
+    )
+    audit: EngineAgreement | None = key(
+        "agreement of Drake on shifts of the search, drawn at random; null where one engine did all"
     )
     surrogate: SurrogateFigures | None = key("validation of the surrogate; null without one")
     versions: dict[str, str] = key("versions of the programs that the result depends on")

@@ -38,8 +38,8 @@ SLACK = 0.15  #: of a limit, by which designs beyond the border break it
 BEYOND = 3  #: one design in so many lies beyond the border
 MOST = 2**16  #: draws without a new design after which there is none
 OWN = 30_000  #: added to the seed for the study's own designs
-DENSER = 4  #: times the angles of other rows for the study's own designs
-OWN_SHIFTS = 1344  #: of the compiled engine for each of them, at least
+DENSER = 2  #: times the angles of other rows for the study's own designs
+OWN_SHIFTS = 1344  #: for each of them, at least
 PLASTIC = 1.32471795724474602596  #: root of x^3 = x + 1
 
 
@@ -84,9 +84,7 @@ def _slides(study: Setup, design: dict[str, float]) -> bool:
 def own_blocks(study: Setup) -> list[Block]:
     """Return the shifts of the study's own designs at all of its operating points."""
     settings, size = study.file.surrogate, len(study.points)
-    angles = DENSER * settings.angles
-    if study.clutch.solver.engine == "planar":
-        angles = max(angles, math.ceil(OWN_SHIFTS / size))
+    angles = max(DENSER * settings.angles, math.ceil(OWN_SHIFTS / size))
     return [
         even_block(
             study.clutch.with_dog(study.dog_with(design)),
@@ -163,29 +161,16 @@ def _between(values: Sequence[float], share: float) -> float:
     return min(max(round(drawn, 2), low), high)
 
 
-def filling_blocks(
-    study: Setup,
-    design: dict[str, float],
-    index: int,
-    seed: int,
-    *,
-    angles: int | None = None,
-    base: int | None = None,
-) -> list[Block]:
-    """Return the shifts of the design at ``index``, a block for each of its operating points.
-
-    ``angles`` instead of the study's, with ``base`` as for
-    ``sim.statistics.expectation.even_phases``.
-    """
+def filling_blocks(study: Setup, design: dict[str, float], index: int, seed: int) -> list[Block]:
+    """Return the shifts of the design at ``index``, a block for each of its operating points."""
     points = study.file.surrogate.points
     clutch = study.clutch.with_dog(study.dog_with(design))
     return [
         even_block(
             clutch,
             filling_point(study, seed, row),
-            angles or study.file.surrogate.angles,
+            study.file.surrogate.angles,
             (seed, row),
-            base,
             uncertainty=study.uncertainty,
         )
         for row in range(index * points, (index + 1) * points)

@@ -1,4 +1,4 @@
-"""Designs simulated at every operating point of the study, in the compiled engine.
+"""Designs simulated at every operating point of the study.
 
 Half of the angles of an operating point are even; in a few rounds the others halve the intervals
 in which the time most likely jumps (``sim.statistics.bisection``). With as many even angles the
@@ -86,7 +86,7 @@ def halved(study: Setup) -> tuple[int, ...]:
 
 
 def mix_blocks(study: Setup, design: Design, index: int) -> list[Block]:
-    """Return the even angles of the design at ``index``, in the compiled engine's ``study``."""
+    """Return the even angles of the design at ``index``."""
     clutch = study.clutch.with_dog(study.dog_with(design))
     seed, size = study.file.surrogate.seed, len(study.points)
     return [
@@ -102,10 +102,7 @@ def mix_blocks(study: Setup, design: Design, index: int) -> list[Block]:
 
 
 def simulate_mix_rows(study: Setup, folder: StudyFolder, executor: Executor) -> None:
-    """Simulate the designs that a folder lacks; ``study`` is that in the compiled engine.
-
-    Shifts are counted as quick ones of the executor; those of its journal are none of them.
-    """
+    """Simulate the designs that a folder lacks; the executor's journal gets no shift of theirs."""
     count = count_of(study)
     if count == 0:
         return
@@ -119,7 +116,7 @@ def simulate_mix_rows(study: Setup, folder: StudyFolder, executor: Executor) -> 
 
 
 def mix_rows(study: Setup, folder: StudyFolder) -> Array:
-    """Return the rows of a folder's designs, (n, d + 8); ``study`` is in the compiled engine."""
+    """Return the rows of a folder's designs, (n, d + 8)."""
     filling = first_designs(study, round(FILLS * count_of(study)))
     chosen = _chosen(folder) if folder.chosen.exists() else []
     return _rows(study, [*filling, *chosen], _lines(folder.mix))

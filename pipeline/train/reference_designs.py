@@ -62,13 +62,11 @@ def simulate_references(
     designs: Sequence[dict[str, float]],
     executor: Executor,
     more: Callable[[int], None],
-    *,
-    alike: bool = True,
 ) -> None:
     """Simulate designs to the study's error of references, at most ``MOST`` angles at a point.
 
     The shifts are in the executor's journal. ``more`` is called with the number of shifts that each
-    round adds to ``first_shifts``. Designs share their angles where they are ``alike``.
+    round adds to ``first_shifts``.
     """
     clutches = [study.clutch.with_dog(study.dog_with(design)) for design in designs]
     counts, size = [study.file.surrogate.reference_angles] * len(study.points), len(study.points)
@@ -76,7 +74,7 @@ def simulate_references(
         blocks = [
             block
             for index, clutch in enumerate(clutches)
-            for block in _blocks(study, clutch, counts, 0 if alike else index)
+            for block in _blocks(study, clutch, counts, index)
         ]
         found = executor.run(blocks)
         rows = np.array([_mean_and_error(study, shifts) for shifts in found])
@@ -95,9 +93,10 @@ def first_shifts(study: Setup) -> int:
     return designs * len(study.points) * settings.reference_angles
 
 
-def _blocks(study: Setup, clutch: Clutch, counts: Sequence[int], more: int) -> list[Block]:
+def _blocks(study: Setup, clutch: Clutch, counts: Sequence[int], index: int) -> list[Block]:
+    """Return the shifts of a reference; with common angles errors would look like a bias."""
     settings = study.file.surrogate
-    first, seed = settings.reference_angles, settings.seed + APART + more
+    first, seed = settings.reference_angles, settings.seed + APART + index
     finest = {
         count: even_blocks(clutch, study.points, count, seed, first, uncertainty=study.uncertainty)
         for count in set(counts)

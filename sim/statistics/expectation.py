@@ -61,9 +61,7 @@ class PointExpectation:
     ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift
     engaged, ``mean`` is an estimate with p = 1/(n + 1) and ``mean_engaged`` None.
     ``standard_error`` is NaN for fewer than three shifts, which say nothing of it.
-    ``blocked`` of the ``n`` shifts stood still dog on dog, held by friction. ``n_planar`` shifts of
-    the compiled engine stand behind a mean of a search in two levels
-    (``pipeline.simulate.level_times``); counts and shares are those of the other engine there.
+    ``blocked`` of the ``n`` shifts stood still dog on dog, held by friction.
     """
 
     point: OperatingPoint
@@ -74,7 +72,6 @@ class PointExpectation:
     engaged: float
     n: int
     blocked: int = 0
-    n_planar: int = 0
 
     @property
     def lost(self) -> int:
@@ -140,11 +137,6 @@ class Expectation:
         return sum(p.n for p in self.points)
 
     @property
-    def planar_shifts(self) -> int:
-        """Number of shifts of the compiled engine beside them, in two levels."""
-        return sum(p.n_planar for p in self.points)
-
-    @property
     def lost(self) -> int:
         """Number of shifts that did not engage."""
         return sum(p.lost for p in self.points)
@@ -169,16 +161,6 @@ def even_phases(count: int, seed: int, index: int, base: int | None = None) -> P
     """
     start = np.random.default_rng([seed, index]).random() * (count // (base or count))
     return (np.arange(count) + start % 1.0) / count
-
-
-def nested(few: int, many: int, seed: int, index: int, base: int) -> list[int]:
-    """Find the places of few even angles among the many that hold them.
-
-    Both are of the same draw, as for ``even_phases``.
-    """
-    own, all_of_them = (even_phases(count, seed, index, base) for count in (few, many))
-    apart = np.abs(np.subtract.outer(own, all_of_them))
-    return [int(place) for place in np.minimum(apart, 1.0 - apart).argmin(axis=1)]
 
 
 def expect_point(

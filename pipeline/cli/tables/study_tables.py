@@ -162,13 +162,6 @@ def validation_text(stored: Stored, path: Path) -> RenderableType:
         f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, where "
         f"{v.lost_expected:.1f} were expected"
     )
-    if data.levels:
-        found = data.levels["discrepancy"]
-        lines.append(
-            f"rows of the compiled engine, {data.levels['planar']} shifts, corrected by "
-            f"{found['constant']:+.2%} (s.e. {found['constant_error']:.2%}) from "
-            f"{data.levels['drake']} of Drake"
-        )
     if v.rank_best is not None:
         lines.append(f"rank correlation of {v.n_best} designs of the best tenth {v.rank_best:.2f}")
     if stored.comparison:

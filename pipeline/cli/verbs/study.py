@@ -79,17 +79,6 @@ def fit(
     choose: Annotated[
         bool, typer.Option("--choose", help="compare forms of the model, minutes; take the best")
     ] = False,
-    question: Annotated[
-        str | None, typer.Option(help="best, front or design: simulate more about it first")
-    ] = None,
-    shifts: Annotated[int, typer.Option(min=1, help="with --question: how many more")] = 1024,
-    levels: Annotated[
-        int | None,
-        typer.Option(
-            help="of a study: 2 (default with Drake) simulates most shifts in the compiled engine "
-            "and corrects them by pairs with Drake; 1 takes the study's engine alone"
-        ),
-    ] = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
     engine: Engine = None,
@@ -99,15 +88,13 @@ def fit(
     """Fit the surrogate and judge it on designs that it has not seen.
 
     A folder of results is fitted as it is. For a study, designs that fill its space are
-    simulated first into results/NAME-space, and references apart to judge by; most of it in the
-    compiled engine and corrected by Drake. With a question, all is Drake's, and more shifts are
-    simulated where they tell most about the fastest designs, about the front of the study's
-    objectives, or about the study's own design.
+    simulated first into results/NAME-space, and references apart to judge by, in the compiled
+    engine unless the study names another.
 
     Example: dogshape fit results/mq200
     """
     found = fit_surrogate(
-        where, with_engine(set_, engine), out=out, choose=choose, question=question,
-        shifts=shifts, levels=levels, jobs=jobs, cluster=cluster, progress=ProgressBar(),
+        where, with_engine(set_, engine), out=out, choose=choose, jobs=jobs, cluster=cluster,
+        progress=ProgressBar(),
     )  # fmt: skip
     emit(found.to_dict(), json, lambda: validation_text(found.stored, found.path))

@@ -16,7 +16,7 @@ from plotly.subplots import make_subplots
 from dogshape.pipeline.reports.kit.look import BLUE, GREY, INK, MARKS, Row, styled
 from dogshape.pipeline.reports.study.designs import design_name, failed_at_new_angles
 from dogshape.pipeline.reports.study.goals import goals_of
-from dogshape.pipeline.reports.study.single_shifts import Array, Shifts
+from dogshape.pipeline.reports.study.single_shifts import Array
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.surrogate.hypervolume import hypervolume
 
@@ -35,16 +35,14 @@ class Course:
     volume: Array
 
 
-def course(result: Row, shifts: Shifts) -> Course:
+def course(result: Row) -> Course:
     """Follow a search design by design; designs that land too hard cost shifts, too."""
-    angles = shifts.study.file.expectation.angles
     failed = {row["trial"] for row in failed_at_new_angles(result)}
     spent, total, rows = [], 0, []
     for row in result["trials"]:
         if row[SIMULATED] is None:
             continue
-        design = {name: row[name] for name in shifts.study.variables}
-        total += len(shifts.searched(design)) or row["points"] * angles
+        total += row["shifts"]
         if row["feasible"] and row["trial"] not in failed:
             rows.append(row)
             spent.append(total)

@@ -83,7 +83,7 @@ def _write(shifts: Shifts, one: Replay, path: Path) -> None:
     from dogshape.pipeline.reports.shift.animation import write_animation  # noqa: PLC0415
     from dogshape.sim.engines import engage  # noqa: PLC0415
 
-    study, row = shifts.study, one.shift
+    study, row = shifts.simulated, one.shift
     design = {name: row[name] for name in study.shape_keys}
     clutch = study.clutch.with_dog(study.dog_with(design))
     point = OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row))

@@ -32,7 +32,7 @@ class Shifts:
     groups: dict[str, list[Record]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        both = self.study, self.study.confirming
+        both = self.study.working, self.simulated
         keys = {key for study in both for key in clutch_record(study.clutch)}
         groups: dict[str, list[Record]] = {}
         for row in self.rows:
@@ -42,23 +42,20 @@ class Shifts:
                 ).append(row)
         object.__setattr__(self, "groups", groups)
 
+    @property
+    def simulated(self) -> Setup:
+        """The study in the engine of the shifts that are kept: Drake's, where it judges."""
+        return self.study.judging or self.study.working
+
     def of(self, design: dict[str, float]) -> list[Record]:
         """Select the shifts of a design, given in edge units."""
-        return self._of(self.study, design)
-
-    def _of(self, study: Setup, design: dict[str, float]) -> list[Record]:
-        clutch = study.clutch.with_dog(study.dog_with(design))
+        clutch = self.simulated.clutch.with_dog(self.study.dog_with(design))
         return self.groups.get(content_key(clutch_record(clutch)), [])
-
-    def searched(self, design: dict[str, float]) -> list[Record]:
-        """Select the shifts at the angles of the search."""
-        seed = self.study.file.expectation.seed
-        return [row for row in self.of(design) if row.get("seed") == seed]
 
     def confirmed(self, design: dict[str, float]) -> list[Record]:
         """Select the shifts at the new angles of the confirmation."""
         seed = self.study.file.expectation.seed + NEW_ANGLES
-        return [row for row in self._of(self.study.confirming, design) if row.get("seed") == seed]
+        return [row for row in self.of(design) if row.get("seed") == seed]
 
 
 def read_shifts(study: Setup, journal: ShiftJournal) -> Shifts:

@@ -56,14 +56,6 @@ def publish(folder: StudyFolder, say: Say) -> Path:
     require_targets({"the report": folder.report})
     learn_effects(folder, say)
     shifts = read_shifts(study, ShiftJournal(folder.shifts, only_read=True))
-    # What other machines simulated is in their folders.
-    lost = 0 if folder.others.exists() else result["n_simulated_shifts"] - len(shifts.rows)
-    if lost > 0:
-        say(
-            f"{folder.shifts} lacks {lost} of the {result['n_simulated_shifts']} shifts that "
-            f"{folder.result.name} rests on, so the report shows single shifts without them; "
-            "'dogshape study' with --resume simulates them again"
-        )
     pairs = replays_of(shifts, designs.designs_shown(result) if result["best"] else [])
     write_replays(folder, shifts, [one for pair in pairs for one in pair], say)
     return _write(folder, study, result, shifts)
@@ -121,7 +113,6 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "is_measured": designs.is_measured,
         "confirmed": designs.confirmed_designs(result),
         "apart": [f for f in facts if f.name.startswith("search and new angles")],
-        "partial": any(0 < row["points"] < len(study.points) for row in trials),
         "weighted": len(weights) > 1,
         "uncertain": study.uncertainty.source if study.uncertainty else (),
         "label": label,
@@ -140,7 +131,6 @@ def content_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -
         "failure": summary.failure,
         "lost": any(row["lost"] for row in quantiles),
         "failed_words": summary.failed_words,
-        "both_levels": bool(result.get("n_compiled_shifts")),
         "quantiles": quantiles,
         "drawings": _drawings(study, best),
         "replays": _replays(folder, shifts, shown) if best else [],
@@ -179,7 +169,7 @@ def _search_figures(result: Row, variables: list[str], shifts: Shifts) -> Row:
     return {
         "fronts": fronts,
         "sure": sure_figure(result) if result["front"] else "",
-        "convergence": convergence_figure(result, course(result, shifts)),
+        "convergence": convergence_figure(result, course(result)),
     }
 
 

@@ -118,11 +118,8 @@ def gained(result: Row) -> list[Gained]:
 
 
 def engine_of(result: Row) -> str:
-    """Name the engine that simulated the shifts of a study, and another one that confirmed it."""
-    engine = result.get("engine", "drake")
-    other = (result["confirmation"] or {}).get("engine") or engine
-    searched, confirmed = (ENGINES[name] for name in (engine, other))
-    return searched if other == engine else f"{searched}, at the new angles by {confirmed}"
+    """Name the engine that simulated the shifts of a search."""
+    return ENGINES[result["engine"]]
 
 
 def headline(result: Row) -> str:
@@ -349,13 +346,24 @@ def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
     if left := c.get("left_out"):
         words = f"{', '.join(map(str, left))}; raise search.confirm_designs"
         yield Fact("designs not confirmed, and so not on the front", words)
-    count = f"{result['n_simulated_shifts']} by {engine_of(result)}"
-    if compiled := result.get("n_compiled_shifts"):
-        count += f", {compiled} by the compiled engine"
-    angles = f"{c['angles']} new angles at each operating point"
-    if many := c["best"]["points"][0].get("n_planar"):
-        angles += f" among {many} of the compiled engine"
-    yield Fact("shifts simulated", f"{count}; figures above: {angles}")
+    words = f"{c['angles']} new angles at each operating point"
+    if c.get("drake_angles"):
+        words += f", {c['drake_angles']} of them of Drake too"
+    count = f"{result['n_simulated_shifts']}, the search by {engine_of(result)}"
+    yield Fact("shifts simulated", f"{count}; figures above: {words}")
+    for name, found in (("chosen design in Drake", c["best"]["drake"]), ("audit", result["audit"])):
+        if found is not None:
+            yield Fact(name, agreement_words(found), bad=not found["agrees"])
+
+
+def agreement_words(found: Row) -> str:
+    """Write the agreement of both engines on shifts that Drake repeated."""
+    return (
+        f"{found['shifts']} shifts again in Drake: {found['different_outcomes']} end differently, "
+        f"mean time of the compiled engine {100 * found['mean_deviation']:+.2f} ± "
+        f"{100 * found['standard_error']:.2f} %, median deviation of a shift "
+        f"{100 * found['median_deviation']:.2f} %"
+    )
 
 
 def disagreement(lead: Goal, row: Row, record: Row) -> float:
