@@ -27,6 +27,7 @@ from dogshape.pipeline.simulate.design import (
     limits_of,
     objectives_of,
 )
+from dogshape.pipeline.simulate.evaluation import failures
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.simulate.life import STAGES, life_of
 from dogshape.pipeline.store.folder import StudyFolder, write_json
@@ -35,7 +36,6 @@ from dogshape.pipeline.store.trial_storage import kept
 from dogshape.pipeline.train.training import Say, train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import EngineError, GeometryError, InputError
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
 from dogshape.surrogate.model import MIN_DESIGNS
@@ -221,6 +221,8 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
 def collect(state: SearchState, journal: ShiftJournal) -> Record:
     """Record the state of a search; ``journal`` has the shifts that are kept."""
     study, best, rows = state.study, state.best, rows_of(state)
+    failed = [Counter(trial.failed) for trial in distinct(state.trials)]
+    failed.append(Counter(failures(journal.rows.values())))
     return {
         "study": study.name,
         "engine": study.clutch.solver.engine,
@@ -233,7 +235,7 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
         "trials": list(rows.values()),
         "n_simulated_designs": len(distinct(state.simulated)),
         "n_simulated_shifts": state.shifts,
-        "failed_shifts": failed_shifts(journal),
+        "failed_shifts": dict(sum(failed, Counter[str]())),
         "confirmation": None,
         "life": None,
         "audit": None,
@@ -252,13 +254,6 @@ def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
         designs.append(confirmation["prototype"])
     judged = (one["drake"]["shifts"] if one["drake"] else 0 for one in designs)
     return sum(one["shifts"] for one in designs) + sum(judged)
-
-
-def failed_shifts(journal: ShiftJournal) -> dict[str, int]:
-    """Count the failed shifts of a journal, by the reason; they have no time."""
-    failed = [row for row in journal.rows.values() if row["outcome"] == Outcome.DIVERGED.value]
-    reasons = (str(row.get("reason", Outcome.DIVERGED.message)) for row in failed)
-    return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
 def rows_of(state: SearchState) -> dict[int, Record]:

@@ -28,7 +28,13 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.dog_guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.state import SearchState
-from dogshape.pipeline.search.trial import PROTOTYPE, SIMULATION, simulation_record, trial_of
+from dogshape.pipeline.search.trial import (
+    FAILED,
+    PROTOTYPE,
+    SIMULATION,
+    simulation_record,
+    trial_of,
+)
 from dogshape.pipeline.simulate.design import (
     Design,
     design_of,
@@ -188,15 +194,16 @@ def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) 
         if one is not None and one.unfinished:
             search.left_open.add(trial.number)
         else:
-            _tell(search, trial, designs[k], one if one is not None and one.known else None)
+            _tell(search, trial, designs[k], one)
     if not search.left_open:
         reference = reference_blocks(study, settings.angles, settings.seed)
         executor.forget({key for block in reference for key in block.keys})
 
 
-def _tell(search: Search, given: FrozenTrial, design: Design, found: Simulated | None) -> None:
+def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | None) -> None:
     """Write a design into the storage and end its trial there."""
     study, trial = search.study, optuna.Trial(search.optuna, given._trial_id)
+    found = one if one is not None and one.known else None
     landed = design_of(study, design.params, found.measured) if found else design
     estimates = {} if found is None else {n: e.value for n, e in found.estimates.items()}
     # A run that seemed dead may have told it meanwhile: it found the same.
@@ -204,6 +211,8 @@ def _tell(search: Search, given: FrozenTrial, design: Design, found: Simulated |
         for name, value in landed.constraints.items():
             if name not in given.constraints:
                 trial.set_constraint(name, value)
+        if one is not None and one.failed:
+            trial.set_user_attr(FAILED, one.failed)
         if found is not None:
             trial.set_user_attr(SIMULATION, simulation_record(found))
         search.optuna.tell(trial, values_of(study, design, estimates), skip_if_finished=True)

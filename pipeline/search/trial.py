@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from dogshape.sim.strength.landing import Demand
 from dogshape.surrogate.covariance import Array
 
 SIMULATION = "simulation"  #: attribute of a trial: what the shifts of its design gave
+FAILED = "failed_shifts"  #: attribute of a trial: how many shifts failed, by reason
 PROTOTYPE = "prototype"  #: attribute of the trial of the study's own design
 
 
@@ -34,7 +35,7 @@ class Trial:
     estimates : simulated objectives with their errors, by name; None where it was not simulated.
     measured : values that its checks are judged by; None likewise.
     rows : for the surrogate, one for each operating point.
-    shifts : number of simulated shifts.
+    shifts : number of simulated shifts; ``failed`` of them to integrate, by reason.
     confirmed : whether the values are those of new angles.
     judged : whether the engines agree at the new angles.
     """
@@ -47,6 +48,7 @@ class Trial:
     measured: Measured | None = None
     rows: Sequence[Sequence[float | None]] = field(default=(), repr=False)
     shifts: int = 0
+    failed: Mapping[str, int] = field(default_factory=dict)
     confirmed: bool = False
     judged: bool = True
 
@@ -83,19 +85,17 @@ def trial_of(frozen: FrozenTrial) -> Trial:
         frozen.number,
         dict(frozen.params),
         tuple(frozen.values),
-        bool(frozen.user_attrs.get(PROTOTYPE, False)),
+        prototype=bool(frozen.user_attrs.get(PROTOTYPE, False)),
+        failed=frozen.user_attrs.get(FAILED, {}),
     )
     if known is None:
         return bare
-    return Trial(
-        bare.number,
-        bare.params,
-        bare.values,
-        bare.prototype,
-        {name: Estimate(*pair) for name, pair in known["estimates"].items()},
-        Measured(Demand(*known["demand_Pa"]), known["limited"], known["engaged"]),
-        known["rows"],
-        known["shifts"],
+    return replace(
+        bare,
+        estimates={name: Estimate(*pair) for name, pair in known["estimates"].items()},
+        measured=Measured(Demand(*known["demand_Pa"]), known["limited"], known["engaged"]),
+        rows=known["rows"],
+        shifts=known["shifts"],
     )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from dogshape.pipeline.config.set_point import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES, Setup
@@ -14,6 +15,7 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.estimate import Estimate
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
@@ -41,6 +43,7 @@ class Simulated:
     rows : for the surrogate, one for each operating point, as ``surrogate.dataset.rows_of``.
     estimates : all simulated objectives, by name.
     shifts : number of shifts; ``unfinished`` of them the clock ended.
+    failed : number of shifts whose integration failed, by reason.
     """
 
     expectation: Expectation
@@ -49,6 +52,7 @@ class Simulated:
     estimates: dict[str, Estimate]
     shifts: int
     unfinished: int = 0
+    failed: Mapping[str, int] = field(default_factory=dict)
 
     @property
     def known(self) -> bool:
@@ -122,7 +126,15 @@ def _simulated(
         estimates,
         len(shifts),
         sum(map(unfinished, shifts)),
+        failures(shifts),
     )
+
+
+def failures(shifts: Iterable[Record]) -> dict[str, int]:
+    """Count the shifts whose integration failed, by the reason; they have no time."""
+    failed = [row for row in shifts if row["outcome"] == Outcome.DIVERGED.value]
+    reasons = (str(row.get("reason", Outcome.DIVERGED.message)) for row in failed)
+    return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
 def _as_searched(

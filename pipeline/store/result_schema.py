@@ -330,7 +330,7 @@ class StudyRecord(Section):
         "shifts behind the designs of the search and of the confirmation, of both engines"
     )
     failed_shifts: dict[str, int] = key(
-        "shifts of confirmation and audit that failed in the solver, by reason"
+        "shifts that failed in the solver, by reason; of a confirmation those that are kept"
     )
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")
     life: list[LifeStage] | None = key(

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
+from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, design_blocks, expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.simulate.level_times import compiled_angles
 from dogshape.sim.bundled import bundled_root
-from dogshape.sim.statistics.expectation import nested
 from dogshape.sim.units import RPM
 
 
@@ -25,7 +23,7 @@ def _kept(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("name", bundled_studies())
 def test_kept_result_is_of_the_study_as_it_is(name: str) -> None:
-    study, result = load_study(name), _kept(name)
+    study, result = load_study(name).working, _kept(name)
     assert result["physics_hash"] == study.physics_hash
     assert result["objectives"] == list(study.file.search.objectives)
     assert len(result["trials"]) == study.file.search.trials
@@ -62,21 +60,8 @@ def _chosen(result: dict[str, Any]) -> dict[str, Any]:
 
 
 def _mean_at(study: Setup, row: dict[str, Any], place: int) -> float:
-    plan = [0] * len(study.points)
-    plan[place] = study.file.search.confirm_angles
-    params = {key: row[key] for key in study.variables}
-    dog, own = study.dog_with(params), study.operated(params)
+    working, params = study.working, {key: row[key] for key in study.variables}
     seed = study.file.expectation.seed + NEW_ANGLES
-    (found,) = evaluate(study, [dog], scratch_executor(1), [plan], seed, operated=[own])
-    if not study.two_levels:
-        return found.expectation.points[0].mean
-    few, many = study.file.search.confirm_angles, compiled_angles(study)
-    plan[place] = many
-    quick = replace(study, clutch=study.clutch.with_engine("planar"))
-    mine = replace(own, clutch=quick.clutch)
-    (beside,) = evaluate(quick, [dog], scratch_executor(1), [plan], seed, base=few, operated=[mine])
-    costs, engaged, _ = beside.parts[0]
-    mean, share = costs.mean() / engaged.mean(), engaged.mean()
-    scores = [(part[0] - mean * part[1]) / share for part in (found.parts[0], beside.parts[0])]
-    pairs = scores[0] - scores[1][nested(few, many, seed, place, few)]
-    return float(mean + pairs.mean())
+    block = design_blocks(working, params, new_angles(working), seed)[place]
+    rows = scratch_executor(1).run([block])
+    return expectation_of(working, [block.point], rows).mean

@@ -11,7 +11,6 @@ from dogshape.pipeline.config.study_file import VARIABLES, load_study
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.train.found_surrogates import known_surrogate
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.bundled import bundled_root
@@ -31,8 +30,7 @@ def test_best_design_beats_the_prototype_by_many_standard_errors() -> None:
     design = design_of(study, best_design)
     assert design.feasible
     assert design.dog is not None
-    dogs = [study.clutch.dog, design.dog]
-    both = evaluate(study, dogs, scratch_executor(), [whole_plan(study, 6)] * 2, seed=20_000)
+    both = evaluate(study, [{}, best_design], scratch_executor(), 6, seed=20_000)
     prototype, best = (found.expectation for found in both)
     gain = prototype.mean - best.mean
     assert prototype.engaged == best.engaged == 1.0

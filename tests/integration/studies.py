@@ -19,9 +19,6 @@ from tests.conftest import SMALL
 
 #: Keys of the study file that make a study small, with their values; None takes a key out.
 SETTINGS = {k: None if value == "" else value for k, value in map(key_and_value, SMALL)}
-#: The small study ends with these: 12 designs of two points with three angles, prototype and best
-#: confirmed as well, and four shifts repeated with a finer step.
-SHIFTS = 12 * 6 + 2 * 6 + 2 * 4
 
 
 @dataclass(frozen=True)
@@ -59,8 +56,9 @@ def made_once(
 
 
 def finished_study(factory: pytest.TempPathFactory, name: str, **more: Any) -> Finished:
-    """Run the small study, with other settings of its search, once a session."""
-    settings = SETTINGS | {f"search.{key}": value for key, value in more.items()}
+    """Run the small study, with other settings of its search or another engine, once a session."""
+    engine = {"solver.engine": more.pop("engine")} if "engine" in more else {}
+    settings = SETTINGS | engine | {f"search.{key}": value for key, value in more.items()}
 
     def search(folder: Path) -> None:
         ds.Study("mq200_paper", settings).search(folder, jobs=1, report=False)

@@ -21,15 +21,11 @@ from dogshape.pipeline.reports.study.designs import (
     failed_at_new_angles,
     of_kinds,
 )
-from dogshape.pipeline.search.confirmation import confirm
-from dogshape.pipeline.search.front_uncertainty import standings
-from dogshape.pipeline.search.rounds import run
-from dogshape.pipeline.search.samplers import sampler_factory
-from dogshape.pipeline.search.search import Search
-from dogshape.pipeline.search.state import SearchState, confirmed
+from dogshape.pipeline.search.confirmation import Executors, confirm, shifts_to_confirm
+from dogshape.pipeline.search.search import Search, run, sampler_factory
+from dogshape.pipeline.search.state import SearchState, standings
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.point_plans import most_to_confirm
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.result_schema import require_result
@@ -41,6 +37,7 @@ from tests.conftest import SMALL
 
 SETTINGS = [
     *SMALL,
+    "solver.engine=drake",
     "expectation.angles=4",
     "search.sampler=space_filling",
     "search.trials=24",
@@ -83,7 +80,7 @@ class MadeUp:
     def __call__(self, block: Block) -> Iterator[Record]:
         new = (block.seed or 0) >= NEW_ANGLES
         for key, given in zip(block.keys, block.inputs, strict=True):
-            if block.clutch.solver.engine == "drake":  # compiled shifts are not kept
+            if block.clutch.solver.engine == "drake":  # the gain under other contact is not kept
                 if len(self.keys) == self.most:
                     raise CutOffError
                 self.keys.append(key)
@@ -99,7 +96,7 @@ class MadeUp:
             }  # fmt: skip
 
 
-Opened = tuple[SearchState, Executor, MadeUp]
+Opened = tuple[SearchState, Executors, MadeUp]
 Open = Callable[..., Opened]
 
 
@@ -115,8 +112,8 @@ def ended(study: Setup, tmp_path_factory: pytest.TempPathFactory) -> tuple[optun
     shifts = tmp_path_factory.mktemp("ended") / "shifts"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dogshape.pipeline.simulate.executor.run_block", MadeUp())
-        search, executor = Search(study, trials), Executor(ShiftJournal(shifts), 1)
-        run(search, sampler_factory(study, None), executor, lambda *_: None)
+        executor = Executor(ShiftJournal(shifts), 1)
+        run(Search(study, trials, sampler_factory(study)), executor, lambda *_: None)
     return trials, shifts
 
 
@@ -135,20 +132,21 @@ def opened(
         most: int | None = None, budget: int = 24,
     ) -> Opened:  # fmt: skip
         own = load_study("mq200_paper", [*SETTINGS, f"search.confirm_designs={budget}"])
-        state, path = Search(own, trials).read(), tmp_path / shifts
-        if not path.exists():
-            shutil.copy(kept, path)
+        state = Search(own, trials, sampler_factory(own)).read()
+        paths = tmp_path / f"{shifts}-search", tmp_path / shifts
+        if not paths[0].exists():
+            shutil.copy(kept, paths[0])
         chamfers = {t.number: round(t.params["chamfer_deg"], 6) for t in state.trials}
         those = ({chamfers[n] for n in numbers or []} for numbers in (hard, lucky))
         made_up = MadeUp(*those, most)
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)
-        return state, Executor(ShiftJournal(path), 1), made_up
+        return state, Executors(*(Executor(ShiftJournal(path), 1) for path in paths)), made_up
 
     return opening
 
 
-def _confirmed(state: SearchState, executor: Executor) -> tuple[dict[str, Any], SearchState]:
-    found, after = confirm(state, executor, lambda _count, _line: None)
+def _confirmed(state: SearchState, executors: Executors) -> tuple[dict[str, Any], SearchState]:
+    found, after = confirm(state, executors, lambda _count, _line: None)
     assert found is not None
     return found, after
 
@@ -194,7 +192,7 @@ def test_the_whole_front_is_confirmed_and_has_the_values_of_the_new_angles(opene
     assert found["left_out"] == []
     for trial in after.front:
         assert after.losses[trial.number][0] == values[trial.number]
-        assert after.value(trial, "expected_shift_time_s")[0] == values[trial.number]
+        assert (trial.estimates or {})["expected_shift_time_s"].value == values[trial.number]
     assert found["chosen"] == next(n for n in _trials(found) if n in _numbers(after))
     by_contact = {one["contact"]: one["gain_s"] for one in found["gains_by_contact"]}
     assert [*by_contact] == [
@@ -203,7 +201,7 @@ def test_the_whole_front_is_confirmed_and_has_the_values_of_the_new_angles(opene
     chosen = next(t for t in state.trials if t.number == found["chosen"])
     true = _mean(state.study.prototype) - _mean(chosen.params)
     assert [*by_contact.values()] == pytest.approx([true] * 4, abs=2e-3)
-    assert len(made_up.keys) <= most_to_confirm(state.study, len(values))
+    assert len(made_up.keys) <= shifts_to_confirm(state.study, len(values))
 
 
 def test_what_a_failing_design_dominated_is_on_the_front_and_confirmed(opened: Open) -> None:
@@ -229,7 +227,8 @@ def test_a_design_that_was_lucky_in_the_search_leaves_the_front(opened: Open) ->
     assert found["chosen"] != first
     one = next(one for one in found["designs"] if one["trial"] == first)
     value, error = one["searched"]["value"], one["searched"]["standard_error"]
-    assert (value, error) == state.value(state.trials[first], "expected_shift_time_s")
+    known = (state.trials[first].estimates or {})["expected_shift_time_s"]
+    assert (value, error) == (known.value, known.standard_error)
     off = one["expected_shift_time_s"] - value
     assert off > 0.5 * LATE
     expected = off / (error**2 + one["standard_error_s"] ** 2) ** 0.5
@@ -243,9 +242,9 @@ def test_what_is_beyond_the_budget_is_left_out_and_said(budget: int, opened: Ope
     assert len(state.front) > budget
     found, after = _confirmed(state, executor)
     assert len(_trials(found)) == budget
-    assert found["left_out"] == [t.number for t in after.front if not confirmed(t)]
+    assert found["left_out"] == [t.number for t in after.front if not t.confirmed]
     assert found["left_out"]
-    assert len(made_up.keys) <= most_to_confirm(state.study, budget)
+    assert len(made_up.keys) <= shifts_to_confirm(state.study, budget)
 
 
 def test_where_every_design_fails_the_first_of_the_search_is_chosen(opened: Open) -> None:
@@ -271,8 +270,8 @@ def test_a_confirmation_that_was_cut_off_ends_as_it_would_have(share: float, ope
     ended, last = _confirmed(again, other)
     assert ended == found
     assert len(rest.keys) == len(whole.keys) - cut
-    assert set(other.journal.rows) == set(executor.journal.rows)
-    assert collect(last, other.journal) == collect(after, executor.journal)
+    assert set(other.kept.journal.rows) == set(executor.kept.journal.rows)
+    assert collect(last, other.kept.journal) == collect(after, executor.kept.journal)
 
 
 def test_a_state_lists_the_storage_once_and_its_use_never(
@@ -286,9 +285,9 @@ def test_a_state_lists_the_storage_once_and_its_use_never(
         return listing(self, *given, **named)
 
     monkeypatch.setattr(optuna.Study, "get_trials", counted)
-    state = Search(study, ended[0]).read()
+    state = Search(study, ended[0], sampler_factory(study)).read()
     _, after = _confirmed(state, executor)
-    result = collect(after, executor.journal)
+    result = collect(after, executor.kept.journal)
     assert [row["trial"] for row in result["front"]] == _numbers(after)
     assert {*standings(after)} == {trial.number for trial in after.feasible}
     assert len(listed) == 1
@@ -306,7 +305,7 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Report and table show what failed, as failed; the trials stay those of the search."""
-    state = Search(study, ended[0]).read()
+    state = Search(study, ended[0], sampler_factory(study)).read()
     first = state.trials[_dominating(state)]
     hard = {round(first.params["chamfer_deg"], 6)}
     monkeypatch.setattr("dogshape.pipeline.study.MIN_DESIGNS", 99)  # no surrogate of shifts made up

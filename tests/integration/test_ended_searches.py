@@ -6,9 +6,8 @@ from pathlib import Path
 
 from dogshape.pipeline.config.schema import VariablesSection
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
-from dogshape.pipeline.search.dog_guide import dataset_of_trials
-from dogshape.pipeline.search.front_uncertainty import standings
 from dogshape.pipeline.search.search import open_search
+from dogshape.pipeline.search.state import standings
 from dogshape.pipeline.simulate.design import worth_simulating
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
@@ -44,6 +43,5 @@ def test_a_design_that_was_proposed_again_counts_once(tmp_path: Path) -> None:
     shown = [row["count"] for row in result["front"]]
     assert len(set(shown)) == len(shown)
     assert len(result["confirmation"]["designs"]) == 1
-    state = open_search(study, StudyFolder(tmp_path), None, resume=True).read()
+    state = open_search(study.working, StudyFolder(tmp_path), None, resume=True).read()
     assert len(standings(state)) == len(state.feasible) <= len(designs)
-    assert len(dataset_of_trials(study, state.simulated)) == len(designs) * len(study.points)

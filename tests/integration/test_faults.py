@@ -27,12 +27,14 @@ from dogshape.sim.errors import StorageError, WorkerError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from tests.conftest import SMALL, Said, searching
-from tests.integration.studies import SHIFTS, Finished
+from tests.integration.studies import Finished
 from tests.server import ROOT, command_of
+
+DRAKE = (*SMALL, "solver.engine=drake")  #: shifts that take long enough to be cut off
 
 
 def _command(out: Path, *more: str) -> list[str]:
-    overrides = [part for text in SMALL for part in ("--set", text)]
+    overrides = [part for text in DRAKE for part in ("--set", text)]
     return command_of(
         "study", "mq200_paper", "--out", str(out), "--resume", "--no-report", *overrides, *more
     )
@@ -49,11 +51,11 @@ def _result(out: Path) -> dict[str, Any]:
 
 
 def _lines(out: Path) -> list[bytes]:
-    journal = out / "shifts.jsonl"
+    journal = out / "running.jsonl"
     return journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
 
 
-def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: Finished) -> None:
+def test_kills_at_random_moments_change_nothing(tmp_path: Path, in_drake: Finished) -> None:
     chance = random.Random(5)
     for share, jobs in ((0.05, "1"), (0.3, "2"), (0.55, "1"), (0.8, "1")):
         process = subprocess.Popen(
@@ -64,23 +66,24 @@ def test_kills_at_random_moments_change_nothing(tmp_path: Path, finished: Finish
             start_new_session=True,
         )
         end = time.monotonic() + 120
-        while len(_lines(tmp_path)) < share * 72 and time.monotonic() < end:
+        told = tmp_path / "trials.log"
+        while time.monotonic() < end:
+            done = told.read_text().count("simulation") if told.exists() else 0
+            if 6 * done + len(_lines(tmp_path)) >= share * 72:
+                break
             time.sleep(0.02)
         time.sleep(chance.random())
-        before = _lines(tmp_path)
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
-        assert _lines(tmp_path)[: len(before) - 1] == before[:-1]
-    run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, resume=True))
-    assert _designs(_result(tmp_path)) == _designs(finished.result)
-    assert _result(tmp_path)["confirmation"] == finished.result["confirmation"]
-    keys = [json.loads(line)["key"] for line in _lines(tmp_path)]
-    assert len(set(keys)) == len(keys) == SHIFTS
+    run_study(load_study("mq200_paper", DRAKE), searching(tmp_path, 1, resume=True))
+    assert _designs(_result(tmp_path)) == _designs(in_drake.result)
+    assert _result(tmp_path)["confirmation"] == in_drake.result["confirmation"]
+    assert not _lines(tmp_path)
 
 
 @pytest.mark.parametrize("jobs", [pytest.param("1", marks=pytest.mark.slow), "2"])
 def test_a_full_disk_is_said_and_costs_nothing(
-    tmp_path: Path, finished: Finished, jobs: str
+    tmp_path: Path, in_drake: Finished, jobs: str
 ) -> None:
     """No file may grow beyond some bytes: the journal of shifts is the first to want to."""
     full = subprocess.run(
@@ -92,14 +95,13 @@ def test_a_full_disk_is_said_and_costs_nothing(
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (12_000, 12_000)),
     )
     assert full.returncode == 2, full.stderr
-    assert "shifts.jsonl cannot be written (File too large)" in full.stderr
+    assert "running.jsonl cannot be written (File too large)" in full.stderr
     assert "Traceback" not in full.stderr
     kept = _lines(tmp_path)
     assert len(kept) >= 3
     assert all(line.endswith(b"\n") and json.loads(line) for line in kept)
-    again = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, resume=True))
-    assert _lines(tmp_path)[: len(kept)] == kept
-    assert _designs(again) == _designs(finished.result)
+    again = run_study(load_study("mq200_paper", DRAKE), searching(tmp_path, 1, resume=True))
+    assert _designs(again) == _designs(in_drake.result)
 
 
 def test_a_line_is_written_whole_or_not_at_all(
@@ -293,13 +295,21 @@ def test_a_study_goes_on_with_shifts_that_fail(tmp_path: Path, dogshape: Any) ->
     overrides = [part for text in SMALL for part in ("--set", text)]
     limits = ["--set", "search.trials=2", "--set", "solver.max_steps=420"]
     said: Said = dogshape(
-        "study", "mq200_paper", "--out", tmp_path, "--jobs", 1, *overrides, *limits
+        "study",
+        "mq200_paper",
+        "--engine",
+        "drake",
+        "--out",
+        tmp_path,
+        "--jobs",
+        1,
+        *overrides,
+        *limits,
     )
     assert said.status == 0, said.err
     assert "2 of 2 designs" in said.err
     failed = _result(tmp_path)["failed_shifts"]
-    rows = [json.loads(line) for line in _lines(tmp_path)]
-    assert sum(failed.values()) == sum(row["outcome"] == "diverged" for row in rows) > 0
+    assert sum(failed.values()) > 0
     assert all("solver.max_steps = 420" in reason for reason in failed)
     assert "shifts failed and count as not engaged" in said.out
     assert (tmp_path / "report.html").stat().st_size > 0

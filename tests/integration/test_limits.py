@@ -1,9 +1,8 @@
-"""Limits of a study: any quantity of its shifts or its shape, judged by Drake or by a screen."""
+"""Limits of a study: quantities of its shifts or its shape, judged at the angles of the search."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,12 +13,10 @@ import dogshape as ds
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.simulate.design import OBJECTIVES, design_of, worth_simulating
 from dogshape.pipeline.simulate.estimates import ESTIMATORS
-from dogshape.pipeline.simulate.evaluation import evaluate, reference_of, screen
-from dogshape.pipeline.simulate.executor import Executor, scratch_executor
-from dogshape.pipeline.simulate.point_plans import whole_plan
+from dogshape.pipeline.simulate.evaluation import evaluate, reference_of
+from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.landing import Demand, exceeded
 from tests.conftest import SMALL, Said, searching
@@ -35,9 +32,8 @@ def study_with(*overrides: str) -> Setup:
 def measured(study: Setup, **dog: float) -> tuple[Any, list[Record]]:
     """Simulate a design; what was found and its shifts."""
     executor = scratch_executor()
-    (found,) = evaluate(
-        study, [study.dog_with(dog)], executor, [whole_plan(study)], study.file.expectation.seed
-    )
+    settings = study.file.expectation
+    (found,) = evaluate(study, [dog], executor, settings.angles, settings.seed)
     return found, list(executor.journal.rows.values())
 
 
@@ -121,67 +117,24 @@ def test_the_share_of_landings_does_not_grow_with_the_angles() -> None:
         study = study_with(*more)
         for angles in (few, many):
             executor = scratch_executor()
-            plan = [whole_plan(study, angles)]
-            (one,) = evaluate(study, [study.clutch.dog], executor, plan, 3)
+            (one,) = evaluate(study, [{}], executor, angles, 3)
             found[key, angles] = one.measured.demand.edge
     assert found["hardest", many] >= found["hardest", few]
     assert found["share", many] == pytest.approx(found["share", few], rel=0.1)
     assert found["share", many] < 0.9 * found["hardest", many]
 
 
-def test_a_screen_is_the_compiled_engine_at_its_own_angles() -> None:
-    study = load_study(
-        "mq200_paper", [*SMALL, "search.screen_angles=16", "search.limits.worst_shift_time_s=1.0"]
-    )
-    executor, dog = scratch_executor(), study.clutch.dog
-    (found,) = screen(study, [dog], executor, 1)
-    assert not executor.journal.rows
-    quick = replace(study, clutch=study.clutch.with_engine("planar"))
-    (own,) = evaluate(quick, [dog], executor, [whole_plan(study, 16)], 1)
-    assert found is not None
-    assert found.measured == own.measured
-    assert screen(study_with(), [dog], executor, 1) == [None]
-
-
-def test_a_screen_simulates_the_reference_once_for_all_rounds(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    """The next round simulates its own design alone, and says the same as a new executor."""
-    study = study_with("search.screen_angles=4", "search.limits.slower_than_reference_s=1.0")
-    one, other = (study.dog_with({"chamfer_deg": angle}) for angle in (10.0, 12.0))
-    asked: list[int] = []
-    simulate = Executor._simulate
-
-    def counted(self: Executor, blocks: list[Block]) -> Any:
-        asked.append(sum(len(block.angles) for block in blocks))
-        return simulate(self, blocks)
-
-    monkeypatch.setattr(Executor, "_simulate", counted)
-    executor, each = scratch_executor(1), 4 * len(study.points)
-    screen(study, [one], executor, 1)
-    (again,) = screen(study, [other], executor, 1)
-    assert asked == [2 * each, each]
-    (anew,) = screen(study, [other], scratch_executor(1), 1)
-    assert again is not None
-    assert anew is not None
-    assert (again.measured, again.estimates) == (anew.measured, anew.estimates)
-
-
 def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
-    """Designs that fail the screen take no shift of the study's engine; the chosen one keeps it."""
+    """The chosen design keeps its limit at the new angles; designs that fail it are not chosen."""
     limit = 0.080
-    screened = ["search.screen_angles=24", f"search.limits.worst_shift_time_s={limit}"]
-    study = study_with(*screened)
+    study = study_with("expectation.angles=24", f"search.limits.worst_shift_time_s={limit}")
     result = run_study(study, searching(tmp_path / "out", jobs=1))
-    rows = result["trials"]
-    judged = [row for row in rows if "worst_shift_time_s" in row["margins"]]
+    judged = [row for row in result["trials"] if "worst_shift_time_s" in row["margins"]]
     failed = [row for row in judged if row["margins"]["worst_shift_time_s"] < 0.0]
     assert failed
-    assert all(row["shifts"] == 0 and not row["feasible"] for row in failed)
-    assert result["best"]["margins"]["worst_shift_time_s"] >= 0.0
-    for row in judged:  # the shifts of a design do not overrule its screen
-        (own,) = screen(study, [study.dog_with(_dog(row))], scratch_executor(), 1)
-        assert own is not None
+    assert not any(row["feasible"] for row in failed)
+    for row in judged[:3]:
+        (own,) = evaluate(study, [_dog(row)], scratch_executor(), 24, 1)
         margin = 1.0 - own.measured.limited["worst_shift_time_s"] / limit
         assert row["margins"]["worst_shift_time_s"] == pytest.approx(margin, rel=1e-9)
     (check,) = (

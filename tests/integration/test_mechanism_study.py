@@ -24,13 +24,12 @@ def test_a_search_is_one_of_the_clutch_with_its_mechanism(tmp_path: Path) -> Non
     assert result["physics_hash"] == study.physics_hash
     assert result["confirmation"] is not None
     rows = [json.loads(line) for line in (tmp_path / "shifts.jsonl").read_text().splitlines()]
-    seeds = {row["seed"] for row in rows}
-    assert len(seeds) > 1
+    assert len({row["seed"] for row in rows}) > 1
     for row in rows:
         assert row["mechanism_spline_friction"] == 0.1
         assert row["mechanism_drag_torque_Nm"] == 0.2
         assert row["force_delay_s"] == 0.05
-        assert row["engine"] == "planar"
+        assert "engine" not in row  # Drake's, of confirmation and audit
         assert row["shift_time_s"] is None or row["shift_time_s"] > 0.06
     stored, path = stored_surrogate(study, tmp_path / "surrogate.json")
     assert stored.surrogate.data.physics == study.physics

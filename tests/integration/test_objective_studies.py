@@ -14,15 +14,16 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
-from tests.conftest import ONE_LEVEL, searching
+from tests.conftest import searching
 
 
 def _tiny(name: str, *more: str) -> Setup:
-    """A bundled study of two operating points, three angles and few designs."""
+    """A bundled study of two operating points, three angles and few designs, in Drake."""
     points = "operating={points=[{mismatch_rpm=100, force_N=469, weight=2}, "
     points += "{mismatch_rpm=-149, force_N=469}]}"
     budget = ["expectation.angles=3", "search.confirm_angles=3", "search.trials=4"]
-    return load_study(name, [points, *budget, "search.sampler=space_filling", *more])
+    budget += ["search.sampler=space_filling", "solver.engine=drake"]
+    return load_study(name, [points, *budget, *more])
 
 
 def _run(study: Setup, folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
@@ -45,11 +46,6 @@ def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
     for row in result["trials"][1:]:
         assert row["standard_errors"]["shift_time_quantile_s"] > 0.0
         assert row["shift_time_quantile_s"] > row["expected_shift_time_s"]
-        # Three angles at two points: beyond all other times stands the slowest shift.
-        mine = [s for s in shifts if all(s[v] == pytest.approx(row[v]) for v in study.variables)]
-        if all(s["outcome"] == "engaged" for s in mine):
-            slowest = max(s["shift_time_s"] for s in mine if s["accuracy"] == 3e-4)
-            assert row["shift_time_quantile_s"] <= slowest + 1e-12
     gain = result["confirmation"]["gains"]["shift_time_quantile_s"]
     both = [result["confirmation"][k]["estimates"] for k in ("prototype", "best")]
     told = [one["shift_time_quantile_s"]["value"] for one in both]
@@ -57,7 +53,7 @@ def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
     assert write_report(StudyFolder(tmp_path)).stat().st_size > 0
     resumed = run_study(study, searching(tmp_path, jobs=1, resume=True))
     assert resumed["trials"] == result["trials"]
-    assert resumed["n_simulated_shifts"] == len(shifts)
+    assert resumed["n_simulated_shifts"] == result["n_simulated_shifts"]
 
 
 def test_the_study_of_three_objectives_at_smoke_size(tmp_path: Path) -> None:
@@ -77,15 +73,17 @@ def test_the_study_of_three_objectives_at_smoke_size(tmp_path: Path) -> None:
         )
     }
     assert {row["trial"] for row in result["front"]} == best
-    row = result["trials"][1]
+    row = result["confirmation"]["best"]
+    params = {name: result["best"][name] for name in study.variables}
     peaks: dict[float, list[float]] = {}
     for shift in shifts:
-        if shift["height_mm"] == pytest.approx(row["height_mm"]) and shift["seed"] == 1:
+        if all(shift[name] == pytest.approx(value) for name, value in params.items()):
             force = np.hypot(shift["peak_axial_force_N"], shift["peak_tangential_force_N"])
-            peaks.setdefault(round(shift["mismatch_rpm"]), []).append(force)
+            if shift["seed"] is not None:  # those repeated with a finer tolerance have none
+                peaks.setdefault(round(shift["mismatch_rpm"]), []).append(force)
     assert {len(found) for found in peaks.values()} == {3}
     mean = (2.0 * np.mean(peaks[100]) + np.mean(peaks[-149])) / 3.0
-    assert row["peak_impact_force_N"] == pytest.approx(mean)
+    assert row["estimates"]["peak_impact_force_N"]["value"] == pytest.approx(mean)
 
 
 def test_the_largest_margin_is_searched_for(tmp_path: Path) -> None:
@@ -93,7 +91,7 @@ def test_the_largest_margin_is_searched_for(tmp_path: Path) -> None:
     budget = ["search.trials=14", "search.startup=10", "search.sampler=surrogate"]
     points = "operating={points=[{mismatch_rpm=149, force_N=641.5}]}"
     more = ["search.objectives=['smallest_margin', 'axial_length_mm']", *budget, points]
-    study = _tiny("mq200_paper", *ONE_LEVEL, *more, "shift.timeout_s=1.1")
+    study = _tiny("mq200_paper", "load.landing_share=", *more, "shift.timeout_s=1.1")
     result, _ = _run(study, tmp_path)
     rows = [row for row in result["trials"] if row["feasible"]]
     assert result["best"]["smallest_margin"] == max(row["smallest_margin"] for row in rows)

@@ -21,9 +21,7 @@ SETTINGS = {
         "samples": 3,
     },
     "expectation.angles": 4,
-    "solver.engine": "planar",
-    "search.levels": 1,
-    "search.screen_angles": None,
+    "search.audit_shifts": 4,
     "load.landing_share": None,
     "variables": {
         "chamfer_deg": [7.5, 12.0],
@@ -57,7 +55,8 @@ def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     assert forces == pytest.approx([315.5 * best["force_factor"]] * 3)
     life = ds.load_result(out).record["life"]
     assert [row["crest_loss_mm"] for row in life] == [0.0, 0.05, 0.1]
-    assert life[0]["expected_shift_time_s"] == confirmed["best"]["expected_shift_time_s"]
+    time = confirmed["best"]["expected_shift_time_s"]
+    assert life[0]["expected_shift_time_s"] == pytest.approx(time, rel=0.1)
     page = (out / "report.html").read_text()
     assert "set-point of the mismatch" in page
     assert "drift over its life?" in page

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.pipeline.search.confirmation import resimulated
+from dogshape.pipeline.search.confirmation import Executors, _require_known, _resimulated
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.estimate import Estimate, mean_over
@@ -24,13 +24,15 @@ def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -
     """Their times count as not engaged; what they strike is unknown, and never the best."""
     study = _tiny("mq200_three", "solver.max_steps=20", "search.trials=2")
     result, shifts = _run(study, tmp_path)
-    assert {shift["outcome"] for shift in shifts} == {"diverged"}
-    assert result["n_simulated_designs"] == 0
+    assert not shifts
     assert result["failed_shifts"] == {"no end after solver.max_steps = 20": 12}
+    assert result["n_simulated_designs"] == 0
     assert result["best"] is result["confirmation"] is None
     for row in result["trials"]:
         assert row["peak_impact_force_N"] is None
         assert row["failed"] == ["simulation"]
         assert not row["feasible"]
+    executors = Executors(scratch_executor(1), scratch_executor(1))
+    found = _resimulated(study, [study.prototype], executors)
     with pytest.raises(InputError, match="every shift of design 0 at new angles failed"):
-        resimulated(study, {0: study.prototype}, scratch_executor(1))
+        _require_known({"design 0": found[0]})

@@ -22,11 +22,9 @@ from dogshape.pipeline.train.filling import (
     own_blocks,
     own_designs,
 )
-from dogshape.pipeline.train.inquiry import Inquiry, inquire
 from dogshape.pipeline.train.reference_designs import MOST, finer_counts
 from dogshape.pipeline.train.training import fill, train
-from dogshape.pipeline.train.training_rows import dataset_of, study_mix
-from dogshape.sim.errors import InputError
+from dogshape.pipeline.train.training_rows import dataset_of
 from dogshape.sim.units import RPM
 from dogshape.surrogate.dataset import COLUMNS, rows_of
 
@@ -150,38 +148,13 @@ def test_rows_do_not_depend_on_the_order_of_shifts(filled: tuple[Setup, ShiftJou
     assert dataset_of(study, rows).digest == dataset_of(study, rows[::-1]).digest
 
 
-def test_a_question_is_answered_with_the_shifts_it_was_given(
-    filled: tuple[Setup, ShiftJournal], tmp_path: Path
-) -> None:
-    study, before = filled
-    journal = ShiftJournal(tmp_path / "shifts.jsonl")
-    journal.add(before.rows.values())
-    said: list[str] = []
-    models = list(inquire(study, Inquiry("design", 30), Executor(journal), said.append))
-    assert len(journal.rows) == len(before.rows) + 30
-    assert len(models) == 2
-    assert "30 shifts to go" in said[0]
-    own = np.array(list(study.prototype.values()), dtype=float)
-    first, last = (model.expected(own, study_mix(study)).error for model in models)
-    assert last < first
-    asked = {tuple(x) for x in models[-1].data.designs} - {tuple(x) for x in models[0].data.designs}
-    assert asked == {tuple(own)}
-
-
-def test_an_unknown_question_is_refused() -> None:
-    with pytest.raises(InputError, match=r"--question is 'bst', .*did you mean 'best'"):
-        Inquiry("bst", 10)
-
-
-@pytest.mark.parametrize("levels", [1, 2])
-def test_a_filled_folder_has_all_of_its_rows(tmp_path: Path, levels: int) -> None:
+def test_a_filled_folder_has_all_of_its_rows(tmp_path: Path) -> None:
     """Seeds of search and surrogate are alike by default; only a search's folder has others."""
     few = {"designs": 10, "points": 1, "angles": 3, "references": 3, "best_references": 0,
            "reference_angles": 3, "reference_error": 0.3}  # fmt: skip
     study = load_study("mq200_paper", {
-        **{f"surrogate.{key}": value for key, value in few.items()}, "search.levels": levels,
+        **{f"surrogate.{key}": value for key, value in few.items()}, "surrogate.mix_shifts": 0,
         "operating.mismatch_rpm": [50, 149], "operating.force_N": [469.0],
-        "solver.engine": "planar",
     })  # fmt: skip
     folder = StudyFolder(tmp_path)
     fill(study, folder, 1)
@@ -201,4 +174,4 @@ def test_own_designs_are_those_that_can_be_simulated() -> None:
     assert own_designs(load_study("mq200_paper", {"dog.count": 40})) == []  # its tip is too narrow
     blocks = own_blocks(study)
     assert len(blocks) == 2 * len(study.points)
-    assert {len(block.angles) for block in blocks} == {4 * study.file.surrogate.angles}
+    assert {len(block.angles) for block in blocks} == {48}

@@ -1,8 +1,6 @@
-"""How many designs, angles and pairs a fit in two levels has."""
+"""How many designs and angles a fit has."""
 
 from __future__ import annotations
-
-from collections import Counter
 
 import pytest
 
@@ -17,7 +15,6 @@ from dogshape.pipeline.train.mix_rows import (
     mix_blocks,
     require_mix,
 )
-from dogshape.pipeline.train.two_level_rows import APIECE, compiled, paired
 from dogshape.sim.errors import InputError
 
 ONE = {"operating.mismatch_rpm": [25.0], "operating.force_N": [469.0]}
@@ -33,7 +30,7 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
     each = angles * len(study.points)
     assert each >= USUAL
     assert count_of(study) == 50_000 // each
-    blocks = mix_blocks(compiled(study), study.prototype, 3)
+    blocks = mix_blocks(study.working, study.prototype, 3)
     assert {len(block.angles) for block in blocks} == {angles // 2}
     assert sum(halved(study)) == angles // 2
     assert {block.clutch.solver.engine for block in blocks} == {"planar"}
@@ -60,21 +57,11 @@ def test_what_is_uncertain_has_even_angles() -> None:
     unsure = {"uncertain.friction_factor": {"distribution": "uniform", "low": 0.9, "high": 1.1}}
     study = load_study("mq200_paper", {**ONE, **unsure})
     assert halved(study) == ()
-    (block,) = mix_blocks(compiled(study), study.prototype, 0)
+    (block,) = mix_blocks(study, study.prototype, 0)
     assert len(block.angles) == angles_of(study)
 
 
 def test_two_designs_have_no_angle_in_common() -> None:
-    study = compiled(load_study("mq200_paper", EIGHT))
+    study = load_study("mq200_paper", EIGHT)
     seen = [block.angles[0] for k in (0, 1) for block in mix_blocks(study, study.prototype, k)]
     assert len(set(seen)) == len(seen)
-
-
-@pytest.mark.parametrize("size", [1, 2, 8, 28, 200])
-def test_references_share_drake_evenly_over_the_points(size: int) -> None:
-    each = [list(paired(index, size)) for index in range(60)]
-    assert all(len(points) >= min(size, APIECE) for points in each)
-    assert all(len(points) <= 2 * APIECE for points in each)
-    counts = Counter(point for points in each for point in points)
-    assert set(counts) == set(range(size))
-    assert max(counts.values()) - min(counts.values()) <= max(1, len(each) // APIECE)

@@ -12,21 +12,21 @@ from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.study_tables import study_table
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter, about
+from dogshape.pipeline.search.confirmation import new_angles, shifts_to_confirm
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.point_plans import most_to_confirm, most_to_search
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.statistics.blocks import even_blocks
-from tests.conftest import ONE_LEVEL
 from tests.found import FORCE, LENGTH, TIME, Row, found
 
 
 def test_shifts_are_announced_with_all_that_is_planned() -> None:
-    """48 designs at 10 of 28 points with 6 angles, the prototype at all; 16 angles confirm."""
-    study = load_study("mq200_paper", ONE_LEVEL)
-    assert most_to_search(study, 48, partial=True, prototype=True) == (47 * 10 + 28) * 6
-    assert most_to_search(study, 8, partial=True, prototype=False) == 8 * 10 * 6
-    assert most_to_search(study, 8, partial=False, prototype=True) == 8 * 28 * 6
-    assert most_to_confirm(study, 4) == 5 * 28 * 16 + 2 * 56
+    """28 points: four times the 64 angles of the search, 8 of them in Drake too; in Drake 8."""
+    study = load_study("mq200_paper").working
+    assert new_angles(study) == 256
+    assert shifts_to_confirm(study, 4) == 5 * 28 * (256 + 8) + 2 * 28
+    drake = load_study("mq200_paper", ["solver.engine=drake"]).working
+    assert shifts_to_confirm(drake, 4) == 5 * 28 * 8 + 2 * 28
+    assert new_angles(load_study("mq200_paper", ["search.confirm_angles=7"]).working) == 259
 
 
 def test_progress_says_an_upper_bound_as_such(

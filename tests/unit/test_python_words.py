@@ -30,8 +30,6 @@ from tests.conftest import Said
             lambda: ds.Study("mq200").shift(mismatch_rpm="50", force_N=469, angle_deg=1),
             "mismatch_rpm is '50', but it must be a number; give it without quotes",
         ),
-        (lambda: ds.fit("mq200", levels=3), "levels is 3, but it must be 1 or 2"),
-        (lambda: ds.fit("mq200", levels="two"), "levels is 'two', but it must be a number"),
     ],
 )
 def test_an_error_names_arguments(asked: Callable[[], Any], words: str) -> None:

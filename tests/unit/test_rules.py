@@ -120,8 +120,8 @@ def test_every_option_has_a_sentence() -> None:
         (["search.trials=0"], "search.trials is 0, but it must be at least 1; raise it"),
         (
             ["search.trials=10001"],
-            "search.trials is 10001, but it must be at most 10000 designs, which keep 15 GB in "
-            "memory at 28 operating points of 8 angles; lower it",
+            "search.trials is 10001, but it must be at most 10000 designs, which take a day "
+            "to propose; lower it",
         ),
         (["solver.scheme=3"], "solver.scheme is 3, but it must be a text in quotation marks"),
     ],

@@ -20,9 +20,8 @@ from optuna.testing.pytest_samplers import (
 from optuna.trial import FrozenTrial
 from scipy.special import ndtr
 
-from dogshape.pipeline.search.guide import FreeGuide, Params, Prediction, Response
-from dogshape.pipeline.search.pool import WIDE, Pool
-from dogshape.pipeline.search.sampler import Breadth, SurrogateSampler
+from dogshape.pipeline.search.guide import FreeGuide, Params, Response
+from dogshape.pipeline.search.sampler import WIDE, Breadth, Pool, SurrogateSampler
 from dogshape.pipeline.search.unit_cube import STEP, Space
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.covariance import Array
@@ -233,9 +232,6 @@ class Told:
 
     def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Told:
         return self
-
-    def plan(self, prediction: Prediction | None, params: Params, number: int) -> None:
-        return None
 
     def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
         values = np.array([self.of(one) for one in params]).reshape(1, len(params), 2)

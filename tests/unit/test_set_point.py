@@ -11,7 +11,6 @@ from dogshape.pipeline.search.dog_guide import search_space
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.store.result_schema import DesignRow
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
@@ -92,9 +91,8 @@ def test_shifts_are_those_of_the_operation() -> None:
     ]
     other = load_study("mq200_paper", {"operating": {"points": named}, "solver.engine": "planar"})
     times = []
-    for one, own in ((study, study.operated(moved)), (other, other)):
-        plan, dog = whole_plan(one, 3), one.clutch.dog
-        (found,) = evaluate(one, [dog], scratch_executor(), [plan], 1, operated=[own])
+    for one, params in ((study, moved), (other, {})):
+        (found,) = evaluate(one, [params], scratch_executor(), 3, 1)
         times.append([p.mean for p in found.expectation.points])
     assert times[0] == pytest.approx(times[1], rel=1e-6)
 
@@ -120,9 +118,7 @@ def test_rows_stand_at_the_points_of_the_study() -> None:
     """What a surrogate learns has the operation among the numbers of the design."""
     study = _study("solver.engine='planar'")
     moved = {"mismatch_set_rpm": -30.0, "force_factor": 1.5}
-    plans = [[3] * len(study.points)] * 2
-    dogs, own = [study.clutch.dog] * 2, [study, study.operated(moved)]
-    found = evaluate(study, dogs, scratch_executor(), plans, 1, operated=own)
+    found = evaluate(study, [{}, moved], scratch_executor(), 3, 1)
     own_values = [study.prototype[key] for key in OPERATED]
     for one, values in zip(found, (own_values, [-30.0, 1.5, 1.0]), strict=True):
         assert one.rows[:, 5:8] == pytest.approx(np.array([values] * len(study.points)))

@@ -120,14 +120,14 @@ def test_a_key_that_came_later_leaves_kept_results_of_the_same_study(name: str) 
 
 def test_an_override_without_a_value_takes_a_key_out() -> None:
     """As if the file did not have it: a key with a default then has that."""
-    plain = load_study("mq200_paper", ["search.screen_angles=", "search.confirm_angles="])
-    assert plain.file.search.screen_angles is None
+    plain = load_study("mq200_paper", ["load.landing_share=", "search.confirm_angles="])
+    assert plain.file.load.landing_share is None
     fields = SearchSection.model_fields
     assert plain.file.search.confirm_angles == fields["confirm_angles"].default
-    assert load_study("mq200_paper", {"search.screen_angles": None}).file.search == (
-        load_study("mq200_paper", ["search.screen_angles="]).file.search
+    assert load_study("mq200_paper", {"load.landing_share": None}).file.load == (
+        load_study("mq200_paper", ["load.landing_share="]).file.load
     )
     with pytest.raises(InputError, match="'name' is missing"):
         load_study("mq200_paper", ["name="])
-    with pytest.raises(InputError, match=r"no key search\.screen_angle to take out; check the key"):
-        load_study("mq200_paper", ["search.screen_angle="])
+    with pytest.raises(InputError, match=r"no key search\.screen to take out; check the key"):
+        load_study("mq200_paper", ["search.screen="])

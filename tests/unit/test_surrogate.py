@@ -108,17 +108,6 @@ def test_the_error_of_a_mix_is_that_of_joint_draws(surrogate: Surrogate) -> None
     assert np.sqrt((alone**2).sum()) < expected.error < alone.sum()
 
 
-def test_draws_follow_the_posterior(surrogate: Surrogate) -> None:
-    x = made(8, seed=3).designs
-    over, rng = Over(surrogate, MIX), np.random.default_rng(0)
-    logs = np.log([over.sample(x, rng) for _ in range(3000)])
-    where = surrogate.coordinates(x)
-    assert logs.mean(axis=0) == pytest.approx(np.log(over.predict(x)[0]), abs=0.01)
-    assert logs.std(axis=0) ** 2 == pytest.approx(
-        np.diag(over.covariance(where, where)), rel=0.15, abs=1e-8
-    )
-
-
 def test_validation_tells_signal_from_noise(surrogate: Surrogate) -> None:
     data = made(24, grid=True)
     model = fit(data, effort=QUICK)

@@ -11,7 +11,6 @@ from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from dogshape.pipeline.search.guide import TERMS
-from dogshape.surrogate.acquisition import Question, choose, one_shift_noise
 from dogshape.surrogate.covariance import Array, Covariance, Term, matern, starting, wendland
 from dogshape.surrogate.engaged_share import Share, fit_share
 from dogshape.surrogate.expected_time import Over
@@ -123,49 +122,6 @@ def surrogate() -> Surrogate:
     return fit(made(20), effort=QUICK)
 
 
-def test_a_chosen_row_takes_what_was_foretold(surrogate: Surrogate) -> None:
-    """The variance that is left is that of a process which has the rows."""
-    question = Question(made(5, seed=3).designs, np.full(5, 0.2))
-    choice = choose(Over(surrogate, MIX), question, 8, 4)
-    over, where = Over(surrogate, MIX), surrogate.coordinates(question.designs)
-    before = float(question.weights @ over.relative_variance(where))
-    x, points = question.designs[choice.designs], GRID[choice.points]
-    times, noise = surrogate.times, one_shift_noise(surrogate, points) / 8
-    joined = Process(
-        times.covariance,
-        np.concatenate([times.inputs, surrogate.inputs(x, points)]),
-        np.concatenate([times.targets, np.zeros(4)]),
-        np.concatenate([times.noise, noise]),
-    )
-    shares = over.times(surrogate.known).mean(axis=0) * MIX.weights
-    shares /= shares.sum()
-    after = 0.0
-    for weight, design in zip(question.weights, question.designs, strict=True):
-        inputs = surrogate.inputs(np.tile(design, (len(GRID), 1)), GRID)
-        after += weight * float(shares @ joined.joint(inputs)[1] @ shares)
-    assert choice.left[-1] == pytest.approx(after / before, rel=0.02)
-    assert (np.diff(choice.left) <= 0.0).all()
-
-
-def test_given_rows_condition_what_is_chosen(surrogate: Surrogate) -> None:
-    """What is chosen after given rows is what is chosen where they were chosen first."""
-    question = Question(made(1, seed=3).designs, np.ones(1))
-    over = Over(surrogate, MIX)
-    free = choose(over, question, 8, 5)
-    first = [int(place) for place in free.points[:2]]
-    rest = choose(over, question, 8, 3, given=first)
-    assert rest.points.tolist() == free.points[2:].tolist()
-    assert rest.left == pytest.approx(free.left[2:] / free.left[1], rel=1e-9)
-
-
-def test_rows_are_chosen_once_where_they_may_not_be_again(surrogate: Surrogate) -> None:
-    question = Question(made(1, seed=3).designs, np.ones(1))
-    over, size = Over(surrogate, MIX), len(GRID)
-    assert len(set(choose(over, question, 1, 40).points.tolist())) < 40
-    once = choose(over, question, 1, 40, given=[1, 0], again=False).points.tolist()
-    assert sorted(once) == list(range(2, size))
-
-
 def test_known_designs_keep_what_only_they_tell(surrogate: Surrogate) -> None:
     """At known designs, and a step beside, the rough part is that of the whole process."""
     over, known = Over(surrogate, MIX), surrogate.data.designs[:3]
@@ -176,30 +132,10 @@ def test_known_designs_keep_what_only_they_tell(surrogate: Surrogate) -> None:
         shares @ surrogate.times.joint(surrogate.crossed(row[None, :], GRID))[1] @ shares
         for row in x
     ]
-    assert over.relative_variance(surrogate.coordinates(x)) == pytest.approx(variance, rel=1e-5)
+    features = over._features(surrogate.coordinates(x))
+    assert over._relative_variance(features) == pytest.approx(variance, rel=1e-5)
     assert surrogate.times.covariance.parts[-1].rough
     assert variance[0] < variance[3] < variance[-1]
-
-
-def test_asking_beats_filling_on_the_question() -> None:
-    """The same number of rows: chosen ones leave less error at the target than others."""
-    start = made(15)
-    target = np.array([3.0, 2.5, 10.0])
-    model = fit(start, effort=QUICK)
-    question = Question(np.array([target, [5.0, 3.0, 12.0]]), np.array([0.5, 0.5]))
-    choice = choose(Over(model, MIX), question, 8, 12)
-    chosen = made(6, seed=11)
-    rows = chosen.rows[:12].copy()
-    rows[:, :3] = question.designs[choice.designs]
-    rows[:, 3:5] = GRID[choice.points]
-    from tests.unit.test_surrogate import truth
-
-    rows[:, 5] = truth(rows[:, :3], rows[:, 3:5])
-    asked = fit(replace(start, rows=np.concatenate([start.rows, rows])), effort=QUICK)
-    filled = fit(start.joined(made(3, seed=12)), effort=QUICK)
-    engaging = replace(MIX, retry=0.0)
-    assert asked.expected(target, engaging).error < 0.5 * filled.expected(target, engaging).error
-    assert asked.expected(target, engaging).time == pytest.approx(exact(target), rel=0.01)
 
 
 def test_share_follows_the_counts_where_they_are() -> None:

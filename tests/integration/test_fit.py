@@ -1,4 +1,4 @@
-"""A surrogate of a clutch that the package has not seen, fitted in two levels."""
+"""A surrogate of a clutch that the package has not seen."""
 
 from __future__ import annotations
 
@@ -12,10 +12,8 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.found_surrogates import stored_surrogate
 from dogshape.pipeline.train.mix_rows import angles_of, mix_rows
-from dogshape.pipeline.train.two_level_rows import compiled
 from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import even_block
 from dogshape.sim.statistics.expectation import variance_of_mean
@@ -26,9 +24,9 @@ from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished, made_once
 
 FEW = SETTINGS | {
-    "surrogate.designs": 24,
+    "surrogate.designs": 12,
     "surrogate.points": 2,
-    "surrogate.angles": 3,
+    "surrogate.angles": 8,
     "surrogate.references": 3,
     "surrogate.best_references": 0,
     "surrogate.reference_angles": 6,
@@ -50,7 +48,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Finished:
             fitted = ds.fit(ds.Study("mq200_paper", FEW), jobs=1)
             Path("said.json").write_text(json.dumps(fitted.to_dict()))
 
-    return made_once(tmp_path_factory, "two-levels", make)
+    return made_once(tmp_path_factory, "fitted", make)
 
 
 @pytest.fixture
@@ -61,24 +59,17 @@ def fitted(begun: Finished, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     return found
 
 
-def test_the_rows_say_that_they_are_of_two_levels(fitted: dict[str, Any]) -> None:
-    assert fitted["shifts_planar"] == OWN + 12 * 2 * 8 + 18 * 128
-    assert fitted["shifts_drake"] == 12 * 4
+def test_the_rows_are_of_the_compiled_engine(fitted: dict[str, Any]) -> None:
+    assert fitted["shifts"] == OWN + 12 * 2 * 8
+    assert fitted["engine"] == "planar"
     assert fitted["seconds"] > 0.0
     assert (fitted["designs"], fitted["mix_designs"]) == (13, 19)  # with the study's own dog
+    assert (fitted["n"], fitted["source"]) == (3, "references")
     study = ds.Study("mq200_paper", FEW).config
     stored, path = stored_surrogate(study, None)
     assert path == SPACE / "surrogate.json"
-    data = stored.surrogate.data
-    require_same_physics(data, study.physics)
-    assert data.physics["scheme"] == study.physics["scheme"]
-    assert "engine" not in data.physics  # Drake's, which alone is not named
-    assert data.levels == fitted["levels"]
-    found = data.levels["discrepancy"]
-    assert found["pairs"] == 12
-    # Of the design contact set both engines agree to a few ten-thousandths (engines.txt).
-    assert abs(found["constant"]) < 4.0 * found["constant_error"] + 1e-3
-    assert 0.0 < found["constant_error"] < 2e-3
+    require_same_physics(stored.surrogate.data, study.physics)
+    assert stored.surrogate.data.physics["scheme"] == study.physics["scheme"]
 
 
 def test_the_own_dog_of_the_study_has_its_simulated_time(fitted: dict[str, Any]) -> None:
@@ -95,7 +86,7 @@ def test_the_own_dog_of_the_study_has_its_simulated_time(fitted: dict[str, Any])
 
 def test_rows_have_the_mean_of_many_even_angles(fitted: dict[str, Any]) -> None:
     """Half of a design's angles are where its times jump: they say what 512 even ones say."""
-    study = compiled(ds.Study("mq200_paper", FEW).config)
+    study = ds.Study("mq200_paper", FEW).config.working
     rows = mix_rows(study, StudyFolder(SPACE))
     size, first = len(study.points), len(study.variables)
     there = [(point.mismatch / RPM, point.profile.force) for point in study.points]
@@ -122,7 +113,7 @@ def test_a_check_asks_it(fitted: dict[str, Any], dogshape: Callable[..., Said]) 
 
 
 def test_it_goes_on_where_it_was_stopped(fitted: dict[str, Any]) -> None:
-    files = ("compiled.jsonl", "pairs.jsonl", "mix.jsonl")
+    files = ("shifts.jsonl", "references.jsonl", "mix.jsonl")
     whole = {name: (SPACE / name).read_bytes() for name in files}
     for name, content in whole.items():
         lines = content.splitlines(keepends=True)
@@ -133,28 +124,3 @@ def test_it_goes_on_where_it_was_stopped(fitted: dict[str, Any]) -> None:
     for name, content in whole.items():
         kept = (SPACE / name).read_bytes()
         assert len(kept.splitlines()) == len(content.splitlines())
-
-
-def test_references_have_a_shift_of_drake_at_each_point(fitted: dict[str, Any]) -> None:
-    rows = ShiftJournal(SPACE / "references.jsonl").rows.values()
-    assert len(rows) == 3 * 2
-    assert all("engine" not in row for row in rows)
-    assert fitted["n"] == 3
-    assert fitted["source"] == "references"
-
-
-def test_levels_that_cannot_be_are_refused(fitted: dict[str, Any]) -> None:
-    study = ds.Study("mq200_paper", FEW)
-    with pytest.raises(ds.InputError, match="was begun with 2; leave out levels"):
-        ds.fit(study, levels=1)
-    with pytest.raises(ds.InputError, match=r"levels is 3.*1 or 2"):
-        ds.fit(study, levels=3)
-    with pytest.raises(ds.InputError, match="levels cannot change a study that was run"):
-        ds.fit(SPACE, levels=2)
-    with pytest.raises(ds.InputError, match="to which question adds none"):
-        ds.fit(SPACE, question="best")
-    with pytest.raises(ds.InputError, match="question adds rows of one level"):
-        ds.fit(study, levels=2, question="best")
-    compiled = ds.Study("mq200_paper", FEW | {"solver.engine": "planar", "name": "other"})
-    with pytest.raises(ds.InputError, match="a study of the compiled engine has one level"):
-        ds.fit(compiled, levels=2)
