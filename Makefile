@@ -79,7 +79,7 @@ evidence: $(VENV)/complete
 # surrogates (half an hour): what it learns from is simulated into results/mq200_paper-space, where
 # a run that was stopped goes on.
 surrogate: $(VENV)/ready
-	$(BIN)/dogshape fit mq200_paper --choose
+	$(BIN)/dogshape fit mq200_paper
 	cp results/mq200_paper-space/surrogate.json studies/mq200_paper/surrogate.json
 	$(call print_tables,surrogate_validation)
 

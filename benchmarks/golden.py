@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[1]
 POINT = ("--mismatch-rpm", "50", "--force-N", "469")
 DRAKE, PLANAR = ("--engine", "drake"), ("--engine", "planar")
 SHIFT = ("shift", "mq200_paper", *POINT, "--relative-angle-deg", "10")
-#: A study of two levels at two operating points, with as little of Drake as it takes.
+#: A study at two operating points, with as little of Drake as it takes.
 SMALL = (
     "operating.mismatch_rpm=[50, 149]",
     "operating.force_N=[469.0]",
@@ -29,8 +29,8 @@ SMALL = (
     "variables.height_mm=[2.8, 4.2]",
     "variables.count=[12, 24]",
     "search.startup=8",
-    "search.pair_angles=1",
-    "search.screen_angles=16",
+    "expectation.angles=16",
+    "search.audit_shifts=4",
     "search.confirm_angles=3",
     "search.confirm_designs=1",
 )
@@ -59,7 +59,7 @@ def main() -> None:
     folder = parser.parse_args().folder
     folder.mkdir(parents=True, exist_ok=True)
     # An empty folder and no cache: nothing is taken from an earlier run.
-    settings = {"DOGSHAPE_CACHE": "off", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    settings = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     for name, arguments in CALLS.items():
         print(name, flush=True)
         with tempfile.TemporaryDirectory() as work:

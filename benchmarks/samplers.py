@@ -1,26 +1,24 @@
-"""Samplers compared: how much of the front each finds, by shifts and by time.
+"""Samplers compared: how much of the front each finds in some minutes of one processor.
 
-    python -m benchmarks.samplers [--seeds N] [--designs N] [--jobs N] [--out DIR]
+    python -m benchmarks.samplers [--seeds N] [--minutes N] [--jobs N] [--out DIR]
 
 The paper's study's objectives and constraints at six of its operating points; of a hundred landings
-one may be harder than the checks take. ``benchmarks/sampler_runs.py`` says how each sampler is run
-and what it is given. All begin with the same ten designs, none knows what the package brings, and
-each may spend the same number of shifts of Drake. Each run has a processor to itself.
+one may be harder than the checks take. The compiled engine simulates every design, at 64 angles of
+each point. All samplers begin with the same ten designs and know nothing else of the clutch.
 
-A front is what a search declares once it has spent so many shifts of Drake, or so many minutes of a
-processor with compiled shifts and proposals: designs that pass every check and that no other
-dominates, as far as it knows. The minutes compared are those that the best of Optuna's samplers
-took for all of its shifts, and a quarter of them.
+Optuna's samplers are asked and told one design at a time, as one uses Optuna with a simulator. A
+design that a closed form forbids costs no shift: it is told the worst time so far and its largest
+constraint. ``GPSampler`` proposes forbidden designs nearly always, so it proposes among allowed
+ones only (``AllowedGP``). This project's search is that of a study.
 
-All designs of these fronts are simulated again at new angles, by the compiled engine at 64 of each
-operating point; Drake at one of the same says what its times are off by in the mean of all designs,
-which is printed. Those whose dogs land too hard there are left out. What is told is the hypervolume
-of the rest up to a quarter beyond the prototype, as a share of that of the reference front: the
-best of all designs that were simulated so, among them the front of a search over 20 000 designs by
-the surrogate that the package brings.
+A front is what a search declares once it has spent so many minutes: designs that pass every check
+and that no other dominates. All of them are simulated again at new angles; those whose dogs land
+too hard there are left out. What is told is the hypervolume of the others up to a quarter beyond
+the prototype, as a share of that of the reference front: the best of all designs simulated so,
+among them the front of a search over 20 000 designs by the surrogate that the package brings.
 
-Finished runs are kept in a folder and not run again, and so are designs that were simulated again.
-Takes half an hour of a processor; needs the extra ``gp``.
+Finished runs are kept in a folder and not run again, nor are designs that were simulated again.
+Needs the extra ``gp``.
 """
 
 from __future__ import annotations
@@ -28,69 +26,202 @@ from __future__ import annotations
 import argparse
 import json
 import os
-from collections.abc import Mapping, Sequence
+import time
+import warnings
+from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import asdict
+from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
+import optuna
+from optuna.exceptions import ExperimentalWarning
+from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
-from benchmarks.sampler_runs import OWN, SAMPLERS, Values, problem, search
-from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.dog_guide import search_space
-from dogshape.pipeline.search.repair import simulated_levels
+from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.search.guide import DogGuide, LANDING, search_space
+from dogshape.pipeline.search.sampler import Pool, SurrogateSampler
+from dogshape.pipeline.search.search import open_search, run
+from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.search.unit_cube import Space
-from dogshape.pipeline.simulate.design import (
-    SIMULATED,
-    design_of,
-    exact_losses,
-    values_of,
-    worth_simulating,
-)
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
-from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.train.found_surrogates import known_surrogate
-from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.pipeline.simulate.design import SIMULATED, design_of, exact_losses, values_of
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
+from dogshape.pipeline.simulate.executor import Executor, scratch_executor
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.train.training_rows import known_surrogate, study_mix
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.hypervolume import hypervolume, not_dominated
 
-SHIFTS = 24  #: of a whole design
-PAIRS, DENSE = 1, 64  #: new angles at each operating point of a declared design: Drake, compiled
-SHARES = (0.2, 1.0)  #: of all shifts of Drake, at which fronts are compared
-PARTS = (0.25, 1.0)  #: of the processor time of the best of Optuna's, at which fronts are compared
+START = 10  #: designs that every sampler begins with, the prototype among them
+PARTS = (0.25, 0.5, 1.0)  #: of the minutes, at which fronts are compared
+MOST_ASKED = 4000  #: proposals after which a search gives up: most may be forbidden
 BEYOND = 1.25  #: the hypervolume's reference point, over the prototype's time and length
-WIDE, NEAR, ROUNDS = 8000, 3000, 4  #: designs of the search by the surrogate: wide, near, rounds
+WIDE, NEAR = 2048, 100  #: allowed designs among which ``AllowedGP`` proposes: of the space, near
+MANY, ABOUT, ROUNDS = 8000, 3000, 4  #: designs of the search by the surrogate: wide, near, rounds
 KEPT = 24  #: designs of its front that are simulated
+OWN = "own"
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+PROBLEM = (
+    "operating.mismatch_rpm=[10, 50, 149]",
+    "operating.force_N=[235.2, 641.5]",
+    "expectation.angles=64",
+    "load.landing_share=0.01",
+    f"search.startup={START}",
+)
 
-Run = dict[str, Any]
-Key = tuple[float, ...]
-Shares = Mapping[tuple[str, int], Array]  #: by sampler and seed, one for each column
+Values = dict[str, float]
+Run = dict[str, Any]  #: ``asked``, and ``steps`` with ``cpu`` in s, ``designs`` and ``front``
 
 
-def run_and_keep(sampler: str, seed: int, designs: int, path: Path) -> str:
+def problem(*overrides: str) -> Setup:
+    """Return the study that all samplers search."""
+    return load_study("mq200_paper", [*PROBLEM, *overrides]).working
+
+
+class AllowedGP(GPSampler):
+    """GPSampler that takes the largest value of its acquisition among allowed designs.
+
+    Optuna has its acquisition optimised in one method that a user may override. Here it is
+    taken at as many designs of the whole space as Optuna itself begins with, all of them allowed,
+    at allowed ones near its front, and at allowed ones near the best ten of these.
+    """
+
+    def __init__(self, seed: int) -> None:
+        super().__init__(seed=seed, n_startup_trials=START)
+        study = problem()
+        self._space = Space(search_space(study))
+        self._pool = Pool(DogGuide(study), seed, WIDE)
+        self._draw = np.random.default_rng(seed)
+
+    def _optimize_acqf(self, acqf: Any, best_params: Any) -> Any:
+        inner, space = acqf.search_space, self._space
+        known = (
+            [] if best_params is None else [inner.get_unnormalized_param(p) for p in best_params]
+        )
+        found = self._pool.first(space)
+        found = found + (self._pool.drawn(space, self._draw, NEAR, known) if known else [])
+        values = acqf.eval_acqf_no_grad(inner.get_normalized_params([None] * len(found), found))
+        best = [found[k] for k in np.argsort(values)[-10:]]
+        found = best + self._pool.drawn(space, self._draw, NEAR, best)
+        places = inner.get_normalized_params([None] * len(found), found)
+        return places[int(np.argmax(acqf.eval_acqf_no_grad(places)))]
+
+
+SAMPLERS: dict[str, Callable[[int], BaseSampler]] = {
+    "TPE": lambda seed: TPESampler(seed=seed, n_startup_trials=START),
+    "NSGA-II": lambda seed: NSGAIISampler(seed=seed, population_size=START),
+    "GPSampler": AllowedGP,
+    "quasi-random": lambda seed: QMCSampler(seed=seed, scramble=True),
+}
+
+
+class _SpentError(Exception):
+    """The minutes of a search are spent."""
+
+
+def own_search(seed: int, minutes: float) -> Run:
+    """Search as a study does until the minutes are spent."""
+    study, begun = problem(f"search.seed={seed}", f"search.trials={MOST_ASKED}"), clock()
+    steps: list[Run] = []
+
+    def after_round(_: str, state: SearchState) -> None:
+        front, spent = [trial.params for trial in state.front], clock() - begun
+        steps.append({"cpu": spent, "designs": len(state.simulated), "front": front})
+        steps[-1]["asked"] = len(state.trials)
+        if spent > 60.0 * minutes:
+            raise _SpentError
+
+    with TemporaryDirectory() as place, suppress(_SpentError):
+        folder = StudyFolder(Path(place))
+        executor = Executor(ShiftJournal(folder.running), 1)
+        run(open_search(study, folder, None, False), executor, after_round)
+    return {"asked": steps[-1]["asked"], "steps": steps}
+
+
+def other_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
+    """Ask and tell one of Optuna's samplers until the minutes are spent."""
+    study, begun, asked, worst = problem(), clock(), 0, 0.0
+    executor, settings = scratch_executor(1), study.file.expectation
+    search = optuna.create_study(directions=["minimize"] * 2, sampler=sampler)
+    for params in first_designs(study, seed):
+        search.enqueue_trial(params)
+    found: list[tuple[Values, list[float]]] = []
+    steps: list[Run] = []
+    limiting = LANDING if isinstance(sampler, AllowedGP) else None
+    while clock() - begun < 60.0 * minutes and asked < MOST_ASKED:
+        asked += 1
+        trial = search.ask(search_space(study))
+        design = design_of(study, dict(trial.params))
+        times: dict[str, float] = {SIMULATED: worst}
+        simulated = design.feasible
+        if simulated:
+            (one,) = evaluate(study, [design.params], executor, settings.angles, settings.seed)
+            executor.forget()
+            times = {name: estimate.value for name, estimate in one.estimates.items()}
+            worst = max(worst, times[SIMULATED])
+            design = design_of(study, design.params, one.measured)
+            if design.feasible:
+                found.append((design.params, values_of(study, design, times)))
+        # A shape that is impossible has no length either: it is told the prototype's.
+        length = values_of(study, design, times)[1]
+        told = [times[SIMULATED], length if np.isfinite(length) else study.clutch.dog.travel * 1e3]
+        limits = [v for n, v in design.constraints.items() if limiting is None or n in limiting]
+        trial.set_constraint("largest", max(limits))
+        search.tell(trial, told)
+        if simulated and found:
+            kept = not_dominated(np.array([values for _, values in found]))
+            front = [params for (params, _), keep in zip(found, kept, strict=True) if keep]
+            designs = 1 + (steps[-1]["designs"] if steps else 0)
+            steps.append({"cpu": clock() - begun, "designs": designs, "front": front})
+    return {"asked": asked, "steps": steps}
+
+
+def clock() -> float:
+    """Return the processor time of this process, s."""
+    return time.process_time()
+
+
+def first_designs(study: Setup, seed: int) -> list[Values]:
+    """Return the designs that a search of this project begins with."""
+    asked = optuna.create_study(
+        directions=["minimize"] * 2, sampler=SurrogateSampler(DogGuide(study), seed, START)
+    )
+    asked.enqueue_trial(study.prototype)
+    return [dict(asked.ask(search_space(study)).params) for _ in range(START)]
+
+
+def run_and_keep(sampler: str, seed: int, minutes: float, path: Path) -> str:
     """Run a search and keep its record."""
-    record = search(sampler, seed, designs)
-    kept = {"sampler": sampler, "seed": seed, "shifts": SHIFTS * designs, **asdict(record)}
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    study = problem()
+    evaluate(study, [{}], scratch_executor(1), 3, 1)  # the engine is compiled before it is timed
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ExperimentalWarning)
+        if sampler == OWN:
+            record = own_search(seed, minutes)
+        else:
+            record = other_search(SAMPLERS[sampler](seed), seed, minutes)
     new = path.with_suffix(".new")
-    new.write_text(json.dumps(kept), encoding="utf-8")
+    new.write_text(json.dumps({"sampler": sampler, "seed": seed, **record}), encoding="utf-8")
     new.replace(path)
-    return f"{sampler}, seed {seed}: {record.steps[-1].shifts} shifts"
+    return f"{sampler}, seed {seed}: {record['steps'][-1]['designs']} designs"
 
 
-def all_runs(seeds: int, designs: int, jobs: int, folder: Path) -> list[Run]:
+def all_runs(seeds: int, minutes: float, jobs: int, folder: Path) -> list[Run]:
     """Return the records of all searches; those that are kept are not run again."""
     paths = {
-        (name, seed): folder / f"{name.replace(' ', '_').replace(',', '')}-{seed}-{designs}.json"
+        (name, seed): folder / f"{name}-{seed}-{minutes:g}.json"
         for seed in range(1, seeds + 1)
         for name in (*SAMPLERS, OWN)
     }
     with ProcessPoolExecutor(jobs, get_context("spawn"), max_tasks_per_child=1) as pool:
         left = [
-            pool.submit(run_and_keep, *key, designs, path)
+            pool.submit(run_and_keep, *key, minutes, path)
             for key, path in paths.items()
             if not path.exists()
         ]
@@ -99,20 +230,10 @@ def all_runs(seeds: int, designs: int, jobs: int, folder: Path) -> list[Run]:
     return [json.loads(path.read_text(encoding="utf-8")) for path in paths.values()]
 
 
-def front_at(run: Run, key: str, most: float) -> list[Values]:
-    """Return the front of a search once it has spent so many ``shifts``, or s of ``cpu``."""
-    spent = [step for step in run["steps"] if step[key] <= most]
+def front_at(record: Run, minutes: float) -> list[Values]:
+    """Return the front of a search once it has spent so many minutes."""
+    spent = [step for step in record["steps"] if step["cpu"] <= 60.0 * minutes]
     return list(spent[-1]["front"]) if spent else []
-
-
-def shifts_compared(most: int) -> list[int]:
-    """Return the numbers of shifts at which fronts are compared."""
-    return [round(most * share) for share in SHARES]
-
-
-def minutes_of(run: Run) -> float:
-    """Return the minutes of a processor that a run took in all."""
-    return float(run["steps"][-1]["cpu"]) / 60.0
 
 
 def emulated_front(study: Setup) -> list[Values]:
@@ -120,205 +241,119 @@ def emulated_front(study: Setup) -> list[Values]:
     known = known_surrogate(study)
     if known is None:
         raise SystemExit("the package brings no surrogate for this physics")
-    over, space, rng = (
-        Over(known.surrogate, study_mix(study)),
-        Space(search_space(study)),
-        np.random.default_rng(1),
-    )
-    designs = _allowed(study, space, rng, WIDE, None)
+    over, space = Over(known.surrogate, study_mix(study)), Space(search_space(study))
+    pool, rng = Pool(DogGuide(study), 1), np.random.default_rng(1)
+
+    def judged(designs: Sequence[Values]) -> tuple[Any, Array]:
+        losses = exact_losses(study, [*designs])
+        losses[:, 0] = over.predict(study.rows(designs))[0]
+        order = np.lexsort((losses[:, 1], losses[:, 0]))
+        shortest = np.minimum.accumulate(losses[order, 1])
+        kept = np.zeros(len(losses), dtype=bool)
+        kept[order] = np.concatenate([[True], losses[order[1:], 1] < shortest[:-1]])
+        return np.flatnonzero(kept), losses
+
+    designs = pool.drawn(space, rng, MANY, None)
     for _ in range(ROUNDS):
-        best = [designs[k] for k in np.flatnonzero(_emulated(study, over, designs)[0])]
-        designs = best + _allowed(study, space, rng, NEAR, best)
-    kept, values = _emulated(study, over, designs)
-    places = np.flatnonzero(kept)
-    places = places[np.argsort(values[places, 0])]
+        best = [designs[k] for k in judged(designs)[0]]
+        designs = best + pool.drawn(space, rng, ABOUT, best)
+    places, losses = judged(designs)
+    places = places[np.argsort(losses[places, 0])]
     spread = np.unique(np.linspace(0, len(places) - 1, KEPT).astype(int))
     return [designs[k] for k in places[spread]]
-
-
-def _allowed(
-    study: Setup, space: Space, rng: np.random.Generator, size: int, near: list[Values] | None
-) -> list[Values]:
-    found: list[Values] = []
-    while len(found) < size:
-        params = space.drawn(rng, None if near is None else near[int(rng.integers(len(near)))])
-        if worth_simulating(study, params):
-            found.append(params)
-    return found
-
-
-def _emulated(study: Setup, over: Over, designs: Sequence[Values]) -> tuple[Any, Any]:
-    """Return which designs no other dominates, and the losses of all, by the surrogate."""
-    losses = exact_losses(study, designs)
-    losses[:, 0] = over.predict(study.rows(designs))[0]
-    order = np.lexsort((losses[:, 1], losses[:, 0]))
-    shortest = np.minimum.accumulate(losses[order, 1])
-    kept = np.zeros(len(losses), dtype=bool)
-    kept[order] = np.concatenate([[True], losses[order[1:], 1] < shortest[:-1]])
-    return kept, losses
 
 
 class Truth:
     """Objectives of designs at new angles: (time in s, length in mm), inf if not feasible.
 
-    By many compiled shifts. ``apart`` is what Drake's times are more at some of the same angles,
-    over the expected time. What is known is kept in ``truth.jsonl`` of a folder.
+    What is known is kept in ``truth.jsonl`` of a folder.
     """
 
     def __init__(self, folder: Path, jobs: int) -> None:
-        seed = problem().file.expectation.seed + NEW_ANGLES
-        self._study = problem(
-            f"expectation.seed={seed}", "search.levels=2", f"search.pair_angles={PAIRS}",
-            f"search.screen_angles={DENSE}",
-        )  # fmt: skip
-        self._executor = scratch_executor(jobs)
+        self._study, self._executor = problem(), scratch_executor(jobs)
         self._path = folder / "truth.jsonl"
-        self._values: dict[Key, Array] = {}
-        self.apart: list[float] = []
+        self._values: dict[tuple[float, ...], list[float]] = {}
         if self._path.exists():
             for line in self._path.read_text(encoding="utf-8").splitlines():
                 known = json.loads(line)
-                self._take(tuple(known["design"]), known)
+                self._values[tuple(known["design"])] = known["values"]
 
     def learn(self, designs: Sequence[Values]) -> None:
         """Simulate designs that are not known yet."""
-        study = self._study
+        study, settings = self._study, self._study.file.expectation
         fresh = {self._key(d): d for d in designs if self._key(d) not in self._values}
         for key, params in fresh.items():
-            found = simulated_levels(study, params, self._executor, PAIRS, DENSE)
-            design = design_of(study, params, found.measured)
-            levels = found.levels
-            assert levels is not None
-            told = values_of(study, design, {SIMULATED: levels.compiled})
-            values = told if design.feasible else [np.inf, np.inf]
-            known = {"values": values, "apart": levels.correction / levels.compiled}
-            self._take(key, known)
+            seed = settings.seed + NEW_ANGLES
+            (one,) = evaluate(study, [params], self._executor, settings.angles, seed)
+            self._executor.forget()
+            design = design_of(study, params, one.measured)
+            values = [np.inf, np.inf]
+            if design.feasible:
+                values = values_of(study, design, {SIMULATED: one.expectation.mean})
+            self._values[key] = values
             with self._path.open("a", encoding="utf-8") as kept:
-                kept.write(json.dumps({"design": key, **known}) + "\n")
-
-    def _take(self, key: Key, known: Mapping[str, Any]) -> None:
-        self._values[key] = np.array(known["values"])
-        self.apart.append(known["apart"])
+                kept.write(json.dumps({"design": key, "values": values}) + "\n")
 
     def of(self, designs: Sequence[Values]) -> Array:
         """Return the objectives of designs that were simulated, (n, 2)."""
         return np.array([self._values[self._key(d)] for d in designs]).reshape(-1, 2)
 
-    def _key(self, design: Values) -> Key:
+    def _key(self, design: Values) -> tuple[float, ...]:
         return tuple(design[name] for name in self._study.variables)
 
 
-def best_other(runs: Sequence[Run], truth: Truth, beyond: Array, most: int) -> str:
-    """Return the sampler of Optuna's whose front after all shifts is best in the median."""
-    found: dict[str, list[float]] = {}
-    for run in runs:
-        if run["sampler"] in SAMPLERS:
-            volume = hypervolume(truth.of(front_at(run, "shifts", most)), beyond)
-            found.setdefault(run["sampler"], []).append(volume)
-    return max(found, key=lambda name: float(np.median(found[name])))
-
-
-def print_shares(names: Sequence[str], shares: Shares, columns: Sequence[str]) -> None:
-    """Print the share of the reference's hypervolume by sampler and what was spent."""
+def tell(runs: Sequence[Run], minutes: Sequence[float], truth: Truth) -> None:
+    """Judge the fronts of all runs and print the tables."""
+    study = problem()
+    emulated = emulated_front(study)
+    fronts = {
+        (one["sampler"], one["seed"]): [front_at(one, part) for part in minutes] for one in runs
+    }
+    every = [study.prototype, *emulated, *(d for f in fronts.values() for part in f for d in part)]
+    truth.learn(every)
+    prototype = truth.of([study.prototype])[0]
+    beyond, values = BEYOND * prototype, truth.of(every)
+    reference = hypervolume(values, beyond)
+    shares = {
+        key: np.array([hypervolume(truth.of(part), beyond) / reference for part in parts])
+        for key, parts in fronts.items()
+    }
+    best = int(not_dominated(np.unique(values, axis=0)).sum())
+    by_surrogate = hypervolume(truth.of(emulated), beyond) / reference
+    print(f"prototype {prototype[0] * 1e3:.1f} ms, {prototype[1]:.2f} mm; reference: front of "
+          f"{best} designs, best of all here; the search by")  # fmt: skip
+    print(f"the surrogate alone has {by_surrogate:.3f} of it")
     print("\nshare of the reference front's hypervolume, median of the seeds (least, largest)")
-    print(f"{'':<18}" + "".join(f"{column:>23}" for column in columns) + "  seeds")
-    for name in names:
+    print(f"{'':<14}" + "".join(f"{part:>19.2f} min" for part in minutes) + "  seeds")
+    for name in (*SAMPLERS, OWN):
         rows = np.array([share for (other, _), share in shares.items() if other == name])
         cells = [f"{np.median(c):.3f} ({c.min():.3f}, {c.max():.3f})" for c in rows.T]
-        print(f"{name:<18}" + "".join(f"{cell:>23}" for cell in cells) + f"{len(rows):>7d}")
-
-
-def print_costs(runs: Sequence[Run], names: Sequence[str], truth: Truth, most: int) -> None:
-    """Print what the runs cost, and how many of the designs they declare hold."""
-    print(f"\nmedians at the end: shifts of Drake (of {most}), compiled ones, simulated designs,")
-    print("proposals, minutes of a processor; of all that the seeds declare, what holds at new")
-    print("angles")
-    for name in names:
-        mine = [run for run in runs if run["sampler"] == name]
-        last = [run["steps"][-1] for run in mine]
-        shifts, compiled, designs = (
-            np.median([step.get(key, 0) for step in last])
-            for key in ("shifts", "compiled", "designs")
-        )
-        asked, minutes = (
+        print(f"{name:<14}" + "".join(f"{cell:>23}" for cell in cells) + f"{len(rows):>7d}")
+    print("\nmedians at the end: simulated designs, proposals; of all that the seeds declare, what")
+    print("holds at new angles")
+    for name in (*SAMPLERS, OWN):
+        mine = [one for one in runs if one["sampler"] == name]
+        designs, asked = (
             np.median(values)
-            for values in ([run["asked"] for run in mine], [minutes_of(run) for run in mine])
+            for values in ([m["steps"][-1]["designs"] for m in mine], [m["asked"] for m in mine])
         )
-        declared = truth.of([d for run in mine for d in front_at(run, "shifts", most)])
+        declared = truth.of([d for one in mine for d in front_at(one, minutes[-1])])
         held = int(np.isfinite(declared[:, 0]).sum())
-        print(
-            f"{name:<18}{shifts:>7.0f}{compiled:>9.0f}{designs:>6.0f}{asked:>7.0f}{minutes:>7.1f}"
-            f"{held:>6d} of {len(declared)}"
-        )
-
-
-def print_races(shares: Shares, columns: Sequence[str], most: int) -> None:
-    """Print for each seed the search in two levels against the best of Optuna's samplers."""
-    first, second = shifts_compared(most)
-    print(f"\n{OWN}, less the best of Optuna's samplers at the same seed; last column: at {first}")
-    print(f"shifts less the best other at {second}")
-    print(f"{'':<18}" + "".join(f"{column:>15}" for column in columns) + f"{'last':>9}")
-    for seed in sorted({seed for name, seed in shares if name == OWN}):
-        rivals = [shares[name, seed] for name in SAMPLERS if (name, seed) in shares]
-        if rivals:
-            own, best = shares[OWN, seed], np.array(rivals).max(axis=0)
-            cells = "".join(f"{value:>+15.3f}" for value in own - best)
-            print(f"seed {seed:<13}{cells}{own[0] - best[1]:>+9.3f}")
+        print(f"{name:<14}{designs:>6.0f}{asked:>7.0f}{held:>6d} of {len(declared)}")
 
 
 def main() -> None:
     """Run what is missing and print the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--designs", type=int, default=48)
+    parser.add_argument("--minutes", type=float, default=1.6)
     parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--out", type=Path, default=Path("build/samplers"))
     given = parser.parse_args()
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     given.out.mkdir(parents=True, exist_ok=True)
-    runs = all_runs(given.seeds, given.designs, given.jobs, given.out)
-    tell(runs, SHIFTS * given.designs, Truth(given.out, given.jobs))
-
-
-def tell(runs: Sequence[Run], most: int, truth: Truth) -> None:
-    """Judge the fronts of all runs and print the tables."""
-    study, counts = problem(), shifts_compared(most)
-    emulated = emulated_front(study)
-    truth.learn([study.prototype, *emulated])
-    beyond = BEYOND * truth.of([study.prototype])[0]
-    fronts = {
-        (run["sampler"], run["seed"]): [front_at(run, "shifts", count) for count in counts]
-        for run in runs
-    }
-    truth.learn([design for parts in fronts.values() for part in parts for design in part])
-    best = best_other(runs, truth, beyond, most)
-    whole = float(np.median([minutes_of(run) for run in runs if run["sampler"] == best]))
-    minutes = [part * whole for part in PARTS]
-    for run in runs:
-        later = [front_at(run, "cpu", 60.0 * part) for part in minutes]
-        truth.learn([design for part in later for design in part])
-        fronts[run["sampler"], run["seed"]] += later
-    told = [study.prototype, *emulated, *(d for f in fronts.values() for part in f for d in part)]
-    values = truth.of(told)
-    reference = hypervolume(values, beyond)
-    shares = {
-        key: np.array([hypervolume(truth.of(part), beyond) / reference for part in parts])
-        for key, parts in fronts.items()
-    }
-    by_surrogate = hypervolume(truth.of(emulated), beyond) / reference
-    prototype, simulated = truth.of([study.prototype])[0], np.unique(values, axis=0)
-    front = int(not_dominated(simulated).sum())
-    print(f"prototype {prototype[0] * 1e3:.1f} ms, {prototype[1]:.2f} mm; reference: front of "
-          f"{front} designs, best of all here; the search by")  # fmt: skip
-    print(f"the surrogate alone has {by_surrogate:.3f} of it; minutes compared are those of {best}")
-    apart, error = np.mean(truth.apart), np.std(truth.apart) / len(truth.apart) ** 0.5
-    print(f"times of Drake less those of the compiled engine, mean of {len(truth.apart)} designs: "
-          f"{1e2 * apart:+.3f} +- {1e2 * error:.3f} %")  # fmt: skip
-    columns = [f"{count} shifts" for count in counts] + [f"{part:.2f} min" for part in minutes]
-    names = [*dict.fromkeys(run["sampler"] for run in runs)]
-    print_shares(names, shares, columns)
-    print_races(shares, columns, most)
-    print_costs(runs, names, truth, most)
+    runs = all_runs(given.seeds, given.minutes, given.jobs, given.out)
+    tell(runs, [part * given.minutes for part in PARTS], Truth(given.out, given.jobs))
 
 
 if __name__ == "__main__":

@@ -86,10 +86,10 @@ def judge(clutch: str, jobs: int) -> None:
     """Simulate a clutch, fit it, and print its validation."""
     study = study_of(clutch)
     folder = StudyFolder(Path("results") / study.name)
-    fill(study, folder, jobs, levels=2)
+    fill(study, folder, jobs)
     stored = train(folder)
     own, v = stored.surrogate.own, stored.validation
-    _, best = references_of(study, folder)
+    _, best = references_of(study.working, folder)
     print(
         f"{clutch:<10}{0 if own is None else len(own.x):8d}{v.rmse_s * 1e3:9.2f}"
         f"{v.bias_s * 1e3:+9.2f}{v.noise_s * 1e3:9.2f}  {v.q2:.3f}{v.coverage_95:9.0%}"

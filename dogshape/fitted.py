@@ -30,7 +30,7 @@ class Fitted(Result):
     Parameters
     ----------
     config : the study whose designs it was fitted to.
-    stored : surrogate, validation, and the scores of the forms that were compared.
+    stored : surrogate and validation.
     path : file that holds it.
     seconds : what simulating, fitting and judging took in this call, on the clock.
     """
@@ -65,7 +65,7 @@ class Fitted(Result):
         return str(self.stored.surrogate.data.physics.get("engine", "drake"))
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the validation, the form, the scores of the forms compared, and the file.
+        """Give the validation, what was fitted, and the file.
 
         ``mix_designs`` counts the designs that have all of the study's operating points.
         """
@@ -76,8 +76,6 @@ class Fitted(Result):
             "seconds": self.seconds,
             "designs": len(self.stored.surrogate.data.designs),
             "mix_designs": 0 if own is None else len(own.x),
-            "form": self.stored.surrogate.form,
-            "comparison": list(self.stored.comparison),
             "file": str(self.path),
         }
 
@@ -91,7 +89,6 @@ def fit(
     settings: Sequence[str] | None = None,
     *,
     out: str | Path | None = None,
-    choose: bool = False,
     jobs: int = 0,
     cluster: str | None = None,
     progress: Progress = SILENT,
@@ -104,7 +101,6 @@ def fit(
         which designs that fill the space are simulated first into ``results/NAME-space``.
     settings : settings of a study that is named, ``["dog.count=18"]``.
     out : file of the surrogate; by default ``surrogate.json`` of the folder.
-    choose : whether to compare forms of the model and take the best, minutes.
 
     Raises
     ------
@@ -126,6 +122,6 @@ def fit(
         raise InputError(
             "--set cannot change a study that was run; leave it out, or name the study"
         )
-    stored = train(folder, target, choose=choose, say=progress.say)
+    stored = train(folder, target, say=progress.say)
     seconds = time.perf_counter() - begun
     return Fitted(folder.stored_study(), stored, target or folder.surrogate, seconds)

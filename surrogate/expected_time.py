@@ -45,15 +45,18 @@ class Over:
         #: whether a feature is a rough one, (f,) of bool
         self._rough = np.repeat([part.rough for part in self._terms], self._sizes)
         self._links = [part.point_factor(self._nodes, rows) for part in self._terms]
-        weighted = [link * process.weights for link in self._links]
-        summed = [self._by_design(*both) for both in zip(self._terms, weighted, strict=True)]
-        #: what each feature adds to the logarithm at each point, (f, q)
-        self._sums = np.concatenate(summed)
-        self._rest = self._typical_variance()
         same = np.tile(self._known[:1], (len(self._nodes), 1))
         self._alike = surrogate.share.alike(np.concatenate([same, self._nodes], axis=1))
 
-    def _typical_variance(self) -> Array:
+    @cached_property
+    def _sums(self) -> Array:
+        """What each feature adds to the logarithm at each point, (f, q)."""
+        weights = self.surrogate.times.weights
+        pairs = zip(self._terms, self._links, strict=True)
+        return np.concatenate([self._by_design(term, link * weights) for term, link in pairs])
+
+    @cached_property
+    def _rest(self) -> Array:
         """Return the variance at each point half way between known designs, mean, (q,)."""
         known, count = self._known, len(self._nodes)
         pairs = np.random.default_rng(0).integers(len(known), size=(2, BETWEEN))

@@ -73,7 +73,7 @@ class MixTimes:
 
     def coordinates(self, x: Array) -> Array:
         """Return coordinates of designs (m, d) in edge units, (m, c)."""
-        plain = design_coordinates(self.about, x, ridge=True)
+        plain = design_coordinates(self.about, x)
         shape, spans = shape_of(self.about, x), self.spans
         if shape is None or spans is None:
             return plain

@@ -4,8 +4,7 @@ Times are modelled by their logarithm :math:`y = \ln t`, which keeps them positi
 errors relative; t is the mean of the shifts that engage. The covariance has a term over
 operating points alone, a smooth one over both, and two that grow with the mismatch: there a
 dog is thrown back once more or once less, and the mean runs in steps, of which short ones are
-rough: no design nearby predicts them. ``ALTERNATIVES`` are what this was chosen
-from by the likelihood of designs left out (``surrogate.form_choice``).
+rough: no design nearby predicts them.
 
 Expected time over a mix with weights :math:`w_j` and mean and covariance :math:`\mu, C` of the
 logarithms (Bayesian quadrature, O'Hagan 1991, for a process of logarithms):
@@ -40,29 +39,8 @@ SMOOTH = Term(design=True, point=True)
 POINT = Term(design=False, point=True)
 STEPS = Term(design=True, point=True, grows=True, scales=(0.1, 3.0), first=0.3)
 ROUGH = Term(design=True, point=True, grows=True, scales=(0.1, 0.1), first=0.1)
-EVEN = Term(design=True, point=True, scales=(0.1, 0.1), first=0.1)
-
-
-@dataclass(frozen=True)
-class Form:
-    """Form of a surrogate: terms of its covariance, and the ridge of designs."""
-
-    terms: tuple[Term, ...]
-    ridge: bool = False
-
-
-#: Forms that are compared, by name.
-ALTERNATIVES = {
-    "smooth": Form((SMOOTH,)),
-    "smooth, rough": Form((SMOOTH, EVEN)),
-    "smooth, growing rough": Form((SMOOTH, ROUGH)),
-    "smooth, growing steps, growing rough": Form((SMOOTH, STEPS, ROUGH)),
-    "point, smooth, growing steps, growing rough": Form((POINT, SMOOTH, STEPS, ROUGH)),
-    "point, smooth, growing steps, growing rough, ridge": Form(
-        (POINT, SMOOTH, STEPS, ROUGH), ridge=True
-    ),
-}
-USUAL = "point, smooth, growing steps, growing rough, ridge"  #: the form where none is named
+#: Over operating points alone; smooth in both; steps of fast shifts, and rough ones.
+TERMS = (POINT, SMOOTH, STEPS, ROUGH)
 
 
 @dataclass(frozen=True)
@@ -99,7 +77,6 @@ class Surrogate:
     """
 
     data: Dataset
-    form: str
     times: Process
     spreads: Process
     share: Share
@@ -107,7 +84,7 @@ class Surrogate:
 
     def coordinates(self, x: Array) -> Array:
         """Return coordinates of designs (m, d) in edge units, (m, c)."""
-        return design_coordinates(self.data, x, ALTERNATIVES[self.form].ridge)
+        return design_coordinates(self.data, x)
 
     @cached_property
     def known(self) -> Array:

@@ -11,17 +11,14 @@ mean *c*,
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from dogshape.surrogate.covariance import Array, Covariance
-from dogshape.surrogate.kept_matrices import KeptMatrices
 
 BLOCK = 100  #: rows of a triangular system that are solved at a time
-ROUNDING = 1e-8  #: relative error within which a kept matrix has to do what the right one does
 
 
 def root_of(covariance: Array) -> Array:
@@ -44,7 +41,6 @@ class Process:
     targets : (n,).
     noise : variance of each target, (n,).
     known : weights worked out before, (n,); None to have them worked out.
-    kept : where root and inverse are kept from one call to the next; None for nowhere.
     """
 
     covariance: Covariance
@@ -52,7 +48,6 @@ class Process:
     targets: Array
     noise: Array
     known: Array | None = None
-    kept: KeptMatrices | None = None
 
     @cached_property
     def centre(self) -> float:
@@ -69,22 +64,7 @@ class Process:
     @cached_property
     def inverse(self) -> Array:
         """Inverse of ``matrix``, (n, n)."""
-        return self._found("inverse", self._inverted, self._inverts)
-
-    def _inverted(self) -> Array:
         return np.linalg.inv(self.matrix).astype(float)
-
-    def _inverts(self, inverse: Array) -> bool:
-        """Test that a matrix turns the targets into the weights."""
-        return _alike(inverse @ (self.targets - self.centre), self.weights)
-
-    def _found(
-        self, name: str, compute: Callable[[], Array], right: Callable[[Array], bool]
-    ) -> Array:
-        """Return a matrix that is kept, or compute it; the weights are needed to know it."""
-        if self.kept is None or self.known is None:
-            return compute()
-        return self.kept.get(name, len(self.inputs), compute, right)
 
     @cached_property
     def weights(self) -> Array:
@@ -114,21 +94,7 @@ class Process:
     @cached_property
     def _root(self) -> Array:
         """Lower root of ``matrix``, (n, n)."""
-        return self._found("root", self._rooted, self._roots)
-
-    def _rooted(self) -> Array:
         return np.linalg.cholesky(self.matrix).astype(float)
-
-    def _roots(self, root: Array) -> bool:
-        """Test that a lower root times its transpose turns the weights into the targets."""
-        size = len(root)
-        blocks = [(slice(k, k + BLOCK), slice(0, k + BLOCK)) for k in range(0, size, BLOCK)]
-        turned, found = np.zeros(size), np.empty(size)
-        for rows, columns in blocks:
-            turned[columns] += self.weights[rows] @ root[rows, columns]
-        for rows, columns in blocks:
-            found[rows] = root[rows, columns] @ turned[columns]
-        return _alike(found, self.targets - self.centre)
 
     @cached_property
     def whitening(self) -> Array:
@@ -143,8 +109,3 @@ class Process:
             white[rows] -= self._root[rows, :k] @ white[:k]
             white[rows] = np.linalg.solve(self._root[rows, rows], white[rows])
         return white
-
-
-def _alike(found: Array, wanted: Array) -> bool:
-    """Test that values are the wanted ones but for rounding, each (n,)."""
-    return bool(np.abs(found - wanted).max() <= ROUNDING * np.abs(wanted).max())

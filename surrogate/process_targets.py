@@ -1,8 +1,7 @@
 r"""Targets of a process: coordinates of the rows, logarithms, and their known noise.
 
 A face or flank turns from holding to letting go where the tangent of its angle passes the friction
-coefficient, and times change there. With a *ridge*, designs have a further coordinate for each
-angle, which runs from -1 to 1 there, :math:`\tanh((\tan\theta - \mu)/0.04)`.
+coefficient, and times change there. So designs have a further coordinate for each angle, which runs from -1 to 1 there, :math:`\tanh((\tan\theta - \mu)/0.04)`.
 """
 
 from __future__ import annotations
@@ -20,11 +19,9 @@ FLOOR = 2e-4  #: s, added to a spread before its logarithm is taken
 LIKE = 150  #: rows of like mismatch that share their noise
 
 
-def design_coordinates(data: Dataset, x: Array, ridge: bool) -> Array:
+def design_coordinates(data: Dataset, x: Array) -> Array:
     """Return coordinates of designs (m, d) in edge units: scaled, and the ridge's, (m, c)."""
     scaled = data.scaled(x)
-    if not ridge:
-        return scaled
     friction = data.physics["dynamic_friction"]
     angles = [i for i, name in enumerate(data.variables) if name in ANGLES]
     tangents = np.tan(np.radians(np.atleast_2d(x)[:, angles]))
@@ -64,25 +61,25 @@ def known_noise(data: Dataset) -> Array:
     return shared / count
 
 
-def row_inputs(data: Dataset, ridge: bool) -> Array:
+def row_inputs(data: Dataset) -> Array:
     """Return the coordinates of all rows, (n, c + 2)."""
-    designs = design_coordinates(data, data.x, ridge)
+    designs = design_coordinates(data, data.x)
     return np.concatenate([designs, point_coordinates(data.points)], axis=1)
 
 
-def time_targets(data: Dataset, ridge: bool) -> Targets:
+def time_targets(data: Dataset) -> Targets:
     """Return the logarithms of the mean times with their known noise.
 
     The logarithm of a noisy mean lies half its variance low, which is put back.
     """
     rows = data.subset(timed(data))
     noise = known_noise(rows)
-    return row_inputs(rows, ridge), np.log(rows.column("mean_s")) + 0.5 * noise, noise
+    return row_inputs(rows), np.log(rows.column("mean_s")) + 0.5 * noise, noise
 
 
-def spread_targets(data: Dataset, ridge: bool) -> Targets:
+def spread_targets(data: Dataset) -> Targets:
     """Compute log standard deviations with the variance of their sampling noise."""
     rows = data.subset(data.column("engaged") > 2)
     noise = 0.5 / (rows.column("engaged") - 1.0) + 0.05
     # The logarithm of a deviation from few shifts lies half its variance low, too.
-    return row_inputs(rows, ridge), np.log(rows.column("sd_s") + FLOOR) + 0.5 * noise, noise
+    return row_inputs(rows), np.log(rows.column("sd_s") + FLOOR) + 0.5 * noise, noise

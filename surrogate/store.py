@@ -20,9 +20,8 @@ from dogshape.sim.versions import versions
 from dogshape.surrogate.covariance import Array, Covariance, Term, starting
 from dogshape.surrogate.dataset import COLUMNS, Dataset
 from dogshape.surrogate.engaged_share import Share
-from dogshape.surrogate.kept_matrices import KeptMatrices, cache_folder
 from dogshape.surrogate.mix_times import own_of, own_record
-from dogshape.surrogate.model import ALTERNATIVES, SMOOTH, Surrogate
+from dogshape.surrogate.model import SMOOTH, TERMS, Surrogate
 from dogshape.surrogate.process import Process
 from dogshape.surrogate.process_targets import (
     Targets,
@@ -39,11 +38,10 @@ AGAIN = "fit the surrogate again with 'dogshape fit'"
 
 @dataclass(frozen=True)
 class Stored:
-    """A surrogate with its figures, and the scores of the forms it was chosen from."""
+    """A surrogate with its figures."""
 
     surrogate: Surrogate
     validation: Validation
-    comparison: tuple[dict[str, Any], ...] = ()
 
 
 def save(path: Path, stored: Stored) -> None:
@@ -51,7 +49,6 @@ def save(path: Path, stored: Stored) -> None:
     surrogate, data = stored.surrogate, stored.surrogate.data
     content = {
         "format": FORMAT,
-        "form": surrogate.form,
         "physics": data.physics,
         "engine": data.engine,
         **({} if surrogate.own is None else {"own": own_record(surrogate.own)}),
@@ -68,7 +65,6 @@ def save(path: Path, stored: Stored) -> None:
             "strength": surrogate.share.strength,
         },
         "validation": stored.validation.as_dict(),
-        "comparison": list(stored.comparison),
         "versions": versions(),
     }
     content["hash"] = _hash(content)
@@ -88,15 +84,14 @@ def load(path: Path) -> Stored:
         raise DataError(f"{path} was changed or damaged: it does not match its hash; {AGAIN}")
     try:
         return Stored(
-            _surrogate(content, given),
+            _surrogate(content),
             validation_of(content["validation"]),
-            tuple(content["comparison"]),
         )
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{path} is incomplete ({error}); {AGAIN}") from error
 
 
-def _surrogate(content: dict[str, Any], key: str) -> Surrogate:
+def _surrogate(content: dict[str, Any]) -> Surrogate:
     data = Dataset(
         variables=tuple(content["variables"]),
         low=np.array(content["low"], dtype=float),
@@ -105,20 +100,16 @@ def _surrogate(content: dict[str, Any], key: str) -> Surrogate:
         physics=content["physics"],
         engine=content["engine"],
     )
-    form = ALTERNATIVES[content["form"]]
-    designs = design_coordinates(data, data.x[:1], form.ridge).shape[1]
-    times, spreads = time_targets(data, form.ridge), spread_targets(data, form.ridge)
+    designs = design_coordinates(data, data.x[:1]).shape[1]
+    times, spreads = time_targets(data), spread_targets(data)
     share = content["share"]
-    folder = cache_folder()
-    kept = None if folder is None else KeptMatrices(folder, f"{key}-times")
     return Surrogate(
         data=data,
-        form=content["form"],
-        times=replace(_process(content["times"], form.terms, designs, times), kept=kept),
+        times=_process(content["times"], TERMS, designs, times),
         spreads=_process(content["spreads"], (SMOOTH,), designs, spreads),
         share=Share(
             designs,
-            row_inputs(data, form.ridge),
+            row_inputs(data),
             data.column("engaged"),
             data.column("shifts"),
             np.inf if share["length"] is None else float(share["length"]),

@@ -40,7 +40,7 @@ def held_out(
     for fold in range(folds):
         out = reference.x[order[fold::folds]]
         seen = ~among(data.x, out)
-        model = fit(data.subset(seen), form=surrogate.form, like=surrogate, effort=QUICK)
+        model = fit(data.subset(seen), like=surrogate, effort=QUICK)
         parts.append(predict(model, out, mix))
     back = np.argsort(np.concatenate([order[fold::folds] for fold in range(folds)]))
     return reference, Prediction(

@@ -49,14 +49,6 @@ SMALL = [
 ]
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _own_cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
-    """Keep what is kept between calls out of the user's own folder."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("DOGSHAPE_CACHE", str(tmp_path_factory.mktemp("cache")))
-        yield
-
-
 @pytest.fixture(scope="session")
 def prototype() -> Dog:
     """The MQ200 prototype (thesis table 5)."""

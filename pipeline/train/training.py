@@ -47,10 +47,9 @@ from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import COLUMNS, DIGITS, Dataset, among
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.fitting import WHOLE, Effort
-from dogshape.surrogate.form_choice import compare
 from dogshape.surrogate.learning import fit
 from dogshape.surrogate.mix_learning import fitted, mix_times
-from dogshape.surrogate.model import USUAL, Surrogate
+from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.references import Reference, reference_of
 from dogshape.surrogate.store import Stored, save
 from dogshape.surrogate.validation import QUICK, validate
@@ -133,27 +132,23 @@ def _quickly(study: Setup, folder: StudyFolder) -> Callable[[Array], Array]:
     return lambda x: over.predict(x)[0]
 
 
-def train(
-    folder: StudyFolder, out: Path | None = None, *, choose: bool = False, say: Say = SILENT.say
-) -> Stored:
+def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say) -> Stored:
     """Fit the surrogate to the shifts of a folder, judge it and write it.
 
-    ``choose`` compares the alternative forms and takes the best; else the usual one is taken.
     Fewer designs than it needs raise InputError.
     """
     study = folder.stored_study().working
     data, mixed = _data_of(study, folder)
     seed = study.file.surrogate.seed
-    scores = compare(data, seed, say) if choose else []
     effort = Effort(FILLED if folder.references.exists() else WHOLE.rows, seed=seed)
     if mixed is not None:
         effort = replace(BESIDE, seed=seed)
-    surrogate = fit(data, scores[0].form if scores else USUAL, effort=effort)
+    surrogate = fit(data, effort=effort)
     if mixed is not None:
         say("the expected time over the study's own operating points")
         surrogate = replace(surrogate, own=fitted(mix_times(data, mixed, study_mix(study))))
     figures = _judged(study, folder, surrogate)
-    stored = Stored(surrogate, figures, tuple(score.as_dict() for score in scores))
+    stored = Stored(surrogate, figures)
     save(out or folder.surrogate, stored)
     with naming(folder.points):
         data.frame().to_csv(folder.points, index=False)

@@ -248,18 +248,16 @@ def test_one_place_makes_consoles() -> None:
 def test_no_room_asks_for_the_time_of_day() -> None:
     """Only a report's provenance does, to say when it was written; no result depends on it.
 
-    What a table of a bench says of its shifts' times is read, not asked for. Kept matrices go
-    oldest first, which no result depends on either.
+    What a table of a bench says of its shifts' times is read, not asked for.
     """
     provenance = ROOT / "pipeline" / "reports" / "study" / "provenance.py"
-    kept = ROOT / "surrogate" / "kept_matrices.py"
     stamps = ROOT / "diagnosis" / "bench" / "time_stamps.py"
     assert ".now(" not in stamps.read_text(encoding="utf-8")
     words = ("time.time(", "datetime", "time_ns(", "st_mtime")
     product = [p for p in MODULES if not p.is_relative_to(ROOT / "validation")]
     assert not [
         (path, word)
-        for path in set(product) - {provenance, stamps, kept}
+        for path in set(product) - {provenance, stamps}
         for word in words
         if word in path.read_text(encoding="utf-8")
     ]

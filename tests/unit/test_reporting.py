@@ -476,7 +476,7 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     learn_effects(folder, calls.append)
     assert calls.count("learned") == 1
     assert stored_effects(folder) == known
-    save(folder.surrogate, replace(stored, comparison=({"form": "other"},)))
+    save(folder.surrogate, replace(stored, validation=replace(stored.validation, n=7)))
     assert stored_effects(folder) is None
 
 

@@ -14,9 +14,8 @@ from dogshape.pipeline.search.guide import TERMS
 from dogshape.surrogate.covariance import Array, Covariance, Term, matern, starting, wendland
 from dogshape.surrogate.engaged_share import Share, fit_share
 from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.form_choice import compare
 from dogshape.surrogate.learning import fit
-from dogshape.surrogate.model import ALTERNATIVES, POINT, ROUGH, SMOOTH, STEPS, Surrogate
+from dogshape.surrogate.model import POINT, ROUGH, SMOOTH, STEPS, Surrogate
 from dogshape.surrogate.process import Process
 from dogshape.surrogate.process_targets import known_noise
 from tests.unit.test_surrogate import GRID, HIGH, LOW, MIX, QUICK, exact, made
@@ -177,20 +176,6 @@ def test_noise_does_not_draw_times_down() -> None:
     model = fit(skewed, effort=QUICK)
     found = [model.expected(x, replace(MIX, retry=0.0)).time / exact(x) for x in data.designs]
     assert np.mean(found) == pytest.approx(1.0, abs=0.035)  # 3 s.e.
-
-
-def test_the_ridge_is_chosen_where_a_flank_turns() -> None:
-    """A time that jumps where the tangent of an angle passes the friction coefficient."""
-    data = made(60, noise=0.01)
-    jump = 1.0 / (1.0 + np.exp(-(np.tan(np.radians(data.x[:, 0])) - 0.1) / 0.01))
-    rows = data.rows.copy()
-    rows[:, 5] *= np.exp(1.0 * jump)
-    rows[:, 6] *= np.exp(1.0 * jump)
-    scores = {score.form: score for score in compare(replace(data, rows=rows))}
-    assert set(scores) == set(ALTERNATIVES)
-    plain = scores["point, smooth, growing steps, growing rough"]
-    ridge = scores["point, smooth, growing steps, growing rough, ridge"]
-    assert ridge.log_density > plain.log_density + 0.1
 
 
 def test_designs_are_scaled_to_their_range(surrogate: Surrogate) -> None:

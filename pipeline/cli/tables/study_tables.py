@@ -136,7 +136,7 @@ def _named(one: tuple[str, float] | None) -> str:
 
 
 def validation_text(stored: Stored, path: Path) -> RenderableType:
-    """Return the figures of a surrogate, and the scores of the forms it was chosen from."""
+    """Return the figures of a surrogate."""
     data, v = stored.surrogate.data, stored.validation
     how = "references apart" if v.source == "references" else "designs held out in turn"
     table = columns("judged by", "Q2", "rmse, ms", "within 95 %")
@@ -164,14 +164,4 @@ def validation_text(stored: Stored, path: Path) -> RenderableType:
     )
     if v.rank_best is not None:
         lines.append(f"rank correlation of {v.n_best} designs of the best tenth {v.rank_best:.2f}")
-    if stored.comparison:
-        scores = columns("form", "mean log density", "rmse of ln t", "within 95 %")
-        for s in stored.comparison:
-            scores.add_row(
-                s["form"],
-                f"{s['log_density']:.3f}",
-                f"{s['log_rmse']:.3f}",
-                f"{s['coverage_95']:.0%}",
-            )
-        lines += ["", "forms by what they foretold of designs left out", scores]
     return Group(*lines, f"written to {path}")

@@ -76,9 +76,6 @@ def report(
 def fit(
     where: Annotated[str, typer.Argument(metavar="STUDY|DIR", help="study, or folder of one")],
     out: Annotated[Path | None, typer.Option(help="default: surrogate.json of the folder")] = None,
-    choose: Annotated[
-        bool, typer.Option("--choose", help="compare forms of the model, minutes; take the best")
-    ] = False,
     jobs: Jobs = 0,
     cluster: Cluster = None,
     engine: Engine = None,
@@ -94,7 +91,7 @@ def fit(
     Example: dogshape fit results/mq200
     """
     found = fit_surrogate(
-        where, with_engine(set_, engine), out=out, choose=choose, jobs=jobs, cluster=cluster,
+        where, with_engine(set_, engine), out=out, jobs=jobs, cluster=cluster,
         progress=ProgressBar(),
     )  # fmt: skip
     emit(found.to_dict(), json, lambda: validation_text(found.stored, found.path))

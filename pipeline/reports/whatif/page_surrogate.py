@@ -19,7 +19,7 @@ from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.surrogate.covariance import Part
 from dogshape.surrogate.engaged_share import Share
 from dogshape.surrogate.mix_times import SHAPE, MixTimes
-from dogshape.surrogate.model import ALTERNATIVES, Surrogate
+from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.process_targets import ANGLES, WIDTH, timed
 from dogshape.surrogate.query import CHAMFER, FAR, HOLDS
 
@@ -30,8 +30,7 @@ def packed(study: Setup, surrogate: Surrogate) -> Row:
     rows = process.covariance.split(process.inputs)[1]
     low, high = data.x.min(axis=0), data.x.max(axis=0)
     mix = study_mix(study)
-    ridge = ALTERNATIVES[surrogate.form].ridge
-    angles = [i for i, name in enumerate(data.variables) if name in ANGLES] if ridge else []
+    angles = [i for i, name in enumerate(data.variables) if name in ANGLES]
     return {
         "variables": list(data.variables),
         "low": data.low.tolist(),
