@@ -24,9 +24,8 @@ from benchmarks.common import paper_study
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
-from dogshape.pipeline.simulate.evaluation import expectation_of
+from dogshape.pipeline.simulate.evaluation import expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.simulate.precision import expect_to
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block

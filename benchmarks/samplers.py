@@ -42,7 +42,7 @@ from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.guide import DogGuide, LANDING, search_space
+from dogshape.pipeline.search.guide import LANDING, DogGuide, search_space
 from dogshape.pipeline.search.sampler import Pool, SurrogateSampler
 from dogshape.pipeline.search.search import open_search, run
 from dogshape.pipeline.search.state import SearchState

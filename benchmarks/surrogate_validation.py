@@ -19,7 +19,7 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training import fill, references_of, train
-from dogshape.surrogate.references import Reference
+from dogshape.surrogate.dataset import Reference
 from dogshape.surrogate.validation_figures import rank_correlation
 
 DRAWS = 1000  #: of the errors of references

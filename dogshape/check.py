@@ -14,15 +14,14 @@ from dogshape.pipeline.config.asked_points import points_of
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.tolerance_effects import spread_record, time_spread
 from dogshape.pipeline.simulate.design import Measured, design_of, margins_within
-from dogshape.pipeline.train.found_surrogates import own_surrogate
-from dogshape.pipeline.train.training_rows import mix_over
+from dogshape.pipeline.train.training_rows import mix_over, own_surrogate
 from dogshape.result import ms
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.strength.tolerance import Spread
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.validation_figures import Validation

@@ -11,11 +11,11 @@ from dogshape.diagnosis.bench.bench_data import require_something
 from dogshape.diagnosis.bench.comparison import ANGLES, compare
 from dogshape.diagnosis.bench.comparison import Comparison as Compared
 from dogshape.diagnosis.report.wording import findings_record
-from dogshape.pipeline.store.result_records import difference_record, engaged_record
+from dogshape.pipeline.store.result_schema import difference_record, engaged_record
 from dogshape.result import Result, ms
 from dogshape.running import Where, angles_text, require_angles
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.numerical_error import repeated
+from dogshape.sim.statistics.blocks import repeated
 from dogshape.sim.statistics.shift_records import clutch_record
 from dogshape.sim.units import DEG
 

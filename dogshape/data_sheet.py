@@ -10,7 +10,7 @@ from dogshape.pipeline.reports.study.data_sheet import searched_checks, write_sh
 from dogshape.pipeline.reports.study.design_record import design_record, searched_record
 from dogshape.pipeline.reports.study.named_design import NamedDesign
 from dogshape.pipeline.simulate.design import weakest_within
-from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.folder import require_targets
 
 
 def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:

@@ -14,7 +14,7 @@ from scipy.stats import norm
 from dogshape.expectation import simulate_mean
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.store.result_records import number_or_none
+from dogshape.pipeline.store.result_schema import number_or_none
 from dogshape.result import Result, ms
 from dogshape.running import Where
 from dogshape.sim.errors import DataError, DogshapeError, InputError

@@ -9,16 +9,14 @@ from typing import TYPE_CHECKING, Any
 from dogshape.pipeline.config.asked_points import points_of
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.result_charts import means_by_point
-from dogshape.pipeline.simulate.evaluation import expectation_of
-from dogshape.pipeline.simulate.precision import FIRST, expect_to
-from dogshape.pipeline.store.result_records import expectation_record
+from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
+from dogshape.pipeline.store.result_schema import expectation_record
 from dogshape.result import Result, ms
 from dogshape.running import Where, angles_text, require_angles
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.statistics.blocks import even_blocks, listed_blocks
+from dogshape.sim.statistics.blocks import even_blocks, listed_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import Expectation as Mean
-from dogshape.sim.statistics.numerical_error import numerical_error, repeated
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG
 

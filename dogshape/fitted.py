@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.output_files import require_targets
-from dogshape.pipeline.train.found_surrogates import space_out
+from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.train.training import fill, train
+from dogshape.pipeline.train.training_rows import space_out
 from dogshape.result import Result, ms
 from dogshape.sim.errors import InputError
 from dogshape.study import Study

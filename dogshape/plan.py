@@ -13,7 +13,7 @@ from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means
 from dogshape.pipeline.diagnose.planned_bench import Wanted, planned, points_from, sheet
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.folder import require_targets
 from dogshape.result import Result
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole

@@ -17,8 +17,7 @@ from dogshape.pipeline.train.design_table import (
     text_table,
     write_predicted,
 )
-from dogshape.pipeline.train.found_surrogates import stored_surrogate
-from dogshape.pipeline.train.training_rows import mix_over
+from dogshape.pipeline.train.training_rows import mix_over, stored_surrogate
 from dogshape.result import Result, ms
 
 if TYPE_CHECKING:

@@ -9,8 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.simulate.executor import Executor, scratch_executor
-from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
+from dogshape.pipeline.simulate.executor import Executor, kept_shifts, scratch_executor, work_folder
 from dogshape.sim.errors import InputError, refusal
 
 

@@ -14,7 +14,7 @@ from dogshape.sim.engines import engage
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.driveline import TorquePeaks
-from dogshape.sim.statistics.batch import events_record, loads_record, shaft_record
+from dogshape.sim.statistics.blocks import events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM
 

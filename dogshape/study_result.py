@@ -16,8 +16,7 @@ from dogshape.pipeline.reports.study.goals import goals_of
 from dogshape.pipeline.reports.study.named_design import named_design
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.reports.study.summary import gained, headline
-from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_schema import require_result
 from dogshape.pipeline.study import Run, run_study
 from dogshape.result import Result

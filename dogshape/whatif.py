@@ -10,10 +10,8 @@ from dogshape.check import Quick, misses, simulate_quickly, unmade
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.whatif.page import designs_of, require_fixed_points, write_whatif
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.pipeline.store.output_files import require_targets
-from dogshape.pipeline.train.found_surrogates import stored_surrogate
-from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.pipeline.store.folder import StudyFolder, default_out, require_targets
+from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.result import Result, ms
 from dogshape.surrogate.learning import condition
 from dogshape.surrogate.query import Answer, ask

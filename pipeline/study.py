@@ -12,9 +12,15 @@ from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.confirmation import Executors, confirm, shifts_to_confirm
 from dogshape.pipeline.search.search import Search, open_search, run
-from dogshape.pipeline.search.state import SearchState, standings
+from dogshape.pipeline.search.state import (
+    PROTOTYPE,
+    SearchState,
+    Trial,
+    distinct,
+    simulated_rows,
+    standings,
+)
 from dogshape.pipeline.search.tolerance_effects import smallest_within, spread_record, time_spread
-from dogshape.pipeline.search.trial import PROTOTYPE, Trial, distinct, simulated_rows
 from dogshape.pipeline.simulate.agreement import Agreement, audit
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,

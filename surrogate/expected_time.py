@@ -15,9 +15,9 @@ from functools import cached_property
 import numpy as np
 
 from dogshape.surrogate.covariance import Array, Part
-from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.process_targets import point_coordinates, timed
+from dogshape.surrogate.process import point_coordinates, timed
 
 BETWEEN = 20  #: pairs of designs between which the typical variance is found
 CHUNK = 2000  #: designs that are worked out at a time

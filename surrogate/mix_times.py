@@ -7,7 +7,7 @@ expected time over the study's mix, and another one for each of its points:
 .. math:: \ln E_i = f(x_i) + \epsilon_i, \qquad f \sim GP, \quad \epsilon_i \sim N(0, s^2),
 
 *s* being the error that the angles of a design leave, of all designs alike: a mean that is low by
-luck has a low error too (``surrogate.process_targets.known_noise``). A sum over its points
+luck has a low error too (``surrogate.process.known_noise``). A sum over its points
 predicts no better than the process of the mix and needs the covariance of all their errors.
 
 Beside its variables a design has coordinates that its shape follows from: the play with which a
@@ -24,10 +24,8 @@ from typing import Any
 import numpy as np
 
 from dogshape.surrogate.covariance import Array, Covariance, Term, starting
-from dogshape.surrogate.dataset import Dataset
-from dogshape.surrogate.mix import Mix
-from dogshape.surrogate.process import Process
-from dogshape.surrogate.process_targets import design_coordinates
+from dogshape.surrogate.dataset import Dataset, Mix
+from dogshape.surrogate.process import Process, design_coordinates
 
 #: What the shape does far and near, and steps that no design nearby predicts.
 TERMS = (

@@ -15,8 +15,7 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.surrogate.covariance import Array, Mask
-from dogshape.surrogate.dataset import Dataset, differences
-from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.dataset import Dataset, Mix, differences
 from dogshape.surrogate.model import Expected, Surrogate
 
 CHAMFER = "chamfer_deg"

@@ -19,11 +19,10 @@ from dogshape.sim.files import write_whole
 from dogshape.sim.versions import versions
 from dogshape.surrogate.covariance import Array, Covariance, Term, starting
 from dogshape.surrogate.dataset import COLUMNS, Dataset
-from dogshape.surrogate.engaged_share import Share
 from dogshape.surrogate.mix_times import own_of, own_record
-from dogshape.surrogate.model import SMOOTH, TERMS, Surrogate
-from dogshape.surrogate.process import Process
-from dogshape.surrogate.process_targets import (
+from dogshape.surrogate.model import SMOOTH, TERMS, Share, Surrogate
+from dogshape.surrogate.process import (
+    Process,
     Targets,
     design_coordinates,
     row_inputs,

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.dataset import Mix, Reference
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.process_targets import FLOOR
-from dogshape.surrogate.references import Reference
+from dogshape.surrogate.process import FLOOR
 
 LEAST_Q2 = 0.5  #: of a surrogate that is of use
 LEAST = 10  #: designs that figures of their expected times need

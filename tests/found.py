@@ -66,7 +66,8 @@ def found() -> Row:
     ours = [point(50, 235.2, 0.110, 0.002), point(100, 235.2, 0.090, 0.003, 0.5)]
     theirs = [point(50, 235.2, 0.060, 0.002), point(100, 235.2, 0.100, 0.002)]
     return {
-        "study": "mq200_paper", "engine": "planar", "audit": None, "objectives": [TIME, LENGTH], "leading": TIME,
+        "study": "mq200_paper", "engine": "planar", "audit": None,
+        "objectives": [TIME, LENGTH], "leading": TIME,
         "trials": rows, "best": rows[2],
         "front": [rows[2], rows[1]], "n_simulated_designs": 5, "n_simulated_shifts": 100,
         "surrogate": None, "versions": {},

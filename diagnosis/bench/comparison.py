@@ -17,9 +17,8 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.input_errors import inputs_of
 from dogshape.diagnosis.bench.reading import Cell
-from dogshape.sim.statistics.blocks import Block, even_blocks
+from dogshape.sim.statistics.blocks import Block, Runner, even_blocks, numerical_error
 from dogshape.sim.statistics.expectation import PointExpectation, expect_point
-from dogshape.sim.statistics.numerical_error import Runner, numerical_error
 from dogshape.sim.statistics.shift_records import Record, result_of
 
 LEAST = 3  #: single readings that say something of their scatter

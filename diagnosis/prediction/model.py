@@ -42,7 +42,7 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Sensor, Setting, angle_weights
-from dogshape.sim.statistics.numerical_error import Runner
+from dogshape.sim.statistics.blocks import Runner
 
 #: Properties of the contact that no data set of shifts may name.
 NUISANCES = ("contact_dissipation", "contact_stiffness")

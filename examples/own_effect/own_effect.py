@@ -13,7 +13,7 @@ from pathlib import Path
 import dogshape as ds
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
-from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.statistics.blocks import run_block
 
 EFFECTS = Path(__file__).parent / "effects"
 

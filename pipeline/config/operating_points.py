@@ -16,7 +16,7 @@ from dogshape.pipeline.config.schema import DistributionSection, OperatingSectio
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.statistics.distribution import sobol_shares
+from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.units import RPM
 
 AXES = ("mismatch_rpm", "force_N")

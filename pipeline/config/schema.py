@@ -18,7 +18,7 @@ from dogshape.sim.clutch_tables import (
     SlidingSection,
     section_in,
 )
-from dogshape.sim.statistics.distribution import Distribution
+from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits
 from dogshape.sim.strength.strike import RESTITUTION
@@ -75,7 +75,7 @@ def _absent(value: Any) -> bool:
 
 
 class DistributionSection(Section):
-    """A distribution in place of a number (``sim.statistics.distribution``)."""
+    """A distribution in place of a number (``sim.statistics.uncertainty``)."""
 
     distribution: str
     mean: float | None = None

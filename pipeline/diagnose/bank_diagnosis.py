@@ -30,8 +30,7 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load, own_files
 from dogshape.sim.errors import EffectError
 from dogshape.sim.setting import Setting
-from dogshape.sim.statistics.batch import run_block
-from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.writers import writing
 

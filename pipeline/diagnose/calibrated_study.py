@@ -35,7 +35,7 @@ from dogshape.pipeline.diagnose.posterior_draws import (
     row_of,
     uncertain_of,
 )
-from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.folder import require_targets
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.effect import Effect

@@ -24,9 +24,8 @@ from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError
 from dogshape.sim.setting import Setting
-from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.statistics.blocks import Runner, even_block
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
-from dogshape.sim.statistics.numerical_error import Runner
 from dogshape.sim.statistics.shift_records import Record, result_of
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.landing import demand_checks

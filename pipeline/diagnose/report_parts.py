@@ -15,7 +15,7 @@ from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.diagnose.consequence import Consequence, consequence, shifts_of, studied
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
+from dogshape.pipeline.simulate.executor import kept_shifts, work_folder
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine

@@ -25,13 +25,13 @@ from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESample
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.dog_guide import DogGuide, search_space
+from dogshape.pipeline.search.guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
-from dogshape.pipeline.search.state import SearchState
-from dogshape.pipeline.search.trial import (
+from dogshape.pipeline.search.state import (
     FAILED,
     PROTOTYPE,
     SIMULATION,
+    SearchState,
     simulation_record,
     trial_of,
 )
@@ -44,9 +44,8 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, reference_blocks
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.claims import Claims
 from dogshape.pipeline.store.folder import StudyFolder, comparable
-from dogshape.pipeline.store.trial_storage import opening
+from dogshape.pipeline.store.trial_storage import Claims, opening
 from dogshape.sim.errors import InputError, StorageError, did_you_mean
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine

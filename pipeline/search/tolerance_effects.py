@@ -13,10 +13,10 @@ from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import KINDS, Design, Within, weakest_within
-from dogshape.pipeline.store.result_records import check_record, number_or_none
+from dogshape.pipeline.store.result_schema import check_record, number_or_none
 from dogshape.sim.strength.tolerance import Spread
 from dogshape.sim.units import suffix_of, to_si
-from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import half_difference
 

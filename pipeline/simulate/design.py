@@ -169,7 +169,7 @@ class Objective:
     """Something to minimise, or to maximise: label and unit for reports.
 
     ``exact`` is its value where the shape alone says it, ``by_checks`` if through its checks; None
-    where a simulation has to (``pipeline.simulate.estimates``). ``error`` is the standard error of
+    where a simulation has to (``pipeline.simulate.evaluation``). ``error`` is the standard error of
     such a value where it is a sample's. No value lies beyond ``least`` and ``most``.
     """
 

@@ -19,7 +19,7 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.blocks import even_blocks
-from dogshape.sim.statistics.estimate import mean_over
+from dogshape.sim.statistics.expectation import mean_over
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks

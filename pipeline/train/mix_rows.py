@@ -36,7 +36,7 @@ from dogshape.sim.statistics.shift_records import Record, content_key, result_of
 from dogshape.sim.versions import engine
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import COLUMNS, row_of
-from dogshape.surrogate.mix_learning import fitted, mix_times
+from dogshape.surrogate.learning import fitted, mix_times
 from dogshape.surrogate.mix_times import MixTimes
 from dogshape.surrogate.model import MIN_DESIGNS
 

@@ -4,12 +4,14 @@ A folder of a search has the rows of the search in ``rows.json``. A folder that 
 fills has designs that fill their space, each at operating points of its own, in ``shifts.jsonl``;
 others at all of the study's operating points in ``mix.jsonl``; references apart in
 ``references.jsonl``.
+
+A surrogate is judged by references apart, or by designs held out of its own data.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -21,10 +23,14 @@ from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import (
+    best_designs,
     filling_blocks,
     first_designs,
+    first_shifts,
     own_blocks,
     own_designs,
+    reference_designs,
+    simulate_references,
 )
 from dogshape.pipeline.train.mix_rows import (
     angles_of,
@@ -34,26 +40,63 @@ from dogshape.pipeline.train.mix_rows import (
     require_mix,
     simulate_mix_rows,
 )
-from dogshape.pipeline.train.reference_designs import (
-    best_designs,
-    first_shifts,
-    reference_designs,
-    simulate_references,
-)
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix, with_rows
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import naming
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import COLUMNS, DIGITS, Dataset, among
+from dogshape.surrogate.dataset import COLUMNS, DIGITS, Dataset, Mix, Reference, among, reference_of
 from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.fitting import WHOLE, Effort
-from dogshape.surrogate.learning import fit
-from dogshape.surrogate.mix_learning import fitted, mix_times
-from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.references import Reference, reference_of
+from dogshape.surrogate.learning import WHOLE, Effort, fit, fitted, mix_times
+from dogshape.surrogate.model import MIN_DESIGNS, Surrogate
 from dogshape.surrogate.store import Stored, save
-from dogshape.surrogate.validation import QUICK, validate
-from dogshape.surrogate.validation_figures import Validation, predict, ranked
+from dogshape.surrogate.validation_figures import Prediction, Validation, figures, predict, ranked
+
+QUICK = Effort(rows=300, steps=20)  #: of the fits to parts of the data
+
+
+def held_out(
+    data: Dataset, mix: Mix, surrogate: Surrogate, folds: int = 6
+) -> tuple[Reference, Prediction]:
+    """Predict every fully simulated design from fits that never saw it.
+
+    Returns the references and their predictions.
+    """
+    reference = reference_of(data, mix)
+    count = len(reference)
+    if count < 2 * MIN_DESIGNS:
+        folds = count  # each part fits its own parameters, so it needs all it can have
+    if count == 0:
+        raise InputError(
+            "no design was simulated at every operating point and engaged at each, so nothing "
+            "can judge the surrogate; simulate more designs"
+        )
+    folds = min(folds, count)
+    order = np.random.default_rng(0).permutation(count)
+    parts: list[Prediction] = []
+    for fold in range(folds):
+        out = reference.x[order[fold::folds]]
+        seen = ~among(data.x, out)
+        model = fit(data.subset(seen), like=surrogate, effort=QUICK)
+        parts.append(predict(model, out, mix))
+    back = np.argsort(np.concatenate([order[fold::folds] for fold in range(folds)]))
+    return reference, Prediction(
+        *(
+            np.concatenate([getattr(part, field.name) for part in parts])[back]
+            for field in fields(Prediction)
+        )
+    )
+
+
+def validate(surrogate: Surrogate, mix: Mix, reference: Reference | None = None) -> Validation:
+    """Judge a surrogate by references apart, or else by holding out designs of its own data."""
+    source = "references"
+    if reference is None:
+        reference, prediction = held_out(surrogate.data, mix, surrogate)
+        source = "held out"
+    else:
+        prediction = predict(surrogate, reference.x, mix)
+    return figures(reference, prediction, source, surrogate.data.shifts)
+
 
 Say = Callable[[str], None]  #: takes a sentence for people
 BESIDE = Effort(rows=450, steps=40)  #: of rows that stand beside designs at all of a study's points

@@ -1,13 +1,19 @@
-"""Rows that the surrogate learns from, out of the journal of shifts."""
+"""Rows that the surrogate learns from, out of the journal of shifts.
+
+``stored_surrogate`` finds the surrogate of a study's results, or one that the package brings.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup, physics_of
-from dogshape.pipeline.store.result_records import number_or_none
+from dogshape.pipeline.store.folder import StudyFolder, default_out
+from dogshape.pipeline.store.result_schema import number_or_none
+from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.shift_records import (
@@ -19,8 +25,9 @@ from dogshape.sim.statistics.shift_records import (
 )
 from dogshape.sim.versions import engine
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import Dataset, rows_of
-from dogshape.surrogate.mix import Mix, mix_of
+from dogshape.surrogate.dataset import Dataset, Mix, mix_of, rows_of
+from dogshape.surrogate.query import other_physics
+from dogshape.surrogate.store import MissingError, Stored, load
 
 
 def dataset_of(study: Setup, shifts: Iterable[Record]) -> Dataset:
@@ -70,3 +77,52 @@ def mix_over(study: Setup, points: Sequence[OperatingPoint]) -> Mix:
 def study_mix(study: Setup) -> Mix:
     """Mix the study's operating points by their weights."""
     return mix_over(study, study.points)
+
+
+def space_out(study: Setup) -> Path:
+    """Return the folder of designs that fill the space of a study."""
+    return Path("results") / f"{study.name}-space"
+
+
+def known_surrogate(study: Setup) -> Stored | None:
+    """Return the surrogate that the package brings for the study's physics, None if it has none."""
+    brought = _brought(study)
+    return None if brought is None else brought[0]
+
+
+def _brought(study: Setup) -> tuple[Stored, Path] | None:
+    for path in sorted(bundled_root().glob("*/surrogate.json")):
+        stored = load(path)
+        if not other_physics(stored.surrogate.data, study.physics):
+            return stored, path
+    return None
+
+
+def stored_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path]:
+    """Return the surrogate to ask and its file.
+
+    The one that is named; else that of the study's space, the package's of the same physics, that
+    of the study's search, which knows fewer designs, and the package's of the same name, which
+    says what it differs by. DataError where there is none.
+    """
+    space, own = (StudyFolder(root).surrogate for root in (space_out(study), default_out(study)))
+    if named is None and not space.is_file() and (brought := _brought(study)) is not None:
+        return brought
+    others = (space, own, bundled_root() / study.name / "surrogate.json")
+    path = named or next((path for path in others if path.is_file()), own)
+    return load(path), path
+
+
+def own_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path] | None:
+    """Return the same, or None where there is none or only one of other physics that nobody named.
+
+    DataError for a file that is named and not there, or damaged.
+    """
+    try:
+        stored, path = stored_surrogate(study, named)
+    except MissingError:
+        if named is not None:
+            raise
+        return None
+    apart = other_physics(stored.surrogate.data, study.physics)
+    return None if apart and named is None else (stored, path)

@@ -1,18 +1,38 @@
 """Blocks of work: one clutch at one operating point with its relative angles.
 
-A block is a value that can be sent to another process; ``sim.statistics.batch`` simulates it there.
+A block is a value that can be sent to another process and simulated there.
+
+A plant is built in the process that simulates and kept for the next block of the same clutch.
+
+The numerical error of a mean shift time, found by repeating some of its shifts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.expectation import even_phases
-from dogshape.sim.statistics.shift_records import Record, content_key, inputs
+from dogshape.sim.statistics.shift_records import (
+    Record,
+    content_key,
+    inputs,
+    landing_record,
+    result_of,
+)
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
+from dogshape.sim.units import MM, RPM
+from dogshape.sim.versions import versions
 
 
 @dataclass(frozen=True)
@@ -126,3 +146,154 @@ def listed_blocks(
         )
         for index, point in enumerate(points)
     ]
+
+
+def events_record(result: Engagement) -> Record:
+    """Return the events of a shift as a flat record in the edge's units."""
+    events = result.events
+    return {
+        "face_contacts": events.face_contacts,
+        "slots_skipped": events.slots_skipped,
+        "rebound_travel_mm": events.rebound / MM,
+        "time_blocked_s": events.time_blocked,
+        "face_slide_mm": events.face_slide / MM,
+        "chamfer_slid": events.chamfer_slid,
+    }
+
+
+def loads_record(result: Engagement) -> Record:
+    """Return the loads of a shift as a flat record in the edge's units."""
+    loads = result.loads
+    return {
+        "peak_axial_force_N": loads.peak_axial_force,
+        "peak_tangential_force_N": loads.peak_tangential_force,
+        "impact_impulse_Ns": loads.impact_impulse,
+        "energy_dissipated_J": loads.energy_dissipated,
+        "strike_mismatch_rpm": loads.strike_mismatch / RPM,
+        "residual_mismatch_rpm": None
+        if loads.residual_mismatch is None
+        else loads.residual_mismatch / RPM,
+        **landing_record(loads.landing),
+    }
+
+
+def shaft_record(trace: Trace) -> Record:
+    """Return the largest torques of shafts that give way, N m; nothing for rigid ones."""
+    shafts = {"input": trace.input_torque, "output": trace.output_torque}
+    return {
+        f"{name}_torque_peak_Nm": float(np.abs(torque).max())
+        for name, torque in shafts.items()
+        if torque is not None
+    }
+
+
+def shift_record(result: Engagement, given: Record, key: str) -> Record:
+    """Return one shift as a flat record: its ``key``, the inputs ``given``, result and versions."""
+    linked = result.clutch.mechanism.has_linkage
+    return {
+        "key": key,
+        **given,
+        "outcome": result.outcome.value,
+        "shift_time_s": result.shift_time,
+        **({"actuator_time_s": result.actuator_time} if linked else {}),
+        **shaft_record(result.trace),
+        **events_record(result),
+        **loads_record(result),
+        "steps": result.steps,
+        "evaluations": result.evaluations,
+        **({"reason": result.detail} if result.outcome is Outcome.DIVERGED else {}),
+        "dogshape": versions()["dogshape"],
+        "drake": versions()["drake"],
+    }
+
+
+def run_block(block: Block) -> Iterator[Record]:
+    """Simulate the shifts of a block one after the other and yield their records."""
+    asked = zip(block.angles, block.each_variant, block.inputs, block.keys, strict=True)
+    for angle, variant, given, key in asked:
+        clutch, point = block.clutch, block.point
+        if variant is not None:
+            clutch, point = variant.clutch(clutch), variant.point(point)
+        yield {**shift_record(engage(clutch, point, angle), given, key), "seed": block.seed}
+
+
+CHECKED, LEAST = 8, 4  #: one shift in so many is repeated, and at least so many
+LEAST_SPREAD = 1e-4  #: s, the least spread that a numerical error is measured in
+
+Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
+
+
+def repeated(shifts: int) -> int:
+    """Compute the number of shifts that are repeated."""
+    return min(shifts, max(LEAST, shifts // CHECKED))
+
+
+def numerical_error(
+    blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
+) -> float:
+    """Return the numerical error of a mean shift time over operating points, s.
+
+    An eighth of the shifts, at least four, drawn at random, is repeated with a
+    tolerance thirty times smaller. The mean difference (weighted as the mean is) and its
+    standard error are added as squares. A shift that does not engage counts with the
+    time-out. NaN for a single shift.
+    """
+    apart, which = numerical_differences(blocks, rows, run)
+    number = apart.size
+    if number < 2:
+        return math.nan
+    weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k in which])
+    weights /= weights.sum()
+    mean = float(weights @ apart)
+    scatter = float(weights**2 @ (apart - mean) ** 2) * number / (number - 1)
+    return math.sqrt(mean**2 + scatter)
+
+
+def numerical_differences(
+    blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Compute changes of some shift times by a smaller tolerance, s, and their blocks, (k,) each.
+
+    The shifts are repeated as for ``numerical_error``.
+    """
+    shifts = [
+        (which, place, row) for which, mine in enumerate(rows) for place, row in enumerate(mine)
+    ]
+    number = repeated(len(shifts))
+    drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
+    chosen = [shifts[k] for k in sorted(drawn.tolist())]
+    fine = run([blocks[which].refined(place) for which, place, _ in chosen])
+    timeout = blocks[0].clutch.timeout
+    pairs = zip(chosen, fine, strict=True)
+    apart = np.array(
+        [_time(row, timeout) - _time(again[0], timeout) for (_, _, row), again in pairs]
+    )
+    return apart, np.array([which for which, _, _ in chosen])
+
+
+def numerical_ratio(
+    blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
+) -> tuple[float, float]:
+    """Return mean and standard deviation of a shift's numerical error in spreads of its cell.
+
+    ``blocks`` and their ``rows`` are those of whole cells. Of the squared mean that part is left
+    out which the scatter of so few shifts makes by itself.
+    """
+    apart, which = numerical_differences(blocks, rows, run)
+    spreads = np.array([_spread(rows[k]) for k in which])
+    ratios = apart / np.maximum(spreads, LEAST_SPREAD)
+    if ratios.size < 2:
+        return float(ratios.mean()), 0.0
+    mean, scatter = float(ratios.mean()), float(ratios.std(ddof=1))
+    left = math.sqrt(max(0.0, mean**2 - scatter**2 / ratios.size))
+    return math.copysign(left, mean), scatter
+
+
+def _spread(rows: Sequence[Record]) -> float:
+    times = [t for row in rows if (t := result_of(row).shift_time) is not None]
+    return float(np.std(times, ddof=1)) if len(times) > 1 else 0.0
+
+
+def _time(row: Record, timeout: float) -> float:
+    time = result_of(row).shift_time
+    return timeout if time is None else time

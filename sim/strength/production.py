@@ -25,7 +25,7 @@ import numpy as np
 
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.statistics.distribution import Distribution, Values
+from dogshape.sim.statistics.uncertainty import Distribution, Values
 from dogshape.sim.strength.dog_strength import Limits, keeps_limits
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.sharing import neighbour_share

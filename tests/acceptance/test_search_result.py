@@ -11,8 +11,7 @@ from dogshape.pipeline.config.study_file import VARIABLES, load_study
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.train.found_surrogates import known_surrogate
-from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.pipeline.train.training_rows import known_surrogate, study_mix
 from dogshape.sim.bundled import bundled_root
 
 

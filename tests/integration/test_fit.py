@@ -12,10 +12,9 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.train.found_surrogates import stored_surrogate
 from dogshape.pipeline.train.mix_rows import angles_of, mix_rows
-from dogshape.sim.statistics.batch import run_block
-from dogshape.sim.statistics.blocks import even_block
+from dogshape.pipeline.train.training_rows import stored_surrogate
+from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.units import RPM
 from dogshape.surrogate.dataset import COLUMNS
@@ -27,7 +26,7 @@ FEW = SETTINGS | {
     "surrogate.designs": 12,
     "surrogate.points": 2,
     "surrogate.angles": 8,
-    "surrogate.references": 3,
+    "surrogate.dataset": 3,
     "surrogate.best_references": 0,
     "surrogate.reference_angles": 6,
     "surrogate.reference_error": 0.2,

@@ -12,8 +12,7 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.simulate.design import OBJECTIVES, design_of, worth_simulating
-from dogshape.pipeline.simulate.estimates import ESTIMATORS
-from dogshape.pipeline.simulate.evaluation import evaluate, reference_of
+from dogshape.pipeline.simulate.evaluation import ESTIMATORS, evaluate, reference_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import InputError

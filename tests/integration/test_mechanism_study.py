@@ -11,7 +11,7 @@ from dogshape.check import check_design
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
-from dogshape.pipeline.train.found_surrogates import stored_surrogate
+from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.errors import InputError
 from tests.conftest import SMALL, searching
 

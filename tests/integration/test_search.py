@@ -20,10 +20,10 @@ from dogshape.pipeline.config.schema import VariablesSection
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.search.confirmation import shifts_to_confirm
-from dogshape.pipeline.search.dog_guide import DogGuide, search_space
+from dogshape.pipeline.search.guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.search import sampler_factory
-from dogshape.pipeline.search.trial import SIMULATION
+from dogshape.pipeline.search.state import SIMULATION
 from dogshape.pipeline.simulate import executor
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.folder import StudyFolder

@@ -15,9 +15,8 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.reports.study.study_page import write_report
-from dogshape.pipeline.store.claims import Shared
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.trial_storage import _address
+from dogshape.pipeline.store.trial_storage import Shared, _address
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import StorageError
 from tests.conftest import SMALL, searching
@@ -210,7 +209,7 @@ def test_a_machine_with_other_versions_is_refused(
 
 
 def test_an_sqlite_file_serves_one_run_at_a_time(tmp_path: Path) -> None:
-    from dogshape.pipeline.store.claims import OneFile
+    from dogshape.pipeline.store.trial_storage import OneFile
 
     study = load_study("mq200_paper", [*SMALL, "search.trials=1"])
     held = OneFile(tmp_path / "search.db")

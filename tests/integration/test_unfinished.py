@@ -20,10 +20,8 @@ from dogshape.pipeline.simulate.evaluation import Simulated
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.study import run_study
-from dogshape.sim.statistics.batch import run_block
-from dogshape.sim.statistics.blocks import Block, even_blocks
-from dogshape.sim.statistics.estimate import Estimate
-from dogshape.sim.statistics.expectation import Expectation, PointExpectation
+from dogshape.sim.statistics.blocks import Block, even_blocks, run_block
+from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record, unfinished
 from dogshape.sim.strength.landing import Demand
 from tests.conftest import SMALL, searching

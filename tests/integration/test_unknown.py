@@ -10,7 +10,7 @@ import pytest
 from dogshape.pipeline.search.confirmation import Executors, _require_known, _resimulated
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.estimate import Estimate, mean_over
+from dogshape.sim.statistics.expectation import Estimate, mean_over
 from tests.integration.test_objective_studies import _run, _tiny
 
 

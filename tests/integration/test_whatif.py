@@ -18,20 +18,17 @@ from dogshape.pipeline.reports.whatif.page import designs_of
 from dogshape.pipeline.reports.whatif.page_checks import Desk, known_of, with_known
 from dogshape.pipeline.reports.whatif.page_program import modules, readable
 from dogshape.pipeline.train.filling import filling_designs
+from dogshape.pipeline.train.training import validate
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.tolerance import losses
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import Dataset
-from dogshape.surrogate.fitting import Effort
-from dogshape.surrogate.learning import condition, fit
-from dogshape.surrogate.mix_learning import fitted
+from dogshape.surrogate.dataset import Dataset, reference_of
+from dogshape.surrogate.learning import Effort, condition, fit, fitted
 from dogshape.surrogate.mix_times import MixTimes
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import ask
-from dogshape.surrogate.references import reference_of
 from dogshape.surrogate.store import Stored, load, save
-from dogshape.surrogate.validation import validate
 from dogshape.whatif import write_what_if
 from tests.browser import look, print_pdf
 from tests.conftest import Said

@@ -9,7 +9,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.design import Design, design_of
-from dogshape.pipeline.train.design_verdicts import by_columns, verdicts
+from dogshape.pipeline.train.design_table import by_columns, verdicts
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.columns import Dogs
 from dogshape.sim.strength.dog_strength import strength_checks

@@ -26,8 +26,7 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose.bank_diagnosis import TIMES, brought
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError
-from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.numerical_error import Runner
+from dogshape.sim.statistics.blocks import Block, Runner
 from dogshape.sim.statistics.shift_records import Record
 from tests.made_up import few_cells, made_up
 

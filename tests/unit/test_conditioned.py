@@ -7,11 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.surrogate.dataset import Dataset
-from dogshape.surrogate.fitting import Effort
-from dogshape.surrogate.learning import condition, fit
-from dogshape.surrogate.mix import Mix
-from dogshape.surrogate.mix_learning import fitted
+from dogshape.surrogate.dataset import Dataset, Mix
+from dogshape.surrogate.learning import Effort, condition, fit, fitted
 from dogshape.surrogate.mix_times import MixTimes
 from dogshape.surrogate.model import Surrogate
 

@@ -25,8 +25,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS, Mechanism
-from dogshape.sim.statistics.batch import run_block
-from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import clutch_record
 from dogshape.sim.units import suffix_of
 from tests.conftest import Listener, Said

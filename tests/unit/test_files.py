@@ -11,9 +11,8 @@ from typing import Any
 import pytest
 
 from dogshape.diagnosis.prediction.bank_store import BankStore
-from dogshape.pipeline.store.folder import write_json
+from dogshape.pipeline.store.folder import require_targets, write_json
 from dogshape.pipeline.store.journal import ShiftJournal, append
-from dogshape.pipeline.store.output_files import require_targets
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from tests.conftest import Said

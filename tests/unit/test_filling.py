@@ -15,14 +15,15 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.filling import (
+    MOST,
     SLACK,
     filling_blocks,
     filling_designs,
     filling_point,
+    finer_counts,
     own_blocks,
     own_designs,
 )
-from dogshape.pipeline.train.reference_designs import MOST, finer_counts
 from dogshape.pipeline.train.training import fill, train
 from dogshape.pipeline.train.training_rows import dataset_of
 from dogshape.sim.units import RPM

@@ -50,8 +50,8 @@ GUARDED = {
         "pipeline/reports/shift/scene.py",
     ),
     "optuna": ("pipeline/search/", "pipeline/store/trial_storage.py", "pipeline/study.py"),
-    "sqlalchemy": ("pipeline/store/claims.py", "pipeline/store/trial_storage.py"),
-    "sklearn": ("surrogate/fitting.py",),
+    "sqlalchemy": ("pipeline/store/trial_storage.py", "pipeline/store/trial_storage.py"),
+    "sklearn": ("surrogate/learning.py",),
     "plotly": ("pipeline/reports/",),
     "typer": ("pipeline/cli/",),
     "rich": ("pipeline/cli/",),
@@ -62,7 +62,7 @@ GUARDED = {
     "nptdms": ("diagnosis/bench/tdms.py",),
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
-    "SALib": ("surrogate/sobol_indices.py",),
+    "SALib": ("surrogate/sensitivity.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
 }
 #: What takes so long to load that ``check`` must answer without it.

@@ -15,7 +15,7 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder
+from dogshape.pipeline.simulate.executor import kept_shifts, work_folder
 from dogshape.pipeline.store.journal import append
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block

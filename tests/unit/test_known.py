@@ -14,8 +14,7 @@ import pytest
 from dogshape.check import ENGINE_ERROR, SHIFTS, check_design
 from dogshape.expectation import simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
-from dogshape.pipeline.train.found_surrogates import known_surrogate, stored_surrogate
-from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.pipeline.train.training_rows import known_surrogate, stored_surrogate, study_mix
 from dogshape.running import Where
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.query import in_range

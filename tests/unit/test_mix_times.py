@@ -10,20 +10,16 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.train.training import validate
 from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import DataError, InputError
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import COLUMNS
+from dogshape.surrogate.dataset import COLUMNS, Mix, reference_of
 from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.fitting import Effort
-from dogshape.surrogate.learning import fit
-from dogshape.surrogate.mix import Mix
-from dogshape.surrogate.mix_learning import fitted, mix_times
+from dogshape.surrogate.learning import Effort, fit, fitted, mix_times
 from dogshape.surrogate.mix_times import MixTimes, own_of, shape_of
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.references import reference_of
 from dogshape.surrogate.store import Stored, load, save
-from dogshape.surrogate.validation import validate
 from dogshape.surrogate.validation_figures import predict
 from tests.unit.test_surrogate import GRID, MIX, QUICK, made, truth
 

@@ -10,8 +10,8 @@ import dogshape as ds
 from dogshape.pipeline.config.duty_cycles import duty_cycles
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
 from dogshape.pipeline.simulate.design import exact_losses, leading, losses_of, objectives_of
+from dogshape.pipeline.simulate.evaluation import FIRST
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.simulate.precision import FIRST
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -20,7 +20,7 @@ from dogshape.sim.statistics.expectation import PointExpectation, expect
 from dogshape.sim.statistics.shift_records import clutch_record, content_key, inputs, result_of
 from dogshape.sim.units import RPM
 from dogshape.surrogate.hypervolume import not_dominated
-from dogshape.surrogate.process_targets import point_coordinates
+from dogshape.surrogate.process import point_coordinates
 from dogshape.surrogate.query import require_same_physics
 
 TWO = "[{mismatch_rpm=-50, force_N=300, weight=3}, {mismatch_rpm=80, force_N=469}]"

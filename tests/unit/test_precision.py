@@ -11,11 +11,10 @@ import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.simulate.precision import FIRST, MOST, expect_to
+from dogshape.pipeline.simulate.evaluation import FIRST, MOST, expect_to
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.blocks import CHECKED, Block, numerical_error, numerical_ratio
 from dogshape.sim.statistics.expectation import Expectation, even_phases
-from dogshape.sim.statistics.numerical_error import CHECKED, numerical_error, numerical_ratio
 from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import Listener, Said
 

@@ -7,7 +7,7 @@ import pytest
 
 from dogshape.pipeline.config.set_point import OPERATED
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.dog_guide import search_space
+from dogshape.pipeline.search.guide import search_space
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor

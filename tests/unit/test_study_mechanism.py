@@ -16,8 +16,12 @@ from dogshape.pipeline.config.study_file import bundled_studies, find_study, loa
 from dogshape.pipeline.search.tolerance_effects import time_spread
 from dogshape.pipeline.store.folder import StudyFolder, read_json
 from dogshape.pipeline.train.filling import filling_blocks
-from dogshape.pipeline.train.found_surrogates import known_surrogate, stored_surrogate
-from dogshape.pipeline.train.training_rows import dataset_of, study_mix
+from dogshape.pipeline.train.training_rows import (
+    dataset_of,
+    known_surrogate,
+    stored_surrogate,
+    study_mix,
+)
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import MechanismSection
 from dogshape.sim.effects import load
@@ -25,8 +29,7 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile, recorded_profile
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING
-from dogshape.sim.statistics.batch import run_block
-from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.surrogate.query import require_same_physics
 from tests.conftest import Said
 

@@ -9,18 +9,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dogshape.pipeline.train.training import validate
 from dogshape.sim.errors import DataError, InputError
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import Dataset
+from dogshape.surrogate.dataset import Dataset, Mix, reference_of
 from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.fitting import Effort
-from dogshape.surrogate.learning import fit
-from dogshape.surrogate.mix import Mix
+from dogshape.surrogate.learning import Effort, fit
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import ask, in_range
-from dogshape.surrogate.references import reference_of
 from dogshape.surrogate.store import Stored, load, save
-from dogshape.surrogate.validation import validate
 
 NAMES = ("chamfer_deg", "height_mm", "count")
 LOW, HIGH = np.array([0.0, 2.0, 6.0]), np.array([20.0, 6.0, 30.0])

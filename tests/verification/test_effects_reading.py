@@ -14,7 +14,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.statistics.batch import run_block
+from dogshape.sim.statistics.blocks import run_block
 from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]

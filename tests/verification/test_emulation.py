@@ -12,8 +12,7 @@ from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.prediction.simulations import ANGLES, Level, simulate
 from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.effects import load
-from dogshape.sim.statistics.batch import run_block
-from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record
 
 

@@ -12,7 +12,7 @@ from scipy.stats import norm
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.design import design_of, exact_losses, objectives_of
 from dogshape.sim.errors import InputError
-from dogshape.sim.statistics.distribution import Distribution
+from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.production import (
     DRAWS,

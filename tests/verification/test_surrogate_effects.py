@@ -13,11 +13,9 @@ from dogshape.pipeline.train.filling import filling_designs
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.fitting import Effort
-from dogshape.surrogate.learning import fit
-from dogshape.surrogate.main_effects import accumulate, effects
+from dogshape.surrogate.learning import Effort, fit
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.sobol_indices import EVEN, LOG, WHOLE, Input, indices
+from dogshape.surrogate.sensitivity import EVEN, LOG, WHOLE, Input, accumulate, effects, indices
 
 #: Ends of the search ranges of the paper's study, and what each variable adds across them, s.
 LOW, HIGH = np.array([0.0, 4.0, 4.0, 1.6, 6.0]), np.array([20.0, 30.0, 30.0, 6.0, 36.0])

@@ -12,12 +12,10 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from dogshape.pipeline.search.guide import TERMS
 from dogshape.surrogate.covariance import Array, Covariance, Term, matern, starting, wendland
-from dogshape.surrogate.engaged_share import Share, fit_share
 from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.learning import fit
-from dogshape.surrogate.model import POINT, ROUGH, SMOOTH, STEPS, Surrogate
-from dogshape.surrogate.process import Process
-from dogshape.surrogate.process_targets import known_noise
+from dogshape.surrogate.model import POINT, ROUGH, SMOOTH, STEPS, Share, Surrogate, fit_share
+from dogshape.surrogate.process import Process, known_noise
 from tests.unit.test_surrogate import GRID, HIGH, LOW, MIX, QUICK, exact, made
 
 WHOLE = (POINT, SMOOTH, STEPS, ROUGH)

@@ -13,10 +13,21 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.statistics.distribution import NEEDS, Distribution, sobol_shares
-from dogshape.sim.statistics.estimate import mean_over, time_quantile
-from dogshape.sim.statistics.expectation import ShiftResult, even_phases, variance_of_mean
-from dogshape.sim.statistics.uncertainty import Uncertainty, Variant, draw_order
+from dogshape.sim.statistics.expectation import (
+    ShiftResult,
+    even_phases,
+    mean_over,
+    time_quantile,
+    variance_of_mean,
+)
+from dogshape.sim.statistics.uncertainty import (
+    NEEDS,
+    Distribution,
+    Uncertainty,
+    Variant,
+    draw_order,
+    sobol_shares,
+)
 from dogshape.sim.units import RPM
 
 Array = NDArray[np.float64]

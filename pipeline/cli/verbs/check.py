@@ -32,7 +32,7 @@ from dogshape.pipeline.cli.tables.prediction_tables import (
     many_text,
 )
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.folder import require_targets
 from dogshape.pipeline.train.design_table import beside
 from dogshape.predictions import predict_designs
 from dogshape.sim.errors import InputError

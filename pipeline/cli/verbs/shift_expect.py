@@ -31,10 +31,9 @@ from dogshape.pipeline.cli.tables.shift_tables import drawn_text, expectation_ta
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.reports.shift.animation import write_trace
-from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.simulate.kept_shifts import SHIFTS
+from dogshape.pipeline.simulate.executor import SHIFTS, Executor
 from dogshape.pipeline.simulate.plausibility import folded, slips_of
-from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.folder import require_targets
 from dogshape.running import Where
 from dogshape.shift import simulate_shift
 from dogshape.sim.errors import InputError

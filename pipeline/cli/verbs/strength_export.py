@@ -18,9 +18,9 @@ from dogshape.pipeline.export.cad import require_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.reports.study.named_design import design_or_study
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.simulate.kept_shifts import SHIFTS
+from dogshape.pipeline.simulate.executor import SHIFTS
 from dogshape.pipeline.simulate.plausibility import slips_of
-from dogshape.pipeline.store.output_files import require_targets
+from dogshape.pipeline.store.folder import require_targets
 from dogshape.running import Where
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming

@@ -12,7 +12,7 @@ from dogshape.pipeline.cli.console import emit, verb
 from dogshape.pipeline.cli.options import Corrections, Engine, Jobs, Json, angles_of
 from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.validate_tables import comparison_table
-from dogshape.pipeline.simulate.kept_shifts import SHIFTS
+from dogshape.pipeline.simulate.executor import SHIFTS
 from dogshape.running import Where
 
 

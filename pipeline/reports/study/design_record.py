@@ -23,7 +23,7 @@ from dogshape.pipeline.reports.study.designs import (
 )
 from dogshape.pipeline.reports.study.point_gains import gains
 from dogshape.pipeline.simulate.design import SIMULATED
-from dogshape.pipeline.store.result_records import number_or_none
+from dogshape.pipeline.store.result_schema import number_or_none
 from dogshape.sim.strength.locking import locking_friction
 from dogshape.sim.units import MM
 

@@ -27,10 +27,9 @@ from dogshape.pipeline.reports.study.summary import facts_of
 from dogshape.pipeline.reports.study.surrogate_effects import learn_effects, stored_effects
 from dogshape.pipeline.reports.surrogate.figures import effects_figure, indices_html
 from dogshape.pipeline.simulate.design import limits_of
-from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.store.output_files import require_targets
-from dogshape.pipeline.store.result_records import check_record
+from dogshape.pipeline.store.result_schema import check_record
 from dogshape.sim.files import naming
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.strength.checks import GROUPS, Check

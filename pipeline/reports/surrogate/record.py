@@ -13,10 +13,18 @@ from dogshape.pipeline.train.filling import filling_designs
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset
 from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.main_effects import effects
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range
-from dogshape.surrogate.sobol_indices import EVEN, LOG, SAMPLES, WHOLE, Indices, Input, indices
+from dogshape.surrogate.sensitivity import (
+    EVEN,
+    LOG,
+    SAMPLES,
+    WHOLE,
+    Indices,
+    Input,
+    effects,
+    indices,
+)
 
 Say = Callable[[str], None]
 

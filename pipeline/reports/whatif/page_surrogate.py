@@ -17,10 +17,9 @@ from dogshape.pipeline.reports.kit.look import Row
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.surrogate.covariance import Part
-from dogshape.surrogate.engaged_share import Share
 from dogshape.surrogate.mix_times import SHAPE, MixTimes
-from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.process_targets import ANGLES, WIDTH, timed
+from dogshape.surrogate.model import Share, Surrogate
+from dogshape.surrogate.process import ANGLES, WIDTH, timed
 from dogshape.surrogate.query import CHAMFER, FAR, HOLDS
 
 
