@@ -50,7 +50,7 @@ class Over:
 
     @cached_property
     def _sums(self) -> Array:
-        """What each feature adds to the logarithm at each point, (f, q)."""
+        """Part of each feature in the logarithm at each point, (f, q)."""
         weights = self.surrogate.times.weights
         pairs = zip(self._terms, self._links, strict=True)
         return np.concatenate([self._by_design(term, link * weights) for term, link in pairs])

@@ -15,9 +15,7 @@ logarithms (Bayesian quadrature, O'Hagan 1991, for a process of logarithms):
 Retries after a time :math:`t_r` (time-out and retraction) follow the share *p*
 (``surrogate.model``); its errors :math:`s_p` go together as far as the points are near.
 
-Share of shifts that engage: near one, near zero, or in between, never outside.
-
-Engaged and all shifts of the rows are counted with a weight that falls with their
+**Share that engages.** Engaged and all shifts of the rows are counted with a weight that falls with their
 distance, on top of a prior with the overall share (correlated Beta process, Goetschalckx,
 Poupart and Hoey 2011):
 

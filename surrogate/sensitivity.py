@@ -1,4 +1,4 @@
-r"""Main effects as accumulated local effects, with bands.
+r"""Sensitivity of the expected time: main effects with bands, and Sobol indices.
 
 Designs that pass every check are few and correlated: dogs are high where they are few. The average
 effect of a variable over such designs comes from neighbours alone (Apley and Zhu 2020). The values
@@ -12,8 +12,6 @@ and *c* makes the mean over the designs zero. This is linear in the expected tim
 moved designs, so the band follows from their joint covariance in closed form; it is what
 endless joint draws of the surrogate would give. Roughness averages out over many designs and is
 left out.
-
-Influence of each input: first-order and total Sobol indices.
 
 The first-order index is the share of the variance that an input explains alone, the total one
 what remains when all others are known,

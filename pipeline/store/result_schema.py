@@ -233,7 +233,7 @@ class ConfirmedDesign(Section):
     estimates: dict[str, Estimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
     drake: EngineAgreement | None = key(
-        "agreement of Drake at some of the same angles; null where one engine did all"
+        "agreement of Drake at some of the same angles; null where one engine did all", "", None
     )
     searched: Estimate | None = key(
         "leading objective by the search, in its unit; in `designs` alone", "", None
@@ -259,7 +259,9 @@ class Confirmation(Section):
     """Re-simulation of the prototype and of designs of the front at new angles."""
 
     angles: int = key("relative angles at each operating point")
-    drake_angles: int | None = key("angles of these that Drake simulated too; null where none")
+    drake_angles: int | None = key(
+        "angles of these that Drake simulated too; null where none", "", None
+    )
     prototype: ConfirmedDesign = key("the study's own design")
     chosen: int = key(
         "trial of the chosen design: first of the front by the search; where none passes, of all"
@@ -347,7 +349,9 @@ class StudyRecord(Section):
         "drift of the chosen design over its life; null for a study without `[wear]`", "", None
     )
     audit: EngineAgreement | None = key(
-        "agreement of Drake on shifts of the search, drawn at random; null where one engine did all"
+        "agreement of Drake on shifts of the search, drawn at random; null where one engine did all",
+        "",
+        None,
     )
     surrogate: SurrogateFigures | None = key("validation of the surrogate; null without one")
     versions: dict[str, str] = key("versions of the programs that the result depends on")

@@ -93,7 +93,6 @@ def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Setup) -> N
     )
     found = Shifts(study, rows)
     assert [row["relative_angle_deg"] for row in found.of(own)] == [1.0, 2.0]
-    assert [row["relative_angle_deg"] for row in found.searched(own)] == [1.0]
     assert [row["relative_angle_deg"] for row in found.confirmed(own)] == [2.0]
     fast, slow = extremes(found.of(own)) or pytest.fail("no shifts")
     assert (fast["shift_time_s"], slow["outcome"]) == (0.05, "blocked")

@@ -351,7 +351,10 @@ def _search_facts(study: Setup, result: Row) -> Iterator[Fact]:
         words += f", {c['drake_angles']} of them of Drake too"
     count = f"{result['n_simulated_shifts']}, the search by {engine_of(result)}"
     yield Fact("shifts simulated", f"{count}; figures above: {words}")
-    for name, found in (("chosen design in Drake", c["best"]["drake"]), ("audit", result["audit"])):
+    for name, found in (
+        ("chosen design in Drake", c["best"].get("drake")),
+        ("audit", result.get("audit")),
+    ):
         if found is not None:
             yield Fact(name, agreement_words(found), bad=not found["agrees"])
 
