@@ -6,9 +6,10 @@ seed that drew their angles. Rows of different physics never meet in one data se
 
 A ``Mix`` of operating points says where a clutch is shifted, and how often.
 
-A ``Reference`` holds expected times from the simulation, to judge the surrogate. Times are those of shifts that engage. One shift in some hundreds may hang crest on crest and cost a
-second. Dense simulations of a design hold one such shift or none, and their mean would depend on
-that draw. Shares engaged are compared by their counts instead, over all references.
+A ``Reference`` holds expected times from the simulation, to judge the surrogate. Times are those of
+shifts that engage. One shift in some hundreds may hang crest on crest and cost a second. Dense
+simulations of a design hold one such shift or none, and their mean would depend on that draw.
+Shares engaged are compared by their counts instead, over all references.
 """
 
 from __future__ import annotations

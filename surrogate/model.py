@@ -15,8 +15,8 @@ logarithms (Bayesian quadrature, O'Hagan 1991, for a process of logarithms):
 Retries after a time :math:`t_r` (time-out and retraction) follow the share *p*
 (``surrogate.model``); its errors :math:`s_p` go together as far as the points are near.
 
-**Share that engages.** Engaged and all shifts of the rows are counted with a weight that falls with their
-distance, on top of a prior with the overall share (correlated Beta process, Goetschalckx,
+**Share that engages.** Engaged and all shifts of the rows are counted with a weight that falls with
+their distance, on top of a prior with the overall share (correlated Beta process, Goetschalckx,
 Poupart and Hoey 2011):
 
 .. math:: p(z) \sim Beta(s \bar p + \sum_i c_i k_i,\; s (1 - \bar p) + \sum_i c_i (n_i - k_i)),

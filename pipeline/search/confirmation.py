@@ -2,7 +2,8 @@
 
 A search picks designs that were also lucky, and more angles find harder landings. So prototype and
 designs of the front are simulated again at angles which the search did not use, by the compiled
-engine at ``DENSER`` times as many; their values and checks are those found there. At ``search.confirm_angles`` of the same angles Drake simulates them too, and a design on which both
+engine at ``DENSER`` times as many; their values and checks are those found there. At
+``search.confirm_angles`` of the same angles Drake simulates them too, and a design on which both
 engines do not agree (``pipeline.simulate.agreement``) leaves the front. A study in Drake has
 ``search.confirm_angles`` new angles alone.
 
@@ -12,11 +13,11 @@ beats too, and designs that come onto it are confirmed next, until the whole fro
 result. All of it follows from trials and shifts, so that a run that was cut off ends as it would
 have.
 
-**Gain under other contact.** Friction of dogs and dissipation of a blow are seldom known; a standard
-error counts neither. So the compiled engine simulates prototype and chosen design at the ends of
-what contact may be: friction a third less and a
-third more (oiled steel 0.08 to 0.16, VDI 2230-1), dissipation 1 s/m of dry steel and 60 s/m of
-faces that meet through oil (``docs/simulation.md``). What the study draws stays drawn about that.
+**Gain under other contact.** Friction of dogs and dissipation of a blow are seldom known; a
+standard error counts neither. So the compiled engine simulates prototype and chosen design at the
+ends of what contact may be: friction a third less and a third more (oiled steel 0.08 to 0.16, VDI
+2230-1), dissipation 1 s/m of dry steel and 60 s/m of faces that meet through oil
+(``docs/simulation.md``). What the study draws stays drawn about that.
 """
 
 from __future__ import annotations

@@ -2,11 +2,11 @@
 
 ``Guide`` is the interface. ``FreeGuide`` serves any study of Optuna's.
 
-``DogGuide`` is that of a study of dogs. Constraints that cost nothing are known exactly: what they forbid is never proposed. Expected times
-come from the surrogate over designs and operating points, fitted to every row so far; each other
-objective that needs a simulation has a process over designs, fitted to its values with their
-standard errors. How hard dogs land on each other, and how many shifts engage, is known after the
-simulation only; another process over designs predicts that.
+``DogGuide`` is that of a study of dogs. Constraints that cost nothing are known exactly: what they
+forbid is never proposed. Expected times come from the surrogate over designs and operating points,
+fitted to every row so far; each other objective that needs a simulation has a process over designs,
+fitted to its values with their standard errors. How hard dogs land on each other, and how many
+shifts engage, is known after the simulation only; another process over designs predicts that.
 """
 
 from __future__ import annotations

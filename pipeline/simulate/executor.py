@@ -3,10 +3,11 @@
 On this machine workers write the journal themselves, so a kill of the parent loses nothing
 that was finished. Workers of a cluster hand their records back, and the parent writes them.
 
-**A command that is stopped** keeps its shifts, so that the same command goes on. ``expect``, ``strength`` and ``validate`` keep them in ``results/shifts``, ``gap --study`` in its
-``--out`` or else in the bank's folder: a folder for each command, named by what was asked and by
-the programs' versions, in which shifts are found by their content keys. It goes with the command's
-end, when its answer is there. Where it cannot be written the command runs all the same.
+**A command that is stopped** keeps its shifts, so that the same command goes on. ``expect``,
+``strength`` and ``validate`` keep them in ``results/shifts``, ``gap --study`` in its ``--out`` or
+else in the bank's folder: a folder for each command, named by what was asked and by the programs'
+versions, in which shifts are found by their content keys. It goes with the command's end, when its
+answer is there. Where it cannot be written the command runs all the same.
 """
 
 from __future__ import annotations

@@ -1,6 +1,7 @@
 """Results as records by the names of the command line's contract, fit for JSON.
 
-``StudyRecord`` is the schema of ``result.json``: every key with its type, unit and meaning; unknown keys are refused.
+``StudyRecord`` is the schema of ``result.json``: every key with its type, unit and meaning; unknown
+keys are refused.
 
 The description of each key is written here once: ``docs/studies.md`` shows the same table
 (``key_table``). Keys that earlier versions did not write may be absent.
@@ -349,7 +350,7 @@ class StudyRecord(Section):
         "drift of the chosen design over its life; null for a study without `[wear]`", "", None
     )
     audit: EngineAgreement | None = key(
-        "agreement of Drake on shifts of the search, drawn at random; null where one engine did all",
+        "agreement of Drake on random shifts of the search; null where one engine did all",
         "",
         None,
     )

@@ -2,12 +2,13 @@
 
 Messages show an address without its password: that is how SQLAlchemy prints one.
 
-**Claims** let several machines share one search. Each run that shares a PostgreSQL database holds a lock of the server's under a number of its own
-and writes the number into the trials it asks for. The server lets go of the lock when the run
-ends, however it ends: at once where the process dies, within a minute where its machine or the
-network does. So a trial that is running is left alone as long as the lock of its worker is held,
-and taken over afterwards, whatever any clock says. A second lock makes sure that one run at a
-time takes trials over or asks for new ones; together they then ask for no more than are wanted.
+**Claims** let several machines share one search. Each run that shares a PostgreSQL database holds a
+lock of the server's under a number of its own and writes the number into the trials it asks for.
+The server lets go of the lock when the run ends, however it ends: at once where the process dies,
+within a minute where its machine or the network does. So a trial that is running is left alone as
+long as the lock of its worker is held, and taken over afterwards, whatever any clock says. A second
+lock makes sure that one run at a time takes trials over or asks for new ones; together they then
+ask for no more than are wanted.
 
 A folder or an SQLite file belongs to one run at a time.
 """

@@ -13,10 +13,11 @@ more designs add to those simulated before.
 The study's own dog and the reference of its search come first, with all operating points of the
 study: predictions are conditioned on the design that is asked about first.
 
-**References** are designs simulated so densely that a surrogate can be judged by them. Some fill the feasible space; others are of the tenth that the surrogate finds best, where a
-search has to tell designs apart. Every operating point of the study starts with some evenly
-spaced angles. Points that put more than their part into the error of the expected time get twice
-the angles, the earlier ones among them, until the error is small enough.
+**References** are designs simulated so densely that a surrogate can be judged by them. Some fill
+the feasible space; others are of the tenth that the surrogate finds best, where a search has to
+tell designs apart. Every operating point of the study starts with some evenly spaced angles. Points
+that put more than their part into the error of the expected time get twice the angles, the earlier
+ones among them, until the error is small enough.
 
 Points are judged over all designs together. To look closer where one design's own error is large
 would correct unlucky draws and keep lucky ones, which are low in mean and error alike; and to
