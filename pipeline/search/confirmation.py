@@ -108,7 +108,7 @@ def _row(name: str, before: Expectation, after: Expectation) -> dict[str, Any]:
 
 
 Told = Callable[[int, str], None]  #: called with how many designs are next, and a line for people
-DENSER = 4  #: times the angles of the search that the compiled engine has at the new ones
+DENSER = 2  #: times the angles of the search that the compiled engine has at the new ones
 APART = 3.0  #: standard errors from which search and confirmation of a design do not agree
 
 

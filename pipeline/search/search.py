@@ -132,10 +132,10 @@ def next_round(search: Search) -> list[FrozenTrial]:
 
     Designs that other runs have proposed count as if they were finished, so none is one too many.
     """
+    ids, settings = _cut_off(search), search.study.file.search
     known = search.optuna.get_trials(deepcopy=False)
     if not any(t.user_attrs.get(PROTOTYPE) for t in known if t.state != TrialState.FAIL):
         search.optuna.enqueue_trial(search.study.prototype, user_attrs={PROTOTYPE: True})
-    ids, settings = _cut_off(search), search.study.file.search
     begun = search.begun()
     size = -begun % settings.batch if ids else settings.batch
     for number in range(begun, min(begun + size, settings.trials)):

@@ -128,7 +128,9 @@ class DesignRow(Section):
     shifts: int = key("shifts that were simulated")
     engaged: float | None = key("least share of the shifts that engaged at a point", SHARE)
     feasible: bool = key("whether the design was simulated and passes every check")
-    failed: list[str] = key("checks that fail; `simulation` where shifts say nothing")
+    failed: list[str] = key(
+        "checks that fail; `engines` where these disagree, `simulation` where shifts say nothing"
+    )
     margin_worst_case: float | None = key("smallest margin with all tolerances at worst", "1")
     weakest_check_worst_case: str | None = key(
         "check with that margin; absent in earlier versions", "", None

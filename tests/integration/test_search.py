@@ -65,10 +65,10 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
     assert confirmed[0]["trial"] == best["trial"]
     assert best["expected_shift_time_s"] == confirmed[0]["expected_shift_time_s"]
     assert {row["trial"] for row in result["front"]} <= {d["trial"] for d in confirmed}
-    # At the new angles four times as many of the compiled engine, three of them of Drake too.
-    assert result["n_simulated_shifts"] == 12 * 6 + 2 * (24 + 6)
+    # At the new angles twice as many of the compiled engine, three of them of Drake too.
+    assert result["n_simulated_shifts"] == 12 * 6 + 2 * (12 + 6)
     study = load_study("mq200_paper", SMALL).working
-    assert shifts_to_confirm(study, len(confirmed)) == 2 * (24 + 6) + 2 * 4
+    assert shifts_to_confirm(study, len(confirmed)) == 2 * (12 + 6) + 2 * 4
     assert len(_rows(folder)) == 2 * 6 + 4  # of confirmation and audit, in Drake
     assert not (folder / "running.jsonl").read_text()
     assert result["audit"]["shifts"] == 4

@@ -20,13 +20,13 @@ from tests.found import FORCE, LENGTH, TIME, Row, found
 
 
 def test_shifts_are_announced_with_all_that_is_planned() -> None:
-    """28 points: four times the 64 angles of the search, 8 of them in Drake too; in Drake 8."""
+    """28 points: twice the 64 angles of the search, 8 of them in Drake too; in Drake 8."""
     study = load_study("mq200_paper").working
-    assert new_angles(study) == 256
-    assert shifts_to_confirm(study, 4) == 5 * 28 * (256 + 8) + 2 * 28
+    assert new_angles(study) == 128
+    assert shifts_to_confirm(study, 4) == 5 * 28 * (128 + 8) + 2 * 28
     drake = load_study("mq200_paper", ["solver.engine=drake"]).working
     assert shifts_to_confirm(drake, 4) == 5 * 28 * 8 + 2 * 28
-    assert new_angles(load_study("mq200_paper", ["search.confirm_angles=7"]).working) == 259
+    assert new_angles(load_study("mq200_paper", ["search.confirm_angles=7"]).working) == 133
 
 
 def test_progress_says_an_upper_bound_as_such(

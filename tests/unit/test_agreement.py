@@ -1,0 +1,127 @@
+"""Agreement of the compiled engine with Drake: the rule, the audit's draw and the exit status."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.simulate.agreement import Agreement, agreement_of, audit
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.study import _require_agreement
+from dogshape.sim.errors import EngineError
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record
+from tests.conftest import Said
+
+PERFECT = Agreement(200, 0, 0.0, 0.0, 0.0)
+
+
+def _row(time: float | None) -> Record:
+    return {"outcome": "engaged" if time else "timed_out", "shift_time_s": time}
+
+
+def _pairs(count: int, apart: Callable[[int], float]) -> list[tuple[Record, Record]]:
+    return [(_row(0.1 + apart(k)), _row(0.1)) for k in range(count)]
+
+
+def test_figures_are_those_of_the_pairs() -> None:
+    pairs = [*_pairs(99, lambda k: 1e-4 * (k % 3)), (_row(None), _row(0.2))]
+    found = agreement_of(pairs)
+    assert (found.shifts, found.flips) == (100, 1)
+    assert found.deviation == pytest.approx(1e-3)
+    assert found.median == pytest.approx(1e-3)
+    assert found.error == pytest.approx(np.std([0.0, 1e-3, 2e-3] * 33, ddof=1) / 99**0.5)
+    assert found.agrees
+    assert agreement_of([(_row(None), _row(None))] * 4).agrees
+
+
+@pytest.mark.parametrize(
+    ("changes", "agrees"),
+    [
+        ({}, True),
+        ({"flips": 6}, True),
+        ({"flips": 7}, False),
+        ({"shifts": 6, "flips": 1}, True),
+        ({"shifts": 6, "flips": 2}, False),
+        ({"deviation": 0.0099}, True),
+        ({"deviation": -0.011}, False),
+        ({"deviation": -0.011, "error": 0.004}, True),
+        ({"deviation": 0.05, "error": 0.01}, False),
+    ],
+)
+def test_the_rule(changes: dict[str, Any], agrees: bool) -> None:
+    assert replace(PERFECT, **changes).agrees is agrees
+
+
+@pytest.fixture
+def simulated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float, float]]:
+    """Engine, mismatch and angle of the shifts that are made up, Drake's a millisecond longer."""
+    found: list[tuple[str, float, float]] = []
+
+    def made_up(block: Block) -> Iterator[Record]:
+        drake = block.clutch.solver.engine == "drake"
+        for key, given in zip(block.keys, block.inputs, strict=True):
+            place = given["mismatch_rpm"], given["relative_angle_deg"]
+            found.append((block.clutch.solver.engine, *place))
+            yield {"key": key, **given, **_row(0.1 + 1e-3 * drake), "seed": block.seed}
+
+    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)
+    return found
+
+
+def test_an_audit_simulates_the_same_shifts_in_both_engines(
+    small_study: Setup, simulated: list[tuple[str, float, float]]
+) -> None:
+    study, judge = small_study.working, small_study.judging
+    assert judge is not None
+    designs = [study.prototype, {**study.prototype, "height_mm": 3.5}]
+    found = audit(study, designs, scratch_executor(1), judge.clutch, 8)
+    assert found.shifts == 8
+    assert found.deviation == pytest.approx(-0.001 / 0.101)
+    by_engine = {
+        engine: [row[1:] for row in simulated if row[0] == engine] for engine, *_ in simulated
+    }
+    assert sorted(by_engine["planar"]) == sorted(by_engine["drake"])
+    assert audit(study, designs, scratch_executor(1), judge.clutch, 8) == found
+    # No more than there are: two designs at two points of three angles.
+    assert audit(study, designs, scratch_executor(1), judge.clutch, 99).shifts == 12
+
+
+def test_engines_that_do_not_agree_end_a_study_with_a_sentence(small_study: Setup) -> None:
+    _require_agreement(small_study, None)
+    _require_agreement(small_study, PERFECT.record)
+    with pytest.raises(EngineError, match=r"of 200 shifts 90 end differently.*solver\.engine"):
+        _require_agreement(small_study, replace(PERFECT, flips=90).record)
+
+
+def test_the_exit_status_is_one(
+    dogshape: Callable[..., Said], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: Any) -> None:
+        raise EngineError("the engines do not agree")
+
+    monkeypatch.setattr("dogshape.pipeline.cli.verbs.study.search_study", refuse)
+    said = dogshape("study", "mq200_paper", "--no-report")
+    assert said.status == 1
+    assert said.sentence == "dogshape: the engines do not agree"
+
+
+def test_a_study_has_the_compiled_engine_for_its_work_and_drake_for_its_judge() -> None:
+    study = load_study("mq200_paper")
+    assert study.clutch.solver.engine == "drake"
+    assert study.working.clutch.solver.engine == "planar"
+    assert study.working.judging is not None
+    assert study.working.judging.clutch == study.clutch
+    drake = load_study("mq200_paper", ["solver.engine=drake"])
+    assert (drake.working, drake.judging) == (drake, None)
+    planar = load_study("mq200_paper", ["solver.engine=planar"])
+    assert planar.working is planar
+    assert planar.judging is not None
+    assert planar.judging.clutch == study.clutch
+    hard = ["contact.set=adams2019", "mechanism.spline_friction=0.1"]
+    assert load_study("mq200_paper", hard).judging is None
