@@ -23,7 +23,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dogshape.sim.errors import DataError
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
@@ -109,26 +108,6 @@ class Dataset:
     def subset(self, rows: Any) -> Dataset:
         """Return the data set with only ``rows``: places or (n,) of bool."""
         return replace(self, rows=self.rows[rows])
-
-    def joined(self, other: Dataset) -> Dataset:
-        """Return both sets of rows, each once, scaled as this one.
-
-        DataError where physics or programs differ.
-        """
-        if self.variables != other.variables:
-            raise DataError(
-                f"rows over {', '.join(other.variables)} cannot join rows over "
-                f"{', '.join(self.variables)}; fit them apart"
-            )
-        for kind, mine, theirs in (
-            ("physics", self.physics, other.physics),
-            ("programs", self.engine, other.engine),
-        ):
-            if apart := differences(mine, theirs):
-                raise DataError(
-                    f"rows of different {kind} cannot be mixed: {apart}; fit them apart"
-                )
-        return replace(self, rows=once(np.concatenate([self.rows, other.rows])))
 
     @property
     def digest(self) -> str:

@@ -139,10 +139,8 @@ def _first_try(shifts: Shifts) -> Estimate:
     return mean_over(shifts.weights, engaged)
 
 
-def _peak_force(shifts: Shifts) -> Estimate:
-    return _mean_of(
-        shifts, lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
-    )
+def _peak_force(row: Record) -> float:
+    return math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
 
 
 def _strike_torque(shifts: Shifts) -> Estimate:
@@ -164,10 +162,6 @@ def _mean_key(name: str) -> Callable[[Shifts], Estimate]:
     return lambda shifts: _mean_of(shifts, lambda row: float(row[name]))
 
 
-def _smallest_margin(shifts: Shifts) -> Estimate:
-    return Estimate(smallest_margin(shifts.design.checks).margin, 0.0)
-
-
 #: What each simulated objective is worked out by.
 ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
     SIMULATED: _expected_time,
@@ -179,8 +173,8 @@ ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
     "strike_torque_Nm": _strike_torque,
     "impact_impulse_Ns": _mean_key("impact_impulse_Ns"),
     "impact_energy_J": _mean_key("energy_dissipated_J"),
-    "peak_impact_force_N": _peak_force,
-    "smallest_margin": _smallest_margin,
+    "peak_impact_force_N": lambda shifts: _mean_of(shifts, _peak_force),
+    "smallest_margin": lambda shifts: Estimate(smallest_margin(shifts.design.checks).margin, 0.0),
 }
 
 

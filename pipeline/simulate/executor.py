@@ -178,12 +178,14 @@ def _work(block: Block, path: Path) -> list[Record]:
     """Simulate a block; the journal has its shifts, but for those of the last ``KEPT``."""
     rows: list[Record] = []
     written, last = 0, time.monotonic()
-    for row in run_block(block):
-        rows.append(row)
-        if time.monotonic() - last > KEPT:
-            append(path, *rows[written:])
-            written, last = len(rows), time.monotonic()
-    append(path, *rows[written:])
+    try:
+        for row in run_block(block):
+            rows.append(row)
+            if time.monotonic() - last > KEPT:
+                append(path, *rows[written:])
+                written, last = len(rows), time.monotonic()
+    finally:
+        append(path, *rows[written:])
     return rows
 
 

@@ -18,8 +18,6 @@ from collections.abc import Callable, Collection, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pandas as pd
-
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
@@ -28,14 +26,12 @@ from dogshape.sim.statistics.shift_records import Record, landing_of, result_of,
 class ShiftJournal:
     """Shifts by their content key: those that are finished on disk too.
 
-    ``only_read`` leaves the file alone, in which another run may be writing a line. ``outdated``
-    are keys of shifts in the file that the clock ended, as earlier versions kept them.
+    ``only_read`` leaves the file alone, in which another run may be writing a line.
     """
 
     def __init__(self, path: Path, only_read: bool = False) -> None:
         self.path = path.absolute()  # workers may stand in another folder
         self.rows: dict[str, Record] = {}
-        self.outdated: set[str] = set()
         self._named = False
         if path.exists():
             self._read(only_read)
@@ -57,10 +53,7 @@ class ShiftJournal:
                 row = json.loads(line)
                 result_of(row)
                 landing_of(row)
-                if unfinished(row):
-                    self.outdated.add(row["key"])
-                else:
-                    self.rows[row["key"]] = row
+                self.rows[row["key"]] = row
             except (ValueError, KeyError, TypeError) as error:
                 raise StorageError(
                     f"{self.path}, line {number} is not a finished shift; remove the line "
@@ -107,10 +100,6 @@ class ShiftJournal:
                 f"{ended} of the shifts failed at solver.time_limit_s, as on a busy machine; "
                 "they are not kept, and the same command simulates them again"
             )
-
-    def frame(self) -> pd.DataFrame:
-        """Tabulate all finished shifts."""
-        return pd.DataFrame(list(self.rows.values()))
 
 
 def drop_torn_line(path: Path) -> None:

@@ -218,7 +218,6 @@ def run_block(block: Block) -> Iterator[Record]:
 
 
 CHECKED, LEAST = 8, 4  #: one shift in so many is repeated, and at least so many
-LEAST_SPREAD = 1e-4  #: s, the least spread that a numerical error is measured in
 
 Runner = Callable[[Sequence[Block]], list[list[Record]]]  #: simulates blocks, in order
 
@@ -269,29 +268,6 @@ def numerical_differences(
         [_time(row, timeout) - _time(again[0], timeout) for (_, _, row), again in pairs]
     )
     return apart, np.array([which for which, _, _ in chosen])
-
-
-def numerical_ratio(
-    blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
-) -> tuple[float, float]:
-    """Return mean and standard deviation of a shift's numerical error in spreads of its cell.
-
-    ``blocks`` and their ``rows`` are those of whole cells. Of the squared mean that part is left
-    out which the scatter of so few shifts makes by itself.
-    """
-    apart, which = numerical_differences(blocks, rows, run)
-    spreads = np.array([_spread(rows[k]) for k in which])
-    ratios = apart / np.maximum(spreads, LEAST_SPREAD)
-    if ratios.size < 2:
-        return float(ratios.mean()), 0.0
-    mean, scatter = float(ratios.mean()), float(ratios.std(ddof=1))
-    left = math.sqrt(max(0.0, mean**2 - scatter**2 / ratios.size))
-    return math.copysign(left, mean), scatter
-
-
-def _spread(rows: Sequence[Record]) -> float:
-    times = [t for row in rows if (t := result_of(row).shift_time) is not None]
-    return float(np.std(times, ddof=1)) if len(times) > 1 else 0.0
 
 
 def _time(row: Record, timeout: float) -> float:

@@ -263,24 +263,6 @@ def test_a_limit_of_steps_is_kept_and_one_of_time_is_not(
     assert all(row["outcome"] == "engaged" for row in again)
 
 
-def test_what_the_clock_ended_is_dropped_from_a_journal_of_before(tmp_path: Path) -> None:
-    path = tmp_path / "shifts.jsonl"
-    reason = "no end after solver.time_limit_s = 600, at 0.1 s of the shift"
-    for key in "ab":
-        row = {"key": key, "outcome": "diverged", "shift_time_s": None, "reason": reason}
-        with path.open("a") as file:
-            file.write(json.dumps({**row, "landing_loads_N_mm": [0.0]}) + "\n")
-    journal = ShiftJournal(path)
-    assert not journal.rows
-    assert journal.outdated == {"a", "b"}
-    said: list[str] = []
-    journal.say_unfinished(said.append)
-    journal.add([row])  # as this run finds it again
-    journal.say_unfinished(said.append)
-    (line,) = said
-    assert line.startswith("1 of the shifts failed at solver.time_limit_s, as on")
-
-
 def test_keys_of_the_paper_study_stay() -> None:
     """Hashes that stored results carry, from before the limits were keys."""
     study = load_study("mq200_paper")

@@ -13,7 +13,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import FIRST, MOST, expect_to
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.statistics.blocks import CHECKED, Block, numerical_error, numerical_ratio
+from dogshape.sim.statistics.blocks import CHECKED, Block, numerical_error
 from dogshape.sim.statistics.expectation import Expectation, even_phases
 from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import Listener, Said
@@ -75,20 +75,6 @@ def test_numerical_error_is_mean_and_scatter_of_the_repeated_shifts(
     assert lost > 0.7 * clutch.timeout
     alone = [Block(clutch, point(50, 469.0), (0.1,))]
     assert np.isnan(numerical_error(alone, [[_row(0.2)]], fine))
-
-
-def test_numerics_in_spreads_keep_what_does_not_average_out(clutch: Clutch, point: Point) -> None:
-    """A tolerance that adds 2 ms to every shift is 2 ms off, however many shifts there are."""
-    blocks = [Block(clutch, point(50, 469.0), tuple(0.01 * k for k in range(16)))] * 4
-    rows = [[_row(0.1 + angle) for angle in blocks[0].angles]] * 4
-    spread = np.std([0.1 + angle for angle in blocks[0].angles], ddof=1)
-
-    def fine(again: Sequence[Block]) -> list[list[Record]]:
-        return [[_row(0.098 + b.angles[0])] for b in again]
-
-    mean, scatter = numerical_ratio(blocks, rows, fine)
-    assert mean == pytest.approx(0.002 / spread)
-    assert scatter == pytest.approx(0.0, abs=1e-9)
 
 
 def test_rounds_of_angles_hold_the_rounds_before() -> None:

@@ -152,17 +152,6 @@ def test_too_few_designs_are_refused() -> None:
         fit(made(9))
 
 
-def test_rows_of_other_physics_or_programs_never_join() -> None:
-    mine = made(10)
-    joined = mine.joined(made(12, seed=1))
-    assert len(joined.designs) == 22
-    assert len(mine.joined(mine)) == len(mine)
-    with pytest.raises(DataError, match=r"different physics .* dynamic_friction is 0.1 here and"):
-        mine.joined(replace(mine, physics={**PHYSICS, "dynamic_friction": 0.16}))
-    with pytest.raises(DataError, match="different programs"):
-        mine.joined(replace(mine, engine={"drake": "2"}))
-
-
 def test_stored_and_read_back_predicts_the_same(stored: Stored, tmp_path: Path) -> None:
     path = tmp_path / "surrogate.json"
     save(path, stored)
