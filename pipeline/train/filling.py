@@ -219,7 +219,7 @@ def best_designs(study: Setup, times: Callable[[Array], Array]) -> list[dict[str
 
 def best_pool(study: Setup) -> Array:
     """Return the feasible designs of which the best tenth become references, (m, d)."""
-    fill = study.file.surrogate.dataset
+    fill = study.file.surrogate.references
     designs = reference_designs(study, fill + 10 * study.file.surrogate.best_references)[fill:]
     return study.rows(designs)
 

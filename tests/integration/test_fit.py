@@ -17,7 +17,7 @@ from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.units import RPM
-from dogshape.surrogate.dataset import COLUMNS
+from dogshape.surrogate.references import COLUMNS
 from dogshape.surrogate.query import require_same_physics
 from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished, made_once
@@ -26,7 +26,7 @@ FEW = SETTINGS | {
     "surrogate.designs": 12,
     "surrogate.points": 2,
     "surrogate.angles": 8,
-    "surrogate.dataset": 3,
+    "surrogate.references": 3,
     "surrogate.best_references": 0,
     "surrogate.reference_angles": 6,
     "surrogate.reference_error": 0.2,
