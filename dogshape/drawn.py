@@ -140,7 +140,7 @@ def expect_draws(
             counter.advance(1)
     times = [math.nan if mean.time_s is None else mean.time_s for mean in means]
     errors = np.array([mean.standard_error_s for mean in means])
-    return DrawnExpectation(tuple(studies), np.array(times), errors)
+    return DrawnExpectation(tuple(mean.config for mean in means), np.array(times), errors)
 
 
 def _table(path: Path) -> TextTable:

@@ -142,5 +142,5 @@ def expect(
     found = simulate_mean(
         given, where, mismatch_rpm, force_N, force_rise_s, angles=listed, precision=precision
     )
-    by = given.clutch.solver.engine
+    by = found.config.clutch.solver.engine
     emit(found.to_dict(), json, lambda: expectation_table(found.mean, by))
