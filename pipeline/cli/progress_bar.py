@@ -13,7 +13,7 @@ LINE_EVERY = 15.0  #: s between lines where standard error is no terminal
 class ProgressBar:
     """Counts and sentences on standard error; the bar is cleared at the end.
 
-    The time left follows from the mean rate since the start: proposals and screens between
+    The time left follows from the mean rate since the start: proposals between
     shifts count, and a total that changes does not reset it, as it resets rich's own rate.
     """
 

@@ -50,7 +50,7 @@ GUARDED = {
         "pipeline/reports/shift/scene.py",
     ),
     "optuna": ("pipeline/search/", "pipeline/store/trial_storage.py", "pipeline/study.py"),
-    "sqlalchemy": ("pipeline/store/trial_storage.py", "pipeline/store/trial_storage.py"),
+    "sqlalchemy": ("pipeline/store/trial_storage.py",),
     "sklearn": ("surrogate/learning.py",),
     "plotly": ("pipeline/reports/",),
     "typer": ("pipeline/cli/",),
