@@ -18,7 +18,7 @@ from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.units import RPM
 from dogshape.surrogate.query import require_same_physics
-from dogshape.surrogate.references import COLUMNS
+from dogshape.surrogate.dataset import COLUMNS
 from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished, made_once
 
