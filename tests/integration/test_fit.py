@@ -17,8 +17,8 @@ from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.units import RPM
-from dogshape.surrogate.query import require_same_physics
 from dogshape.surrogate.dataset import COLUMNS
+from dogshape.surrogate.query import require_same_physics
 from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished, made_once
 
