@@ -164,7 +164,8 @@ def test_stopped_and_resumed_equals_uninterrupted(
         usual = executor.run_block
 
         def counted(block: Block) -> Iterator[Record]:
-            simulated.append(len(block.angles))
+            if block.clutch.solver.engine == "drake":  # the gain under other contact is not kept
+                simulated.append(len(block.angles))
             return usual(block)
 
         patched.setattr(executor, "run_block", counted)
