@@ -22,9 +22,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Literal
 
+from dogshape.sim.elementwise import cos, hypot, largest, smallest, tan, where
 from dogshape.sim.shift.geometry import LAND, Dog
 
 Flank = Literal["traction", "braking"]
@@ -65,26 +65,14 @@ def tip_radius(dog: Dog, root_radius: float) -> float:
     return dog.edge_radius or root_radius
 
 
-@lru_cache(maxsize=1024)  # each check of a design asks for the same two
 def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     """Compute the part of two flanks that touches at full depth; ``root_radius`` in m."""
-    inner, mean, outer = (
-        _lost(dog, root_radius, flank, r)
-        for r in (dog.inner_radius, dog.mean_radius, dog.outer_radius)
-    )
+    radii, cut = (dog.inner_radius, dog.mean_radius, dog.outer_radius), dog.edge_cuts
+    taken = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * cut[FLANKS.index(flank)]
+    drops = [dog.edge_drop_at(r) for r in radii] if flank == "braking" else [0.0, 0.0, 0.0]
+    inner, mean, outer = (drop + taken for drop in drops)
     area = dog.radial_width * _mean_positive(dog.height - 2.0 * inner, dog.height - 2.0 * outer)
     return FlankContact(mean, dog.height - mean, area)
-
-
-def _lost(dog: Dog, root_radius: float, flank: Flank, radius: float) -> float:
-    """Return the height that a flank lacks at its tip, m."""
-    drop = dog.edge_drop_at(radius) if flank == "braking" else 0.0
-    return drop + tip_radius(dog, root_radius) * math.cos(side_angle(dog, flank)) * _cut(dog, flank)
-
-
-def _cut(dog: Dog, flank: Flank) -> float:
-    """Compute the lengths that a tip's rounding takes along its sides, over its radius."""
-    return dog.edge_cuts[FLANKS.index(flank)]
 
 
 def crest_loss(dog: Dog, root_radius: float) -> float:
@@ -104,17 +92,12 @@ def crest_setback(dog: Dog, radius: float) -> float:
     """
     corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
     half = corner + 0.5 * (dog.traction - dog.chamfer)
-    return radius * math.cos(corner + middle) / math.sin(half)
+    return radius * cos(corner + middle) / math.sin(half)
 
 
 def crest_cut(dog: Dog, root_radius: float) -> float:
     """Compute the width of the face that the rounding of the crest takes, m."""
-    return root_radius * _cut(dog, "traction")
-
-
-def _fillet(lean: float) -> float:
-    """Compute the lengths that a root's fillet takes along floor and flank, over its radius."""
-    return 1.0 / math.tan(0.25 * math.pi + 0.5 * lean)
+    return root_radius * dog.edge_cuts[0]
 
 
 def root_radius_room(dog: Dog) -> float:
@@ -125,26 +108,24 @@ def root_radius_room(dog: Dog) -> float:
     the circumference; ``sim.part.profile`` has the same between planes. Roundings have the same
     radius, or that of the dog's edges.
     """
-    slope = math.tan(dog.chamfer)
+    slope, _, braking = dog.tangents
     narrow, low = dog.tip_width_at(dog.inner_radius), dog.edge_drop_at(dog.outer_radius)
-    face = (narrow + dog.edge_drop_at(dog.inner_radius) * math.tan(dog.braking)) * math.hypot(
-        1.0, slope
-    )
-    fillets = _fillet(dog.traction), _fillet(dog.braking)
-    cuts = _cut(dog, "traction"), _cut(dog, "braking")
-    flanks = [dog.height / math.cos(dog.traction), (dog.height - low) / math.cos(dog.braking)]
+    face = (narrow + dog.edge_drop_at(dog.inner_radius) * braking) * hypot(1.0, slope)
+    # Over its radius a fillet takes along floor and flank, and a rounding along its sides:
+    fillets = [1.0 / tan(0.25 * math.pi + 0.5 * lean) for lean in (dog.traction, dog.braking)]
+    cuts = dog.edge_cuts
+    flanks = [dog.height / cos(dog.traction), (dog.height - low) / cos(dog.braking)]
     rooms = [(narrow, sum(fillets))]
     own = dog.edge_radius > 0.0
     for length, fillet, cut in zip(flanks, fillets, cuts, strict=True):
         rooms.append((length - dog.edge_radius * cut, fillet if own else fillet + cut))
     if not own:
         rooms.append((face, sum(cuts)))
-    return max(0.0, min((length - LAND) / taken for length, taken in rooms))
+    return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
 
 
 def _mean_positive(a: float, b: float) -> float:
     """Return the mean of the positive part of a line from ``a`` to ``b``."""
-    if min(a, b) >= 0.0:
-        return 0.5 * (a + b)
-    top = max(a, b, 0.0)
-    return 0.5 * top**2 / abs(a - b) if top > 0.0 else 0.0
+    top, apart = largest(a, b, 0.0), abs(a - b)
+    part = 0.5 * top**2 / where(apart > 0.0, apart, 1.0)
+    return where(smallest(a, b) >= 0.0, 0.5 * (a + b), part)

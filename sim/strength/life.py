@@ -54,9 +54,12 @@ def damage(material: Material, classes: Sequence[tuple[float, float]]) -> float:
     return total
 
 
-def reserve(material: Material, classes: Sequence[tuple[float, float]]) -> float:
-    """Find the factor on all stresses at which the damage is 1; inf where there is no load."""
-    peak = max((strength for strength, _ in classes), default=0.0)
+def reserve(material: Material, cycles: Sequence[float], *strengths: float) -> float:
+    """Find the factor on all stresses at which the damage is 1; inf where there is no load.
+
+    ``strengths`` are the stresses of classes over the endurance at 3e6 cycles.
+    """
+    classes, peak = [*zip(strengths, cycles, strict=True)], max(strengths, default=0.0)
     if peak <= 0.0:
         return math.inf
 

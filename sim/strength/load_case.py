@@ -38,6 +38,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from dogshape.sim.elementwise import each
 from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.flank import Flank
 from dogshape.sim.shift.geometry import Dog
@@ -218,13 +219,19 @@ class LoadCase:
     ) -> float:
         """Compute a share of the dogs; ``load_sharing`` where nothing is said of their errors."""
         scatter = self.scatter(dog)
-        if (scatter is None and wave == 0.0) or force == 0.0:
+        if scatter is None and wave == 0.0:
             return self.load_sharing
-        stiffness = self.stiffness(dog)
-        found = [error * stiffness / force for error in (scatter or 0.0, wave)]
-        if digits is not None:
-            found = [float(f"{value:.{digits}g}") for value in found]
-        return share(dog.count, *found)
+
+        def of_one(count: int, force: float, stiffness: float, *errors: float) -> float:
+            if force == 0.0:
+                return self.load_sharing
+            found = [error * stiffness / force for error in errors]
+            if digits is not None:
+                found = [float(f"{value:.{digits}g}") for value in found]
+            return share(int(count), *found)
+
+        errors = 0.0 if scatter is None else scatter, wave
+        return each(of_one, dog.count, force, self.stiffness(dog), *errors)
 
 
 def _edge(unit: str, value: float | None) -> float | None:

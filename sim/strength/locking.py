@@ -33,6 +33,7 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 
+from dogshape.sim.elementwise import arctan, largest, tan
 from dogshape.sim.shift.flank import FLANKS, Flank, side_angle
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import Check, Rule
@@ -87,13 +88,13 @@ PULL_OUT_RULE = Rule(
 
 def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float:
     """Return the axial force of a flank under ``torque`` (N m), N; positive separates."""
-    return torque / dog.mean_radius * math.tan(angle - math.atan(friction))
+    return torque / dog.mean_radius * tan(angle - arctan(friction))
 
 
 def release_angle(dog: Dog, load: LoadCase) -> float:
     """Return the least side angle of a flank that lets go by itself, rad."""
     spline = load.spline_friction * dog.mean_radius / load.spline_radius
-    return math.atan(load.friction_release) + math.atan(spline)
+    return arctan(load.friction_release) + arctan(spline)
 
 
 def pull_out_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
@@ -141,7 +142,7 @@ def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
     )
     if load.pull_out_force_limit is None:
         return checks
-    pull = max(pull_out_force(dog, load, flank) for flank in FLANKS)
+    pull = largest(*(pull_out_force(dog, load, flank) for flank in FLANKS))
     return (*checks, Check(PULL_OUT_RULE, pull, load.pull_out_force_limit))
 
 

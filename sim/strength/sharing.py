@@ -71,7 +71,7 @@ def pitch_tolerance(accuracy: int, diameter: float, count: int) -> float:
     """Return the single pitch tolerance of ISO 1328-1:2013, m; ``diameter`` in m."""
     size = diameter / MM
     base = 0.001 * size + 0.4 * size / count + 5.0
-    return float(base * 2.0 ** (0.5 * (accuracy - 5)) * MICRON)
+    return base * 2.0 ** (0.5 * (accuracy - 5)) * MICRON
 
 
 @lru_cache(maxsize=4096)

@@ -20,7 +20,7 @@ from dogshape.sim.strength.dog_strength import Limits
 OWN = "dogshape"
 START = "dogshape.pipeline.reports.whatif.page_checks"
 STAND_INS = {
-    "numpy": "float64 = float\n",
+    "numpy": "float64 = float\n\nclass ndarray:\n    pass\n",
     "numpy.typing": "class NDArray:\n    def __class_getitem__(cls, _):\n        return cls\n",
 }
 MAIN = """
