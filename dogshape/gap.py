@@ -29,7 +29,7 @@ from dogshape.pipeline.reports.gap.gap_page import publish, write_page
 from dogshape.pipeline.reports.gap.point_rows import cells_of
 from dogshape.result import Result, ms
 from dogshape.sim.errors import InputError
-from dogshape.sim.writers import writing
+from dogshape.sim.files import writing
 
 if TYPE_CHECKING:
     import pandas as pd

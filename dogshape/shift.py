@@ -13,7 +13,7 @@ from dogshape.result import Result, ms
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.driveline import TorquePeaks
+from dogshape.sim.shift.loads import TorquePeaks
 from dogshape.sim.statistics.batch import events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM

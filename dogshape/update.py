@@ -20,7 +20,7 @@ from dogshape.pipeline.diagnose.report_parts import extras_of
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.gap.gap_page import publish
 from dogshape.result import Result
-from dogshape.sim.writers import writing
+from dogshape.sim.files import writing
 
 if TYPE_CHECKING:
     import pandas as pd

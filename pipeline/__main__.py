@@ -70,7 +70,7 @@ def _sentence(error: Exception, message: str) -> str:
     details = getattr(error.__cause__, "errors", None)
     names = getattr(getattr(error, "param", None), "opts", None)
     if details is not None and names:
-        from dogshape.sim.rules import broken_rule  # noqa: PLC0415
+        from dogshape.sim.clutch_tables import broken_rule  # noqa: PLC0415
 
         return broken_rule(names[-1], details()[0])
     option = getattr(error, "option_name", None)

@@ -50,7 +50,7 @@ from dogshape.pipeline.store.trial_storage import kept
 from dogshape.pipeline.train.training import Say, train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
 from dogshape.surrogate.model import MIN_DESIGNS

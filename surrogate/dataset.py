@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dogshape.sim.errors import DataError
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.statistics.shift_records import Record, content_key, result_of
 from dogshape.surrogate.covariance import Array, Mask, Places

@@ -31,12 +31,12 @@ from dogshape.diagnosis.bench.stand_file import (
     load_stand,
 )
 from dogshape.diagnosis.bench.table import Row, Sheet, bad_cell, load_sheet
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 
 
 @dataclass(frozen=True)

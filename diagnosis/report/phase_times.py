@@ -16,7 +16,7 @@ seating
     until the travel at which the shift counts as finished.
 
 Face contact and entry by these marks hold a little of the free way before and after the touch
-(``sim.shift.phases`` knows the touch itself), but the same in both.
+(``sim.shift.events`` knows the touch itself), but the same in both.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.passing import require_stiff_enough
+from dogshape.sim.shift.conclusion import require_stiff_enough
 from dogshape.sim.units import RPM
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.texts import read_toml
+from dogshape.sim.versions import bundled_root
 
 TABLE = "duty_cycles.toml"  #: beside the bundled studies
 

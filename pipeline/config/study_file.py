@@ -27,15 +27,13 @@ from dogshape.pipeline.config.set_point import (
     require_ranges,
 )
 from dogshape.pipeline.config.study_hash import hashed
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
-from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
+from dogshape.sim.shift.conclusion import require_stiff_enough
 from dogshape.sim.shift.geometry import SCOPE, Dog
-from dogshape.sim.shift.loads import Loads
-from dogshape.sim.shift.passing import require_stiff_enough
+from dogshape.sim.shift.loads import Loads, TorquePeaks, torque_peaks
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.shift_records import (
     Record,
@@ -53,6 +51,7 @@ from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.strength.wear import Wear
 from dogshape.sim.texts import listed, read_toml
 from dogshape.sim.units import DEG, MM, RPM, to_si, unit_of
+from dogshape.sim.versions import bundled_root
 
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 

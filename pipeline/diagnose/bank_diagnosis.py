@@ -25,15 +25,15 @@ from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter, about
 from dogshape.pipeline.simulate.executor import Executor, workers_of
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load, own_files
 from dogshape.sim.errors import EffectError
+from dogshape.sim.files import writing
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
-from dogshape.sim.writers import writing
+from dogshape.sim.versions import bundled_root
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 COST = {"planar": 0.0015, "drake": 0.1}  #: s of processor time of a shift, about

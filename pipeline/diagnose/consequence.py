@@ -20,7 +20,6 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over
 from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError
 from dogshape.sim.setting import Setting
@@ -30,6 +29,7 @@ from dogshape.sim.statistics.numerical_error import Runner
 from dogshape.sim.statistics.shift_records import Record, result_of
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.landing import demand_checks
+from dogshape.sim.versions import bundled_root
 
 ANGLES = 6  #: of each design at each operating point
 DESIGNS = 6  #: of the search, the fastest

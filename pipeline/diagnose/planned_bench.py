@@ -18,10 +18,10 @@ from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.diagnose.bench_study import rounded
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,11 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.units import DEG, MM, RPM
+from dogshape.sim.versions import bundled_root
 
 #: Parts of a mechanism that no effect looks for.
 SHAFTS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")

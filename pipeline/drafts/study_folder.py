@@ -15,11 +15,11 @@ from dogshape.pipeline.drafts.sources import Source, source_of
 from dogshape.pipeline.drafts.targets import drafted
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.texts import text_of
+from dogshape.sim.versions import bundled_root
 
 COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 HEAD = """\

@@ -42,7 +42,7 @@ from dogshape.pipeline.simulate.design import (
     objectives_of,
     simulated_limits,
 )
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.estimate import Estimate, mean_over, time_quantile
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.statistics.shift_records import Record, result_of

@@ -18,9 +18,9 @@ from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, connect, scratch_executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.errors import StorageError
+from dogshape.sim.files import writing
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
-from dogshape.sim.writers import writing
 
 SHIFTS = Path("results") / "shifts"  #: folder of unfinished commands that have none of their own
 

@@ -29,7 +29,7 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import SIMULATED, objectives_of
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import ShiftResult, nested, variance_of_mean
 from dogshape.surrogate.covariance import Array
 

@@ -17,8 +17,8 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over, expectation_of
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.simulate.point_plans import blocks_of, whole_plan
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.estimate import mean_over
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.checks import Check, smallest_margin

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 from dogshape.surrogate.query import other_physics
 from dogshape.surrogate.store import MissingError, Stored, load
 

@@ -15,9 +15,15 @@ import numpy as np
 from pydrake.systems.framework import Context, EventStatus
 
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.conclusion import FINER, Engagement, Run, conclude, passed_through
+from dogshape.sim.shift.conclusion import (
+    FINER,
+    TIME_LIMIT,
+    Engagement,
+    Run,
+    conclude,
+    passed_through,
+)
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
-from dogshape.sim.shift.outcome import TIME_LIMIT
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Series
 
@@ -95,10 +101,10 @@ class _Record:
 def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift.
 
-    Dogs that are fast enough pass through each other within one step; such a shift
-    (``sim.shift.passing``) is simulated again with steps of at most a tenth, and has diverged only
-    if it does so again. Ordinary shifts are simulated once. Times count from the command: a dead
-    time comes before the phases, while the time-out counts from the start of the force.
+    Dogs that are fast enough pass through each other within one step; such a shift is simulated
+    again with steps of at most a tenth, and has diverged only if it does so again. Ordinary shifts
+    are simulated once. Times count from the command: a dead time comes before the phases, while the
+    time-out counts from the start of the force.
 
     Parameters
     ----------

@@ -10,8 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from dogshape.sim.engines import engage
-from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record, landing_record

@@ -1,6 +1,6 @@
 r"""Strength of a dog by closed forms, and everything that a design is checked against.
 
-- flank pressure :math:`p = F/A`, *A* the area that touches (``sim.shift.flank``)
+- flank pressure :math:`p = F/A`, *A* the area that touches (``sim.shift.geometry``)
 - root bending: local tension :math:`\sigma` in the fillet (``sim.strength.notch``) with the load at
   the load height, against the static bending strength of the case, 2.5 times its endurance
 - thin rims: behind a root that the ring does not hold, the root also bends with the rim; below a
@@ -18,7 +18,7 @@ r"""Strength of a dog by closed forms, and everything that a design is checked a
   against static strength and yield stress of the case; with a number of strikes against fatigue too
 - fatigue: :math:`\sigma` against :math:`\sigma_{F,lim} Y_{ST} Y_{NT} Y_M / S_F`
   (``sim.strength.materials``) for one load cycle a shift, or Miner's sum over a load spectrum
-  (``sim.strength.life``)
+  (``sim.strength.materials``)
 - misuse: the abuse torque is carried once, so it meets the static limits alone
 
 Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternating load).
@@ -32,10 +32,8 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 
 from dogshape.sim.elementwise import each, hypot, largest, log, sqrt, where
-from dogshape.sim.shift.flank import FLANKS, Flank, flank_contact
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact
 from dogshape.sim.strength.checks import Check, Rule, feasible
-from dogshape.sim.strength.life import reserve
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
@@ -43,7 +41,13 @@ from dogshape.sim.strength.manufacture import (
     manufacturing_checks,
     tip_core_check,
 )
-from dogshape.sim.strength.materials import ENDURANCE_CYCLES, MATERIALS, STATIC_CYCLES, Material
+from dogshape.sim.strength.materials import (
+    ENDURANCE_CYCLES,
+    MATERIALS,
+    STATIC_CYCLES,
+    Material,
+    reserve,
+)
 from dogshape.sim.strength.notch import Load, notch_factor, root_nominal, root_tension
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.strength.tolerance import (

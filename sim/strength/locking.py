@@ -34,8 +34,7 @@ from dataclasses import replace
 from functools import lru_cache
 
 from dogshape.sim.elementwise import arctan, largest, tan
-from dogshape.sim.shift.flank import FLANKS, Flank, side_angle
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import DEG

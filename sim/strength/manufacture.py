@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dogshape.sim.errors import GeometryError, require_between
-from dogshape.sim.shift.flank import root_radius_room
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, root_radius_room
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import MM
 

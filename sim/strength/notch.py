@@ -41,8 +41,7 @@ from typing import NamedTuple
 
 from dogshape.sim.elementwise import largest, smallest, sqrt, tan
 from dogshape.sim.errors import require_between
-from dogshape.sim.shift.flank import Flank, side_angle
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, Flank, side_angle
 from dogshape.sim.units import DEG, MM
 
 

@@ -27,8 +27,7 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.distribution import Distribution, Values
 from dogshape.sim.strength.dog_strength import Limits, keeps_limits
-from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.sharing import neighbour_share
+from dogshape.sim.strength.load_case import LoadCase, neighbour_share
 from dogshape.sim.strength.tolerance import Tolerances, moved
 
 DRAWS = 500

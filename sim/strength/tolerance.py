@@ -21,8 +21,7 @@ from typing import Any
 
 from dogshape.sim.elementwise import key, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean, require_between
-from dogshape.sim.shift.flank import FLANKS, flank_contact
-from dogshape.sim.shift.geometry import SHARPEST, Dog
+from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import DEG, MM
 

@@ -13,9 +13,9 @@ from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.level_times import compiled_angles
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.statistics.expectation import nested
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 
 
 def _kept(name: str) -> dict[str, Any]:

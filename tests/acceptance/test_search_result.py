@@ -14,7 +14,7 @@ from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.point_plans import whole_plan
 from dogshape.pipeline.train.found_surrogates import known_surrogate
 from dogshape.pipeline.train.training_rows import study_mix
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 
 
 def best_kept() -> dict[str, float]:

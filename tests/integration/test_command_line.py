@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
 

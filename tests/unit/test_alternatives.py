@@ -16,8 +16,8 @@ from dogshape.pipeline.reports.study.alternatives import HEAD, alternatives, cel
 from dogshape.pipeline.reports.study.design_record import difference, searched_record
 from dogshape.pipeline.reports.study.study_page import write_report
 from dogshape.pipeline.reports.study.summary import facts_of, landing_scatter
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.strength.locking import locking_checks, locking_friction
+from dogshape.sim.versions import bundled_root
 from tests.kept import kept_folder, let_land_too_hard
 
 Row = dict[str, Any]

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 from tests.benches import good_set
 from tests.conftest import Said
 

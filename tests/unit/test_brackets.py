@@ -15,7 +15,7 @@ from dogshape.pipeline.cli.progress_bar import ProgressBar, say
 from dogshape.pipeline.cli.tables.study_tables import study_table
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 from tests.conftest import Said
 
 Call = Callable[..., Said]

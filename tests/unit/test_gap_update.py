@@ -19,9 +19,9 @@ from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.diagnose.gap_update import sentence
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 from tests.benches import GOOD
 from tests.conftest import Said
 from tests.diagnosed import EFFECTS, diagnosis_of

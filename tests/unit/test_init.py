@@ -23,10 +23,10 @@ from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.config.toml_text import SOURCE, with_values
 from dogshape.pipeline.diagnose.bench_study import study_of
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 from tests.benches import GOOD
 from tests.conftest import Said
 

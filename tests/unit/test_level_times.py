@@ -21,7 +21,7 @@ from dogshape.pipeline.simulate.level_times import (
     require_levels,
 )
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import even_block
 from dogshape.sim.statistics.expectation import ShiftResult, nested, variance_of_mean
 from dogshape.surrogate.covariance import Array

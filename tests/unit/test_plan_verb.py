@@ -14,7 +14,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.inference.shift_plan import Field
 from dogshape.diagnosis.likelihood.observed import drift_of
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 from tests.conftest import Said
 from tests.fits import field_at
 

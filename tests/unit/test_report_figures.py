@@ -36,7 +36,7 @@ from dogshape.pipeline.reports.study.single_shifts import (
     quantile_rows,
 )
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 from tests.found import FORCE, LENGTH, TIME, VARIABLES, Row, confirmed, design, shift
 
 

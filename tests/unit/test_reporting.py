@@ -50,7 +50,7 @@ from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.found_surrogates import known_surrogate
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 from dogshape.surrogate.hypervolume import hypervolume
 from dogshape.surrogate.store import save
 from tests.found import TIME, VARIABLES, Row, design, shift

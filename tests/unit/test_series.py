@@ -19,8 +19,8 @@ from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.diagnose.joined_bench import asked_of, joined, keep_data
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError
+from dogshape.sim.versions import bundled_root
 from tests.diagnosed import EFFECTS, simulated_bench
 from tests.made_up import made_up
 

@@ -16,11 +16,10 @@ from dogshape.pipeline.reports.shift import story
 from dogshape.pipeline.reports.shift.scene import ring_body, solids
 from dogshape.pipeline.reports.shift.story import facts, why
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import dog_solid
-from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.shift.planes import dog_planes
+from dogshape.sim.shift.mesh import dog_planes, dog_solid
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
 

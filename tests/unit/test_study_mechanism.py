@@ -18,7 +18,6 @@ from dogshape.pipeline.store.folder import StudyFolder, read_json
 from dogshape.pipeline.train.filling import filling_blocks
 from dogshape.pipeline.train.found_surrogates import known_surrogate, stored_surrogate
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import MechanismSection
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
@@ -27,6 +26,7 @@ from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile, recorded_p
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING
 from dogshape.sim.statistics.batch import run_block
 from dogshape.sim.statistics.blocks import even_block
+from dogshape.sim.versions import bundled_root
 from dogshape.surrogate.query import require_same_physics
 from tests.conftest import Said
 

@@ -17,8 +17,8 @@ from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError
+from dogshape.sim.versions import bundled_root
 from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 from tests.made_up import made_up
 

@@ -10,12 +10,11 @@ from scipy.integrate import cumulative_simpson
 
 from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
-from dogshape.sim.planar.engagement import engage
-from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.expected_means import expected, moments, timely
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.planar_shift import PlanarEngine

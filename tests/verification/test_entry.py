@@ -11,8 +11,8 @@ from pydrake.systems.framework import Context, EventStatus
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
 

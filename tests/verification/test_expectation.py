@@ -12,7 +12,7 @@ from rich.console import Console
 
 from dogshape.pipeline.cli.tables.shift_tables import expectation_table
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import (
     Expectation,
     ShiftResult,

@@ -13,12 +13,12 @@ from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.shift.mesh import (
     Mesh,
     compliant_dog,
+    dog_planes,
     dog_solid,
     pressure_apex,
     rigid_dog,
     ring_of,
 )
-from dogshape.sim.shift.planes import dog_planes
 from dogshape.sim.units import DEG
 from tests.conftest import dog_of
 

@@ -13,9 +13,8 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits, fatigue, root_stress, strength_checks
-from dogshape.sim.strength.life import cycles_endured, damage, reserve
 from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.materials import MATERIALS
+from dogshape.sim.strength.materials import MATERIALS, cycles_endured, damage, reserve
 from dogshape.sim.units import MPA
 
 STEEL = MATERIALS["16MnCr5"]

@@ -11,8 +11,7 @@ from scipy.optimize import brentq
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.flank import FLANKS
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits, root_of, strength_checks
 from dogshape.sim.strength.load_case import LoadCase

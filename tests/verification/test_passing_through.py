@@ -9,18 +9,19 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import FINER, Engagement
-from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import pressure_apex
-from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.shift.passing import (
+from dogshape.sim.shift.conclusion import (
     COVERED,
+    FINER,
+    Engagement,
+    Outcome,
     passing_through,
     path_of,
     penetration,
     require_stiff_enough,
 )
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import pressure_apex
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, RPM
 

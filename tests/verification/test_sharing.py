@@ -17,8 +17,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import landing_checks
-from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.sharing import landing_share, load_share, pitch_tolerance
+from dogshape.sim.strength.load_case import LoadCase, landing_share, load_share, pitch_tolerance
 
 SCATTERS = (0.05, 0.3, 1.0, 5.0)
 

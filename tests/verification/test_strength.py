@@ -10,9 +10,8 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part.profile import dog_corners, largest_root_radius
-from dogshape.sim.shift.flank import FLANKS, Flank, flank_contact, root_radius_room
-from dogshape.sim.shift.geometry import LAND, Dog
+from dogshape.sim.part.solid import dog_corners, largest_root_radius
+from dogshape.sim.shift.geometry import FLANKS, LAND, Dog, Flank, flank_contact, root_radius_room
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.dog_strength import (

@@ -23,7 +23,7 @@ from dogshape.pipeline.reports.study.designs import (
 from dogshape.pipeline.reports.study.goals import MARGIN, Goal, goals_of
 from dogshape.pipeline.reports.study.study_page import at_own_places
 from dogshape.pipeline.reports.study.summary import facts_of, gained, headline
-from dogshape.sim.shift.outcome import depends_on_clock
+from dogshape.sim.shift.conclusion import depends_on_clock
 from dogshape.surrogate.store import Stored
 from dogshape.surrogate.validation_figures import LEAST_Q2
 

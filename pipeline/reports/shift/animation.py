@@ -25,7 +25,7 @@ from dogshape.pipeline.reports.shift.scene import solids, viewer_code
 from dogshape.pipeline.reports.shift.story import facts, phase_title, why
 from dogshape.sim.files import naming
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.phases import touching
+from dogshape.sim.shift.events import touching
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.units import DEG, MM, MS, RPM
 

@@ -7,11 +7,9 @@ from collections.abc import Callable
 import numpy as np
 
 from dogshape.pipeline.reports.kit.text import in_ms, minus
-from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.dead_time import DEAD_TIME
+from dogshape.sim.shift.conclusion import DEAD_TIME, Engagement, Outcome
+from dogshape.sim.shift.events import Phase, crests_cross
 from dogshape.sim.shift.loads import peak_duration
-from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.shift.phases import Phase, crests_cross
 from dogshape.sim.units import MM, MS, RPM
 
 ROSE = 0.05  #: share of the first mismatch from which a later change of it is told

@@ -15,9 +15,9 @@ from dogshape.pipeline.config.study_file import (
 )
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, read_json
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.versions import bundled_root
 
 Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 

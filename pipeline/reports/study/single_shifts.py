@@ -14,7 +14,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.look import INK, LINES, MARKS, Row, styled
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.shift_records import Record, clutch_record, content_key
 from dogshape.sim.units import RPM
 

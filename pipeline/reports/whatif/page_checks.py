@@ -13,8 +13,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.shift.flank import FLANKS
-from dogshape.sim.shift.geometry import Dog, section
+from dogshape.sim.shift.geometry import FLANKS, Dog, section
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import (
     Limits,
