@@ -155,8 +155,6 @@ def numbers_of(clutch: Clutch) -> Floats:
     return numbers
 
 
-Floats = NDArray[np.float64]
-
 PLACE = 1e-4  #: s, error of a place over that of a speed
 FIRST = 1e-5  #: s, first step
 ROOM = 4096  #: steps that are recorded at once

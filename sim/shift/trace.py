@@ -110,9 +110,6 @@ def _simpson(values: list[Series]) -> Series:
     return (start + 4.0 * middle + end) / 6.0
 
 
-Series = NDArray[np.float64]
-
-
 @dataclass(frozen=True)
 class Trace:
     """Time series of a shift, each (n,), SI units.

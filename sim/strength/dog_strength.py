@@ -270,61 +270,31 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
 _RULES = {
     name: Rule(name, "load", meaning, formula, source, "MPa", key, True)
     for name, meaning, formula, source, key in (
-        *(
-            (
-                f"flank_pressure_{flank}",
-                f"mean pressure on the {flank} flank",
-                "F/A, A what touches at full depth",
-                "DIN 5466-1; limit of the material set",
-                "material.allowable_pressure_MPa",
-            )
-            for flank in FLANKS
-        ),
-        *(
-            (
-                f"root_bending_{flank}",
-                f"tension in the fillet below the loaded {flank} flank",
-                "notch factor times nominal root stress, load at the load height",
-                "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3",
-                "material.bending_endurance_MPa",
-            )
-            for flank in FLANKS
-        ),
-        (
-            "shear_stress",
-            "shear stress of the root",
-            "1.5 F/(b s)",
-            "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
-            "material.proof_stress_MPa",
-        ),
-        (
-            "equivalent_stress",
-            "equivalent stress of the core at the root, the worse flank",
-            "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
-            "von Mises; limit: proof stress of the core over safety",
-            "material.proof_stress_MPa",
-        ),
-        (
-            "root_fatigue",
-            "tension in the fillet, the worse flank, over the shifts of the life",
-            "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue",
-            "ISO 6336-3, ISO 6336-5",
-            "load.shifts",
-        ),
+        *((f"flank_pressure_{flank}", f"mean pressure on the {flank} flank",
+           "F/A, A what touches at full depth", "DIN 5466-1; limit of the material set",
+           "material.allowable_pressure_MPa") for flank in FLANKS),
+        *((f"root_bending_{flank}", f"tension in the fillet below the loaded {flank} flank",
+           "notch factor times nominal root stress, load at the load height",
+           "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3",
+           "material.bending_endurance_MPa") for flank in FLANKS),
+        ("shear_stress", "shear stress of the root", "1.5 F/(b s)",
+         "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
+         "material.proof_stress_MPa"),
+        ("equivalent_stress", "equivalent stress of the core at the root, the worse flank",
+         "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
+         "von Mises; limit: proof stress of the core over safety", "material.proof_stress_MPa"),
+        ("root_fatigue", "tension in the fillet, the worse flank, over the shifts of the life",
+         "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue",
+         "ISO 6336-3, ISO 6336-5", "load.shifts"),
     )
-}
-
+}  # fmt: skip
 
 _RULES["rim"] = Rule(
-    "rim",
-    "load",
+    "rim", "load",
     "thickness of the ring behind the roots; below 1.2 heights it raises the stress of the root",
     "manufacturing.rim_mm against 0.5 h; root stress times Y_B = 1.6 ln(2.242 h/rim)",
-    "ISO 6336-3, rim thickness factor, whose range ends there",
-    "mm",
-    "dog.height_mm",
-    False,
-)
+    "ISO 6336-3, rim thickness factor, whose range ends there", "mm", "dog.height_mm", False,
+)  # fmt: skip
 _SPECTRUM_RULE = replace(
     _RULES["root_fatigue"],
     meaning="tension in the fillet, the worse flank, at the largest torque of the load spectrum",
@@ -358,21 +328,17 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     return tuple(made)
 
 
+_STRIKE_SOURCE = "two-mass impact coupled through the shafts (Rao); limit: "
 _STRIKE_ROOT = Rule(
-    "flank_strike_root",
-    "load",
-    "tension in the fillet when flanks strike, the worse flank",
+    "flank_strike_root", "load", "tension in the fillet when flanks strike, the worse flank",
     "as root bending, F = T/(r N sqrt(K_l)); T = sum |k D q/omega| over the modes of ring, wheel "
     "and shafts, or nu w sqrt(k J) of a second strike",
-    "two-mass impact coupled through the shafts (Rao); limit: static strength, ISO 6336-3",
-    "MPa",
-    "material.bending_endurance_MPa",
-    True,
-)
+    f"{_STRIKE_SOURCE}static strength, ISO 6336-3", "MPa", "material.bending_endurance_MPa", True,
+)  # fmt: skip
 _STRIKE_LIFE = replace(
     _STRIKE_ROOT,
-    source="two-mass impact coupled through the shafts (Rao); limit: static strength, or less "
-    "where the strikes of the life allow less, ISO 6336-3",
+    source=f"{_STRIKE_SOURCE}static strength, or less where the strikes of the life allow less, "
+    "ISO 6336-3",
     key="strike.strikes",
 )
 _STRIKE_FLANK = replace(
@@ -380,8 +346,7 @@ _STRIKE_FLANK = replace(
     name="flank_strike_flank",
     meaning="mean pressure on the flank when flanks strike, the worse flank",
     formula="F/A, F as in flank_strike_root",
-    source="two-mass impact coupled through the shafts (Rao); limit: yield stress of the case, "
-    "HV/3, over safety",
+    source=f"{_STRIKE_SOURCE}yield stress of the case, HV/3, over safety",
     key="material.surface_hardness_HV",
 )
 

@@ -155,38 +155,24 @@ def hardest(landings: Iterable[Landing]) -> Landing:
 
 
 FACE_RULE = Rule(
-    "face_pressure_impact",
-    "impact",
-    "mean pressure on the flat overlap of the faces, hardest landing",
-    "w/((L - 2 c) sqrt(K_s)), w = F/(N b), c what a rounded crest takes",
+    "face_pressure_impact", "impact", "mean pressure on the flat overlap of the faces, hardest "
+    "landing", "w/((L - 2 c) sqrt(K_s)), w = F/(N b), c what a rounded crest takes",
     "simulated peak; limit: yield stress of the case, HV/3, over safety",
-    "MPa",
-    "material.surface_hardness_HV",
-    True,
-)
+    "MPa", "material.surface_hardness_HV", True,
+)  # fmt: skip
 CORE_RULE = Rule(
-    "core_pressure_impact",
-    "impact",
-    "mean pressure below the case of the faces, hardest landing",
+    "core_pressure_impact", "impact", "mean pressure below the case of the faces, hardest landing",
     "w/((L - 2 c + 2 t) sqrt(K_s)), t case depth",
     "simulated peak; limit: proof stress of the core over safety",
-    "MPa",
-    "material.proof_stress_MPa",
-    True,
-)
+    "MPa", "material.proof_stress_MPa", True,
+)  # fmt: skip
 EDGE_RULE = Rule(
-    "edge_pressure_impact",
-    "impact",
-    "pressure of Hertz of rounded edge on rounded edge, hardest landing",
-    "sqrt(w E*/(pi rho/2 sqrt(K_s)))",
+    "edge_pressure_impact", "impact", "pressure of Hertz of rounded edge on rounded edge, hardest "
+    "landing", "sqrt(w E*/(pi rho/2 sqrt(K_s)))",
     "simulated peak, or with load.edge_contact = 'line' a blow of its energy on steel edges; "
     "limit 0.77 HV, shakedown of a line contact (Johnson 1985)",
-    "MPa",
-    "material.surface_hardness_HV",
-    True,
-)
-
-
+    "MPa", "material.surface_hardness_HV", True,
+)  # fmt: skip
 LANDING_RULES = (FACE_RULE, CORE_RULE, EDGE_RULE)
 
 

@@ -39,50 +39,36 @@ from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import DEG
 
-_SOURCE = "Jasny et al. 2019, with the static coefficient"
-
-_RELEASE = {
-    "chamfer_release": "chamfer, which slides from rest above the friction angle",
-    "traction_release": "traction flank, which is self-locking below the friction angle",
-    "braking_release": "braking flank, which is self-locking below the friction angle",
-}
 _RULES = {
     name: Rule(
-        name,
-        "lock",
-        meaning,
-        "angle against arctan of the static coefficient",
-        _SOURCE,
-        "deg",
-        "load.friction_release",
-        False,
+        name, "lock", meaning, "angle against arctan of the static coefficient",
+        "Jasny et al. 2019, with the static coefficient", "deg", "load.friction_release", False,
     )
-    for name, meaning in _RELEASE.items()
+    for name, meaning in {
+        "chamfer_release": "chamfer, which slides from rest above the friction angle",
+        **{
+            f"{flank}_release": f"{flank} flank, which is self-locking below the friction angle"
+            for flank in FLANKS
+        },
+    }.items()
 } | {
     f"separating_force_{flank}": Rule(
-        f"separating_force_{flank}",
-        "lock",
+        f"separating_force_{flank}", "lock",
         f"axial force that the {flank} flank puts on the blocking mechanism",
         "K_A T/r tan(side angle - rho), rho = arctan of the low dynamic coefficient",
         "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)",
-        "N",
-        "load.separating_force_limit_N",
-        True,
+        "N", "load.separating_force_limit_N", True,
     )
     for flank in FLANKS
-}
+}  # fmt: skip
 PULL_OUT_RULE = Rule(
-    "pull_out_force",
-    "lock",
+    "pull_out_force", "lock",
     "axial force that pulls the ring out under the rated torque, the worse flank; below 0 it comes "
     "by itself",
     "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
     "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the largest shift force "
-    "of the operating points",
-    "N",
-    "load.pull_out_force_limit_N",
-    True,
-)
+    "of the operating points", "N", "load.pull_out_force_limit_N", True,
+)  # fmt: skip
 
 
 def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float:

@@ -119,65 +119,27 @@ class Material:
 
 
 MATERIALS: dict[str, Material] = {
-    material.name: material
-    for material in (
-        Material(
-            "16MnCr5",
-            "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
-            "ISO 6336-5 MQ, lowest core hardness",
-            735.0 * MPA,
-            430.0 * MPA,
-            2.5,
-            200.0 * MPA,
-            700.0,
-            0.4 * MM,
-        ),
-        Material(
-            "20MnCr5",
-            "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
-            "ISO 6336-5 MQ, middle core hardness",
-            930.0 * MPA,
-            461.0 * MPA,
-            2.5,
-            200.0 * MPA,
-            700.0,
-            0.4 * MM,
-        ),
-        Material(
-            "18CrNiMo7-6",
-            "case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
-            "MPa; ISO 6336-5 MQ, core of 30 HRC and more",
-            835.0 * MPA,
-            500.0 * MPA,
-            2.5,
-            200.0 * MPA,
-            720.0,
-            0.4 * MM,
-        ),
-        Material(
-            "42CrMo4",
-            "quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
-            "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root",
-            900.0 * MPA,
-            369.0 * MPA,
-            2.5,
-            160.0 * MPA,
-            600.0,
-            1.0 * MM,
-        ),
-        Material(
-            "31CrMoV9",
-            "quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
-            "ISO 6336-5 MQ, nitriding steel",
-            900.0 * MPA,
-            420.0 * MPA,
-            1.6,
-            140.0 * MPA,
-            750.0,
-            0.3 * MM,
-        ),
+    name: Material(
+        name, source, proof * MPA, bending * MPA, static, pressure * MPA, hardness, depth * MM
     )
-}
+    for name, proof, bending, static, pressure, hardness, depth, source in (
+        ("16MnCr5", 735.0, 430.0, 2.5, 200.0, 700.0, 0.4,
+         "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
+         "ISO 6336-5 MQ, lowest core hardness"),
+        ("20MnCr5", 930.0, 461.0, 2.5, 200.0, 700.0, 0.4,
+         "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
+         "ISO 6336-5 MQ, middle core hardness"),
+        ("18CrNiMo7-6", 835.0, 500.0, 2.5, 200.0, 720.0, 0.4,
+         "case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
+         "MPa; ISO 6336-5 MQ, core of 30 HRC and more"),
+        ("42CrMo4", 900.0, 369.0, 2.5, 160.0, 600.0, 1.0,
+         "quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
+         "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root"),
+        ("31CrMoV9", 900.0, 420.0, 1.6, 140.0, 750.0, 0.3,
+         "quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
+         "ISO 6336-5 MQ, nitriding steel"),
+    )
+}  # fmt: skip
 
 
 def material_of(name: str) -> Material:

@@ -152,15 +152,18 @@ def _contact(dog: Dog, root_radius: float) -> list[float]:
 
 
 CONTACT_RULE = Rule(
-    "contact_ratio",
-    "tolerance",
+    "contact_ratio", "tolerance",
     "share of the height that touches on the worse flank, every tolerance at its worst",
     "(height that touches - seated tolerance)/h less all losses",
-    "worst case of all dimensions; limit an assumption",
-    "",
-    "tolerance.contact_ratio",
-    False,
-)
+    "worst case of all dimensions; limit an assumption", "", "tolerance.contact_ratio", False,
+)  # fmt: skip
+CLEARANCE_RULE = Rule(
+    "clearance", "tolerance",
+    "gap between the crests in neutral, gap and both heights at their worst",
+    "axial gap - its tolerance - 2 tolerances of the height",
+    "dogs that meet in neutral ratchet; limit an assumption",
+    "mm", "tolerance.clearance_mm", False,
+)  # fmt: skip
 
 
 def contact_check(dog: Dog, root_radius: float, tolerances: Tolerances, seated: float) -> Check:
@@ -173,18 +176,6 @@ def contact_check(dog: Dog, root_radius: float, tolerances: Tolerances, seated: 
         )
     ]
     return Check(CONTACT_RULE, largest(smallest(*left), -1.0), tolerances.contact_ratio)
-
-
-CLEARANCE_RULE = Rule(
-    "clearance",
-    "tolerance",
-    "gap between the crests in neutral, gap and both heights at their worst",
-    "axial gap - its tolerance - 2 tolerances of the height",
-    "dogs that meet in neutral ratchet; limit an assumption",
-    "mm",
-    "tolerance.clearance_mm",
-    False,
-)
 
 
 def clearance_check(dog: Dog, tolerances: Tolerances) -> Check:
