@@ -69,12 +69,9 @@ def broken_rule(name: str, error: ErrorDetails) -> str:
     unit = unit_of(name)
     rule += f" in {unit}" if unit and rule == RULES["float_type"] else ""
     rule = rule.replace(" 1 values", " one value")
-    return f"{name} is {_shown(given)}, but it must be {rule}; {_remedy(rule, given)}"
-
-
-def _shown(given: Any) -> str:
     text = repr(given)
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}... ({len(text)} characters)"
+    shown = text if len(text) <= SHOWN else f"{text[:SHOWN]}... ({len(text)} characters)"
+    return f"{name} is {shown}, but it must be {rule}; {_remedy(rule, given)}"
 
 
 def _remedy(rule: str, given: Any) -> str:
@@ -276,15 +273,10 @@ def _unknown(model: type[BaseModel], error: ErrorDetails) -> str:
         return f"'{_key(error)}' is not a known key: {SCOPE}; leave it out"
     stem = "".join(f"{part}." for part in path[:-1])
     valid = [stem + name for name in _keys(model, path[:-1])]
-    whole = [name for name in _keys(model, []) for name in _below(model, name)]
+    whole = [f"{name}.{key}" for name in _keys(model, []) for key in _keys(model, [name])]
     meant = [name for name in whole if name.rpartition(".")[2] == path[-1]]
     hint = f"did you mean '{meant[0]}'?" if meant else did_you_mean(_key(error), valid)
     return f"'{_key(error)}' is not a known key; {hint}"
-
-
-def _below(model: type[BaseModel], section: str) -> list[str]:
-    """Return the keys of a section with its name before them."""
-    return [f"{section}.{name}" for name in _keys(model, [section])]
 
 
 def _keys(model: type[BaseModel], path: list[str]) -> list[str]:

@@ -17,29 +17,18 @@ import numpy as np
 ARRAY: Any = np.ndarray
 
 
-def tan(x: float) -> float:
-    """Compute the tangent."""
-    return np.tan(x) if isinstance(x, ARRAY) else math.tan(x)
+def _elementwise(one: Callable[[float], float], many: Callable[[Any], Any]) -> Any:
+    def applied(x: float) -> float:
+        return many(x) if isinstance(x, ARRAY) else one(x)
+
+    return applied
 
 
-def cos(x: float) -> float:
-    """Compute the cosine."""
-    return np.cos(x) if isinstance(x, ARRAY) else math.cos(x)
-
-
-def arctan(x: float) -> float:
-    """Compute the arc tangent."""
-    return np.arctan(x) if isinstance(x, ARRAY) else math.atan(x)
-
-
-def log(x: float) -> float:
-    """Compute the natural logarithm."""
-    return np.log(x) if isinstance(x, ARRAY) else math.log(x)
-
-
-def sqrt(x: float) -> float:
-    """Compute the square root."""
-    return np.sqrt(x) if isinstance(x, ARRAY) else math.sqrt(x)
+tan: Callable[[float], float] = _elementwise(math.tan, np.tan)
+cos: Callable[[float], float] = _elementwise(math.cos, np.cos)
+arctan: Callable[[float], float] = _elementwise(math.atan, np.arctan)
+log: Callable[[float], float] = _elementwise(math.log, np.log)
+sqrt: Callable[[float], float] = _elementwise(math.sqrt, np.sqrt)
 
 
 def hypot(x: float, y: float) -> float:

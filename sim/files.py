@@ -73,21 +73,17 @@ def writing(root: Path, patience: float = 0.0) -> Iterator[None]:
     """
     until = time.monotonic() + patience
     with _handle(root, ".lock") as handle:
-        while not _locked(handle):
-            if time.monotonic() >= until:
-                raise StorageError(
-                    f"{root} is in use by another run; wait for it or choose another folder"
-                )
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except OSError:
+                if time.monotonic() >= until:
+                    raise StorageError(
+                        f"{root} is in use by another run; wait for it or choose another folder"
+                    ) from None
             time.sleep(PAUSE)
         yield
-
-
-def _locked(handle: IO[str]) -> bool:
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 @contextmanager

@@ -24,7 +24,7 @@ import numpy as np
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import naming
-from dogshape.sim.part.solid import Corner, Lines, between, dog_corners, require_body, require_room
+from dogshape.sim.part import Corner, Lines, between, dog_corners, require_body, require_room
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Vertices
 from dogshape.sim.units import MM

@@ -1,8 +1,8 @@
 """One engagement by the compiled engine: the problem and the result are those of Drake's.
 
-``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE`` times it that
-of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone, or one
-that falls from the static to the dynamic one where the scheme is ``cenic``.
+``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE_ERROR`` times it
+that of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone, or
+one that falls from the static to the dynamic one where the scheme is ``cenic``.
 """
 
 from __future__ import annotations
@@ -25,7 +25,6 @@ from dogshape.sim.shift.conclusion import (
     passed_through,
 )
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
-from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Mechanism
 from dogshape.sim.shift.mesh import rigid_dog, touching_planes, touching_quads
 from dogshape.sim.shift.release import release
@@ -45,7 +44,7 @@ class PlanarClutch:
         compliant dog's planes, m, (p,); lean of a traction and a braking flank, rad/m, (2,);
         pitch, rad; gap and travel, m.
     numbers : masses, mechanism and stop, in the places of ``sim.planar.kernel``.
-    law : of the contact, (5,).
+    law : of the contact, (5,): stiffness, dissipation, dynamic friction, stiction velocity, static.
     """
 
     clutch: Clutch
@@ -55,37 +54,21 @@ class PlanarClutch:
 
 
 def planar_clutch(clutch: Clutch) -> PlanarClutch:
-    """Prepare a clutch."""
-    return PlanarClutch(clutch, surfaces_of(clutch.dog), numbers_of(clutch), law_of(clutch))
+    """Prepare a clutch.
 
-
-def surfaces_of(dog: Dog) -> Surfaces:
-    """Describe where dogs touch (``PlanarClutch.surfaces``)."""
+    As in the Drake plant static friction counts where the contact set needs ``cenic``.
+    """
+    dog, contact = clutch.dog, clutch.contact
     vertices, planes = rigid_dog(dog).vertices, touching_planes(dog)
     corners = np.array([vertices[list(quad)] for quad in touching_quads(dog)])
     normals = np.array([plane.normal for plane in planes])
     offsets = np.array([plane.offset for plane in planes])
     lean = np.tan([dog.traction, dog.braking]) / dog.outer_radius
-    return corners, normals, offsets, lean, dog.pitch_angle, dog.axial_gap, dog.travel
-
-
-def law_of(clutch: Clutch) -> Floats:
-    """Give the contact's law: stiffness, dissipation, dynamic friction, stiction velocity, static.
-
-    As in the Drake plant static friction counts where the contact set needs ``cenic``.
-    """
-    contact = clutch.contact
-    falls = clutch.solver.scheme == "cenic"
-    static = contact.static_friction if falls else contact.dynamic_friction
-    return np.array(
-        [
-            contact.stiffness,
-            contact.dissipation,
-            contact.dynamic_friction,
-            contact.stiction_velocity,
-            static,
-        ]
-    )
+    surfaces = corners, normals, offsets, lean, dog.pitch_angle, dog.axial_gap, dog.travel
+    dynamic = contact.dynamic_friction
+    static = contact.static_friction if clutch.solver.scheme == "cenic" else dynamic
+    law = [contact.stiffness, contact.dissipation, dynamic, contact.stiction_velocity, static]
+    return PlanarClutch(clutch, surfaces, numbers_of(clutch), np.array(law))
 
 
 def state_size(mechanism: Mechanism) -> int:
@@ -104,8 +87,7 @@ def numbers_of(clutch: Clutch) -> Floats:
         mechanism.input_side(rings.sliding_inertia),
         mechanism.output_side(rings.output_inertia),
     )
-    numbers = np.zeros(kernel.NUMBERS)
-    for place, value in {
+    places = {
         kernel.SLEEVE: mechanism.sleeve_mass(rings.mass),
         kernel.FAR: mechanism.actuator_mass(rings.mass) or 1.0,
         kernel.SLIDING: rings.sliding_inertia if near is None else near.near,
@@ -131,33 +113,28 @@ def numbers_of(clutch: Clutch) -> Floats:
         kernel.LINKED: mechanism.has_linkage,
         kernel.USED: state_size(mechanism),
         kernel.TWIST: DEEP_TWIST,
-        **(
-            {}
-            if near is None
-            else {
-                kernel.BEHIND: near.far,
-                kernel.SHAFT: near.stiffness,
-                kernel.SHAFT_LOSS: near.damping,
-                kernel.BACKLASH: near.backlash,
-            }
-        ),
-        **(
-            {}
-            if far is None
-            else {
-                kernel.AHEAD: far.far,
-                kernel.OUT_SHAFT: far.stiffness,
-                kernel.OUT_LOSS: far.damping,
-            }
-        ),
-    }.items():
-        numbers[place] = value
+    }
+    if near is not None:
+        places |= {
+            kernel.BEHIND: near.far,
+            kernel.SHAFT: near.stiffness,
+            kernel.SHAFT_LOSS: near.damping,
+            kernel.BACKLASH: near.backlash,
+        }
+    if far is not None:
+        places |= {
+            kernel.AHEAD: far.far,
+            kernel.OUT_SHAFT: far.stiffness,
+            kernel.OUT_LOSS: far.damping,
+        }
+    numbers = np.zeros(kernel.NUMBERS)
+    numbers[list(places)] = list(places.values())
     return numbers
 
 
-PLACE = 1e-4  #: s, error of a place over that of a speed
-FIRST = 1e-5  #: s, first step
-ROOM = 4096  #: steps that are recorded at once
+PLACE_ERROR = 1e-4  #: s, error of a place over that of a speed
+FIRST_STEP = 1e-5  #: s, first step
+RECORD_SIZE = 4096  #: steps that are recorded at once
 
 
 def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) -> Engagement:
@@ -184,16 +161,16 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
     """Integrate from where friction lets the ring go to the end of the travel or the time-out."""
     clutch, solver = plant.clutch, plant.clutch.solver
     size = state_size(clutch.mechanism)
-    tolerance = np.array([solver.accuracy, PLACE * solver.accuracy])
+    tolerance = np.array([solver.accuracy, PLACE_ERROR * solver.accuracy])
     knots = np.array(point.profile.knots())
     times, states = _begin(plant, point, angle)
-    now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST, 0
+    now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST_STEP, 0
     count, last, blocked, failure = len(times), None, False, ""
     parts, mode = [(times, states)], np.zeros(2)
     end = time.monotonic() + solver.time_limit
     while now < clutch.timeout:
         until = min(STILL_WINDOW * (math.floor(now / STILL_WINDOW + 1e-9) + 1), clutch.timeout)
-        room, places = np.empty(ROOM), np.empty((ROOM, kernel.SIZE))
+        room, places = np.empty(RECORD_SIZE), np.empty((RECORD_SIZE, kernel.SIZE))
         why, now, step, made, tried = kernel.advance(
             now, step, state, until, plant.numbers, knots, plant.surfaces, plant.law, tolerance,
             solver.max_step, mode, room, places,

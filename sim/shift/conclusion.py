@@ -57,9 +57,9 @@ def depends_on_clock(reason: str) -> bool:
     return reason.startswith(TIME_LIMIT)
 
 
-LONG = 0.05  #: pitches, by which a step may turn without a look at what is between
+LONGEST_TURN = 0.05  #: pitches, by which a step may turn without a look at what is between
 #: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
-COVERED = 1.0 / 3.0
+COVERED_DEPTH = 1.0 / 3.0
 
 
 def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Series:
@@ -101,16 +101,17 @@ def path_of(clutch: Clutch, trace: Trace) -> tuple[Series, Series]:
     """Follow a shift between its steps too: way in m and relative angle in rad, each (m,).
 
     A step turns fast rings by more than a pitch, and dogs may meet and part within it. Steps that
-    turn by more than ``LONG`` are divided into parts that do not, with the cubic through both ends.
+    turn by more than ``LONGEST_TURN`` are divided into parts that do not, with the cubic through
+    both ends.
     """
     way, angle, speed, turn = (
         trace.displacement, trace.relative_angle, trace.axial_speed, trace.relative_speed,
     )  # fmt: skip
     turned = np.abs(angle[1:] - angle[:-1]) / clutch.dog.pitch_angle
-    long = np.flatnonzero(turned > LONG)
+    long = np.flatnonzero(turned > LONGEST_TURN)
     if not long.size:
         return way, angle
-    parts = int(np.ceil(turned.max() / LONG))
+    parts = int(np.ceil(turned.max() / LONGEST_TURN))
     s = np.arange(1, parts)[:, None] / parts
     step = trace.time[long + 1] - trace.time[long]
 
@@ -140,7 +141,7 @@ def passing_through(clutch: Clutch, displacement: Series, relative_angle: Series
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
     deepest = float(penetration(clutch.dog, displacement, relative_angle).max())
-    limit = COVERED * pressure_apex(clutch.dog)[1]
+    limit = COVERED_DEPTH * pressure_apex(clutch.dog)[1]
     if deepest > limit:
         rule = f"the contact pushes back down to {limit / MM:.4g} mm: dogs passed through"
         return refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy)
@@ -178,34 +179,8 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
     raise InputError(refusal("contact.stiffness_Pa_m", stiffness, "Pa/m", rule, remedy))
 
 
-DEAD_TIME = "dead time"  #: name of the phase before the force starts
-
-
-def later(time: float | None, delay: float) -> float | None:
-    """Move a time by a dead time in s; None stays."""
-    return None if time is None else time + delay
-
-
-def later_phases(phases: tuple[Phase, ...], delay: float) -> tuple[Phase, ...]:
-    """Put the dead time in s before the phases of a shift."""
-    moved = [Phase(one.name, one.start + delay, one.end + delay) for one in phases]
-    return (Phase(DEAD_TIME, 0.0, delay), *moved)
-
-
-def later_trace(trace: Trace, delay: float) -> Trace:
-    """Put the dead time in s before a trace, as one more state at the command, (n + 1,)."""
-    kept = [one.name for one in fields(trace) if getattr(trace, one.name) is not None]
-    first = {name: getattr(trace, name)[0] for name in kept}
-    first["time"] = 0.0
-    first["relative_angle"] -= delay * float(trace.relative_speed[0])
-    later_times = replace(trace, time=trace.time + delay)
-    return Trace(
-        **{name: np.concatenate([[value], getattr(later_times, name)])
-           for name, value in first.items()}
-    )  # fmt: skip
-
-
 FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
+DEAD_TIME = "dead time"  #: name of the phase before the force starts
 
 
 @dataclass(frozen=True)
@@ -293,15 +268,28 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
 
 
 def _delayed(found: Engagement, delay: float) -> Engagement:
-    """Return a shift whose force starts after a dead time in s, of one that starts at once."""
+    """Return a shift whose force starts after a dead time in s, of one that starts at once.
+
+    The dead time comes before the phases, and as one more state, that at the command, before the
+    trace, (n + 1,).
+    """
     if delay == 0.0:
         return found
+    phases = [Phase(one.name, one.start + delay, one.end + delay) for one in found.phases]
+    trace, later = found.trace, replace(found.trace, time=found.trace.time + delay)
+    kept = [one.name for one in fields(trace) if getattr(trace, one.name) is not None]
+    first = {name: getattr(trace, name)[0] for name in kept}
+    first["time"] = 0.0
+    first["relative_angle"] -= delay * float(trace.relative_speed[0])
+    whole = {n: np.concatenate([[value], getattr(later, n)]) for n, value in first.items()}
+    ends = (found.shift_time, found.actuator_time)
+    shift_time, actuator_time = (None if end is None else end + delay for end in ends)
     return replace(
         found,
-        shift_time=later(found.shift_time, delay),
-        actuator_time=later(found.actuator_time, delay),
-        phases=later_phases(found.phases, delay),
-        trace=later_trace(found.trace, delay),
+        shift_time=shift_time,
+        actuator_time=actuator_time,
+        phases=(Phase(DEAD_TIME, 0.0, delay), *phases),
+        trace=Trace(**whole),
     )
 
 

@@ -313,12 +313,26 @@ def _rules(dog: Dog) -> Rules:
         yield (length >= low) & (length <= high), require_between, (key, length, low, high, remedy)
     yield dog.inner_diameter < dog.outer_diameter, _refuse_diameters, (dog,)
     tip, slope, low = dog.tip_width_at(dog.inner_radius), dog.tangents, dog.braking_flank_height
-    yield tip > 0.0, _refuse_tip, (tip,)
-    yield slope[0] * slope[2] < 1.0, _refuse_face, (dog,)
+    rule = "the flanks must not meet below the tip (0 mm)"
+    remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
+    said: tuple[Any, ...] = (
+        GeometryError,
+        "tip width at the inner radius",
+        tip * 1e3,
+        "mm",
+        rule,
+        remedy,
+    )
+    yield tip > 0.0, _refuse, said
+    total, rule = (dog.chamfer + dog.braking) / DEG, "face and braking flank meet below 90 deg only"
+    said = (GeometryError, "chamfer and braking angle", total, "deg", rule, "use smaller angles")
+    yield slope[0] * slope[2] < 1.0, _refuse, said
     yield low > 0.5 * dog.height, _refuse_chamfer, (dog, low)
     if dog.edge_radius > 0.0:
         radius, room = dog.edge_radius / MM, dog.edge_room / MM
-        yield radius >= SHARPEST / MM, _refuse_sharp, (radius,)
+        rule = f"an edge is sharp (0 mm) or at least {SHARPEST / MM:.4g} mm round"
+        said = (InputError, "dog.edge_radius_mm", radius, "mm", rule, "correct the radius")
+        yield radius >= SHARPEST / MM, _refuse, said
         yield radius <= room, _refuse_round, (radius, room)
 
 
@@ -334,26 +348,10 @@ def _refuse_diameters(dog: Dog) -> None:
     _refuse(InputError, "dog.inner_diameter_mm", inner, "mm", rule, "exchange or correct the two")
 
 
-def _refuse_tip(tip: float) -> None:
-    rule = "the flanks must not meet below the tip (0 mm)"
-    remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
-    _refuse(GeometryError, "tip width at the inner radius", tip * 1e3, "mm", rule, remedy)
-
-
-def _refuse_face(dog: Dog) -> None:
-    total, rule = (dog.chamfer + dog.braking) / DEG, "face and braking flank meet below 90 deg only"
-    _refuse(GeometryError, "chamfer and braking angle", total, "deg", rule, "use smaller angles")
-
-
 def _refuse_chamfer(dog: Dog, low: float) -> None:
     rule = f"the chamfer must leave more than half the height, {dog.height * 500:.4g} mm"
     remedy = "use a smaller chamfer, more dogs or a higher dog"
     _refuse(GeometryError, "height of the braking flank", low * 1e3, "mm", rule, remedy)
-
-
-def _refuse_sharp(radius: float) -> None:
-    rule = f"an edge is sharp (0 mm) or at least {SHARPEST / MM:.4g} mm round"
-    _refuse(InputError, "dog.edge_radius_mm", radius, "mm", rule, "correct the radius")
 
 
 def _refuse_round(radius: float, room: float) -> None:
@@ -444,7 +442,7 @@ def root_radius_room(dog: Dog) -> float:
 
     On floor and face at the inner radius, where they are narrowest, on the traction flank,
     and on the braking flank at the outer radius, where it is lowest. Widths are taken along
-    the circumference; ``sim.part.solid`` has the same between planes. Roundings have the same
+    the circumference; ``sim.part`` has the same between planes. Roundings have the same
     radius, or that of the dog's edges.
     """
     slope, _, braking = dog.tangents

@@ -126,11 +126,19 @@ def rounded_edges(dog: Dog) -> tuple[Edge, Edge]:
     return crest, braking
 
 
-def _edge(first: Plane, last: Plane, radius: float) -> Edge:
+def edge_axis(first: Plane, last: Plane, radius: float) -> tuple[Vertices, Vertices]:
+    """Return point (3,) and outward direction (3,) of the axis that rounds the edge of two planes.
+
+    It is where both, moved in by the radius (m), meet; a negative radius fills the corner.
+    """
     along = np.cross(first.normal, last.normal)
     along *= math.copysign(1.0, along[0]) / float(np.linalg.norm(along))
     offsets = np.array([first.offset - radius, last.offset - radius, 0.0])
-    axis = np.linalg.solve(np.array([first.normal, last.normal, along]), offsets)
+    return np.linalg.solve(np.array([first.normal, last.normal, along]), offsets), along
+
+
+def _edge(first: Plane, last: Plane, radius: float) -> Edge:
+    axis, along = edge_axis(first, last, radius)
     arc = math.acos(float(first.normal @ last.normal))
     widest = 2.0 * math.acos(radius / (radius + DEVIATION))
     steps = max(2, math.ceil(arc / widest))
@@ -199,7 +207,8 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
     crest, braking = 1 + len(edges[0].planes), last - 1 - len(edges[1].planes)
     turns = (_Turn(1, crest, top - 8), _Turn(braking, last - 1, top - 4))
     cells = [cell for turn in turns for cell in turn.prisms()]
-    left = [_strip(a, b) for a, b in ((0, 1), (crest, braking), (last - 1, last), (last, 0))]
+    strips = ((0, 1), (crest, braking), (last - 1, last), (last, 0))
+    left: list[Face] = [(*_line(one), *_line(other)[::-1]) for one, other in strips]
     left += [face for turn in turns for face in turn.sides()]
     for end in (0, 1):
         one, two = (turn.axis + 3 * end for turn in turns)
@@ -261,10 +270,6 @@ def _line(line: int) -> tuple[int, int]:
     return 2 * line, 2 * line + 1
 
 
-def _strip(one: int, other: int) -> Face:
-    return (*_line(one), *_line(other)[::-1])
-
-
 def triangulated(face: Sequence[int]) -> list[tuple[int, int, int]]:
     """Cut a convex face into triangles from its lowest corner, the same on both sides of it."""
     start = face.index(min(face))
@@ -298,12 +303,7 @@ _HEXAHEDRON = list(itertools.product(("braking", "traction"), ("root", "face"), 
 
 def corners(planes: dict[str, Plane]) -> Vertices:
     """Return the eight corners (8, 3) of the body between six planes."""
-    points = []
-    for names in _HEXAHEDRON:
-        normals = np.array([planes[name].normal for name in names])
-        offsets = np.array([planes[name].offset for name in names])
-        points.append(np.linalg.solve(normals, offsets))
-    return np.array(points)
+    return np.array([meeting(*(planes[name] for name in names)) for names in _HEXAHEDRON])
 
 
 def rigid_dog(dog: Dog) -> Mesh:

@@ -31,43 +31,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from collections.abc import Set as AbstractSet
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake import geometry as geo
 from pydrake.common import MemoryFile
 from pydrake.common.value import Value
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    AddRigidHydroelasticProperties,
-    Box,
-    CollisionFilterDeclaration,
-    ContactSurface,
-    GeometryId,
-    GeometrySet,
-    HydroelasticContactRepresentation,
-    InMemoryMesh,
-    ProximityProperties,
-    QueryObject,
-    SceneGraph,
-)
-from pydrake.geometry import Mesh as MeshShape
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody import tree
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     ContactModel,
     CoulombFriction,
     MultibodyPlant,
 )
-from pydrake.multibody.tree import (
-    PrismaticJoint,
-    RevoluteJoint,
-    RigidBody,
-    SpatialInertia,
-    UnitInertia,
-)
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem, System
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
@@ -85,15 +65,6 @@ ACTUATOR, SHIFT, SLIDING, OUTPUT = "actuator", "shift", "sliding", "output"
 BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joints of what is behind a ring's shaft
 
 
-def add_actuator(plant: MultibodyPlant, clutch: Clutch, share: int, axis: np.ndarray) -> None:
-    """Add a body that the shift force moves along ``axis``; it touches nothing."""
-    mass = clutch.mechanism.actuator_mass(clutch.rings.mass) / share
-    inertia = SpatialInertia(mass, np.zeros(3), UnitInertia.SolidSphere(0.01))
-    body = plant.AddRigidBody("actuator", inertia)
-    joint = PrismaticJoint(ACTUATOR, plant.world_frame(), body.body_frame(), axis, damping=0.0)
-    plant.AddJointActuator("actuator_force", plant.AddJoint(joint))
-
-
 def shafts_of(clutch: Clutch) -> dict[str, Shaft]:
     """Return the shafts that give way, by the joint of their ring."""
     rings, mechanism = clutch.rings, clutch.mechanism
@@ -102,37 +73,6 @@ def shafts_of(clutch: Clutch) -> dict[str, Shaft]:
         OUTPUT: mechanism.output_side(rings.output_inertia),
     }
     return {joint: shaft for joint, shaft in sides.items() if shaft is not None}
-
-
-def add_behind(
-    plant: MultibodyPlant, ring: str, shaft: Shaft, share: int, axis: np.ndarray
-) -> None:
-    """Add what is behind a ring's shaft: a body that turns about ``axis`` and touches nothing."""
-    unit = UnitInertia(0.5, 0.5, 1.0)
-    inertia = SpatialInertia(shaft.far / share, np.zeros(3), unit)
-    body = plant.AddRigidBody(BEHIND[ring], inertia)
-    joint = RevoluteJoint(BEHIND[ring], plant.world_frame(), body.body_frame(), axis, damping=0.0)
-    plant.AddJointActuator(f"{BEHIND[ring]}_torque", plant.AddJoint(joint))
-
-
-def add_forces(
-    builder: DiagramBuilder,
-    scene: tuple[MultibodyPlant, SceneGraph],
-    clutch: Clutch,
-    share: int,
-    source: System,
-) -> None:
-    """Connect the forces of the mechanism; ``source`` is that of the shift force."""
-    plant, scene_graph = scene
-    forces = builder.AddSystem(_Forces(plant, clutch, share))
-    builder.Connect(source.get_output_port(), forces.push)
-    builder.Connect(plant.get_state_output_port(), forces.state)
-    if forces.shapes is not None:
-        builder.Connect(scene_graph.get_query_output_port(), forces.shapes)
-    elif forces.contact is not None:
-        world = plant.GetBodyByName("carriage").model_instance()
-        builder.Connect(plant.get_generalized_contact_forces_output_port(world), forces.contact)
-    builder.Connect(forces.get_output_port(), plant.get_actuation_input_port())
 
 
 class _Forces(LeafSystem):  # type: ignore[misc]
@@ -176,7 +116,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         self.shapes = None
         if mechanism.spline_friction > 0.0 and mechanism.ring_inertia == 0.0:
             if clutch.solver.scheme == "cenic":
-                self.shapes = self.DeclareAbstractInputPort("shapes", Value[QueryObject]())
+                self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
             else:
                 self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
         self.DeclareVectorOutputPort("forces", BasicVector(len(order)), self._calculate)
@@ -192,7 +132,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         if self.shapes is not None:
             turn = state[self._ring_rate] - state[self._output_rate]
             surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
-                HydroelasticContactRepresentation.kTriangle
+                geo.HydroelasticContactRepresentation.kTriangle
             )
             speed = state[self._rate]
             return ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
@@ -225,8 +165,8 @@ class _Forces(LeafSystem):  # type: ignore[misc]
 
 
 def ring_torque(
-    surfaces: Sequence[ContactSurface],
-    dogs: AbstractSet[GeometryId],
+    surfaces: Sequence[geo.ContactSurface],
+    dogs: AbstractSet[geo.GeometryId],
     turn: float,
     speed: float,
     contact: ContactSet,
@@ -294,10 +234,14 @@ class ClutchPlant:
         self._add_output_ring()
         self._add_stop(self._add_sliding_ring())
         if clutch.mechanism.has_linkage:
-            add_actuator(self.plant, clutch, self.share, -_AXIS)
+            mass = clutch.mechanism.actuator_mass(clutch.rings.mass) / self.share
+            shape = tree.UnitInertia.SolidSphere(0.01)
+            self._add_apart(ACTUATOR, mass, shape, tree.PrismaticJoint, "actuator_force")
         shafts = shafts_of(clutch)
         for ring, shaft in shafts.items():
-            add_behind(self.plant, ring, shaft, self.share, _AXIS)
+            name, shape = BEHIND[ring], tree.UnitInertia(0.5, 0.5, 1.0)
+            far = shaft.far / self.share
+            self._add_apart(name, far, shape, tree.RevoluteJoint, f"{name}_torque")
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
@@ -306,8 +250,7 @@ class ClutchPlant:
         self.state_size = len(self._order)  #: numbers of a state
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
-            scene = self.plant, self._scene_graph
-            add_forces(builder, scene, clutch, self.share, self._force)
+            self._add_forces(builder)
         else:
             port = self.plant.get_actuation_input_port()
             builder.Connect(self._force.get_output_port(), port)
@@ -375,24 +318,44 @@ class ClutchPlant:
         self._order = [found.get(k, found[same.get(k, k)]) for k in range(size)]
         return found
 
+    def _add_apart(
+        self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str
+    ) -> None:
+        """Add a body on a joint that has the body's name; it touches nothing."""
+        plant, axis = self.plant, -_AXIS if name == ACTUATOR else _AXIS
+        body = plant.AddRigidBody(name, tree.SpatialInertia(mass, np.zeros(3), shape))
+        joint = joint_type(name, plant.world_frame(), body.body_frame(), axis, damping=0.0)
+        plant.AddJointActuator(actuator, plant.AddJoint(joint))
+
+    def _add_forces(self, builder: DiagramBuilder) -> None:
+        plant, forces = self.plant, builder.AddSystem(_Forces(self.plant, self.clutch, self.share))
+        builder.Connect(self._force.get_output_port(), forces.push)
+        builder.Connect(plant.get_state_output_port(), forces.state)
+        if forces.shapes is not None:
+            builder.Connect(self._scene_graph.get_query_output_port(), forces.shapes)
+        elif forces.contact is not None:
+            world = plant.GetBodyByName("carriage").model_instance()
+            builder.Connect(plant.get_generalized_contact_forces_output_port(world), forces.contact)
+        builder.Connect(forces.get_output_port(), plant.get_actuation_input_port())
+
     def _add_output_ring(self) -> None:
         clutch, plant = self.clutch, self.plant
         shaft = shafts_of(clutch).get(OUTPUT)
         inertia = (clutch.rings.output_inertia if shaft is None else shaft.near) / self.share
         body = plant.AddRigidBody("output_ring", _ring_inertia(1.0 / self.share, inertia))
         joint = plant.AddJoint(
-            RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
+            tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
         )
         if OUTPUT in shafts_of(clutch):
             plant.AddJointActuator("output_torque", joint)
         surface = ring_of(clutch.dog, rigid_dog(clutch.dog))
-        properties = ProximityProperties()
-        AddRigidHydroelasticProperties(properties)
+        properties = geo.ProximityProperties()
+        geo.AddRigidHydroelasticProperties(properties)
         self._add_contact(properties)
         shape = _in_memory(to_obj(surface), ".obj")
         plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "output_dogs", properties)
 
-    def _add_stop(self, carriage: RigidBody) -> None:
+    def _add_stop(self, carriage: tree.RigidBody) -> None:
         """Set a stop behind the sliding ring: a plate on its carriage meets a fixed one.
 
         Without friction, as stiff as all faces on each other and with a
@@ -403,16 +366,18 @@ class ClutchPlant:
         side, thick = 10e-3, 5e-3
         behind = 10.0 * dog.height
         faces = dog.count * dog.tip_width * dog.radial_width / self.share
-        plate, fixed = ProximityProperties(), ProximityProperties()
+        plate, fixed = geo.ProximityProperties(), geo.ProximityProperties()
         modulus = self.clutch.contact.stiffness * faces / side**2 * (0.5 * thick)
-        AddCompliantHydroelasticProperties(side, modulus, plate)
-        AddRigidHydroelasticProperties(side, fixed)
+        geo.AddCompliantHydroelasticProperties(side, modulus, plate)
+        geo.AddRigidHydroelasticProperties(side, fixed)
         for properties in (plate, fixed):
-            AddContactMaterial(dissipation=100.0, friction=CoulombFriction(), properties=properties)
+            geo.AddContactMaterial(
+                dissipation=100.0, friction=CoulombFriction(), properties=properties
+            )
         middle = behind + 0.5 * thick
         far = middle + thick + self.clutch.rebound
-        shape, wall = Box(side, side, thick), Box(2 * side, 2 * side, thick)
-        dogs = GeometrySet(
+        shape, wall = geo.Box(side, side, thick), geo.Box(2 * side, 2 * side, thick)
+        dogs = geo.GeometrySet(
             [
                 geometry
                 for name in ("output_ring", "sliding_ring")
@@ -425,10 +390,12 @@ class ClutchPlant:
         still = plant.RegisterCollisionGeometry(
             plant.world_body(), RigidTransform(np.array([0, 0, far])), wall, "stop", fixed
         )
-        apart = CollisionFilterDeclaration().ExcludeBetween(dogs, GeometrySet([moving, still]))
+        apart = geo.CollisionFilterDeclaration().ExcludeBetween(
+            dogs, geo.GeometrySet([moving, still])
+        )
         self._scene_graph.collision_filter_manager().Apply(apart)
 
-    def _add_sliding_ring(self) -> RigidBody:
+    def _add_sliding_ring(self) -> tree.RigidBody:
         """Add both bodies of the sliding ring and return the one that does not turn.
 
         Its frame starts at the origin of the world, one travel from its dogs.
@@ -443,17 +410,17 @@ class ClutchPlant:
         start = RigidTransform([0.0, 0.0, clutch.dog.travel])
         damping = clutch.mechanism.damping / self.share
         world, frame = plant.world_frame(), carriage.body_frame()
-        joint = plant.AddJoint(PrismaticJoint(SHIFT, world, frame, -_AXIS, damping=damping))
+        joint = plant.AddJoint(tree.PrismaticJoint(SHIFT, world, frame, -_AXIS, damping=damping))
         turning = plant.AddJoint(
-            RevoluteJoint(SLIDING, frame, body.body_frame(), _AXIS, damping=0.0)
+            tree.RevoluteJoint(SLIDING, frame, body.body_frame(), _AXIS, damping=0.0)
         )
         plant.AddJointActuator("shift_force", joint)
         if clutch.mechanism.has_forces:
             plant.AddJointActuator("drag_torque", turning)
         one = compliant_dog(clutch.dog)
-        properties = ProximityProperties()
+        properties = geo.ProximityProperties()
         modulus = clutch.contact.stiffness * pressure_apex(clutch.dog)[1]
-        AddCompliantHydroelasticProperties(1.0, modulus, properties)
+        geo.AddCompliantHydroelasticProperties(1.0, modulus, properties)
         self._add_contact(properties)
         turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start.translation())
         count = clutch.dog.count if clutch.solver.all_dogs else 1
@@ -464,22 +431,22 @@ class ClutchPlant:
             plant.RegisterCollisionGeometry(body, pose, shape, f"dog_{index}", properties)
         return carriage
 
-    def _add_contact(self, properties: ProximityProperties) -> None:
+    def _add_contact(self, properties: geo.ProximityProperties) -> None:
         contact = self.clutch.contact
         friction = CoulombFriction(contact.static_friction, contact.dynamic_friction)
-        AddContactMaterial(
+        geo.AddContactMaterial(
             dissipation=contact.dissipation, friction=friction, properties=properties
         )
 
 
-def _in_memory(text: str, extension: str) -> MeshShape:
-    return MeshShape(InMemoryMesh(mesh_file=MemoryFile(text.encode(), extension, "dog")), 1.0)
+def _in_memory(text: str, extension: str) -> geo.Mesh:
+    return geo.Mesh(geo.InMemoryMesh(mesh_file=MemoryFile(text.encode(), extension, "dog")), 1.0)
 
 
-def _ring_inertia(mass: float, polar: float) -> SpatialInertia:
+def _ring_inertia(mass: float, polar: float) -> tree.SpatialInertia:
     """Return the inertia of a thin ring; only mass and polar inertia act here."""
     unit = polar / mass
-    return SpatialInertia(mass, np.zeros(3), UnitInertia(0.5 * unit, 0.5 * unit, unit))
+    return tree.SpatialInertia(mass, np.zeros(3), tree.UnitInertia(0.5 * unit, 0.5 * unit, unit))
 
 
 def _trajectory(profile: ForceProfile, share: int) -> PiecewisePolynomial:

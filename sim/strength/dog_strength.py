@@ -60,7 +60,7 @@ from dogshape.sim.strength.tolerance import (
 from dogshape.sim.units import MM, MPA
 
 #: m2 that a flank is taken to touch with at least, so that any design has a finite pressure.
-LEAST_AREA = 1e-8
+SMALLEST_AREA = 1e-8
 THICK, THINNEST = 1.2, 0.5  #: heights of a rim: no effect above, no formula below
 
 
@@ -211,7 +211,7 @@ def root_of(dog: Dog, limits: Limits, flank: Flank) -> Root:
     lasting = case.force_per_dog(dog, flank, case.design_torque * case.share_of(flank))
     depth = 1.0 + limits.material.case_depth / radius
     return Root(
-        lasting / largest(contact.area, LEAST_AREA),
+        lasting / largest(contact.area, SMALLEST_AREA),
         root_nominal(dog, load),
         1.5 * load.force / (dog.radial_width * dog.root_width),
         notch_factor(dog, radius, flank),
@@ -363,7 +363,7 @@ def strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         load = Load(force, flank, contact.level(limits.load.load_height))
         rim = rim_factor(dog, limits.manufacturing)
         tension = largest(tension, root_tension(dog, limits.root_radius, load) * rim)
-        pressure = largest(pressure, force / largest(contact.area, LEAST_AREA))
+        pressure = largest(pressure, force / largest(contact.area, SMALLEST_AREA))
     root = limits.static_root_stress
     if strike.strikes is not None:
         root = min(root, limits.endurance(strike.strikes))

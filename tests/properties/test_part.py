@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part.solid import (
+from dogshape.sim.part import (
     SMALLEST,
     Lines,
     dog_corners,
@@ -155,7 +155,7 @@ def test_the_checks_can_fail(prototype: Dog, monkeypatch: pytest.MonkeyPatch) ->
     spoilt[np.argmax(spoilt[: len(spoilt) // 15, 2])] += np.array([1.0, 0.7, -20.0]) * MM
     assert piercings(Mesh(spoilt, sound.cells), 2, 15) > 0
     too_large = largest_root_radius(prototype) + 2.0 * LAND
-    monkeypatch.setattr("dogshape.sim.part.solid.require_room", lambda *_: None)
+    monkeypatch.setattr("dogshape.sim.part.require_room", lambda *_: None)
     crossed = ring_part(prototype, too_large, BODY, **COARSE)
     assert piercings(crossed, 2, 15) > 0
 

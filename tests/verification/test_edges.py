@@ -15,7 +15,7 @@ import dogshape.sim.shift.mesh
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.part.solid import dog_corners, largest_root_radius, part_volume, ring_part
+from dogshape.sim.part import dog_corners, largest_root_radius, part_volume, ring_part
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import LaggedProfile

@@ -10,7 +10,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part.solid import dog_corners, largest_root_radius
+from dogshape.sim.part import dog_corners, largest_root_radius
 from dogshape.sim.shift.geometry import FLANKS, LAND, Dog, Flank, flank_contact, root_radius_room
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.strength.checks import Check, Rule

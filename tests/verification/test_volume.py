@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part.solid import (
+from dogshape.sim.part import (
     chamfer_volume,
     corner_volume,
     dog_corners,

@@ -24,7 +24,7 @@ from dogshape.pipeline.store.output_files import require_targets
 from dogshape.running import Where
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
-from dogshape.sim.part.solid import part_volume, ring_part
+from dogshape.sim.part import part_volume, ring_part
 from dogshape.sim.shift.mesh import to_stl
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import MM

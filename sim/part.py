@@ -45,10 +45,19 @@ from scipy.optimize import brentq
 
 from dogshape.sim.errors import GeometryError, refusal
 from dogshape.sim.shift.geometry import LAND, Dog, tip_radius
-from dogshape.sim.shift.mesh import Cells, Mesh, Plane, Vertices, dog_planes, flank_line, rotation
+from dogshape.sim.shift.mesh import (
+    Cells,
+    Mesh,
+    Plane,
+    Vertices,
+    dog_planes,
+    edge_axis,
+    flank_line,
+    rotation,
+)
 
 #: Radii below this, m, are lost in the precision of a CAD kernel or an STL file.
-SMALLEST = 1e-6
+SMALLEST_RADIUS = 1e-6
 #: Faces of the toothed side in the order of the corners that they follow.
 STRIPS = ("braking flank", "face", "traction flank", "slot floor")
 
@@ -123,16 +132,10 @@ def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
     faces = [floor, planes["braking"], planes["face"], planes["traction"], floor]
     tip = tip_radius(dog, root_radius)
     radii = (-root_radius, tip, tip, -root_radius)
-    return tuple(_corner(a, b, r) for (a, b), r in zip(pairwise(faces), radii, strict=True))
-
-
-def _corner(first: Plane, last: Plane, radius: float) -> Corner:
-    """Return the corner of two planes; its axis is where both, moved in by the radius, meet."""
-    along = np.cross(first.normal, last.normal)
-    along *= math.copysign(1.0, along[0]) / float(np.linalg.norm(along))
-    offsets = np.array([first.offset - radius, last.offset - radius, 0.0])
-    axis = np.linalg.solve(np.array([first.normal, last.normal, along]), offsets)
-    return Corner(axis, along, first.normal, last.normal, radius)
+    return tuple(
+        Corner(*edge_axis(first, last, radius), first.normal, last.normal, radius)
+        for (first, last), radius in zip(pairwise(faces), radii, strict=True)
+    )
 
 
 def profile(dog: Dog, root_radius: float, segments: int, step: float) -> list[Lines]:
@@ -237,15 +240,13 @@ def require_room(dog: Dog, root_radius: float) -> None:
     require_sharp(dog)
     if root_radius == 0.0:
         return
-    if root_radius >= SMALLEST and lands(dog, root_radius).min() >= LAND:
+    if root_radius >= SMALLEST_RADIUS and lands(dog, root_radius).min() >= LAND:
         return
-    span = f"{SMALLEST * 1e3:.4g} and {largest_root_radius(dog) * 1e3:.4g} mm"
+    span = f"{SMALLEST_RADIUS * 1e3:.4g} and {largest_root_radius(dog) * 1e3:.4g} mm"
     rule = f"it must be 0 or lie between {span} to leave floor, face and flanks"
     remedy = "use a smaller root radius, or fewer or higher dogs"
     raise GeometryError(refusal("root_radius_mm", root_radius * 1e3, "mm", rule, remedy))
 
-
-__all__ = ["largest_root_radius", "mated", "part_volume", "ring_part"]
 
 SEGMENTS = 8  #: of the arc of a fillet or rounding
 STEP = math.radians(2.0)  #: largest angle between neighbouring lines, rad
