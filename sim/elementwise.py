@@ -17,18 +17,20 @@ import numpy as np
 ARRAY: Any = np.ndarray
 
 
-def _elementwise(one: Callable[[float], float], many: Callable[[Any], Any]) -> Any:
+def _elementwise(one: Callable[[float], float], name: str) -> Callable[[float], float]:
     def applied(x: float) -> float:
-        return many(x) if isinstance(x, ARRAY) else one(x)
+        # By name, since a browser's stand-in for numpy has no such function.
+        found: float = getattr(np, name)(x) if isinstance(x, ARRAY) else one(x)
+        return found
 
     return applied
 
 
-tan: Callable[[float], float] = _elementwise(math.tan, np.tan)
-cos: Callable[[float], float] = _elementwise(math.cos, np.cos)
-arctan: Callable[[float], float] = _elementwise(math.atan, np.arctan)
-log: Callable[[float], float] = _elementwise(math.log, np.log)
-sqrt: Callable[[float], float] = _elementwise(math.sqrt, np.sqrt)
+tan = _elementwise(math.tan, "tan")
+cos = _elementwise(math.cos, "cos")
+arctan = _elementwise(math.atan, "arctan")
+log = _elementwise(math.log, "log")
+sqrt = _elementwise(math.sqrt, "sqrt")
 
 
 def hypot(x: float, y: float) -> float:

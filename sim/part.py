@@ -283,7 +283,12 @@ def ring_part(
     under = np.array([1.0, 1.0, 0.0])
     depth = np.array([0.0, 0.0, -0.5 * dog.height - body])
     feet = (inner[heads] * under + depth, outer[heads] * under + depth)
-    return _all_round(dog, np.concatenate([inner, outer, *feet]), pitch.cells())
+    points = np.concatenate([inner, outer, *feet])
+    # Cells may point into the pitch that follows.
+    turns = [rotation(index * dog.pitch_angle).T for index in range(dog.count)]
+    vertices = np.concatenate([points @ turn for turn in turns])
+    cells = pitch.cells() + len(points) * np.arange(dog.count)[:, None, None]
+    return Mesh(vertices, (cells % len(vertices)).reshape(-1, 3))
 
 
 def require_body(body: float) -> None:
@@ -315,14 +320,6 @@ def _columns(inner: Vertices, outer: Vertices) -> list[list[int]]:
         else:
             columns.append([index])
     return columns
-
-
-def _all_round(dog: Dog, points: Vertices, cells: Cells) -> Mesh:
-    """Repeat one pitch about the axis; cells may point into the pitch that follows."""
-    turns = [rotation(index * dog.pitch_angle).T for index in range(dog.count)]
-    vertices = np.concatenate([points @ turn for turn in turns])
-    shifts = len(points) * np.arange(dog.count)[:, None, None]
-    return Mesh(vertices, ((cells + shifts) % len(vertices)).reshape(-1, 3))
 
 
 @dataclass(frozen=True)

@@ -177,7 +177,11 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
         )  # fmt: skip
         parts.append((room[:made], places[:made]))
         count, spent = count + made, spent + tried
-        failure = _failure(plant, now, count, time.monotonic() > end)
+        place = f"at {now:.6g} s of the shift"
+        if count > solver.max_steps:
+            failure = f"no end after solver.max_steps = {solver.max_steps}, {place}"
+        elif time.monotonic() > end:
+            failure = f"{TIME_LIMIT} = {solver.time_limit:.6g}, {place}"
         if why == kernel.LOST or not np.isfinite(state).all():
             failure = f"the motion is not finite at {now:.6g} s"
         if failure or why == kernel.ENGAGED:
@@ -202,13 +206,3 @@ def _begin(plant: PlanarClutch, point: OperatingPoint, angle: float) -> tuple[Fl
     states[:, 8], states[:, 9] = states[:, 2], sliding
     states[:, 10], states[:, 11] = states[:, 0], output
     return held.time, states
-
-
-def _failure(plant: PlanarClutch, now: float, count: int, late: bool) -> str:
-    """Name the limit that a run has passed; empty where there is none."""
-    solver = plant.clutch.solver
-    if count > solver.max_steps:
-        return f"no end after solver.max_steps = {solver.max_steps}, at {now:.6g} s of the shift"
-    if late:
-        return f"{TIME_LIMIT} = {solver.time_limit:.6g}, at {now:.6g} s of the shift"
-    return ""

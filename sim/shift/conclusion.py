@@ -237,11 +237,14 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     count from the start of the force, those of the result from the command: a dead time later.
     """
     trace = trace_of(clutch, point, run.times, run.states)
-    outcome, failure = _outcome(clutch, run, trace), run.failure
-    if outcome is not Outcome.DIVERGED:
-        failure = passing_through(clutch, *path_of(clutch, trace))
-        outcome = Outcome.DIVERGED if failure else outcome
     way = clutch.shift_travel
+    failure = run.failure or passing_through(clutch, *path_of(clutch, trace))
+    if failure:
+        outcome = Outcome.DIVERGED
+    elif (trace.displacement >= way).any():
+        outcome = Outcome.ENGAGED
+    else:
+        outcome = Outcome.BLOCKED if run.blocked else Outcome.TIMED_OUT
     done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
     far = done
     if clutch.mechanism.has_linkage:
@@ -296,11 +299,3 @@ def _delayed(found: Engagement, delay: float) -> Engagement:
 def passed_through(run: Run, found: Engagement) -> bool:
     """Decide whether a shift diverged for its dogs alone, which finer steps may mend."""
     return found.outcome is Outcome.DIVERGED and not run.failure
-
-
-def _outcome(clutch: Clutch, run: Run, trace: Trace) -> Outcome:
-    if run.failure:
-        return Outcome.DIVERGED
-    if (trace.displacement >= clutch.shift_travel).any():
-        return Outcome.ENGAGED
-    return Outcome.BLOCKED if run.blocked else Outcome.TIMED_OUT

@@ -189,11 +189,6 @@ class Dog:
         return self.height * self.lean
 
     @property
-    def entry_play_angle(self) -> float:
-        """Entry play as an angle, rad."""
-        return self.entry_play / self.mean_radius
-
-    @property
     def edge_drop(self) -> float:
         """Depth below the crest at which the face meets the braking flank, m.
 

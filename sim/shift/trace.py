@@ -49,7 +49,11 @@ def contact_means(
         lost = np.diff(profile.free_speed(time, mass)) - np.diff(state[:, 4])
         return mass * lost / steps, torque
     middle = _middles(state, steps)
-    torque = _turning(clutch, torque, state, middle)
+    held_at = 9 if mechanism.ring_inertia > 0.0 else 5
+    parts = (state[:-1], middle, state[1:])
+    torque = torque + _simpson([mechanism.drag(part[:, held_at]) for part in parts])
+    # What the rule leaves of a drag torque is no contact.
+    torque = np.where(np.abs(torque) < 0.01 * mechanism.drag_torque, 0.0, torque)
     share = mechanism.spline_share(rings.mass, clutch.dog.mean_radius, rings.sliding_inertia)
     momentum = mechanism.sleeve_mass(rings.mass) * np.diff(state[:, 4])
     if mechanism.has_linkage:
@@ -59,7 +63,7 @@ def contact_means(
         mechanism.resistance(
             part[:, 1], part[:, 4], share * torque if shaft is None else _through(shaft, part)
         )
-        for part in (state[:-1], middle, state[1:])
+        for part in parts
     ]
     moved = np.diff(state[:, 1]) != 0.0  # at rest friction holds the shift force, whatever it is
     return np.where(moved, (given - momentum) / steps - _simpson(held), 0.0), torque
@@ -79,16 +83,6 @@ def shaft_torques(clutch: Clutch, state: Series) -> tuple[Series | None, Series 
 def _through(shaft: Shaft, state: Series) -> Series:
     """Return the torque that the spline hands on to the sliding ring, N m, (n,)."""
     return shaft.torque(state[:, 8] - state[:, 2], state[:, 9] - state[:, 5])
-
-
-def _turning(clutch: Clutch, gained: Series, state: Series, middle: Series) -> Series:
-    """Return the mean torque of the contact from what turned the ring, N m, (n - 1,)."""
-    mechanism = clutch.mechanism
-    held_at = 9 if mechanism.ring_inertia > 0.0 else 5
-    held = _simpson([mechanism.drag(p[:, held_at]) for p in (state[:-1], middle, state[1:])])
-    torque = gained + held
-    # What the rule leaves of a drag torque is no contact.
-    return np.where(np.abs(torque) < 0.01 * mechanism.drag_torque, 0.0, torque)
 
 
 def _middles(state: Series, steps: Series) -> Series:

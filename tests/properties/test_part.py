@@ -13,7 +13,7 @@ import pytest
 
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import (
-    SMALLEST,
+    SMALLEST_RADIUS,
     Lines,
     dog_corners,
     lands,
@@ -65,7 +65,7 @@ def designs(seed: int, number: int) -> list[Design]:
         dog, radius = design
         if rng.random() < 0.1:
             radius = (1.0 - 1e-6) * largest_root_radius(dog)
-        if radius == 0.0 or (radius > SMALLEST and lands(dog, radius).min() >= LAND):
+        if radius == 0.0 or (radius > SMALLEST_RADIUS and lands(dog, radius).min() >= LAND):
             found.append((dog, radius))
     return found
 
