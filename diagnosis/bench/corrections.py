@@ -10,11 +10,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 
-from dogshape.diagnosis.bench.force_start import ForceStart, find_force_start
-from dogshape.diagnosis.bench.near_points import joined_values
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.bench.table import Row, Sheet
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.table import Row, Sheet, joined_values
+from dogshape.diagnosis.bench.traces import BenchTrace, ForceStart, find_force_start
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 from dogshape.sim.units import MM, MS, RPM
 

@@ -24,8 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.force_start import scatter, smoothed
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import BenchTrace, scatter, smoothed
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.shift.actuation import ForceProfile
 

@@ -18,8 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.measured_units import Unit, split_head, unit_named
-from dogshape.diagnosis.bench.written_numbers import Decimals, are_numbers, decimals_of
+from dogshape.diagnosis.bench.foreign_cells import (
+    Decimals,
+    Unit,
+    are_numbers,
+    decimals_of,
+    split_head,
+    unit_named,
+)
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
 from dogshape.sim.texts import parted, read_lines

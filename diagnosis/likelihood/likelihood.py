@@ -29,7 +29,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.nominal_errors import Tolerance
+from dogshape.diagnosis.bench.stand_file import Tolerance
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.reading import Reading, gather
-from dogshape.diagnosis.bench.record import BenchRecord
-from dogshape.diagnosis.bench.stand_file import Sensor
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
+from dogshape.diagnosis.bench.stand_file import BenchRecord, Sensor
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.inference.shift_plan import Field, ShiftPlan, field_of, shift_plan
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
-from dogshape.pipeline.diagnose.bench_study import rounded
+from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
@@ -36,32 +32,28 @@ class Wanted:
 def points_from(where: str | Path) -> Bench:
     """Return the operating points and the clutch of a data set, or of a study.
 
-    A plan uses no times of a data set.
+    A plan uses no times of a data set. A study is a bench of which no shift is known yet.
 
     Raises
     ------
     InputError, DataError
         There is neither, or it cannot be read.
     """
-    path = Path(where)
-    if (path / "bench.toml").is_file() or (bundled_root() / "bench" / str(where)).is_dir():
+    path, root = Path(where), bundled_root() / "bench"
+    if (path / "bench.toml").is_file() or (root / str(where)).is_dir():
         return load_bench(where)
     if path.is_file() or (path / "study.toml").is_file() or str(where) in bundled_studies():
-        return bench_of(str(where))
-    sets = sorted(p.name for p in (bundled_root() / "bench").iterdir() if p.is_dir())
+        study = load_study(where)
+        rows = [Reading(k, point, 1, None, None) for k, point in enumerate(study.points, start=2)]
+        return Bench(
+            study.name, f"study {where}", study.clutch, gather(rows), None, Sensor(),
+            record=BenchRecord(displacement_at="sleeve"),
+        )  # fmt: skip
+    sets = sorted(p.name for p in root.iterdir() if p.is_dir())
     raise InputError(
         f"there is no data set and no study at {where}: give a folder with bench.toml and "
         f"shifts.csv, a study file, or a bundled name ({', '.join([*sets, *bundled_studies()])})"
     )
-
-
-def bench_of(where: str) -> Bench:
-    """Return a study as a bench of which no shift is known yet."""
-    study = load_study(where)
-    readings = [Reading(k, point, 1, None, None) for k, point in enumerate(study.points, start=2)]
-    cells = gather(readings)
-    record = BenchRecord(displacement_at="sleeve")
-    return Bench(study.name, f"study {where}", study.clutch, cells, None, Sensor(), record=record)
 
 
 def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
@@ -91,14 +83,10 @@ def sheet(bench: Bench, plan: ShiftPlan) -> str:
 
     Its column ``order`` counts the shifts, so that a drift can be seen afterwards.
     """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow((*COLUMNS[:7], "order"))
-    order = 0
+    lines = [",".join((*COLUMNS[:7], "order"))]
     for place, count in plan.order:
         point = bench.cells[place].point
-        row = [rounded(point.mismatch / RPM), rounded(point.profile.force), point.profile.rise]
+        values = rounded(point.mismatch / RPM), rounded(point.profile.force), point.profile.rise
         for _ in range(count):
-            order += 1
-            writer.writerow([*row, 1, "", "", "", order])
-    return text.getvalue()
+            lines.append(f"{','.join(map(str, values))},1,,,,{len(lines)}")
+    return "\n".join(lines) + "\n"

@@ -19,16 +19,13 @@ from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.corrections import corrected, parse
-from dogshape.diagnosis.bench.foreign_columns import SHIFTS, TRACE
+from dogshape.diagnosis.bench.foreign_columns import SHIFTS, TRACE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
-from dogshape.diagnosis.bench.foreign_values import Report, TableReader
-from dogshape.diagnosis.bench.mdf4 import SUFFIXES
-from dogshape.diagnosis.bench.near_points import set_values
-from dogshape.diagnosis.bench.slips import examine, impossible
+from dogshape.diagnosis.bench.slips import SCALED, examine, impossible
 from dogshape.diagnosis.bench.stand_file import load_stand
-from dogshape.diagnosis.bench.table import COLUMNS, Sheet
+from dogshape.diagnosis.bench.table import COLUMNS, Sheet, set_values
 from dogshape.diagnosis.bench.table import Row as SheetRow
-from dogshape.diagnosis.bench.table_slips import SCALED
+from dogshape.diagnosis.bench.trace_files import SUFFIXES
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.bench_template import TEMPLATE
 from dogshape.pipeline.drafts.sources import PUBLISHED, Source, source_of

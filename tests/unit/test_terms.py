@@ -7,11 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.comparison import PointGap, compare
-from dogshape.diagnosis.bench.input_errors import inputs_of
-from dogshape.diagnosis.bench.nominal_errors import NominalErrors, Tolerance
-from dogshape.diagnosis.bench.reading import Reading
+from dogshape.diagnosis.bench.bench_data import Reading, load_bench
+from dogshape.diagnosis.bench.comparison import PointGap, compare, inputs_of
+from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from dogshape.sim.units import RPM
 from tests.made_up import few_cells, made_up
 from tests.toy import bench_of, points_of

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.input_errors import NominalInputs, inputs_of
-from dogshape.diagnosis.bench.nominal_errors import NominalErrors, Tolerance
+from dogshape.diagnosis.bench.comparison import NominalInputs, inputs_of
+from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models
