@@ -1,10 +1,24 @@
-"""Simulation against a bench data set, operating point by operating point.
+r"""Simulation against a bench data set, operating point by operating point.
 
 If the data set gives its relative angles, the simulation uses the same angles. The standard error
 is then that of a mean of as many random angles. Otherwise the angles are evenly spaced, and the
 error adds that of the bench's mean and that of the simulated mean. The former has the simulated
-spread, or that of the readings where it is larger: few angles may miss a long tail. Stated errors
-of nominal force and mismatch join it (*u_input* of ASME V&V 20, ``diagnosis.bench.comparison``).
+spread, or that of the readings where it is larger: few angles may miss a long tail.
+
+Stated errors of nominal force and mismatch join it: *u_input* of ASME V&V 20. The mean time at an
+operating point changes with force and mismatch by
+
+.. math:: \frac{\partial T}{\partial \ln F} = \frac{\partial t_0}{\partial \ln F}
+          \frac{\Delta T}{\Delta t_0}, \qquad
+          \frac{\partial T}{\partial n} = \frac{1}{|n| + n_1}
+          \frac{\Delta T}{\Delta \ln(|n| + n_1)},
+
+with :math:`t_0` the free flight, whose derivative at the same rise time has a closed form, and
+differences between neighbours of the data set (:math:`n_1` is 1/min). Along its grid the rise time
+mostly changes with the force, which an error of the force does not; the free flight has both in it.
+Neighbours are some way apart, and points within ``ALIKE`` are alike: simulated means err by their
+angles, of which a small step would make a large slope. Where a mismatch has one force only, the
+free flight alone counts; where a force has one mismatch only, its error is not propagated.
 """
 
 from __future__ import annotations
@@ -12,15 +26,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, Cell
-from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from dogshape.diagnosis.terms import Array
-from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import PointExpectation, expect_point
 from dogshape.sim.statistics.numerical_error import Runner, numerical_error
@@ -29,6 +39,9 @@ from dogshape.sim.units import RPM
 
 LEAST = 3  #: single readings that say something of their scatter
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
+STEP = 0.01  #: of ln force
+ALIKE = 0.02  #: of a value, up to which two are alike
+APART = {"flight": 0.03, "mismatch": 0.1}  #: of ln flight and ln mismatch, the least difference
 
 
 @dataclass(frozen=True)
@@ -132,7 +145,14 @@ def compare(
     rows = run(blocks)
     pairs = zip(bench.cells, rows, strict=True)
     found = [_difference(bench, c, r, given is None) for c, r in pairs]
-    differences = tuple(_with_input_errors(bench, found))
+    if bench.errors:
+        means = np.array([np.nan if one.mean is None else one.mean for one in found])
+        added = np.nan_to_num(input_errors(bench, means)).tolist()
+        found = [
+            replace(one, standard_error=math.hypot(one.standard_error, error))
+            for one, error in zip(found, added, strict=True)
+        ]
+    differences = tuple(found)
     error = numerical_error(blocks, rows, run) if checked else None
     return Comparison(bench, differences, error)
 
@@ -145,19 +165,6 @@ def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Dif
         sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
         error = math.hypot(simulated.standard_error, sampled)
     return Difference(cell, simulated.mean_engaged, max(error, 1e-6), simulated)
-
-
-def _with_input_errors(bench: Bench, found: list[Difference]) -> list[Difference]:
-    """Add the errors of nominal values to those of the gaps, where any are stated."""
-    inputs = inputs_of(bench)
-    if inputs is None:
-        return found
-    means = np.array([np.nan if one.mean is None else one.mean for one in found])
-    errors = np.nan_to_num(inputs.u_input(means)).tolist()
-    return [
-        replace(one, standard_error=math.hypot(one.standard_error, error))
-        for one, error in zip(found, errors, strict=True)
-    ]
 
 
 def _scatter(cell: Cell) -> float:
@@ -175,167 +182,50 @@ def _scatter(cell: Cell) -> float:
     return math.sqrt(sum(freedom * variance for freedom, variance in told) / whole)
 
 
-STEP = 0.01  #: of ln force
-ALIKE = 0.02  #: of a value, up to which two are alike
-APART = {"flight": 0.03, "mismatch": 0.1}  #: of ln flight and ln mismatch, the least difference
-ONE_FORCE = (
-    "Where a mismatch has one force only, an error of the force is propagated by the free flight "
-    "alone."
-)
-ONE_MISMATCH = "Where a force has one mismatch only, an error of the mismatch is not propagated."
+def sensitivity(bench: Bench, means: Array) -> tuple[Array, Array]:
+    """Differentiate mean times without effect, s, (cells,), NaN where there are none.
 
-
-@dataclass(frozen=True)
-class Propagated:
-    """Errors of nominal values in the mean times, root mean square over the cells, s."""
-
-    systematic: float
-    each_point: float
-    lacking: tuple[str, ...]
-
-    @property
-    def whole(self) -> float:
-        """Both together: *u_input*, s."""
-        return float(np.hypot(self.systematic, self.each_point))
-
-    @property
-    def sentence(self) -> str:
-        """The errors in words."""
-        parts = [
-            f"{1e3 * size:.2g} ms {kind}"
-            for size, kind in (
-                (self.systematic, "at all operating points alike"),
-                (self.each_point, "at each operating point anew"),
-            )
-            if size > 0.0
-        ]
-        made = " and ".join(parts) or "nothing"
-        said = f"The stated errors of nominal force and mismatch make {made} (root mean square)."
-        return " ".join([said, *self.lacking])
-
-    def as_dict(self) -> dict[str, Any]:
-        """Write the record ``nominal_errors``."""
-        return {
-            "systematic_rms_s": self.systematic,
-            "each_point_rms_s": self.each_point,
-            "u_input_rms_s": self.whole,
-            "sentence": self.sentence,
-        }
-
-
-@dataclass(frozen=True)
-class Sensitivity:
-    """Change of the mean times with nominal values, (cells,) each.
-
-    ``force`` is s for ln force, ``mismatch`` s for rad/s. ``lacking`` has sentences on what the
-    data set does not show.
+    Returns their changes with ln force, s, and with the mismatch, s for rad/s, (cells,) each.
     """
-
-    force: Array
-    mismatch: Array
-    lacking: tuple[str, ...] = ()
-
-
-@dataclass(frozen=True)
-class NominalInputs:
-    """Nominal values of a data set with their errors, each (cells,).
-
-    ``mismatch`` in rad/s, ``force`` in N, ``rise`` in s; ``flight`` is the time of the free flight,
-    s, ``flight_slope`` its change with ln force, s.
-    """
-
-    errors: NominalErrors
-    mismatch: Array
-    force: Array
-    rise: Array
-    flight: Array
-    flight_slope: Array
-
-    def sensitivity(self, baseline: Array) -> Sensitivity:
-        """Differentiate mean times without effect, s, (cells,), NaN where there are none."""
-        slow = abs(self.mismatch) + RPM
-        by_flight, alone = _slopes(
-            baseline, self.flight, [self.mismatch], APART["flight"] * self.flight
-        )
-        by_flight = np.where(alone, 1.0, by_flight)
-        lacking = [ONE_FORCE] if alone.any() and self._stated("force") else []
-        sides = np.sign(self.mismatch)
-        least = np.full(slow.size, APART["mismatch"])
-        by_mismatch, alone = _slopes(baseline, np.log(slow), [self.force, self.rise, sides], least)
-        lacking += [ONE_MISMATCH] if alone.any() and self._stated("mismatch") else []
-        return Sensitivity(
-            self.flight_slope * by_flight,
-            sides * by_mismatch / slow,
-            tuple(lacking),
-        )
-
-    def _stated(self, quantity: str) -> bool:
-        """Test that an error of a quantity is stated."""
-        kinds = self.errors.systematic, self.errors.each_point
-        return any(getattr(k, quantity) or getattr(k, f"{quantity}_share") for k in kinds)
-
-    def systematic(self, baseline: Array) -> Array:
-        """Return the offsets that one deviation of each systematic error makes, s, (cells, q)."""
-        return self._columns(self.errors.systematic, baseline)
-
-    def propagated(self, baseline: Array) -> Propagated:
-        """Summarise the errors over the cells whose mean time is known, s."""
-        there = np.isfinite(baseline)
-        squares = (
-            (self.systematic(baseline)[there] ** 2).sum(axis=1),
-            self.each_point(baseline)[there] ** 2,
-        )
-        sizes = [float(np.sqrt(one.mean())) if there.any() else 0.0 for one in squares]
-        return Propagated(sizes[0], sizes[1], self.sensitivity(baseline).lacking)
-
-    def u_input(self, baseline: Array) -> Array:
-        """Return the standard deviation of each mean by all errors together, s, (cells,)."""
-        whole: Array = np.hypot(
-            self.each_point(baseline), np.sqrt((self.systematic(baseline) ** 2).sum(axis=1))
-        )
-        return whole
-
-    def each_point(self, baseline: Array) -> Array:
-        """Return the standard deviation of a cell's mean by errors of its setting, s, (cells,)."""
-        columns = self._columns(self.errors.each_point, baseline)
-        whole: Array = np.sqrt((columns**2).sum(axis=1))
-        return whole
-
-    def _columns(self, size: Tolerance, baseline: Array) -> Array:
-        """Return the offsets of one deviation of each error, s, (cells, q)."""
-        slope = self.sensitivity(baseline)
-        every = (
-            slope.force * size.force_share,
-            slope.force * size.force / self.force,
-            slope.mismatch * size.mismatch_share * self.mismatch,
-            slope.mismatch * size.mismatch,
-        )
-        found = [column for column in every if column.any()]
-        return np.stack(found, axis=1) if found else np.zeros((self.force.size, 0))
-
-
-def inputs_of(bench: Bench) -> NominalInputs | None:
-    """Return the nominal values of a data set that states errors of them, None else."""
-    if not bench.errors:
-        return None
     points = [cell.point for cell in bench.cells]
+    mismatch = np.array([point.mismatch for point in points])
+    force, rise = np.array([(p.profile.force, p.profile.rise) for p in points]).T
     flights = np.array(
-        [[_flight(bench.clutch, p, by) for by in (0.0, -STEP, STEP)] for p in points]
+        [
+            [
+                replace(p.profile, force=p.profile.force * float(np.exp(by))).free_flight_time(
+                    bench.clutch.shift_travel, bench.clutch.rings.mass
+                )
+                for by in (0.0, -STEP, STEP)
+            ]
+            for p in points
+        ]
     )
-    return NominalInputs(
-        bench.errors,
-        np.array([point.mismatch for point in points]),
-        np.array([point.profile.force for point in points]),
-        np.array([point.profile.rise for point in points]),
-        flights[:, 0],
-        (flights[:, 2] - flights[:, 1]) / (2.0 * STEP),
-    )
+    flight, sides, slow = flights[:, 0], np.sign(mismatch), abs(mismatch) + RPM
+    by_flight, alone = _slopes(means, flight, [mismatch], APART["flight"] * flight)
+    least = np.full(slow.size, APART["mismatch"])
+    by_mismatch, _ = _slopes(means, np.log(slow), [force, rise, sides], least)
+    by_force = (flights[:, 2] - flights[:, 1]) / (2.0 * STEP) * np.where(alone, 1.0, by_flight)
+    return by_force, sides * by_mismatch / slow
 
 
-def _flight(clutch: Clutch, point: OperatingPoint, by: float) -> float:
-    """Return the free flight's time in s with a force whose logarithm is changed."""
-    profile = ForceProfile(point.profile.force * float(np.exp(by)), point.profile.rise)
-    return profile.free_flight_time(clutch.shift_travel, clutch.rings.mass)
+def input_errors(bench: Bench, means: Array) -> Array:
+    """Compute the standard deviation of each mean by all stated nominal errors, s, (cells,)."""
+    force = np.array([cell.point.profile.force for cell in bench.cells])
+    mismatch = np.array([cell.point.mismatch for cell in bench.cells])
+    by_force, by_mismatch = sensitivity(bench, means)
+    parts = [
+        part
+        for size in (bench.errors.systematic, bench.errors.each_point)
+        for part in (
+            by_force * size.force_share,
+            by_force * size.force_N / force,
+            by_mismatch * size.mismatch_share * mismatch,
+            by_mismatch * size.mismatch,
+        )
+    ]
+    whole: Array = np.sqrt(np.sum(np.square(parts), axis=0))
+    return whole
 
 
 def _slopes(

@@ -8,7 +8,7 @@ or a drive stops at.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -105,30 +105,82 @@ class _Contact(Section):
     dissipation_s_m: float | None = None
 
 
-class _Sensor(Section):
+class Sensor(Section):
+    """Sensors of the stand: place that is simulated, and linkage to the sleeve.
+
+    ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
+    of its force that arrives; None where the data set does not say.
+    """
+
+    displacement_at: str = "sleeve"  # as [record] has it
     linkage_ratio: float | None = None
     linkage_efficiency: float | None = None
 
+    @property
+    def force_factor(self) -> float | None:
+        """Force at the sleeve over force at the robot arm, None where that is not known."""
+        if self.linkage_ratio is None or self.linkage_efficiency is None:
+            return None
+        return self.linkage_ratio * self.linkage_efficiency
 
-class _Calibration(Section):
+
+class Calibration(Section):
+    """A static reading of the actuator."""
+
     pressure_mbar: float | None = None
     arm_displacement_mm: float | None = None
     arm_force_N: float | None = None
     sleeve_force_N: float | None = None
     max_force_time_s: float | None = None
 
+    @property
+    def arm_displacement(self) -> float | None:
+        """Displacement of the arm, m; None where it has none."""
+        given = self.arm_displacement_mm
+        return None if given is None else given * MM
 
-class _Error(Section):
+
+class Tolerance(Section):
+    """Standard uncertainties of one kind: of the nominal value, and whatever that is."""
+
     force_percent: float = 0.0
     force_N: float = 0.0
     mismatch_percent: float = 0.0
     mismatch_rpm: float = 0.0
 
+    def __bool__(self) -> bool:
+        """Test that any of them is stated and not zero."""
+        return any(value for _, value in self)
 
-class _Errors(Section):
-    systematic: _Error = _Error()
-    each_point: _Error = _Error()
+    @property
+    def force_share(self) -> float:
+        """Uncertainty of the force, of its nominal value."""
+        return 0.01 * self.force_percent
+
+    @property
+    def mismatch_share(self) -> float:
+        """Uncertainty of the mismatch, of its nominal value."""
+        return 0.01 * self.mismatch_percent
+
+    @property
+    def mismatch(self) -> float:
+        """Uncertainty of the mismatch, rad/s."""
+        return RPM * self.mismatch_rpm
+
+
+class NominalErrors(Section):
+    """Uncertainties of nominal values, none by default, and the step of the clock."""
+
+    systematic: Tolerance = Tolerance()
+    each_point: Tolerance = Tolerance()
     clock_step_ms: float | None = None
+
+    def __bool__(self) -> bool:
+        """Test that any uncertainty is stated and not zero."""
+        return bool(self.systematic) or bool(self.each_point)
+
+
+EXACT = NominalErrors()
 
 
 class _BenchFile(Section):
@@ -145,77 +197,11 @@ class _BenchFile(Section):
     output: OutputSection
     contact: _Contact
     record: BenchRecord = UNSAID
-    sensor: _Sensor = _Sensor()
-    actuator_calibration: list[_Calibration] = Field(default_factory=list)
+    sensor: Sensor = Sensor()
+    actuator_calibration: list[Calibration] = Field(default_factory=list)
     tests: list[TestTerms] = Field(default_factory=list)
     measured: list[Measured] = Field(default_factory=list)
-    errors: _Errors = _Errors()
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """Sensors of the stand: place that is simulated, and linkage to the sleeve.
-
-    ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
-    of its force that arrives; None where the data set does not say.
-    """
-
-    displacement_at: str = "sleeve"
-    linkage_ratio: float | None = None
-    linkage_efficiency: float | None = None
-
-    @property
-    def force_factor(self) -> float | None:
-        """Force at the sleeve over force at the robot arm, None where that is not known."""
-        if self.linkage_ratio is None or self.linkage_efficiency is None:
-            return None
-        return self.linkage_ratio * self.linkage_efficiency
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """A static reading of the actuator: mbar, m, N, N and s; None where it has none."""
-
-    pressure_mbar: float | None
-    arm_displacement: float | None
-    arm_force: float | None
-    sleeve_force: float | None
-    max_force_time: float | None
-
-
-@dataclass(frozen=True)
-class Tolerance:
-    """Standard uncertainties of one kind.
-
-    Parameters
-    ----------
-    force_share, mismatch_share : of the nominal value.
-    force, mismatch : N and rad/s, whatever the nominal value.
-    """
-
-    force_share: float = 0.0
-    force: float = 0.0
-    mismatch_share: float = 0.0
-    mismatch: float = 0.0
-
-    def __bool__(self) -> bool:
-        """Test that any of them is stated and not zero."""
-        return any(getattr(self, f.name) for f in fields(self))
-
-
-@dataclass(frozen=True)
-class NominalErrors:
-    """Uncertainties of nominal values; none by default."""
-
-    systematic: Tolerance = Tolerance()
-    each_point: Tolerance = Tolerance()
-
-    def __bool__(self) -> bool:
-        """Test that any is stated and not zero."""
-        return bool(self.systematic) or bool(self.each_point)
-
-
-EXACT = NominalErrors()
+    errors: NominalErrors = EXACT
 
 
 @dataclass(frozen=True)
@@ -252,15 +238,15 @@ class Stand:
     source: str
     clutch: Clutch
     relative_angles: tuple[float, ...] | None
-    sensor: Sensor = Sensor()
-    calibration: tuple[Calibration, ...] = ()
-    corrections: tuple[str, ...] = ()
-    record: BenchRecord = UNSAID
-    tests: tuple[TestTerms, ...] = ()
-    margin: Margin = USUAL_MARGIN
-    errors: NominalErrors = EXACT
-    measured: tuple[Measured, ...] = ()
-    clock_step: float | None = None
+    sensor: Sensor
+    calibration: tuple[Calibration, ...]
+    corrections: tuple[str, ...]
+    record: BenchRecord
+    tests: tuple[TestTerms, ...]
+    margin: Margin
+    errors: NominalErrors
+    measured: tuple[Measured, ...]
+    clock_step: float | None
 
 
 def load_stand(path: Path) -> Stand:
@@ -283,18 +269,15 @@ def load_stand(path: Path) -> Stand:
     clutch = _clutch(file)
     _require_plausible(path, file)
     angles, usual = file.relative_angles_deg, USUAL_MARGIN
-    kinds = {kind: _tolerance(getattr(file.errors, kind)) for kind in ("systematic", "each_point")}
+    place = "actuator" if file.record.displacement_at == "actuator" else "sleeve"
     step = file.errors.clock_step_ms
     return Stand(
         name=file.name,
         source=file.source,
         clutch=clutch,
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
-        sensor=Sensor(
-            "actuator" if file.record.displacement_at == "actuator" else "sleeve",
-            **file.sensor.model_dump(),
-        ),
-        calibration=tuple(_calibration(one) for one in file.actuator_calibration),
+        sensor=file.sensor.model_copy(update={"displacement_at": place}),
+        calibration=tuple(file.actuator_calibration),
         corrections=tuple(file.corrections),
         record=file.record,
         tests=tuple(file.tests),
@@ -302,7 +285,7 @@ def load_stand(path: Path) -> Stand:
             usual.share if file.margin_percent is None else 0.01 * file.margin_percent,
             usual.least if file.margin_ms is None else 1e-3 * file.margin_ms,
         ),
-        errors=NominalErrors(**kinds),
+        errors=file.errors,
         measured=tuple(file.measured),
         clock_step=None if step is None else MS * step,
     )
@@ -329,7 +312,7 @@ def _with_record(path: Path, data: dict[str, Any]) -> dict[str, Any]:
 def _clutch(file: _BenchFile) -> Clutch:
     dog = file.dog.dog()
     given = si_fields(file.contact.model_dump(exclude={"friction_velocity_m_s"}, exclude_none=True))
-    contact = replace(contact_set("adams2019"), name="bench", **given)  # type: ignore[arg-type]
+    contact = replace(contact_set("adams2019"), name="bench", **given)
     left = dog.travel - file.shift_travel_mm * MM
     if not 0.0 < left < dog.height:
         rule = f"it must lie below the full travel of {dog.travel / MM:.6g} mm and past entry"
@@ -372,14 +355,3 @@ def _require_plausible(path: Path, file: _BenchFile) -> None:
                 f"{error:g}, but must be finite, and the error positive; give what the test can "
                 "tell"
             )
-
-
-def _tolerance(given: _Error) -> Tolerance:
-    shares = 0.01 * given.force_percent, 0.01 * given.mismatch_percent
-    return Tolerance(shares[0], given.force_N, shares[1], RPM * given.mismatch_rpm)
-
-
-def _calibration(given: _Calibration) -> Calibration:
-    known = si_fields(given.model_dump(exclude={"pressure_mbar"}, exclude_none=True))
-    names = [field.name for field in fields(Calibration)][1:]
-    return Calibration(given.pressure_mbar, *(known.get(name) for name in names))

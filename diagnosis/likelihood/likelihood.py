@@ -137,7 +137,7 @@ class Likelihood:
         force, mismatch = self.sensitivity
         every = (
             force * size.force_share,
-            force * size.force / self.seen.force,
+            force * size.force_N / self.seen.force,
             mismatch * size.mismatch_share * self.seen.mismatch,
             mismatch * size.mismatch,
         )

@@ -170,7 +170,7 @@ def calibrated_study(
             f"--write is '{path}', but a study has no key for the cause "
             f"({plain(hypothesis, found.effects)}); {'; '.join(remarks)}"
         )
-    data, replaced = _with_effects(data, taken, sizes, keys, _carried(found, given))
+    data, replaced = _with_effects(data, taken, sizes, keys, found.bench.clutch.rings.mass)
     rivals = _rivals(found, hypothesis, causes or ())
     beside = {
         h: {n: found.effects[n] for n in h if n not in hypothesis and keys.takes(found.effects[n])}
@@ -343,20 +343,22 @@ def _clashing(data: Data, taken: Mapping[str, Effect], keys: EffectKeys) -> set[
 
 
 def _with_effects(
-    data: Data, taken: Mapping[str, Effect], sizes: Values, keys: EffectKeys, carried: float
+    data: Data, taken: Mapping[str, Effect], sizes: Values, keys: EffectKeys, ring: float
 ) -> tuple[Data, list[str]]:
     """Set the keys of effects in the tables of a study file, in place of its own.
 
-    ``carried`` is the mass of the study's mechanism that the bench has in its ring, kg; a mass of
-    the cause comes on top of it. The remarks name each key that is replaced.
+    Where the bench's ``ring``, kg, has the mass of the study's mechanism in it, a mass of the cause
+    comes on top of that. The remarks name each key that is replaced.
     """
+    carried = keys.base.clutch.mechanism.added_mass
+    whole = keys.base.clutch.rings.mass + carried
     found, gone = dict(data), sorted(_clashing(data, taken, keys))
     remarks = [f"{key} of the study is replaced by that of the bench" for key in gone]
     for key in gone:
         table, _, name = key.partition(".")
         found[table] = {k: v for k, v in found[table].items() if k != name}
-    if carried and "mechanism.added_mass_kg" in gone:
-        mass = rounded(keys.base.clutch.rings.mass + carried)
+    if carried and math.isclose(ring, whole, rel_tol=1e-6) and "mechanism.added_mass_kg" in gone:
+        mass = rounded(whole)
         found["sliding"] = {**found["sliding"], "mass_kg": mass}
         remarks.append(f"the ring has the bench's mass, {mass:g} kg, with {carried:g} kg of forks")
     for name, effect in taken.items():
@@ -368,13 +370,6 @@ def _with_effects(
                 inner = inner[table]
             inner[last] = value
     return found, remarks
-
-
-def _carried(found: Diagnosis, study: Setup) -> float:
-    """Return the mass of a study's mechanism that the bench has in its ring, kg, else 0."""
-    carried = study.clutch.mechanism.added_mass
-    whole = study.clutch.rings.mass + carried
-    return carried if math.isclose(found.bench.clutch.rings.mass, whole, rel_tol=1e-6) else 0.0
 
 
 def _comments(

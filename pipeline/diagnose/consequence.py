@@ -293,26 +293,21 @@ class Extras:
 
 def extras_of(found: Diagnosis) -> Extras:
     """Compute the parts of the report beside the diagnosis; simulates some traces."""
+    rows = [
+        [cell.point.mismatch, cell.point.profile.force, r.n, r.time, r.engaged]
+        + [one for one in (r.sd, r.place) if one is not None]
+        for cell in found.bench.cells
+        for r in cell.readings
+    ]
     return Extras(
         phases=phases_of(found.bench),
         provenance={
             "engine": found.bench.clutch.solver.engine,
             "programs": ", ".join(f"{name} {version}" for name, version in engine().items()),
             "processor time": f"{found.seconds:.3g} s on one of {os.cpu_count()} processors",
-            "hash of the data": _digest(found.bench),
+            "hash of the data": content_key({"name": found.bench.name, "rows": rows}),
         },
     )
-
-
-def _digest(bench: Bench) -> str:
-    """Return a hash of all readings of a data set."""
-    rows = [
-        [cell.point.mismatch, cell.point.profile.force, r.n, r.time, r.engaged]
-        + [one for one in (r.sd, r.place) if one is not None]
-        for cell in bench.cells
-        for r in cell.readings
-    ]
-    return content_key({"name": bench.name, "rows": rows})
 
 
 def phases_of(bench: Bench) -> tuple[PhaseGap, ...]:

@@ -158,7 +158,7 @@ class EffectKeys:
             return {k: v if k == "dog.count" else rounded(from_si(k, v), 6) for k, v in dog.items()}
         if effect.name in self.known:
             if len(values) == 1:
-                return {f"effects.{effect.name}": rounded(*values.values(), 6)}
+                return {f"effects.{effect.name}": rounded(next(iter(values.values())), 6)}
             return {f"effects.{effect.name}.{name}": rounded(v, 6) for name, v in values.items()}
         record = after.clutch.mechanism.record | {
             "mechanism_delay_s": after.delay + after.point.profile.delay,

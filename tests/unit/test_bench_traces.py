@@ -43,7 +43,7 @@ def test_traces_come_with_their_readings(folder: Path) -> None:
     assert trace.step == pytest.approx(1e-3)
     assert bench.record.displacement_at == "actuator"
     assert bench.sensor.force_factor == pytest.approx(2.55312)
-    assert bench.calibration[0].sleeve_force == 235.1929
+    assert bench.calibration[0].sleeve_force_N == 235.1929
     assert bench.calibration[0].arm_displacement is None
 
 

@@ -32,10 +32,14 @@ DRAG = Fact("drag_torque", "drag_Nm", 0.0, 1.5, 0.1, "")
 def _bench(stiffness: float, ratio: float, start: float) -> Bench:
     """Return the stand with readings on a line: N/m at the arm, and m without force."""
     readings = tuple(
-        Calibration(None, start + force / stiffness, force, None, None)
+        Calibration(arm_displacement_mm=1e3 * (start + force / stiffness), arm_force_N=force)
         for force in (90.0, 120.0, 180.0, 250.0)
     )
-    return replace(STAND, sensor=Sensor("actuator", ratio, 0.5), calibration=readings)
+    return replace(
+        STAND,
+        sensor=Sensor(displacement_at="actuator", linkage_ratio=ratio, linkage_efficiency=0.5),
+        calibration=readings,
+    )
 
 
 def test_a_line_of_known_slope_gives_its_compliance_and_ratio() -> None:

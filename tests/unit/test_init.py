@@ -12,8 +12,8 @@ import pytest
 from typer.testing import CliRunner
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_cells import split_head, unit_named
-from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
+from dogshape.diagnosis.bench.foreign_cells import SHIFTS, split_head, unit_named
+from dogshape.diagnosis.bench.foreign_columns import Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.drafts import CLUTCH, USE

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Reading, load_bench
-from dogshape.diagnosis.bench.comparison import PointGap, compare, inputs_of
+from dogshape.diagnosis.bench.comparison import PointGap, compare, sensitivity
 from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from dogshape.sim.units import RPM
 from tests.made_up import few_cells, made_up
@@ -52,14 +52,12 @@ def test_errors_of_nominal_values_join_those_of_the_gaps() -> None:
     bench = few_cells(
         load_bench("mq200_adams"), [(n, f) for n in (50, 100) for f in (235.2, 641.5)]
     )
-    size = Tolerance(force_share=0.02, mismatch=2.0 * RPM)
+    size = Tolerance(force_percent=2.0, mismatch_rpm=2.0)
     stated = replace(bench, errors=NominalErrors(systematic=size, each_point=size))
     plain, found = (compare(one, made_up, 8).differences for one in (bench, stated))
-    inputs = inputs_of(stated)
-    assert inputs is not None
     means = np.array([one.mean for one in plain], dtype=float)
-    slope = inputs.sensitivity(means)
-    squares = 2.0 * ((0.02 * slope.force) ** 2 + (2.0 * RPM * slope.mismatch) ** 2)
+    force, mismatch = sensitivity(stated, means)
+    squares = 2.0 * ((0.02 * force) ** 2 + (2.0 * RPM * mismatch) ** 2)
     assert (squares > 0.0).all()
     more = [a.standard_error**2 - b.standard_error**2 for a, b in zip(found, plain, strict=True)]
     assert more == pytest.approx(squares)

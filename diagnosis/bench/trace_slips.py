@@ -1,0 +1,372 @@
+"""Slips that traces show beside the table of shifts: they say most of it again.
+
+A ratio of traces to table out of its range is another unit, which a correction brings back into the
+range; times and readings at rest show another zero.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dogshape.diagnosis.bench.corrections import (
+    Correction,
+    Finding,
+    Findings,
+    corrected,
+)
+from dogshape.diagnosis.bench.stand_file import Stand, TimeZero
+from dogshape.diagnosis.bench.table import Row, Sheet
+from dogshape.diagnosis.bench.traces import FIRST, BenchTrace, find_force_start, scatter, smoothed
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.errors import InputError, number
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.units import MM, MS, RPM
+
+SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
+SETTLED = 0.25  #: s after the rise from which any delay of the force is over
+CLOSER = 0.5  #: share of the scatter about a constant below which that about a ratio explains more
+CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margin of a diagnosis
+REST = 0.02  #: of axial gap or nominal force, least reading at rest that is said
+MOVED = 0.005  #: of the travel, least way of the first samples of a record that begins in motion
+CLEAR = 5.0  #: scatters of a median that a value at rest exceeds, four times 1.25 standard errors
+#: Explanations of times that begin before the force, by what the record says of their zero.
+BEFORE_FORCE: dict[TimeZero, str] = {
+    "unknown": "shift times that count from another instant than the force",
+    "command": "a dead time between command and force",
+    "force": "times that begin before the force, against record.time_zero = 'force'",
+}
+
+
+def _traced(sheet: Sheet) -> list[tuple[Row, BenchTrace]]:
+    return [(row, row.trace) for row in sheet.rows if row.trace is not None]
+
+
+def _short(values: float | list[float]) -> str:
+    return number(float(f"{np.median(values):.3g}"))
+
+
+def _median(values: Array) -> float:
+    """Return the median of the values that are numbers, zero where none is."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else 0.0
+
+
+def short_traces(stand: Stand, sheet: Sheet) -> Findings:
+    """Find traces that end before their shift, and say how many end before the first touch."""
+    short = [(row, trace) for row, trace in _traced(sheet) if _ends_early(stand, row, trace)]
+    if not short:
+        return
+    row, trace = short[0]
+    many = f"{len(short)} traces end" if len(short) > 1 else "a trace ends"
+    found = (
+        f"{many} before the shift is over: that of row {row.row} by "
+        f"{((row.time or 0.0) - trace.time[-1]) / MS:.3g} ms, so that it is used up to there"
+    )
+    flying = sum(one.displacement.max() < stand.clutch.dog.axial_gap for _, one in short)
+    if flying:
+        found += (
+            f"; {flying} of {len(short)} end before the first touch and tell its beginning only, "
+            "if they are of these shifts at all"
+        )
+    yield Finding("traces", found, "a recording that was stopped early", arguable=False)
+
+
+def _ends_early(stand: Stand, row: Row, trace: BenchTrace) -> bool:
+    """Test that a trace ends before its shift does, in time and in travel."""
+    if row.time is None or trace.time[-1] >= row.time - 2.0 * trace.step:
+        return False
+    return bool(trace.displacement.max() < stand.clutch.shift_travel)
+
+
+def trace_notes(_: Stand, sheet: Sheet) -> Findings:
+    """Find traces with channels that were interpolated, cut, or have samples lost."""
+    noted = [trace for _, trace in _traced(sheet) if trace.notes]
+    if noted:
+        more = f", and {len(noted) - 1} more traces alike" if len(noted) > 1 else ""
+        found = f"{noted[0].path.name}: {'; '.join(noted[0].notes)}{more}"
+        looks = "channels with start times or rates of their own, or with lost samples"
+        yield Finding("traces", found, looks, arguable=False)
+
+
+def _rest(row: Row, trace: BenchTrace) -> float:
+    """Return the displacement at rest, m; zero where the record begins after the force."""
+    start = find_force_start(trace, row.rise)
+    if _begins_in_motion(trace) or (start and start.time < trace.time[0]):
+        return 0.0
+    return start.displacement if start else float(np.median(trace.displacement[:FIRST]))
+
+
+def _begins_in_motion(trace: BenchTrace) -> bool:
+    """Test that the first samples move at a speed that is no start from rest."""
+    way = smoothed(trace.displacement)
+    first, second = way[FIRST - 1] - way[0], way[2 * FIRST - 1] - way[FIRST]
+    seen = first > max(MOVED * np.ptp(way), CLEAR * scatter(trace.displacement))
+    return bool(seen and first > 0.4 * second)  # from rest it is at most 0.3: way grows as t^2
+
+
+def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
+    """Find traces of another time zero or rate than the table has, or of another end."""
+    traced = _traced(sheet)
+    if not traced:
+        return
+    start, end, least = np.array([_clock(stand, row, trace) for row, trace in traced]).T
+    took = np.array([row.time or np.nan for row, _ in traced])
+    late = end - took
+    # Times of the table, and the travel at which a stand ends a shift, scatter as well.
+    between = CLOCK + float(np.median(least))
+    over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
+    if ratio := _rate(end, took, between):
+        found = f"the travel of the traces ends at {ratio:.3g} times shift_time_s of their rows"
+        looks = "a recorder whose sample rate is not that of t_s, or a table whose clock runs wrong"
+        yield Finding("trace_time", f"{found} (median)", looks)
+        return
+    off = abs(start) > least
+    # A single start that the travel does not confirm is scatter of the fit.
+    off &= (2 * off.sum() >= off.size) | (abs(late) > between) | over
+    middle = _median(late)
+    if off.any():
+        found, looks, way = _other_zero(stand, start, late, off, between)
+        yield Finding("trace_time", found, looks, way, bool((off & over).any()))
+    elif np.isnan(start).all():
+        found = "no rise of force_N stands out from its noise in the traces, so that t_s = 0 cannot"
+        found += " be compared with the start of the force"
+        found += f"; {_ends(middle)}" if abs(middle) > between else ""
+        looks = "a sensor that is not connected or of the opposite sign, or a force that is there "
+        yield Finding("trace_time", found, looks + "from the first sample")
+    elif abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
+        looks = BEFORE_FORCE[stand.record.time_zero if middle < 0.0 else "unknown"]
+        yield Finding("trace_time", _ends(middle), f"{looks}, or to another travel")
+
+
+def _rate(end: Array, took: Array, between: float) -> float | None:
+    """Return the ratio of the traces' times to the table's, None where a constant parts them.
+
+    ``end`` and ``took``, (traces,) in s; ``between`` is the least difference that is seen, s.
+    """
+    known = np.isfinite(end) & np.isfinite(took)
+    end, took = end[known], took[known]
+    ratio = _median(end / took)
+    if abs(ratio - 1.0) * _median(took) <= between:
+        return None
+    late = end - took
+    proportional, constant = abs(end - ratio * took), abs(late - _median(late))
+    return ratio if _median(proportional) < CLOSER * _median(constant) else None
+
+
+def _clock(stand: Stand, row: Row, trace: BenchTrace) -> tuple[float, float, float]:
+    """Return start of the force and end of travel in a trace, and the least time that is seen, s.
+
+    A start or an end that the trace does not show is not a number.
+    """
+    start = None if _begins_in_motion(trace) else find_force_start(trace, row.rise)
+    travel = stand.clutch.shift_travel
+    way = np.maximum.accumulate(smoothed(trace.displacement) - _rest(row, trace))
+    end = float(np.interp(travel, way, trace.time)) if way[-1] >= travel else np.nan
+    least = max(CLOCK, 3.0 * trace.step, 4.0 * (start.error if start else 0.0))
+    return (start.time if start else np.nan), end, least
+
+
+def _other_zero(
+    stand: Stand, start: Array, late: Array, off: np.ndarray, least: float
+) -> tuple[str, str, str | None]:
+    """Describe traces with another time zero: what was found, probable cause, and correction.
+
+    ``late`` is the end of travel in the traces less the time of their shifts, s.
+    """
+    low, high = (f"{one:.4f}" for one in (start[off].min(), start[off].max()))
+    found = (
+        f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
+        f"{low if low == high else f'{low} to {high}'} s"
+    )
+    looks, way = "the recorder's clock, or a record that begins before its trigger", "from_force"
+    if np.isfinite(late[off]).any():
+        found += f"; {_ends(_median(late[off]))}"
+        if abs(_median(late[off])) <= least:
+            looks = "a dead time or slow rise of the force, or a zero that table and traces share"
+            looks = f"{looks}, which a diagnosis weighs"
+            if stand.record.time_zero == "force":
+                looks = BEFORE_FORCE["force"]
+            return found, looks, None
+        if abs(_median((late - start)[off])) > least:
+            looks = "the recorder's clock, and shift times that count from another instant"
+    if np.isnan(start).any():
+        unseen = np.isnan(start).sum()
+        return f"{found}; in {unseen} traces no rise of the force is seen at all", looks, None
+    return found, looks, way
+
+
+def _ends(late: float) -> str:
+    size = f"{1e3 * abs(late):.1f} ms" if abs(late) < 1.0 else f"{abs(late):.4f} s"
+    when = "after" if late > 0.0 else "before"
+    return f"the travel of the traces ends {size} {when} shift_time_s of their rows (median)"
+
+
+Measure = Callable[[Stand, Row, BenchTrace], float | None]
+
+
+def _speed(_: Stand, row: Row, trace: BenchTrace) -> float | None:
+    """Return the first mismatch of a trace over that of its row."""
+    samples = max(FIRST, trace.time.size // 32)
+    speed = float(np.median(trace.relative_speed[:samples])) / RPM
+    return speed / row.mismatch if row.mismatch else None
+
+
+def _travel(stand: Stand, row: Row, trace: BenchTrace) -> float | None:
+    """Return the displacement at the end of a finished shift over the travel of the sleeve."""
+    whole = row.time and not _ends_early(stand, row, trace)
+    most = trace.displacement.max() - _rest(row, trace)
+    return float(most / stand.clutch.dog.travel) if whole else None
+
+
+def _duration(stand: Stand, row: Row, trace: BenchTrace) -> float:
+    """Return the time of nine tenths of the travel over that of the shift, where it is beyond
+    the time-out.
+    """
+    start, timeout = find_force_start(trace, row.rise), stand.clutch.timeout
+    way = trace.displacement - _rest(row, trace)
+    end = trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
+    took = float(end - (trace.time[0] if start is None else start.time))
+    return took / (row.time or timeout) if took >= timeout else 1.0
+
+
+def _last_force(_: Stand, row: Row, trace: BenchTrace) -> float | None:
+    """Return the last force of a trace over the nominal one at that time, None without one."""
+    start = find_force_start(trace, row.rise)
+    try:
+        profile = ForceProfile(row.force, row.rise)
+    except InputError:
+        return None
+    nominal = profile.at(float(trace.time[-1]) - start.time) if start else 0.0
+    if not start or not nominal:
+        return None
+    return (float(np.median(trace.force[-5:])) - start.force) / nominal
+
+
+def _settled_force(stand: Stand, row: Row, trace: BenchTrace) -> float | None:
+    return _last_force(stand, row, trace) if trace.time[-1] > row.rise + SETTLED else None
+
+
+@dataclass(frozen=True)
+class Range:
+    """Range of a ratio of traces to their rows.
+
+    Of ``ways`` (quantity, correction, unit in words) the first that brings the median ratio into
+    the range is the slip, which is refused. Without one the cause is ``other``, which is refused
+    beyond ``possible``.
+    """
+
+    quantity: str
+    measure: Measure
+    low: float
+    high: float
+    found: Callable[[Stand, float], str]
+    ways: tuple[tuple[str, str, str], ...]
+    other: str
+    possible: tuple[float, float] = (-np.inf, np.inf)
+    arguable: bool = True
+
+    def median(self, stand: Stand, sheet: Sheet) -> float:
+        """Compute the median ratio of the traces that have one, 1 without any."""
+        ratios = [self.measure(stand, row, trace) for row, trace in _traced(sheet)]
+        known = [ratio for ratio in ratios if ratio is not None]
+        return float(np.median(known)) if known else 1.0
+
+    def check(self, stand: Stand, sheet: Sheet) -> Findings:
+        """Find a ratio out of the range."""
+        middle = self.median(stand, sheet)
+        if self.low <= middle <= self.high:
+            return
+        found = self.found(stand, middle)
+        for quantity, way, looks in self.ways:
+            try:
+                other = corrected(sheet, Correction(quantity, way), stand.sensor)
+            except InputError:  # the stand does not say by how much
+                continue
+            if self.low <= self.median(stand, other) <= self.high:
+                text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
+                yield Finding(quantity, found, text, way, True, self.arguable)
+                return
+        certain = not self.possible[0] < middle < self.possible[1]
+        yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
+
+
+DURATION = Range(
+    "trace_time", _duration, 0.0, 100.0,
+    lambda _, middle: (
+        f"by t_s the travel of the traces takes {_short(middle)} times the time of the shift"
+    ),
+    (("trace_time", "ms", "milliseconds"),),
+    "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False,
+)  # fmt: skip
+#: Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
+TRAVEL = Range(
+    "displacement", _travel, 0.9, 1.15,
+    lambda stand, middle: (
+        f"displacement_mm of finished shifts ends at "
+        f"{_short(middle * stand.clutch.dog.travel / MM)}, but the sleeve's travel is "
+        f"{number(stand.clutch.dog.travel / MM)} mm"
+    ),
+    (("displacement", "m", "metres"),
+     ("displacement", "arm", "the robot arm's, {} times the sleeve's")),
+    "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in the "
+    "table [sensor])", possible=(0.5, 2.0),
+)  # fmt: skip
+ACTUATOR_TRAVEL = replace(TRAVEL, high=1.8)
+SPEED = Range(
+    "mismatch", _speed, 1.0 / SAME, SAME,
+    lambda _, middle: (
+        f"the traces begin with {_short(middle)} times the mismatch_rpm of their rows "
+        "(output_speed_rpm less sliding_speed_rpm)"
+    ),
+    (("mismatch", "rad_s", "mismatch_rpm in radians a second"),
+     ("speeds", "rad_s", "the speeds of the traces in radians a second"),
+     ("mismatch", "reversed", "a mismatch_rpm of sliding less output speed")),
+    "another speed than the nominal one",
+)  # fmt: skip
+FORCE = Range(
+    "trace_force", _last_force, 0.01, np.inf,
+    lambda _, middle: (
+        f"force_N of the traces ends at {_short(middle)} of what force_N of the table makes it"
+    ),
+    (("trace_force", "kN", "kilonewtons"),), "a sensor with a wrong scale",
+)  # fmt: skip
+SETTLED_FORCE = replace(
+    FORCE, measure=_settled_force, low=0.5, high=1.5,
+    ways=(("force", "arm", "the force at the robot arm in the table"),
+          ("trace_force", "arm", "the force at the robot arm in the traces")),
+)  # fmt: skip
+
+
+def trace_travel(stand: Stand, sheet: Sheet) -> Findings:
+    """Find a displacement that does not end near the travel of the sleeve."""
+    soft = stand.record.displacement_at == "actuator"
+    return (ACTUATOR_TRAVEL if soft else TRAVEL).check(stand, sheet)
+
+
+def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
+    """Find displacements and forces that are not zero before the force begins."""
+    traced, gap = _traced(sheet), stand.clutch.dog.axial_gap
+    moving, way, force = 0, [], []
+    for row, trace in traced:
+        start = find_force_start(trace, row.rise)
+        moving += _begins_in_motion(trace)
+        least = max(REST * gap, CLEAR * scatter(trace.displacement) / np.sqrt(FIRST))
+        if abs(rest := _rest(row, trace)) > least:
+            way.append(rest / MM)
+        least = max(REST * row.force, CLEAR * scatter(trace.force) / np.sqrt(FIRST))
+        if start and start.time >= trace.time[0] and abs(start.force) > least:
+            force.append(start.force)
+    if 2 * moving > max(1, len(traced)):
+        found = f"the sleeve moves already at the first samples of {moving} of {len(traced)} traces"
+        yield Finding("displacement", found, "records that begin after the force")
+        return
+    looks, when = "a sensor that is not set to zero", "(median) before the force begins"
+    if way:
+        found = f"displacement_mm of {len(way)} of {len(traced)} traces is {_short(way)} mm {when}"
+        yield Finding("displacement", found, looks, "zeroed")
+    if 2 * len(force) > len(traced):
+        found = f"force_N of {len(force)} of {len(traced)} traces is {_short(force)} N {when}"
+        yield Finding("trace_force", found, looks, "zeroed")
