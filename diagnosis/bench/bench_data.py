@@ -14,15 +14,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.corrections import Correction, corrected, parse
+from dogshape.diagnosis.bench.corrections import Correction, Finding, corrected, parse
 from dogshape.diagnosis.bench.sense import Sense
-from dogshape.diagnosis.bench.slips import (
-    Finding,
-    examine,
-    found_step,
-    impossible,
-    require_no_slip,
-)
+from dogshape.diagnosis.bench.slips import examine, found_step, impossible, require_no_slip
 from dogshape.diagnosis.bench.stand_file import (
     EXACT,
     UNSAID,

@@ -5,20 +5,8 @@ is then that of a mean of as many random angles. Otherwise the angles are evenly
 error adds that of the bench's mean and that of the simulated mean. The former has the simulated
 spread, or that of the readings where it is larger: few angles may miss a long tail.
 
-Stated errors of nominal force and mismatch join it: *u_input* of ASME V&V 20. The mean time at an
-operating point changes with force and mismatch by
-
-.. math:: \frac{\partial T}{\partial \ln F} = \frac{\partial t_0}{\partial \ln F}
-          \frac{\Delta T}{\Delta t_0}, \qquad
-          \frac{\partial T}{\partial n} = \frac{1}{|n| + n_1}
-          \frac{\Delta T}{\Delta \ln(|n| + n_1)},
-
-with :math:`t_0` the free flight, whose derivative at the same rise time has a closed form, and
-differences between neighbours of the data set (:math:`n_1` is 1/min). Along its grid the rise time
-mostly changes with the force, which an error of the force does not; the free flight has both in it.
-Neighbours are some way apart, and points within ``ALIKE`` are alike: simulated means err by their
-angles, of which a small step would make a large slope. Where a mismatch has one force only, the
-free flight alone counts; where a force has one mismatch only, its error is not propagated.
+Stated errors of nominal force and mismatch join it, *u_input* of ASME V&V 20: the derivatives of
+the simulated mean, by shifts at ``STEP`` to either side, times the errors.
 """
 
 from __future__ import annotations
@@ -26,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -35,13 +24,11 @@ from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import PointExpectation, expect_point
 from dogshape.sim.statistics.numerical_error import Runner, numerical_error
 from dogshape.sim.statistics.shift_records import Record, result_of
-from dogshape.sim.units import RPM
 
 LEAST = 3  #: single readings that say something of their scatter
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
-STEP = 0.01  #: of ln force
-ALIKE = 0.02  #: of a value, up to which two are alike
-APART = {"flight": 0.03, "mismatch": 0.1}  #: of ln flight and ln mismatch, the least difference
+#: Of force and mismatch: the errors of means over few angles would hide the change by less.
+STEP = 0.15
 
 
 @dataclass(frozen=True)
@@ -146,8 +133,7 @@ def compare(
     pairs = zip(bench.cells, rows, strict=True)
     found = [_difference(bench, c, r, given is None) for c, r in pairs]
     if bench.errors:
-        means = np.array([np.nan if one.mean is None else one.mean for one in found])
-        added = np.nan_to_num(input_errors(bench, means)).tolist()
+        added = _input_errors(bench, blocks, run)
         found = [
             replace(one, standard_error=math.hypot(one.standard_error, error))
             for one, error in zip(found, added, strict=True)
@@ -182,91 +168,32 @@ def _scatter(cell: Cell) -> float:
     return math.sqrt(sum(freedom * variance for freedom, variance in told) / whole)
 
 
-def sensitivity(bench: Bench, means: Array) -> tuple[Array, Array]:
-    """Differentiate mean times without effect, s, (cells,), NaN where there are none.
+def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[float]:
+    """Propagate stated errors of nominal force and mismatch to the simulated means, s."""
 
-    Returns their changes with ln force, s, and with the mismatch, s for rad/s, (cells,) each.
-    """
-    points = [cell.point for cell in bench.cells]
-    mismatch = np.array([point.mismatch for point in points])
-    force, rise = np.array([(p.profile.force, p.profile.rise) for p in points]).T
-    flights = np.array(
-        [
-            [
-                replace(p.profile, force=p.profile.force * float(np.exp(by))).free_flight_time(
-                    bench.clutch.shift_travel, bench.clutch.rings.mass
-                )
-                for by in (0.0, -STEP, STEP)
-            ]
-            for p in points
-        ]
-    )
-    flight, sides, slow = flights[:, 0], np.sign(mismatch), abs(mismatch) + RPM
-    by_flight, alone = _slopes(means, flight, [mismatch], APART["flight"] * flight)
-    least = np.full(slow.size, APART["mismatch"])
-    by_mismatch, _ = _slopes(means, np.log(slow), [force, rise, sides], least)
-    by_force = (flights[:, 2] - flights[:, 1]) / (2.0 * STEP) * np.where(alone, 1.0, by_flight)
-    return by_force, sides * by_mismatch / slow
+    def changes(name: str, values: Array) -> Array:
+        """Differentiate the means by the logarithm of a quantity, s, (cells,)."""
+        ends = []
+        for by in (1.0 - STEP, 1.0 + STEP):
+            moved = []
+            for block, value in zip(blocks, (by * values).tolist(), strict=True):
+                own: dict[str, Any] = {"mismatch": value}
+                if name == "force":
+                    own = {"profile": replace(block.point.profile, force=value)}
+                moved.append(replace(block, point=replace(block.point, **own)))
+            times = [[result_of(row).shift_time for row in rows] for rows in run(moved)]
+            known = [[time for time in those if time is not None] for those in times]
+            ends.append([np.mean(those) if those else np.nan for those in known])
+        return np.asarray(np.diff(ends, axis=0)[0] / (2.0 * STEP))
 
-
-def input_errors(bench: Bench, means: Array) -> Array:
-    """Compute the standard deviation of each mean by all stated nominal errors, s, (cells,)."""
-    force = np.array([cell.point.profile.force for cell in bench.cells])
-    mismatch = np.array([cell.point.mismatch for cell in bench.cells])
-    by_force, by_mismatch = sensitivity(bench, means)
-    parts = [
-        part
-        for size in (bench.errors.systematic, bench.errors.each_point)
-        for part in (
-            by_force * size.force_share,
-            by_force * size.force_N / force,
-            by_mismatch * size.mismatch_share * mismatch,
-            by_mismatch * size.mismatch,
-        )
-    ]
-    whole: Array = np.sqrt(np.sum(np.square(parts), axis=0))
-    return whole
-
-
-def _slopes(
-    values: Array, place: Array, alike: Sequence[Array], least: Array
-) -> tuple[Array, np.ndarray]:
-    """Differentiate values over their places, among cells that are alike in all else, (cells,).
-
-    Places that differ by less than ``least`` from the first of them count as one. The second marks
-    cells that have no neighbour; their slope is zero.
-    """
-    found, alone = np.zeros(values.size), np.zeros(values.size, dtype=bool)
-    labels = np.stack([_labels(one) for one in alike], axis=1)
-    _, groups = np.unique(labels, axis=0, return_inverse=True)
-    for group in np.unique(groups):
-        mine = np.flatnonzero((groups.ravel() == group) & np.isfinite(values))
-        mine = mine[np.argsort(place[mine], kind="stable")]
-        bins = _bins(place[mine], least[mine])
-        if not bins.size or bins[-1] == 0:
-            alone[mine] = True
-            continue
-        count = np.bincount(bins)
-        means, steps = (np.bincount(bins, one[mine]) / count for one in (values, place))
-        found[mine] = np.gradient(means, steps)[bins]
-    return found, alone
-
-
-def _labels(values: Array) -> np.ndarray:
-    """Number values so that those within ``ALIKE`` of the least of them have the same, (cells,)."""
-    order = np.argsort(values, kind="stable")
-    ordered = values[order]
-    found = np.empty(values.size, dtype=np.int64)
-    found[order] = _bins(ordered, ALIKE * abs(ordered))
-    return found
-
-
-def _bins(ordered: Array, least: Array) -> np.ndarray:
-    """Number ascending values so that each bin begins ``least`` above the beginning of the last."""
-    found, bins = np.zeros(ordered.size, dtype=np.int64), 0
-    begin = 0
-    for place in range(1, ordered.size):
-        if ordered[place] - ordered[begin] > max(least[begin], 1e-12):
-            bins, begin = bins + 1, place
-        found[place] = bins
-    return found
+    squares = np.zeros(len(blocks))
+    force = np.array([block.point.profile.force for block in blocks])
+    mismatch = np.array([block.point.mismatch for block in blocks])
+    sizes = (bench.errors.systematic, bench.errors.each_point)
+    for name, values in (("force", force), ("mismatch", mismatch)):
+        absolute = "force_N" if name == "force" else "mismatch"
+        parts = [getattr(size, f"{name}_share") + 0.0 * values for size in sizes]
+        parts += [getattr(size, absolute) / values for size in sizes]
+        if np.any(parts):
+            squares += changes(name, values) ** 2 * np.sum(np.square(parts), axis=0)
+    return list(np.sqrt(np.nan_to_num(squares)).tolist())
