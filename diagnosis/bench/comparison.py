@@ -173,7 +173,7 @@ def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[fl
 
     def changes(name: str, values: Array) -> Array:
         """Differentiate the means by the logarithm of a quantity, s, (cells,)."""
-        ends = []
+        ends: list[list[float]] = []
         for by in (1.0 - STEP, 1.0 + STEP):
             moved = []
             for block, value in zip(blocks, (by * values).tolist(), strict=True):
@@ -183,8 +183,9 @@ def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[fl
                 moved.append(replace(block, point=replace(block.point, **own)))
             times = [[result_of(row).shift_time for row in rows] for rows in run(moved)]
             known = [[time for time in those if time is not None] for those in times]
-            ends.append([np.mean(those) if those else np.nan for those in known])
-        return np.asarray(np.diff(ends, axis=0)[0] / (2.0 * STEP))
+            ends.append([sum(those) / len(those) if those else np.nan for those in known])
+        less, more = np.array(ends)
+        return np.asarray((more - less) / (2.0 * STEP))
 
     squares = np.zeros(len(blocks))
     force = np.array([block.point.profile.force for block in blocks])
@@ -193,7 +194,7 @@ def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[fl
     for name, values in (("force", force), ("mismatch", mismatch)):
         absolute = "force_N" if name == "force" else "mismatch"
         parts = [getattr(size, f"{name}_share") + 0.0 * values for size in sizes]
-        parts += [getattr(size, absolute) / values for size in sizes]
+        parts += [getattr(size, absolute) / np.maximum(abs(values), 1e-9) for size in sizes]
         if np.any(parts):
             squares += changes(name, values) ** 2 * np.sum(np.square(parts), axis=0)
     return list(np.sqrt(np.nan_to_num(squares)).tolist())
