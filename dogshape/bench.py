@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from dogshape.comparison import Comparison
-    from dogshape.diagnosis.bench.reading import Reading
+    from dogshape.diagnosis.bench.bench_data import Reading
     from dogshape.gap import Diagnosis
 
 

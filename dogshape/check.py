@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.checked import Checked
-from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.config.study_file import Setup, points_of
 from dogshape.pipeline.search.tolerance_effects import spread_record, time_spread
 from dogshape.pipeline.simulate.design import Measured, design_of, margins_within
 from dogshape.pipeline.train.found_surrogates import own_surrogate

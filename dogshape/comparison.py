@@ -119,6 +119,7 @@ def simulate_bench(
         bench = replace(bench, clutch=bench.clutch.with_engine(engine))
     own = bench.relative_angles if angles is None else None
     shifts = len(bench.cells) * (len(own) if own else given)
+    propagated = 4 * shifts if bench.errors else 0  # at most: either side of force and mismatch
     asked = bench.name, clutch_record(bench.clutch), angles_text(angles)
-    with where.executor("validate", asked, shifts + repeated(shifts)) as running:
+    with where.executor("validate", asked, shifts + propagated + repeated(shifts)) as running:
         return Comparison(compare(bench, running.executor.run, chosen, checked=True))

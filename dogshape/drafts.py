@@ -6,17 +6,16 @@ from collections.abc import Mapping
 from typing import Any
 
 from dogshape.pipeline.drafts.bench_folder import BenchDraft, guessed, write_bench
-from dogshape.pipeline.drafts.own_clutch import HEIGHT
-from dogshape.pipeline.drafts.sources import source_of
+from dogshape.pipeline.drafts.sources import require_free, source_of
 from dogshape.pipeline.drafts.study_folder import (
     CLUTCH,
+    HEIGHT,
     USE,
     askable,
     searched_keys,
     use_of,
     write_study,
 )
-from dogshape.pipeline.drafts.targets import require_free
 
 __all__ = [
     "CLUTCH",

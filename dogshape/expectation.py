@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.config.study_file import Setup, points_of
 from dogshape.pipeline.reports.kit.result_charts import means_by_point
 from dogshape.pipeline.simulate.evaluation import expectation_of
 from dogshape.pipeline.simulate.precision import FIRST, expect_to

@@ -14,15 +14,13 @@ from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.report.wording import findings_record, headline_of, summary
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import (
+    DRAWS,
     CalibratedStudy,
     calibrated_study,
     require_new_study,
 )
-from dogshape.pipeline.diagnose.consequence import Consequence, studied
-from dogshape.pipeline.diagnose.gap_update import require_no_updates
-from dogshape.pipeline.diagnose.joined_bench import keep_data
-from dogshape.pipeline.diagnose.posterior_draws import DRAWS
-from dogshape.pipeline.diagnose.report_parts import Extras, extras_of, price_of
+from dogshape.pipeline.diagnose.consequence import Consequence, Extras, extras_of, price_of, studied
+from dogshape.pipeline.diagnose.gap_update import keep_data, require_no_updates
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.gap.before_after import before_figure
 from dogshape.pipeline.reports.gap.gap_page import publish, write_page

@@ -10,8 +10,14 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan
-from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means
-from dogshape.pipeline.diagnose.planned_bench import Wanted, planned, points_from, sheet
+from dogshape.pipeline.diagnose.bank_diagnosis import (
+    BANK,
+    Means,
+    Wanted,
+    planned,
+    points_from,
+    sheet,
+)
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.result import Result

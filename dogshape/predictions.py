@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.config.study_file import Setup, points_of
 from dogshape.pipeline.train.design_table import (
     Predicted,
     predict,

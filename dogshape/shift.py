@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.asked_points import point_of
-from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.config.study_file import Setup, point_of
 from dogshape.pipeline.reports.shift.animation import curves, trace_frame, write_animation
 from dogshape.result import Result, ms
 from dogshape.sim.engines import engage

@@ -9,14 +9,15 @@ from typing import TYPE_CHECKING, Any
 from dogshape.diagnosis.bench.bench_data import require_times
 from dogshape.gap import Diagnosis
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
+from dogshape.pipeline.diagnose.consequence import extras_of
 from dogshape.pipeline.diagnose.gap_update import (
+    asked_of,
     before_of,
+    joined,
     update_record,
     updates_of,
     write_updates,
 )
-from dogshape.pipeline.diagnose.joined_bench import asked_of, joined
-from dogshape.pipeline.diagnose.report_parts import extras_of
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.gap.gap_page import publish
 from dogshape.result import Result

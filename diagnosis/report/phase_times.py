@@ -30,8 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.force_start import smoothed
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import BenchTrace, smoothed
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.trace import Trace

@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES, Setup
 from dogshape.pipeline.simulate.design import (
     REFERRED,

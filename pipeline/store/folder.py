@@ -28,8 +28,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
-from dogshape.pipeline.config.study_file import Setup, build_study
-from dogshape.pipeline.config.study_hash import hashed, without_gone
+from dogshape.pipeline.config.study_file import Setup, build_study, hashed, without_gone
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole, writing

@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import Design, design_of, limits_of
 from dogshape.sim.clutch_tables import si_fields

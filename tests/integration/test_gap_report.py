@@ -14,10 +14,10 @@ from urllib.parse import unquote
 import pandas as pd
 import pytest
 
-from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.bench_data import Reading, gather
 from dogshape.diagnosis.report.phase_times import PHASES, PhaseGap
 from dogshape.diagnosis.terms import NONE
-from dogshape.pipeline.diagnose.report_parts import Extras
+from dogshape.pipeline.diagnose.consequence import Extras
 from dogshape.pipeline.reports.gap.before_after import before_figure
 from dogshape.pipeline.reports.gap.gap_figures import gap_map_figure, inclusion_figure, phase_words
 from dogshape.pipeline.reports.gap.gap_page import publish

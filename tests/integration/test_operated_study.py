@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import dogshape as ds
-from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.store import load

@@ -18,7 +18,7 @@ from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 from dogshape.pipeline.config.mechanism import PROBE
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.config.toml_text import toml_text
-from dogshape.pipeline.diagnose.effect_keys import EffectKeys
+from dogshape.pipeline.diagnose.study_keys import EffectKeys
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.setting import Setting
 from dogshape.sim.units import MM

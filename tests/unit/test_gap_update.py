@@ -167,7 +167,7 @@ def test_where_it_was_stopped_the_same_command_gives_the_same(
 
     earlier = _record(stand / "out")
     with monkeypatch.context() as patch:
-        patch.setattr("dogshape.pipeline.diagnose.joined_bench.Joined.settle", killed)
+        patch.setattr("dogshape.pipeline.diagnose.gap_update.Joined.settle", killed)
         with pytest.raises(KeyboardInterrupt):
             ds.update_diagnosis(stand / "out", new)
     (stand / "out" / "data").rename(stand / "out" / "data.before")

@@ -58,8 +58,8 @@ GUARDED = {
     "joblib": ("pipeline/simulate/executor.py",),
     "distributed": ("pipeline/simulate/executor.py",),
     "mujoco": ("validation/second_engine.py", "validation/blind/mujoco_shift.py"),
-    "asammdf": ("diagnosis/bench/mdf4.py",),
-    "nptdms": ("diagnosis/bench/tdms.py",),
+    "asammdf": ("diagnosis/bench/trace_files.py",),
+    "nptdms": ("diagnosis/bench/trace_files.py",),
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
     "SALib": ("surrogate/sobol_indices.py",),
@@ -253,7 +253,7 @@ def test_no_room_asks_for_the_time_of_day() -> None:
     """
     provenance = ROOT / "pipeline" / "reports" / "study" / "provenance.py"
     kept = ROOT / "surrogate" / "kept_matrices.py"
-    stamps = ROOT / "diagnosis" / "bench" / "time_stamps.py"
+    stamps = ROOT / "diagnosis" / "bench" / "foreign_cells.py"
     assert ".now(" not in stamps.read_text(encoding="utf-8")
     words = ("time.time(", "datetime", "time_ns(", "st_mtime")
     product = [p for p in MODULES if not p.is_relative_to(ROOT / "validation")]

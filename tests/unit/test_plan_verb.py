@@ -29,7 +29,9 @@ def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
         points = [cell.point for cell in bench.cells]
         return field_at(("actuation_delay", "moving_mass"), points)
 
-    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.predicted_field", predicted_field)
+    monkeypatch.setattr(
+        "dogshape.pipeline.diagnose.bank_diagnosis.predicted_field", predicted_field
+    )
 
 
 @pytest.mark.usefixtures("_toy")

@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.reading import Reading
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, load_bench
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.units import MS, RPM
 from dogshape.sim.versions import bundled_root

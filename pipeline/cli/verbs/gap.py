@@ -15,10 +15,10 @@ from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.cli.tables.gap_tables import calibrated_lines, diagnosis_table
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK
 from dogshape.pipeline.diagnose.calibrated_study import (
+    DRAWS,
     require_effects,
     require_new_study,
 )
-from dogshape.pipeline.diagnose.posterior_draws import DRAWS
 from dogshape.sim.effects import load
 from dogshape.sim.errors import DogshapeError, InputError
 

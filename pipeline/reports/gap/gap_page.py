@@ -17,8 +17,7 @@ from dogshape.diagnosis.report.wording import (
     summary,
 )
 from dogshape.diagnosis.terms import NONE, Hypothesis, plain
-from dogshape.pipeline.diagnose.consequence import Consequence
-from dogshape.pipeline.diagnose.report_parts import Extras
+from dogshape.pipeline.diagnose.consequence import Consequence, Extras
 from dogshape.pipeline.reports.gap import gap_figures as figures
 from dogshape.pipeline.reports.gap.before_after import before_figure
 from dogshape.pipeline.reports.gap.point_rows import CellRow, cells_of, table, unreadable
