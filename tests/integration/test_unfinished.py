@@ -13,8 +13,8 @@ import optuna
 import pytest
 from optuna.trial import FrozenTrial, TrialState
 
+from dogshape.cli.progress_bar import ProgressBar
 from dogshape.diagnosis.prediction.bank_store import BankStore
-from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study.study_page import publish
 from dogshape.pipeline.search.dog_guide import DogGuide

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 from rich.console import Group
 
-from dogshape.pipeline.cli.console import columns, emit
-from dogshape.pipeline.cli.progress_bar import ProgressBar, say
-from dogshape.pipeline.cli.tables.study_tables import study_table
+from dogshape.cli.console import columns, emit
+from dogshape.cli.progress_bar import ProgressBar, say
+from dogshape.cli.tables.study_tables import study_table
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.sim.bundled import bundled_root

@@ -11,14 +11,14 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from dogshape.cli.app import app
+from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.measured_units import split_head, unit_named
 from dogshape.diagnosis.bench.record import BenchRecord
 from dogshape.drafts import CLUTCH, USE
-from dogshape.pipeline.cli.app import app
-from dogshape.pipeline.cli.verbs import init as verbs
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.config.toml_text import SOURCE, with_values

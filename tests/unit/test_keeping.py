@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from dogshape.cli.progress_bar import ProgressBar
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
-from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.kept_shifts import kept_shifts, work_folder

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.study_tables import study_table
+from dogshape.cli.progress_bar import ProgressBar
+from dogshape.cli.tables.study_tables import study_table
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter, about
 from dogshape.pipeline.simulate.executor import Executor
@@ -32,7 +32,7 @@ def test_shifts_are_announced_with_all_that_is_planned() -> None:
 def test_progress_says_an_upper_bound_as_such(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dogshape.pipeline.cli.progress_bar.LINE_EVERY", 0.0)
+    monkeypatch.setattr("dogshape.cli.progress_bar.LINE_EVERY", 0.0)
     with WorkCounter(ProgressBar(), 10, most=True) as progress:
         progress.advance(4)
         progress.rest(3)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from dogshape.pipeline.cli.tables.shift_tables import shift_table
+from dogshape.cli.tables.shift_tables import shift_table
 from dogshape.pipeline.reports.shift import story
 from dogshape.pipeline.reports.shift.scene import ring_body, solids
 from dogshape.pipeline.reports.shift.story import facts, why

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from dogshape.pipeline.cli.tables.shift_tables import expectation_table
+from dogshape.cli.tables.shift_tables import expectation_table
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.expectation import (

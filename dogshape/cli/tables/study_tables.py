@@ -8,7 +8,7 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from dogshape.pipeline.cli.console import columns
+from dogshape.cli.console import columns
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.kit.text import axis, check_name, in_ms, percent
 from dogshape.pipeline.reports.study.alternatives import HEAD, alternatives, cells_of

@@ -8,8 +8,8 @@ from typing import Annotated
 
 import typer
 
-from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Json, Sets, StudyArg, SurrogateFile
+from dogshape.cli.console import emit, verb
+from dogshape.cli.options import Json, Sets, StudyArg, SurrogateFile
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.whatif import WhatIf, write_what_if
 

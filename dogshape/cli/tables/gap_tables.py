@@ -7,10 +7,10 @@ from typing import Any
 from rich.console import Group, RenderableType
 from rich.table import Table
 
+from dogshape.cli.console import columns
+from dogshape.cli.tables.validate_tables import examined_lines
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.wording import chance
-from dogshape.pipeline.cli.console import columns
-from dogshape.pipeline.cli.tables.validate_tables import examined_lines
 from dogshape.pipeline.reports.gap.gap_page import gap_rows, hypothesis_row, shown_hypotheses
 from dogshape.sim.effects import load
 

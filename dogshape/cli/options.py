@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from dogshape.pipeline.cli.console import warn
+from dogshape.cli.console import warn
 from dogshape.sim.errors import InputError
 
 StudyArg = Annotated[

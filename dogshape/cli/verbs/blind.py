@@ -9,10 +9,10 @@ from typing import Annotated, Any
 
 import typer
 
-from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Jobs, Json
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.blind_tables import made_lines, run_table, score_table
+from dogshape.cli.console import emit, verb
+from dogshape.cli.options import Jobs, Json
+from dogshape.cli.progress_bar import ProgressBar
+from dogshape.cli.tables.blind_tables import made_lines, run_table, score_table
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.validation.blind.cases import SEED
 from dogshape.validation.blind.sealed import manifest_of

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.cli.console import columns
+from dogshape.cli.console import columns
 from dogshape.pipeline.reports.kit.text import in_ms, ms_with_error
 from dogshape.pipeline.reports.shift.story import event_facts, load_facts, phase_title
 from dogshape.sim.shift.conclusion import Engagement

@@ -8,7 +8,7 @@ from typing import Any
 
 import typer
 
-from dogshape.pipeline.cli.progress_bar import say
+from dogshape.cli.progress_bar import say
 from dogshape.sim.errors import meant_number
 
 

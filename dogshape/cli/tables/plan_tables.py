@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from dogshape.pipeline.cli.console import columns
+from dogshape.cli.console import columns
 from dogshape.plan import Plan
 from dogshape.sim.errors import number
 from dogshape.sim.units import RPM

@@ -12,7 +12,7 @@ import typer
 from rich.console import Console, RenderableType
 from rich.table import Table
 
-from dogshape.pipeline.cli.endings import CLOSED, reader_gone
+from dogshape.cli.endings import CLOSED, reader_gone
 from dogshape.sim.errors import DogshapeError
 
 P = ParamSpec("P")

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from rich.console import Group, RenderableType
 from rich.table import Table
 
-from dogshape.pipeline.cli.console import columns
+from dogshape.cli.console import columns
 from dogshape.pipeline.simulate.design import KINDS, Within
 from dogshape.sim.strength.checks import GROUPS, Check, feasible, smallest_margin
 from dogshape.sim.strength.dog_strength import UNJUDGED

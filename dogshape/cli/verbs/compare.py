@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from dogshape.pipeline.cli.console import columns, emit, verb
-from dogshape.pipeline.cli.options import Json
+from dogshape.cli.console import columns, emit, verb
+from dogshape.cli.options import Json
 from dogshape.pipeline.config.set_point import OPERATED
 from dogshape.pipeline.reports.kit.text import axis, check_name, percent
 from dogshape.pipeline.reports.study.design_record import ms_or_dash, words_of

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.cli.console import emit, verb, warn
-from dogshape.pipeline.cli.options import Engine, Jobs, Json, Sets, StudyArg, with_engine
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.export_tables import export_text, root_record, root_table
-from dogshape.pipeline.cli.tables.margin_tables import strength_table
+from dogshape.cli.console import emit, verb, warn
+from dogshape.cli.options import Engine, Jobs, Json, Sets, StudyArg, with_engine
+from dogshape.cli.progress_bar import ProgressBar
+from dogshape.cli.tables.export_tables import export_text, root_record, root_table
+from dogshape.cli.tables.margin_tables import strength_table
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.cad import require_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.cli.console import columns
+from dogshape.cli.console import columns
 from dogshape.sim.units import MM, MPA
 
 if TYPE_CHECKING:

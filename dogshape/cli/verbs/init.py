@@ -8,6 +8,19 @@ from typing import Annotated, Any
 
 import typer
 
+from dogshape.cli.console import emit, terminal, verb
+from dogshape.cli.options import Json, Sets
+from dogshape.cli.progress_bar import say
+from dogshape.cli.questions import (
+    ask_choice,
+    ask_number,
+    ask_text,
+    ask_values,
+    ask_yes,
+    changed,
+    may_ask,
+)
+from dogshape.cli.tables.init_tables import bench_text, reading_text, study_text
 from dogshape.drafts import (
     CLUTCH,
     HEIGHT,
@@ -22,19 +35,6 @@ from dogshape.drafts import (
     write_bench,
     write_study,
 )
-from dogshape.pipeline.cli.console import emit, terminal, verb
-from dogshape.pipeline.cli.options import Json, Sets
-from dogshape.pipeline.cli.progress_bar import say
-from dogshape.pipeline.cli.questions import (
-    ask_choice,
-    ask_number,
-    ask_text,
-    ask_values,
-    ask_yes,
-    changed,
-    may_ask,
-)
-from dogshape.pipeline.cli.tables.init_tables import bench_text, reading_text, study_text
 from dogshape.pipeline.config.study_file import key_and_value, pair_of
 from dogshape.sim.errors import InputError
 

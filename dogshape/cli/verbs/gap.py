@@ -8,11 +8,11 @@ from typing import Annotated
 import typer
 from rich.console import Group
 
+from dogshape.cli.console import emit, verb
+from dogshape.cli.options import Corrections, Jobs, Json
+from dogshape.cli.progress_bar import ProgressBar
+from dogshape.cli.tables.gap_tables import calibrated_lines, diagnosis_table
 from dogshape.gap import diagnose
-from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Corrections, Jobs, Json
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.gap_tables import calibrated_lines, diagnosis_table
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK
 from dogshape.pipeline.diagnose.calibrated_study import (
     require_effects,

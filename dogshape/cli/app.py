@@ -22,22 +22,22 @@ from dogshape.sim.versions import versions
 #: Module of each verb, in which a function bears the verb's name, with ``_`` between two words; in
 #: the order of the help.
 VERBS = {
-    "init": "dogshape.pipeline.cli.verbs.init",
-    "shift": "dogshape.pipeline.cli.verbs.shift_expect",
-    "expect": "dogshape.pipeline.cli.verbs.shift_expect",
-    "strength": "dogshape.pipeline.cli.verbs.strength_export",
-    "check": "dogshape.pipeline.cli.verbs.check",
-    "whatif": "dogshape.pipeline.cli.verbs.whatif",
-    "export": "dogshape.pipeline.cli.verbs.strength_export",
-    "study": "dogshape.pipeline.cli.verbs.study",
-    "report": "dogshape.pipeline.cli.verbs.study",
-    "compare": "dogshape.pipeline.cli.verbs.compare",
-    "fit": "dogshape.pipeline.cli.verbs.study",
-    "validate": "dogshape.pipeline.cli.verbs.validate",
-    "gap": "dogshape.pipeline.cli.verbs.gap",
-    "gap plan": "dogshape.pipeline.cli.verbs.gap_plan",
-    "gap update": "dogshape.pipeline.cli.verbs.gap_update",
-    "blind": "dogshape.pipeline.cli.verbs.blind",
+    "init": "dogshape.cli.verbs.init",
+    "shift": "dogshape.cli.verbs.shift_expect",
+    "expect": "dogshape.cli.verbs.shift_expect",
+    "strength": "dogshape.cli.verbs.strength_export",
+    "check": "dogshape.cli.verbs.check",
+    "whatif": "dogshape.cli.verbs.whatif",
+    "export": "dogshape.cli.verbs.strength_export",
+    "study": "dogshape.cli.verbs.study",
+    "report": "dogshape.cli.verbs.study",
+    "compare": "dogshape.cli.verbs.compare",
+    "fit": "dogshape.cli.verbs.study",
+    "validate": "dogshape.cli.verbs.validate",
+    "gap": "dogshape.cli.verbs.gap",
+    "gap plan": "dogshape.cli.verbs.gap_plan",
+    "gap update": "dogshape.cli.verbs.gap_update",
+    "blind": "dogshape.cli.verbs.blind",
 }
 #: Plain text for people and programs alike.
 PLAIN: dict[str, Any] = {

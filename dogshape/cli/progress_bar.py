@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from dogshape.pipeline.cli.console import terminal
+from dogshape.cli.console import terminal
 from dogshape.pipeline.progress import Count, about
 
 LINE_EVERY = 15.0  #: s between lines where standard error is no terminal

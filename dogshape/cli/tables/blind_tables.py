@@ -8,7 +8,7 @@ from typing import Any
 
 from rich.console import Group, RenderableType
 
-from dogshape.pipeline.cli.console import columns
+from dogshape.cli.console import columns
 
 Record = Mapping[str, Any]  #: a score of ``validation.blind.score``, as it is printed in JSON
 

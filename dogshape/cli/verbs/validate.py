@@ -7,11 +7,11 @@ from typing import Annotated
 import typer
 
 from dogshape.bench import Bench
+from dogshape.cli.console import emit, verb
+from dogshape.cli.options import Corrections, Engine, Jobs, Json, angles_of
+from dogshape.cli.progress_bar import ProgressBar
+from dogshape.cli.tables.validate_tables import comparison_table
 from dogshape.comparison import simulate_bench
-from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Corrections, Engine, Jobs, Json, angles_of
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.validate_tables import comparison_table
 from dogshape.pipeline.simulate.kept_shifts import SHIFTS
 from dogshape.running import Where
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from rich.console import Group, RenderableType
 
+from dogshape.cli.console import columns
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import Comparison
-from dogshape.pipeline.cli.console import columns
 from dogshape.pipeline.reports.kit.text import in_ms
 from dogshape.sim.units import RPM
 

@@ -13,8 +13,8 @@ import typer
 from rich.console import RenderableType
 
 from dogshape.check import Check, check_design
-from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import (
+from dogshape.cli.console import emit, verb
+from dogshape.cli.options import (
     Engine,
     Json,
     OneForce,
@@ -24,9 +24,9 @@ from dogshape.pipeline.cli.options import (
     SurrogateFile,
     with_engine,
 )
-from dogshape.pipeline.cli.progress_bar import say
-from dogshape.pipeline.cli.tables.margin_tables import strength_table
-from dogshape.pipeline.cli.tables.prediction_tables import (
+from dogshape.cli.progress_bar import say
+from dogshape.cli.tables.margin_tables import strength_table
+from dogshape.cli.tables.prediction_tables import (
     check_text,
     filled_lines,
     many_text,

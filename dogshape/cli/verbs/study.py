@@ -7,11 +7,11 @@ from typing import Annotated
 
 import typer
 
+from dogshape.cli.console import emit, verb
+from dogshape.cli.options import Cluster, Engine, Jobs, Json, Sets, StudyArg, with_engine
+from dogshape.cli.progress_bar import ProgressBar
+from dogshape.cli.tables.study_tables import study_table, validation_text
 from dogshape.fitted import fit as fit_surrogate
-from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Cluster, Engine, Jobs, Json, Sets, StudyArg, with_engine
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.study_tables import study_table, validation_text
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.study import Run

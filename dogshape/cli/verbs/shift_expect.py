@@ -11,10 +11,8 @@ from typing import Annotated
 import typer
 from rich.console import Group
 
-from dogshape.drawn import expect_draws
-from dogshape.expectation import simulate_mean
-from dogshape.pipeline.cli.console import emit, verb, warn
-from dogshape.pipeline.cli.options import (
+from dogshape.cli.console import emit, verb, warn
+from dogshape.cli.options import (
     Cluster,
     Engine,
     Jobs,
@@ -26,8 +24,10 @@ from dogshape.pipeline.cli.options import (
     angles_of,
     with_engine,
 )
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.shift_tables import drawn_text, expectation_table, shift_table
+from dogshape.cli.progress_bar import ProgressBar
+from dogshape.cli.tables.shift_tables import drawn_text, expectation_table, shift_table
+from dogshape.drawn import expect_draws
+from dogshape.expectation import simulate_mean
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.reports.shift.animation import write_trace

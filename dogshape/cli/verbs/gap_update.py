@@ -7,10 +7,10 @@ from typing import Annotated
 
 import typer
 
-from dogshape.pipeline.cli.console import emit, verb
-from dogshape.pipeline.cli.options import Jobs, Json
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.gap_tables import update_table
+from dogshape.cli.console import emit, verb
+from dogshape.cli.options import Jobs, Json
+from dogshape.cli.progress_bar import ProgressBar
+from dogshape.cli.tables.gap_tables import update_table
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK
 from dogshape.update import update_diagnosis
 
