@@ -37,7 +37,7 @@ ORDER = {
 GUARDED = {
     "pydrake": (
         *("sim/shift/plant.py", "sim/shift/linkage.py", "sim/shift/engagement.py"),
-        "pipeline/reports/shift/scene.py",
+        "pipeline/reports/shift_page.py",
     ),
     "optuna": ("pipeline/search/", "pipeline/store/trial_storage.py", "pipeline/study.py"),
     "sqlalchemy": ("pipeline/store/claims.py", "pipeline/store/trial_storage.py"),
@@ -240,7 +240,7 @@ def test_no_room_asks_for_the_time_of_day() -> None:
     What a table of a bench says of its shifts' times is read, not asked for. Kept matrices go
     oldest first, which no result depends on either.
     """
-    provenance = ROOT / "pipeline" / "reports" / "study" / "provenance.py"
+    provenance = ROOT / "pipeline" / "reports" / "provenance.py"
     kept = ROOT / "surrogate" / "kept_matrices.py"
     stamps = ROOT / "diagnosis" / "bench" / "time_stamps.py"
     assert ".now(" not in stamps.read_text(encoding="utf-8")

@@ -18,11 +18,11 @@ from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.measured_units import split_head, unit_named
 from dogshape.diagnosis.bench.record import BenchRecord
-from dogshape.drafts import CLUTCH, USE
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.config.toml_text import SOURCE, with_values
 from dogshape.pipeline.diagnose.bench_study import study_of
+from dogshape.pipeline.drafts.study_folder import CLUTCH, USE
 from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from dogshape.cli.console import emit, verb
+from dogshape.cli.console import ProgressBar, emit, verb
 from dogshape.cli.options import Jobs, Json
-from dogshape.cli.progress_bar import ProgressBar
-from dogshape.cli.tables.blind_tables import made_lines, run_table, score_table
 from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.record import Table
 from dogshape.validation.blind.cases import SEED
 from dogshape.validation.blind.sealed import manifest_of
 from dogshape.validation.blind.sealed import run as run_cases
+
+Record = Mapping[str, Any]  #: a score of ``validation.blind.score``, as it is printed in JSON
+Parts = Sequence[str | Table]
 
 blind = typer.Typer(
     name="blind",
@@ -85,3 +88,67 @@ def _diagnosis() -> Any:
 
 def _processes(jobs: int) -> int:
     return jobs or os.cpu_count() or 1
+
+
+def made_lines(folder: Path, manifest: Record) -> Parts:
+    """Write the number of cases that were made and the hash of their key."""
+    return [
+        f"{len(manifest['cases'])} cases in {folder / 'cases'}",
+        f"key sealed with SHA-256 {manifest['key_sha256']}",
+        f"go on with: dogshape blind run {folder}",
+    ]
+
+
+def run_table(results: Mapping[str, Record]) -> Parts:
+    """Write verdict, leading hypothesis and time of each case."""
+    rows: list[Sequence[str]] = []
+    for name, result in results.items():
+        time = f"{result['cpu_s']:.1f}"
+        if "refused" in result:
+            rows.append((name, "refused", "-", "-", time))
+            continue
+        found = result["diagnosis"]
+        top = found["hypotheses"][0]
+        words = " + ".join(top["effects"]) or "none"
+        rows.append((name, found["verdict"], words, f"{top['probability']:.2f}", time))
+    return [Table(("case", "verdict", "leading", "probability", "processor s"), rows)]
+
+
+def score_table(found: Record) -> Parts:
+    """Write the headline figures of a field set with their aims, then by form, engine and kind."""
+    rows: list[Sequence[str]] = []
+    met = {True: "yes", False: "no", None: "-"}
+    for one in found["headline"]:
+        figure = one["figure"]
+        value = figure_text(figure, one["percent"])
+        rows.append((one["words"], value, str(figure["n"]), one["aim"] or "-", met[one["met"]]))
+    groups: list[Sequence[str]] = []
+    said = {one["name"]: one for one in found["headline"]}
+    for key in ("by_form", "by_engine", "by_kind"):
+        for group, mine in found[key].items():
+            for name, figure in mine.items():
+                value = figure_text(figure, said[name]["percent"])
+                if figure["n"]:
+                    groups.append((f"{group}: {said[name]['words']}", value, str(figure["n"])))
+    clear = f"{found['cases']} cases, {found['clear']} of them clear"
+    heads = ("figure", "value (95 %)", "n", "aim", "met")
+    return [_code_line(found["code"]), clear, "", Table(heads, rows), "", Table(heads[:3], groups)]
+
+
+def _code_line(code: Record) -> str:
+    """Write a sentence on the code that scores a set."""
+    if code["changed"]:
+        return f"scored by other code than sealed: {', '.join(code['changed'])}"
+    if not code["figures_as_sealed"]:
+        return "scored by other headline figures than sealed"
+    return "scored by the code and the headline figures that were sealed"
+
+
+def figure_text(figure: Record, percent: bool = True) -> str:
+    """Write a figure with its interval; a dash without a value."""
+    if figure["value"] is None:
+        return "-"
+    value, low, high = (figure[name] for name in ("value", "low", "high"))
+    if percent:
+        return f"{100 * value:.0f} % ({100 * low:.0f} to {100 * high:.0f})"
+    return f"{value:.2f} ({low:.2f} to {high:.2f})"

@@ -5,15 +5,13 @@ Whoever asks a surrogate often wants the answer at once, so nothing slow to load
 
 from __future__ import annotations
 
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import RenderableType
 
-from dogshape.check import Check, check_design
-from dogshape.cli.console import emit, verb
+from dogshape.check import check_design
+from dogshape.cli.console import show, verb
 from dogshape.cli.options import (
     Engine,
     Json,
@@ -23,13 +21,6 @@ from dogshape.cli.options import (
     StudyArg,
     SurrogateFile,
     with_engine,
-)
-from dogshape.cli.progress_bar import say
-from dogshape.cli.tables.margin_tables import strength_table
-from dogshape.cli.tables.prediction_tables import (
-    check_text,
-    filled_lines,
-    many_text,
 )
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.store.output_files import require_targets
@@ -66,22 +57,14 @@ def check(
     asked = {"mismatch_rpm": mismatch_rpm, "force_N": force_N}
     if designs is not None:
         target = out or beside(designs)
-        many = predict_designs(given, designs, target, **asked, surrogate=surrogate).to_dict()
-        for line in filled_lines(many):
-            say(line)
-        emit(many, json, partial(many_text, many))
-        if many["impossible"]:
+        many = predict_designs(given, designs, target, **asked, surrogate=surrogate)
+        show(many, json)
+        if many.to_dict()["impossible"]:
             raise typer.Exit(1)
         return
     if out is not None:
         raise InputError("--out is for the answers to --designs; give both or neither")
     found = check_design(given, **asked, surrogate=surrogate)
-    emit(found.to_dict(), json, partial(_text, found))
+    show(found, json)
     if not found.feasible:
         raise typer.Exit(1)
-
-
-def _text(found: Check) -> RenderableType:
-    held, checks = found.blocking_force_N, found.design.checks
-    table = strength_table(checks, found.within, held, found.notes, said=found.said)
-    return check_text(found, table)

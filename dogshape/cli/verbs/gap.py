@@ -1,4 +1,4 @@
-"""``gap``: cause of the difference between bench and simulation."""
+"""``gap``, ``gap plan``, ``gap update``: the cause of a difference between bench and simulation."""
 
 from __future__ import annotations
 
@@ -6,21 +6,22 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Group
 
-from dogshape.cli.console import emit, verb
+from dogshape.cli.console import ProgressBar, emit, show, verb
 from dogshape.cli.options import Corrections, Jobs, Json
-from dogshape.cli.progress_bar import ProgressBar
-from dogshape.cli.tables.gap_tables import calibrated_lines, diagnosis_table
-from dogshape.gap import diagnose
+from dogshape.gap import diagnose, update_diagnosis
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK
 from dogshape.pipeline.diagnose.calibrated_study import (
     require_effects,
     require_new_study,
 )
 from dogshape.pipeline.diagnose.posterior_draws import DRAWS
+from dogshape.plan import plan_shifts
 from dogshape.sim.effects import load
 from dogshape.sim.errors import DogshapeError, InputError
+
+Bank = Annotated[Path, typer.Option(help="folder of simulations that diagnoses share")]
+Effects = Annotated[Path | None, typer.Option(help="folder with effects of your own, a file each")]
 
 
 @verb
@@ -29,10 +30,8 @@ def gap(
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html, gap.json and cells.csv")
     ] = None,
-    bank: Annotated[Path, typer.Option(help="folder of simulations that diagnoses share")] = BANK,
-    effects: Annotated[
-        Path | None, typer.Option(help="folder with effects of your own, a file each")
-    ] = None,
+    bank: Bank = BANK,
+    effects: Effects = None,
     study: Annotated[
         str | None,
         typer.Option(
@@ -84,19 +83,82 @@ def gap(
         bench, correct=correct or (), out=out, bank=bank, effects=effects, study=study,
         engine=engine, jobs=jobs, progress=ProgressBar(),
     )  # fmt: skip
-    record = found.to_dict()
     try:
         made = None if write is None else found.calibrated(write, base, draws, wanted)
     except (DogshapeError, OSError):
         # The diagnosis was long work and is an answer by itself.
-        emit(record, json, lambda: diagnosis_table(found.inference, record))
+        show(found, json)
         raise
     if write is None or made is None:
-        emit(record, json, lambda: diagnosis_table(found.inference, record))
+        show(found, json)
         return
     kept = made.as_dict(write)
-    emit(
-        {**record, "calibrated": kept},
-        json,
-        lambda: Group(diagnosis_table(found.inference, record), *calibrated_lines(kept)),
+    unsure, effects_named = ", ".join(kept["uncertain"]), ", ".join(kept["effects"])
+    lines = [
+        "",
+        f"study: {kept['study']} ({effects_named or 'its own keys'}); "
+        f"{kept['n_draws']} draws from the posterior: {kept['draws']}",
+        *([f"uncertain from shift to shift: {unsure}"] if unsure else []),
+        *(f"note: {remark}" for remark in kept["remarks"]),
+    ]
+    emit({**found.to_dict(), "calibrated": kept}, json, lambda: [*found.parts, *lines])
+
+
+@verb
+def gap_plan(
+    where: Annotated[
+        str,
+        typer.Argument(metavar="BENCH_DIR|STUDY", help="data set or study: its operating points"),
+    ],
+    shifts: Annotated[int, typer.Option(help="shifts in all, at least 20")],
+    points: Annotated[
+        int | None, typer.Option(min=1, help="operating points that are used, at most")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="of the random order")] = 1,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="table to fill in at the bench, as CSV")
+    ] = None,
+    bank: Bank = BANK,
+    effects: Effects = None,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
+    """Plan the shifts of a bench: operating points, numbers, order, and causes they distinguish.
+
+    The order is random but for a reference point at the beginning, in the middle and at the end,
+    so that a drift of the stand shows. Times of a data set are not used. A study, or a clutch of
+    your own, is simulated once, as for 'dogshape gap'.
+
+    Example: dogshape gap plan mq200_stand --shifts 120 --out shifts.csv
+    """
+    found = plan_shifts(
+        where, shifts, points=points, seed=seed, out=out, bank=bank, effects=effects, jobs=jobs,
+        progress=ProgressBar(),
+    )  # fmt: skip
+    show(found, json)
+
+
+@verb
+def gap_update(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="--out of an earlier diagnosis")],
+    new: Annotated[
+        Path, typer.Argument(metavar="NEW.csv", help="new readings, columns as in shifts.csv")
+    ],
+    bank: Bank = BANK,
+    effects: Annotated[
+        Path | None, typer.Option(help="folder with effects of your own; default: as before")
+    ] = None,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
+    """Join new readings to the data of an earlier diagnosis, and compare both answers.
+
+    Units and corrections are those of the earlier data. The folder keeps the earlier record as
+    gap-0.json, gap-1.json and so on, and all updates in updates.json.
+
+    Example: dogshape gap update results/gap-stand new.csv
+    """
+    found = update_diagnosis(
+        folder, new, bank=bank, effects=effects, jobs=jobs, progress=ProgressBar()
     )
+    show(found, json)

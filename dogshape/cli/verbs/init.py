@@ -2,41 +2,32 @@
 
 from __future__ import annotations
 
+import sys
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from dogshape.cli.console import emit, terminal, verb
+from dogshape.cli.console import emit, rich_table, say, terminal, verb
 from dogshape.cli.options import Json, Sets
-from dogshape.cli.progress_bar import say
-from dogshape.cli.questions import (
-    ask_choice,
-    ask_number,
-    ask_text,
-    ask_values,
-    ask_yes,
-    changed,
-    may_ask,
-)
-from dogshape.cli.tables.init_tables import bench_text, reading_text, study_text
-from dogshape.drafts import (
+from dogshape.pipeline.config.study_file import key_and_value, pair_of
+from dogshape.pipeline.drafts.bench_folder import BenchDraft, guessed, write_bench
+from dogshape.pipeline.drafts.own_clutch import HEIGHT
+from dogshape.pipeline.drafts.sources import source_of
+from dogshape.pipeline.drafts.study_folder import (
     CLUTCH,
-    HEIGHT,
     USE,
-    BenchDraft,
     askable,
-    default_use,
-    default_values,
-    guessed,
-    require_free,
     searched_keys,
-    write_bench,
+    use_of,
     write_study,
 )
-from dogshape.pipeline.config.study_file import key_and_value, pair_of
-from dogshape.sim.errors import InputError
+from dogshape.pipeline.drafts.targets import require_free
+from dogshape.pipeline.record import Table
+from dogshape.sim.errors import InputError, meant_number
+from dogshape.sim.units import unit_of
 
 init = typer.Typer(
     name="init",
@@ -89,11 +80,11 @@ def study(
 def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
     """Ask about clutch and use until they make a study; what was answered is the next default."""
     origin = ask_text("begin from (a study, or the folder of a bench)", origin)
-    before = default_values(origin)
+    before = source_of(origin).dog_values
     before |= {key: value for key, value in values.items() if key in CLUTCH and askable(value)}
     answers = ask_values(before, CLUTCH)
     # What follows from the clutch is the default of the other questions.
-    use = default_use(origin, values | changed(answers, before))
+    use = use_of(origin, values | changed(answers, before))
     before, answers = before | use, answers | ask_values(use, USE)
     searched = _asked_search(searched_keys(origin))
     while True:
@@ -190,7 +181,9 @@ def _asked_columns(draft: BenchDraft) -> tuple[BenchDraft, dict[str, Any]]:
     """Ask about the columns of the tables; give what is read of them with the draft."""
     found = guessed(draft)
     while draft.tables:
-        terminal(stderr=True).print(reading_text(found))
+        for part in reading_text(found):
+            shown = part if isinstance(part, str) else rich_table(part)
+            terminal(stderr=True).print(shown)
         for fault in found["faults"]:
             say(fault)
         if not found["faults"] and ask_yes("is that right?", default=True):
@@ -217,7 +210,7 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     values = {"source": ask_text("who measured it, and when", "not said")} | values
     origin = ask_text("clutch of the stand, as in (study or bench)", draft.origin)
     if not ask_yes(f"is the clutch exactly that of '{origin}'?", default=True):
-        before = default_values(origin)
+        before = source_of(origin).dog_values
         values = changed(ask_values(before, CLUTCH), before) | values
     for key, (question, choices) in RECORD.items():
         if key not in values and (key != EMPTY or found["empty"]):
@@ -225,3 +218,125 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     if "timeout_s" not in values and ask_yes("has the stand a time-out of its own?", default=False):
         values["timeout_s"] = ask_number("time-out, s", 1.0)
     return replace(draft, origin=origin, values=values)
+
+
+def may_ask(yes: bool) -> bool:
+    """Decide whether to ask: in a terminal, unless all defaults were accepted beforehand."""
+    return not yes and sys.stdin.isatty()
+
+
+def ask_text(question: str, default: str) -> str:
+    """Ask for words; the end of the input stops the program as Ctrl-C does."""
+    try:
+        found: str = typer.prompt(question, default=default, err=True)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+    return found.strip()
+
+
+def ask_yes(question: str, *, default: bool) -> bool:
+    """Ask for yes or no; the end of the input stops the program as Ctrl-C does."""
+    try:
+        return typer.confirm(question, default=default, err=True)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+
+
+def ask_choice(question: str, choices: Sequence[str], default: str) -> str:
+    """Ask for one of some words."""
+    while True:
+        found = ask_text(f"{question}: {', '.join(choices)}", default)
+        if found in choices:
+            return found
+        say(f"give one of {', '.join(choices)}")
+
+
+def ask_number(question: str, default: Any) -> Any:
+    """Ask for a number, whole where the default is; a decimal comma is taken as a point."""
+    while True:
+        found = meant_number(ask_text(question, f"{default:g}"))
+        if found is not None and (not isinstance(default, int) or found == round(found)):
+            return round(found) if isinstance(default, int) else found
+        say("that is no " + ("whole number" if isinstance(default, int) else "number"))
+
+
+def ask_numbers(question: str, default: Sequence[float]) -> list[float]:
+    """Ask for one number and more, with blanks between them."""
+    while True:
+        words = ask_text(question, " ".join(f"{one:g}" for one in default)).split()
+        found = [meant_number(word.rstrip(";")) for word in words]
+        numbers = [one for one in found if one is not None]
+        if numbers and len(numbers) == len(found):
+            return numbers
+        say("that are no numbers with blanks between them")
+
+
+def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
+    """Ask for values by their keys: a number, a list or a word, as the default."""
+    found = {}
+    for key, value in values.items():
+        ask: Callable[[str, Any], Any] = ask_text
+        if not isinstance(value, str):
+            ask = ask_numbers if isinstance(value, (list, tuple)) else ask_number
+        found[key] = ask(words.get(key, key), value)
+    return found
+
+
+def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Give the values that differ from their defaults."""
+    return {key: value for key, value in found.items() if value != values[key]}
+
+
+def study_text(found: dict[str, Any]) -> list[str | Table]:
+    """List the file that was written, its values, and the next commands."""
+    folder = found["folder"]
+    return [
+        f"wrote {found['file']} from {found['from']}: {found['dogs']} dogs, "
+        f"{found['operating_points']} operating points",
+        *(
+            f"set {key} = {value}" if value is not None else f"left out {key}"
+            for key, value in found["set"].items()
+        ),
+        *(f"assumed: {line}" for line in found["assumed"]),
+        *(f"warning: {line}" for line in found["warnings"]),
+        f"next: look through {found['file']}, then",
+        f"  dogshape strength {folder} --no-simulation",
+        f"  dogshape study {folder}",
+    ]
+
+
+def reading_text(found: dict[str, Any]) -> list[str | Table]:
+    """Tabulate how columns were read, and list the rows and columns that were left out."""
+    heads = "quantity", "column", "unit in file", "decimals", "first", "least", "largest", "why"
+    rows = []
+    for row in found["columns"]:
+        unit = unit_of(row["quantity"])  # of the values, whatever that of the file
+        values = (row[name] for name in ("first", "least", "largest"))
+        texts = (
+            f"{v:.6g} {unit}".rstrip() if isinstance(v, float) else "-" if v is None else str(v)
+            for v in values
+        )
+        rows.append((row["quantity"], row["column"], row["unit"] or "-", row["decimals"] or "-",
+                     *texts, row["why"]))  # fmt: skip
+    reasons: dict[str, list[str]] = {}
+    for one in found["left_out"]:
+        what = f"row {one['row']}" if "row" in one else f"column '{one['column']}'"
+        reasons.setdefault(one["reason"], []).append(what)
+    left = [f"left out: {', '.join(those)}: {why}" for why, those in reasons.items()]
+    shown: list[str | Table] = [Table(heads, rows, {}, (1, 7)), ""] if rows else []
+    return [*shown, *left]
+
+
+def bench_text(found: dict[str, Any]) -> list[str | Table]:
+    """Tabulate the columns that were read, all assumptions, and the next commands."""
+    folder = found["folder"]
+    return [
+        *reading_text(found),
+        f"wrote {folder}: {found['rows']} rows, {found['shifts']} shifts, {found['with_time']} of "
+        "them with a time",
+        *(f"assumed: {line}" for line in found["assumed"]),
+        *(f"warning: {line}" for line in found["warnings"]),
+        "next:" if found["with_time"] else "next: fill in shifts.csv, then",
+        f"  dogshape validate {folder}",
+        f"  dogshape gap {folder} --out {folder}/gap",
+    ]

@@ -7,10 +7,8 @@ from typing import Annotated
 
 import typer
 
-from dogshape.cli.console import emit, verb
+from dogshape.cli.console import ProgressBar, emit, show, verb
 from dogshape.cli.options import Cluster, Engine, Jobs, Json, Sets, StudyArg, with_engine
-from dogshape.cli.progress_bar import ProgressBar
-from dogshape.cli.tables.study_tables import study_table, validation_text
 from dogshape.fitted import fit as fit_surrogate
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.store.folder import StudyFolder, default_out
@@ -51,7 +49,7 @@ def study(
     folder = StudyFolder(out or default_out(given))
     how = Run(folder, jobs, storage, resume, cluster, not no_report, ProgressBar())
     found = search_study(given, how)
-    emit(found.to_dict(), json, lambda: study_table(given, found.record, found.page))
+    show(found, json)
     if found.best is None:
         raise typer.Exit(1)
 
@@ -69,7 +67,7 @@ def report(
     Example: dogshape report results/mq200
     """
     path = load_result(directory).report(progress=ProgressBar())
-    emit({"report": str(path)}, json, lambda: f"report: {path}")
+    emit({"report": str(path)}, json, lambda: [f"report: {path}"])
 
 
 @verb
@@ -110,4 +108,4 @@ def fit(
         where, with_engine(set_, engine), out=out, choose=choose, question=question,
         shifts=shifts, levels=levels, jobs=jobs, cluster=cluster, progress=ProgressBar(),
     )  # fmt: skip
-    emit(found.to_dict(), json, lambda: validation_text(found.stored, found.path))
+    show(found, json)
