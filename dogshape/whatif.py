@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.check import Quick, misses, simulate_quickly, unmade
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.text import interval_text, time_text
 from dogshape.pipeline.reports.whatif_page import designs_of, require_fixed_points, write_whatif
 from dogshape.pipeline.simulate.design import design_of
@@ -46,6 +47,11 @@ class WhatIf(Result):
     def facts(self) -> dict[str, str]:
         """The page, and how many designs it offers."""
         return {"page": str(self.page), "designs to begin with": str(len(self.offered))}
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Warnings, then the page."""
+        return [*(f"warning: {one}" for one in self.warnings), f"page: {self.page}"]
 
     def to_dict(self) -> dict[str, Any]:
         """Give the files of page and surrogate, and the designs to begin with."""
