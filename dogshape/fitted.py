@@ -10,15 +10,18 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.text import in_ms, time_text
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.output_files import require_targets
 from dogshape.pipeline.train.found_surrogates import space_out
 from dogshape.pipeline.train.inquiry import Inquiry
 from dogshape.pipeline.train.training import ask_more, fill, train
-from dogshape.result import Result, ms
+from dogshape.result import Result
 from dogshape.sim.errors import InputError, refusal
 from dogshape.study import Study
 from dogshape.surrogate.store import Stored
+from dogshape.surrogate.validation_figures import LEAST_Q2
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -47,7 +50,7 @@ class Fitted(Result):
         found = self.stored.validation
         return {
             "Q2": f"{found.q2:.3f}",
-            "root-mean-square error": ms(found.rmse_s),
+            "root-mean-square error": time_text(found.rmse_s),
             "within 95 %": f"{found.coverage_95:.0%} of {found.n} designs",
             "designs": self._designs,
             "shifts": ", ".join(f"{n} of {name}" for name, n in self.engines.items()),
@@ -68,6 +71,41 @@ class Fitted(Result):
         if data.levels:
             return {name: data.levels[name] for name in own}
         return {**own, self.config.clutch.solver.engine: data.shifts}
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Figures of the validation, and the scores of the forms it was chosen from."""
+        v, data = self.stored.validation, self.stored.surrogate.data
+        how = "references apart" if v.source == "references" else "designs held out in turn"
+        rows = [
+            (f"{v.n} {how}, expected time, s.e. {time_text(v.noise_s)}", f"{v.q2:.3f}",
+             in_ms(v.rmse_s), f"{v.coverage_95:.0%}"),
+            ("single operating points", f"{v.q2_points:.3f}", in_ms(v.rmse_points_s),
+             f"{v.coverage_points:.0%}"),
+        ]  # fmt: skip
+        parts: list[str | Table] = [
+            f"{len(data.designs)} designs, {len(data)} operating points, {data.shifts} shifts",
+            Table(("judged by", "Q2", "rmse, ms", "within 95 %"), rows),
+        ]
+        for named, q2 in (("expected times", v.q2), ("single operating points", v.q2_points)):
+            if q2 < LEAST_Q2:
+                parts.append(
+                    f"warning: Q2 {q2:.3f} of {named} explains less than half of their variance: "
+                    "useless; raise surrogate.designs or surrogate.mix_shifts"
+                )
+        parts.append(
+            f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, "
+            f"where {v.lost_expected:.1f} were expected"
+        )
+        if v.rank_best is not None:
+            parts.append(f"rank correlation of {v.n_best} best designs {v.rank_best:.2f}")
+        scores = [
+            (s["form"], f"{s['log_density']:.3f}", f"{s['log_rmse']:.3f}",
+             f"{s['coverage_95']:.0%}")
+            for s in self.stored.comparison
+        ]  # fmt: skip
+        heads = ("form, by designs left out", "mean log density", "rmse of ln t", "within 95 %")
+        return [*parts, *([Table(heads, scores)] if scores else []), f"written to {self.path}"]
 
     def to_dict(self) -> dict[str, Any]:
         """Give the validation, the form, the scores of the forms compared, and the file.

@@ -12,7 +12,7 @@ from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.reports.study.study_page import publish
+from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.search.confirmation import confirm
 from dogshape.pipeline.search.dog_guide import DogGuide, distinct, simulated
 from dogshape.pipeline.search.front_uncertainty import standings

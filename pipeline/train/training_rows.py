@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup, physics_of
-from dogshape.pipeline.store.result_records import number_or_none
+from dogshape.pipeline.record import number_or_none
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.shift_records import (

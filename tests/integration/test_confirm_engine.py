@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.reports.study.single_shifts import read_shifts
+from dogshape.pipeline.reports.single_shifts import read_shifts
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.point_plans import whole_plan

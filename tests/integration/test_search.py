@@ -17,7 +17,7 @@ import pytest
 
 from dogshape.pipeline.config.schema import VariablesSection
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
-from dogshape.pipeline.reports.study.study_page import write_report
+from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.search.dog_guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.samplers import sampler_factory

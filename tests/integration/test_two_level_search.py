@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.reports.study.study_page import publish
+from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.result_schema import StudyRecord, require_result

@@ -13,10 +13,10 @@ import optuna
 import pytest
 from optuna.trial import FrozenTrial, TrialState
 
+from dogshape.cli.console import ProgressBar
 from dogshape.diagnosis.prediction.bank_store import BankStore
-from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.reports.study.study_page import publish
+from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.search.dog_guide import DogGuide
 from dogshape.pipeline.search.rounds import next_round
 from dogshape.pipeline.search.samplers import sampler_factory

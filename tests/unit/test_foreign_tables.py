@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from dogshape.cli.app import app
+from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import Reading, load_bench
 from dogshape.diagnosis.bench.table import NEAR, Row, joined_values, near_points
-from dogshape.pipeline.cli.app import app
-from dogshape.pipeline.cli.verbs import init as verbs
 from dogshape.sim.units import RPM
 from tests.conftest import Said
 

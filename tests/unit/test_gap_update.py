@@ -50,7 +50,7 @@ def _diagnosed(bench: Bench, _: Any) -> Any:
 @pytest.fixture(autouse=True)
 def _by_rule(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dogshape.gap.diagnosed", _diagnosed)
-    monkeypatch.setattr("dogshape.update.diagnosed", _diagnosed)
+    monkeypatch.setattr("dogshape.gap.diagnosed", _diagnosed)
 
 
 def _table(
@@ -130,7 +130,7 @@ def test_an_update_keeps_the_engine_of_the_diagnosis(
 
     record = {**_record(stand / "out"), "engine": engine}
     (stand / "out" / "gap.json").write_text(json.dumps(record))
-    monkeypatch.setattr("dogshape.update.diagnosed", noted)
+    monkeypatch.setattr("dogshape.gap.diagnosed", noted)
     ds.update_diagnosis(stand / "out", _table(stand / "new.csv", 2, 20))
     assert asked == [engine]
 

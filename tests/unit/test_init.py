@@ -11,18 +11,18 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from dogshape.cli.app import app
+from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_cells import SHIFTS, split_head, unit_named
 from dogshape.diagnosis.bench.foreign_columns import Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.stand_file import BenchRecord
-from dogshape.drafts import CLUTCH, USE
-from dogshape.pipeline.cli.app import app
-from dogshape.pipeline.cli.verbs import init as verbs
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.config.toml_text import SOURCE, with_values
 from dogshape.pipeline.diagnose.study_keys import study_of
+from dogshape.pipeline.drafts.study_folder import CLUTCH, USE
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.pipeline.reports.shift.story import event_facts
+from dogshape.pipeline.reports.shift_page import event_facts
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.engagement import engage
