@@ -106,7 +106,7 @@ class Diagnosis(Result):
         found, record = self.inference, self.to_dict()
         own = [name for name in found.effects if name not in load()]
         return [
-            headline_of(found.verdict, found.effects),
+            record["summary"],
             "",
             hypothesis_table(found),
             "",

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from markupsafe import Markup
+
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.phase_times import PhaseGap
@@ -14,6 +16,7 @@ from dogshape.diagnosis.report.wording import (
     headline_of,
     ms,
     reading_name,
+    summary,
 )
 from dogshape.diagnosis.terms import NONE, plain
 from dogshape.pipeline.diagnose.consequence import Consequence, Extras
@@ -48,6 +51,7 @@ def write_page(found: Diagnosis, path: Path, extras: Extras | None = None) -> No
         f"{found.bench.name}: difference between bench and simulation",
         headline_of(found.verdict, found.effects),
     )
+    page.add("", Markup("<p>{}</p>").format(summary(found)))
     page.add(
         "Gap by operating point",
         gap_map_figure(cells),
