@@ -59,15 +59,18 @@ class Predictions(Result):
         }  # fmt: skip
 
     @property
-    def parts(self) -> list[str | Table]:
-        """Columns that the study filled in, rows without an answer, and the counts."""
+    def notes(self) -> list[str]:
+        """Columns that the study filled in, and those only copied."""
         record = self.to_dict()
         filled = ", ".join(f"{name} = {value:.6g}" for name, value in record["filled"].items())
         lines = [f"the table has no column for, and the study gives, {filled}"] if filled else []
-        if record["kept"]:
-            lines.append(
-                f"columns copied, and no part of the question: {', '.join(record['kept'])}"
-            )
+        kept = ", ".join(record["kept"])
+        return lines + ([f"columns copied, and no part of the question: {kept}"] if kept else [])
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Rows without an answer, and the counts."""
+        record, lines = self.to_dict(), list[str]()
         for words, more, key in (
             ("is no design", "are no designs", "impossible"),
             ("has no time", "have no time", "without_time"),

@@ -184,8 +184,16 @@ def force_by_calibration(stand: Stand, sheet: Sheet) -> Findings:
     forces, factor = _column(sheet, "force"), stand.sensor.force_factor
     if not both.size:
         return
-    apart = abs(forces[:, None, None] / both - 1.0).min(axis=1)
-    if list((apart < CLOSE).all(axis=0)) == [True, False]:
+
+    def among(values: Array) -> list[bool]:
+        apart = abs(values[:, None, None] / both - 1.0).min(axis=1)
+        return list((apart < CLOSE).all(axis=0))
+
+    if factor is not None and factor > 1.05 and among(forces / factor)[1]:
+        times = f"{number(factor)} times sleeve_force_N of the table actuator_calibration"
+        looks = "a force referred to the sleeve twice"
+        yield Finding("force", f"force_N {_span(forces)}, {times}", looks, certain=True)
+    elif among(forces) == [True, False]:
         found = (
             f"force_N {_span(forces)}, the values of arm_force_N in the table actuator_calibration "
             "and not those of sleeve_force_N"

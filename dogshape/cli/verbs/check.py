@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from dogshape.check import check_design
-from dogshape.cli.console import show, verb
+from dogshape.cli.console import say, show, verb
 from dogshape.cli.options import (
     Engine,
     Json,
@@ -58,6 +58,8 @@ def check(
     if designs is not None:
         target = out or beside(designs)
         many = predict_designs(given, designs, target, **asked, surrogate=surrogate)
+        for line in many.notes:
+            say(line)
         show(many, json)
         if many.to_dict()["impossible"]:
             raise typer.Exit(1)
