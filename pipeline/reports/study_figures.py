@@ -75,8 +75,9 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
         if kind in NAMED:
             look = {"thickness": 1.2, "width": 3, "color": INK}
             names = [f"<b>{kind}</b>" if kind != "front" else str(row["trial"]) for row in rows]
+            sides = ["left" if lead.shown(row) > sum(ends[0]) / 2 else "right" for row in rows]
             trace.update(
-                mode="markers+text", text=names, textposition="top right",
+                mode="markers+text", text=names, textposition=[f"top {side}" for side in sides],
                 error_x={"array": [1.96 * lead.error(row) for row in rows], **look},
                 error_y={"array": [1.96 * second.error(row) for row in rows], **look},
             )  # fmt: skip

@@ -84,6 +84,11 @@ from dogshape.surrogate.validation_figures import validation_of
 
 Say = Callable[[str], None]
 BESIDE = 8  #: designs beside each other in a table of margins
+#: What expected times and their errors rest on in two levels.
+TWO_LEVELS = (
+    "of the compiled engine, corrected by what Drake differs at some of the same angles; errors "
+    "are of both"
+)
 
 
 def publish(folder: StudyFolder, say: Say) -> Path:
@@ -366,6 +371,10 @@ def _add_search(page: Report, folder: StudyFolder, study: Setup, result: Row) ->
             f"({fitted['source']})"
         )
         judged = judged if validation_of(fitted).useful else Bad(f"{judged}: useless")
+    angles = f"{study.own_angles} angles"
+    if study.two_levels:
+        angles = f"{study.file.search.screen_angles} angles of the compiled engine at each "
+        angles += f"operating point and {study.own_angles} of Drake"
     figure: go.Figure | None = course_figure(result) if result["best"] is not None else None
     contact, solver, dates = study.clutch.contact, study.clutch.solver, dates_of(folder.result)
     facts = {
@@ -388,7 +397,8 @@ def _add_search(page: Report, folder: StudyFolder, study: Setup, result: Row) ->
         "end of a shift": f"{study.file.shift.seated_tolerance_mm:g} mm before full travel",
         "retry": f"time-out {study.clutch.timeout} s and retraction {study.retraction} s",
         "search": f"{study.file.search.sampler}, {len(result['trials'])} designs, seed "
-        f"{study.file.search.seed}, {study.file.expectation.angles} angles",
+        f"{study.file.search.seed}, {angles}",
+        "times": TWO_LEVELS if study.two_levels else "",
         "versions": ", ".join(f"{name} {version}" for name, version in result["versions"].items()),
         "hashes": f"configuration {result['config_hash']}, physics {result['physics_hash']}",
     }

@@ -249,7 +249,11 @@ def _search_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     if (error := c["best"]["numerical_error_s"]) is not None:
         yield "numerical error of the expected shift time", f"{1e3 * error:.2g} ms"
     count = f"{result['n_simulated_shifts']} by {engine_of(result)}"
-    yield "shifts simulated", f"{count}; {c['angles']} new angles at each operating point"
+    angles = f"{c['angles']} new angles at each operating point"
+    if compiled := result.get("n_compiled_shifts"):
+        count += f", {compiled} by the compiled engine"
+        angles += f" among {c['best']['points'][0]['n_planar']} of the compiled engine"
+    yield "shifts simulated", f"{count}; {angles}"
 
 
 def _at_the_ends(best: Row, study: Setup) -> Iterator[str]:

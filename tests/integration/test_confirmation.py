@@ -366,7 +366,8 @@ def test_designs_that_do_not_engage_have_no_time_and_no_gain(
     assert confirmation["gain_s"] is confirmation["gain_share"] is None
     assert confirmation["gains"] == {}
     count = confirmation["prototype"]["shifts"]
-    assert f"the prototype in {count // 3} of {count} shifts." in page
+    assert f"{count} of {count} shifts; prototype {count // 3} of {count}" in page
+    assert f"engages in {count // 3} of {count}<" in page
 
 
 class _Lines:

@@ -129,8 +129,11 @@ def test_drake_simulates_nothing_twice(whole: Path, tmp_path: Path) -> None:
 
 def test_the_report_says_which_shifts_the_errors_rest_on(whole: Path) -> None:
     page = publish(StudyFolder(whole), lambda _: None).read_text("utf-8")
-    assert "Times are those of the compiled engine at many angles, corrected by" in page
-    assert "angles of the compiled engine at each operating point and 2 of Drake" in page
+    result = _result(whole)
+    assert "of the compiled engine, corrected by what Drake differs at some of the same" in page
+    assert "16 angles of the compiled engine at each operating point and 2 of Drake" in page
+    assert f"by Drake, {result['n_compiled_shifts']} by the compiled engine; " in page
+    assert "4 new angles at each operating point among 64 of the compiled engine" in page
 
 
 def test_the_surrogate_learns_from_the_corrected_rows(whole: Path) -> None:
