@@ -21,10 +21,10 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import timely, wait_of
 from dogshape.diagnosis.prediction.simulations import read_time, settings_of
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import even_block
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.mujoco_shift import Draw, Engine
 from dogshape.validation.blind.stand import Point, read_stand
 

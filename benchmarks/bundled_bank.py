@@ -14,10 +14,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from dogshape.cli.console import ProgressBar
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
 from dogshape.diagnosis.prediction.model import build_models
-from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, TIMES, Means, brought, shifts_of
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs: the prototype, two
 #: shapes far from it, and the neighbourhood of the best design of the paper's study.

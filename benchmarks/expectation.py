@@ -21,7 +21,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchmarks.common import paper_study
-from dogshape.pipeline.cli.progress_bar import ProgressBar
+from dogshape.cli.console import ProgressBar
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.simulate.evaluation import expect_to, expectation_of

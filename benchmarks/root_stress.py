@@ -17,8 +17,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.shift.flank import Flank, flank_contact
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, Flank, flank_contact
 from dogshape.sim.strength.manufacture import ManufacturingLimits, require_makeable
 from dogshape.sim.strength.notch import (
     PRESSED,

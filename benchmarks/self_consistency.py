@@ -22,9 +22,8 @@ import numpy as np
 from scipy.stats import kstest
 
 from benchmarks.kept_rows import kept_rows
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.reading import Cell, Reading
-from dogshape.diagnosis.bench.record import BenchRecord
+from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading, load_bench
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import STRETCHES, hypotheses_of, log_prior
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
@@ -37,7 +36,9 @@ from dogshape.sim.effects import load
 from dogshape.validation.blind.intervals import calibration, share
 
 KEPT = Path("results") / "self_consistency.jsonl"
-RECORD = BenchRecord("command", "sleeve", "not_made", "known")
+RECORD = BenchRecord(
+    time_zero="command", displacement_at="sleeve", empty_cells="not_made", sense="known"
+)
 NUMBERS = (3, 20)  #: shifts of a point
 LEAST = 5e-3  #: s, of a time
 

@@ -3,7 +3,7 @@
     python -m benchmarks.valid_range
 
 Shifts of the prototype and of the chosen design of the paper's study at angles of one pitch; the
-force rises within 0.05 s. A cell has how many of them were refused (``sim.shift.passing``), and the
+force rises within 0.05 s. A cell has how many were refused (``sim.shift.conclusion``), and the
 deepest penetration of those that were not.
 """
 
@@ -14,9 +14,8 @@ from dataclasses import replace
 from benchmarks.common import kept, paper_study
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Outcome, penetration
 from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.shift.passing import penetration
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, RPM
 

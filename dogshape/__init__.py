@@ -10,101 +10,23 @@ A problem is a frozen value, a verb turns it into a frozen result that carries i
 
 from __future__ import annotations
 
+import ast
 from importlib import import_module
 from inspect import isfunction
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from dogshape.python_words import in_python
 
-if TYPE_CHECKING:
-    from dogshape.bench import Bench
-    from dogshape.check import Check
-    from dogshape.comparison import Comparison
-    from dogshape.drawn import DrawnExpectation, expect_draws
-    from dogshape.expectation import Expectation
-    from dogshape.fitted import Fitted, fit
-    from dogshape.gap import Diagnosis, diagnose
-    from dogshape.pipeline.progress import Progress
-    from dogshape.plan import Plan, plan_shifts
-    from dogshape.predictions import Predictions
-    from dogshape.result import Result
-    from dogshape.shift import Shift
-    from dogshape.side_by_side import SideBySide, compare
-    from dogshape.sim.effect import BenchTest, Effect, Parameter
-    from dogshape.sim.errors import DogshapeError, InputError
-    from dogshape.strength import Strength
-    from dogshape.study import Study
-    from dogshape.study_result import StudyResult, load_result
-    from dogshape.update import Update, update_diagnosis
-    from dogshape.whatif import WhatIf
-
-__all__ = [
-    "Bench",
-    "BenchTest",
-    "Check",
-    "Comparison",
-    "Diagnosis",
-    "DogshapeError",
-    "DrawnExpectation",
-    "Effect",
-    "Expectation",
-    "Fitted",
-    "InputError",
-    "Parameter",
-    "Plan",
-    "Predictions",
-    "Progress",
-    "Result",
-    "Shift",
-    "SideBySide",
-    "Strength",
-    "Study",
-    "StudyResult",
-    "Update",
-    "WhatIf",
-    "compare",
-    "diagnose",
-    "expect_draws",
-    "fit",
-    "load_result",
-    "plan_shifts",
-    "update_diagnosis",
-]
-
-#: Module of each public name. They are loaded when asked for, since simulation, search and pages
-#: take seconds to load and the command line wants none of them for a quick answer.
+#: Module of each public name, as ``__init__.pyi`` imports it for type checkers. Modules are loaded
+#: when asked for: simulation, search and pages take seconds, which a quick answer does not need.
 _HOMES = {
-    "Bench": "dogshape.bench",
-    "BenchTest": "dogshape.sim.effect",
-    "Check": "dogshape.check",
-    "Comparison": "dogshape.comparison",
-    "Diagnosis": "dogshape.gap",
-    "DogshapeError": "dogshape.sim.errors",
-    "DrawnExpectation": "dogshape.drawn",
-    "Effect": "dogshape.sim.effect",
-    "Expectation": "dogshape.expectation",
-    "Fitted": "dogshape.fitted",
-    "InputError": "dogshape.sim.errors",
-    "Parameter": "dogshape.sim.effect",
-    "Plan": "dogshape.plan",
-    "Predictions": "dogshape.predictions",
-    "Progress": "dogshape.pipeline.progress",
-    "Result": "dogshape.result",
-    "Shift": "dogshape.shift",
-    "SideBySide": "dogshape.side_by_side",
-    "Strength": "dogshape.strength",
-    "Study": "dogshape.study",
-    "StudyResult": "dogshape.study_result",
-    "compare": "dogshape.side_by_side",
-    "Update": "dogshape.update",
-    "diagnose": "dogshape.gap",
-    "expect_draws": "dogshape.drawn",
-    "fit": "dogshape.fitted",
-    "load_result": "dogshape.study_result",
-    "plan_shifts": "dogshape.plan",
-    "update_diagnosis": "dogshape.update",
-    "WhatIf": "dogshape.whatif",
+    alias.name: str(node.module)
+    for node in ast.parse(Path(__file__).with_suffix(".pyi").read_text(encoding="utf-8")).body
+    if isinstance(node, ast.ImportFrom)
+    for alias in node.names
 }
+__all__ = sorted(_HOMES)  # noqa: PLE0605
 
 
 def __getattr__(name: str) -> Any:
@@ -115,4 +37,4 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return __all__

@@ -1,23 +1,34 @@
-"""Designs at once: their closed forms, the time by the compiled engine and by the surrogate."""
+"""Design at once: its closed forms, the time by the compiled engine and by the surrogate."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dogshape.checked import Checked
-from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.tolerance_effects import spread_record, time_spread
-from dogshape.pipeline.simulate.design import Measured, design_of, margins_within
+from dogshape.pipeline.config.study_file import Setup, points_of
+from dogshape.pipeline.record import Table, frame_of
+from dogshape.pipeline.reports.text import ENGINES, interval_text, time_text
+from dogshape.pipeline.search.tolerance_effects import checks_within, spread_record, time_spread
+from dogshape.pipeline.simulate.design import (
+    Design,
+    Measured,
+    Within,
+    design_of,
+    margins_within,
+    weakest_within,
+)
+from dogshape.pipeline.simulate.plausibility import notes_of
+from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.pipeline.train.training_rows import mix_over, own_surrogate
-from dogshape.result import ms
+from dogshape.result import Result
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
+from dogshape.sim.strength.checks import smallest_margin
+from dogshape.sim.strength.locking import blocking_force
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.strength.tolerance import Spread
 from dogshape.surrogate.covariance import Array
@@ -25,6 +36,111 @@ from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.validation_figures import Validation
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+
+
+@dataclass(frozen=True, repr=False)
+class Checked(Result):
+    """One design with its checks.
+
+    Parameters
+    ----------
+    config : the study that was asked.
+    design : its dog with every check.
+    within : margins left within the tolerances, by check and kind; minus infinity for no dog.
+    """
+
+    config: Setup
+    design: Design
+    within: Within
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every check passes."""
+        return self.design.feasible
+
+    @property
+    def failed(self) -> tuple[str, ...]:
+        """Names of the checks that fail."""
+        return tuple(self.design.failed)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Warnings about the design: a root outside its formula's fit, units in doubt."""
+        return tuple(notes_of(self.config))
+
+    @property
+    def blocking_force_N(self) -> float:
+        """Force that the blocking mechanism has to hold, N."""
+        return blocking_force(self.config.clutch.dog, self.config.limits.load)
+
+    @property
+    def verdict(self) -> dict[str, str]:
+        """Facts of the checks: feasible or not, and the smallest margins with their checks."""
+        weakest = smallest_margin(self.design.checks)
+        open_ones = ", before its landing is simulated" if self.design.not_checked else ""
+        told = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
+        name, worst = weakest_within(self.config, self.design)
+        return {
+            "feasible": told + open_ones,
+            "smallest margin": f"{weakest.margin:.1%}, {weakest.name}",
+            "at worst-case tolerances": "no dog" if math.isinf(worst) else f"{worst:.1%}, {name}",
+        }
+
+    @property
+    def rows(self) -> list[CheckRow]:
+        """Every check with its margins, by the declared keys."""
+        return [CheckRow(**one) for one in checks_within(self.design, self.within)]
+
+    @property
+    def check_parts(self) -> list[str | Table]:
+        """Table of the checks, then verdict, warnings and what the blocking mechanism holds."""
+        facts = [f"{name}: {value}" for name, value in self.verdict.items()]
+        return [
+            check_table(self.rows),
+            "",
+            "margin: distance to the limit over the limit, at nominal size, with every tolerance "
+            "at its worst, and by root sum of squares (no tolerances for the landing)",
+            *facts,
+            *(f"warning: {note}" for note in self.notes),
+            f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
+        ]
+
+    def landing_of(self, shifts: int, engine: str) -> list[str]:
+        """Explain which shifts the checks of the landing are from; nothing without them."""
+        if self.design.not_checked or not shifts:
+            return []
+        share = self.config.limits.load.landing_share
+        taken = "the hardest" if share is None else f"what {share:.3g} of the shifts exceed"
+        angles = shifts // len(self.config.points)
+        return [
+            f"landing: {taken} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
+            "operating point; other angles or another number of them ('check' and 'strength' have "
+            "their own) give another sample of it"
+        ]
+
+    @property
+    def record(self) -> dict[str, Any]:
+        """Give the checks as JSON takes them."""
+        return {
+            "feasible": self.design.feasible,
+            "not_checked": self.design.not_checked,
+            "checks": checks_within(self.design, self.within),
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give a row for each check: value and limit in ``unit``, margins as shares."""
+        return frame_of(self.rows)
+
+    def plot(self) -> go.Figure:
+        """Draw the margin of each check, and what is left of it in the worst case."""
+        from dogshape.pipeline.reports.charts import margins  # noqa: PLC0415  # loads plotly
+
+        return margins(self.design.checks, self.within)
+
 
 LEAST_ANGLES = 16  #: at an operating point
 SHIFTS = 672  #: of the compiled engine for a design, over all points
@@ -119,9 +235,48 @@ class Check(Checked):
         return misses(self.guess.answer.expected, self.quick.expected)
 
     @property
-    def said(self) -> list[str]:
-        """Landing in words, where the compiled engine simulated it."""
-        return self.landing_of(self.shifts, "planar")
+    def parts(self) -> list[str | Table]:
+        """Expected time, the surrogate's prediction beside it, and the checks."""
+        found, open_ones = self.expected, self.design.not_checked
+        if found is None:
+            lines = [f"no shift time: {self.refusal}"]
+        else:
+            source = f"{self.shifts} shifts of the compiled engine, 1 % of its error against Drake"
+            lines = [
+                f"expected shift time {_interval(found)} "
+                f"({'surrogate' if self.quick is None else f'{source} included'}); single shifts "
+                f"scatter by {time_text(found.sd)}, {found.engaged:.1%} engage where fewest do",
+                *_retries(found),
+            ]
+        lines += [] if self.guess is None else self._surrogate_lines(self.guess)
+        if open_ones and not self.refusal:
+            lines.append("landing not judged: the surrogate knows none; leave out --surrogate")
+        return [*lines, "", *self.check_parts, *self.landing_of(self.shifts, "planar")]
+
+    def _surrogate_lines(self, guess: Guess) -> list[str]:
+        answer, told, q2, lines = guess.answer, guess.answer.expected, guess.validation.q2, []
+        if self.quick is not None:
+            lines = [
+                f"surrogate {guess.path}: {answer.refusal if told is None else _interval(told)}"
+            ]
+            lines += [] if told is None else _retries(told)
+        if self.missed:
+            lines.append(
+                "warning: the surrogate misses the simulated time by more than its interval"
+            )
+        lines += [f"warning: {one}; the surrogate extrapolates" for one in answer.warnings]
+        lines.append(f"distance to the next simulated design: {answer.distance:.1f} usual spacings")
+        if not guess.validation.useful:
+            lines.append(
+                f"warning: on designs that it has not seen the surrogate has Q2 {q2:.2f}; "
+                "simulate more designs before relying on it"
+            )
+        if told is not None:
+            lines.append(
+                f"within the tolerances: {1e3 * guess.spread.worst_case:.2g} ms in the worst case, "
+                f"{1e3 * guess.spread.root_sum_square:.2g} ms by root sum of squares"
+            )
+        return lines
 
     @property
     def facts(self) -> dict[str, str]:
@@ -129,8 +284,7 @@ class Check(Checked):
         found, name = self.expected, "compiled engine" if self.quick else "surrogate"
         if found is None:
             return {"shift time": f"none: {self.refusal}", **self.verdict}
-        time = f"{ms(found.time)} (95 %: {ms(found.low)} to {ms(found.high)})"
-        facts = {f"shift time by the {name}": time}
+        facts = {f"shift time by the {name}": _interval(found)}
         if self.guess is not None:
             warnings = "; ".join(self.guess.answer.warnings)
             facts["in the surrogate's trained range"] = f"no: {warnings}" if warnings else "yes"
@@ -164,6 +318,22 @@ class Check(Checked):
             "missed_by_surrogate": self.missed,
             "time_within_tolerances": spread_record(self.guess.spread),
         }
+
+
+def _interval(found: Expected) -> str:
+    """Print a time with its 95 % interval."""
+    return interval_text(found.time, found.low, found.high)
+
+
+def _retries(found: Expected) -> list[str]:
+    """Split an interval into shifts that engage and retries, where retries count."""
+    if not found.retries and not found.retries_error:
+        return []
+    bare, error = found.without_retries
+    return [
+        f"without retries {time_text(bare, 1.96 * error)}, retries "
+        f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %)"
+    ]
 
 
 def misses(predicted: Expected | None, simulated: Expected | None) -> bool:

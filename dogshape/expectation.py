@@ -1,23 +1,36 @@
-"""Expected shift time over the random relative angle, at one operating point or a study's mix."""
+"""Expected shift time over the random relative angle, at one operating point or a study's mix.
+
+Also over draws of a study's keys, such as a diagnosis leaves beside its study.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.kit.result_charts import means_by_point
+import numpy as np
+from scipy.stats import norm
+
+from dogshape.pipeline.config.study_file import Setup, load_study, points_of
+from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.record import Table, frame_of, number_or_none, tabulate
+from dogshape.pipeline.reports.charts import means_by_point
+from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
-from dogshape.pipeline.store.result_schema import expectation_record
-from dogshape.result import Result, ms
+from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
+from dogshape.result import Result
 from dogshape.running import Where, angles_text, require_angles
-from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import even_blocks, listed_blocks, numerical_error, repeated
+from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.statistics.expectation import Expectation as Mean
 from dogshape.sim.strength.manufacture import require_makeable
+from dogshape.sim.texts import TextTable, read_table
 from dogshape.sim.units import DEG
 
 if TYPE_CHECKING:
@@ -25,6 +38,10 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
+LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
+TAILS = 0.05, 0.95  #: of the interval over draws
+MIN_ANGLES = 3  #: at an operating point of a draw, of which fewer tell no error
+COMMON = norm.ppf((np.arange(50) + 0.5) / 50)  #: deviations of what all draws err by
 
 
 @dataclass(frozen=True, repr=False)
@@ -47,15 +64,17 @@ class Expectation(Result):
         """Standard error of the expected shift time, s."""
         return self.mean.standard_error
 
+    @cached_property
+    def record(self) -> ExpectedTime:
+        """Expected time and operating points by their declared keys."""
+        return ExpectedTime.of(self.mean)
+
     @property
     def facts(self) -> dict[str, str]:
-        """Time with its standard error, share engaged, and what it was simulated from.
-
-        Without a time the shifts that engage lead.
-        """
+        """Time with its standard error, share engaged, and what it was simulated from."""
         mean = self.mean
         timed = {
-            "expected shift time": ms(mean.mean, mean.standard_error),
+            "expected shift time": time_text(mean.mean, mean.standard_error),
             "engaged": f"{mean.engaged:.1%}",
         }
         return {
@@ -64,17 +83,36 @@ class Expectation(Result):
             "shifts": str(mean.shifts),
         }
 
+    @property
+    def parts(self) -> list[str | Table]:
+        """Operating points, then the expected shift time with its errors and the engine."""
+        found, mean = self.record, self.mean
+        engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
+        table = tabulate(PointRow, found.points)
+        lost = f"{mean.lost} of {mean.shifts} shifts did not engage"
+        if mean.blocked:
+            lost += f", {mean.blocked} held dog on dog by friction"
+        if mean.mean_engaged is not None:
+            lost += f"; without their retries the mean is {in_ms(mean.mean_engaged)} ms"
+        if not mean.engages:
+            return [mean.engaged_words, table, lost, engine]
+        error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error)"
+        if found.standard_error_s is None:
+            error = "ms (of too few shifts to say by how much it errs)"
+        total = f"expected shift time {1e3 * mean.mean:.2f} {error}"
+        if found.numerical_error_s is not None:
+            total += f", numerical error {1e3 * found.numerical_error_s:.2g} ms"
+        return [table, total, engine, *([lost] if mean.lost else [])]
+
     def to_dict(self) -> dict[str, Any]:
         """Give mean, errors, and an entry for each operating point."""
         engine, mechanism = self.config.clutch.solver.engine, self.config.mechanism
         more = {"mechanism": mechanism} if mechanism else {}
-        return {"engine": engine, **expectation_record(self.mean), **more}
+        return {"engine": engine, **self.record.to_dict(), **more}
 
     def to_frame(self) -> pd.DataFrame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""
-        import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
-
-        return pd.DataFrame(self.to_dict()["points"])
+        return frame_of(self.record.points)
 
     def plot(self) -> go.Figure:
         """Draw the mean time of each operating point with its standard error."""
@@ -146,3 +184,137 @@ def _at_angles(
         error = numerical_error(blocks, rows, running.executor.run)
     found = expectation_of(config, points, rows, even=even)
     return replace(found, numerical_error=error)
+
+
+@dataclass(frozen=True, repr=False)
+class DrawnExpectation(Result):
+    """Expected shift times of a study, one for each draw of some of its keys.
+
+    Parameters
+    ----------
+    studies : of each draw.
+    times, errors : expected shift time and its standard error, s, (draws,); NaN of a draw in which
+        too few shifts engage to have one. All draws have the same relative angles, so they err
+        alike, and differences between two designs at the same draws are surer than each.
+    """
+
+    studies: tuple[Setup, ...]
+    times: np.ndarray
+    errors: np.ndarray
+
+    @property
+    def engages(self) -> bool:
+        """Whether in every draw enough shifts engage for an expected time."""
+        return bool(np.isfinite(self.times).all())
+
+    @property
+    def interval_s(self) -> tuple[float, float]:
+        """Interval that holds 90 % of the draws with what all of them err by, s."""
+        low, high = np.quantile(self.times[:, None] + self.error_s * COMMON, TAILS)
+        return float(low), float(high)
+
+    @property
+    def error_s(self) -> float:
+        """Standard error by the angles, which all draws have in common, s."""
+        return float(np.sqrt((self.errors**2).mean()))
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Mean over the draws, and the interval that holds 90 % of them with their common error."""
+        if not self.engages:
+            fit = f"in {np.isfinite(self.times).sum()} of {len(self.times)} draws"
+            return {"engagement": f"enough shifts engage {fit}: {NO_TIME} of the others"}
+        mean, (low, high) = float(self.times.mean()), self.interval_s
+        return {
+            "expected shift time": interval_text(mean, low, high, "90 %"),
+            "draws": str(len(self.times)),
+            "of that by the angles": f"± {time_text(self.error_s)}, the same in all draws",
+        }
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give mean, interval, and the time of each draw."""
+        low, high = self.interval_s
+        sd = float(self.times.std(ddof=1)) if len(self.times) > 1 else 0.0
+        return {
+            "engine": self.studies[0].clutch.solver.engine,
+            "draws": len(self.times),
+            "expected_shift_time_s": number_or_none(float(self.times.mean())),
+            "low_s": number_or_none(low),
+            "high_s": number_or_none(high),
+            "sd_s": number_or_none(sd),
+            "standard_error_of_one_s": number_or_none(self.error_s),
+            "times_s": [number_or_none(time) for time in self.times.tolist()],
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give a row for each draw: time, standard error, mechanism."""
+        import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
+
+        rows = [study.mechanism for study in self.studies]
+        times = {"expected_shift_time_s": self.times, "standard_error_s": self.errors}
+        return pd.DataFrame(rows).fillna(0.0).assign(**times)
+
+
+def expect_draws(
+    study: str | Path,
+    draws: str | Path,
+    settings: Mapping[str, Any] | Iterable[str] = (),
+    *,
+    angles: int | None = None,
+    jobs: int = 0,
+    progress: Progress = SILENT,
+) -> DrawnExpectation:
+    """Simulate the expected shift time at each draw of some keys of a study.
+
+    Parameters
+    ----------
+    study : as for ``Study``.
+    draws : table whose columns are keys of the study, a row for each draw (``gap --write``).
+    settings : further keys, for instance another dog; those of a draw give way to them.
+    angles : relative angles at each operating point, at least 3; None for the study's number.
+    jobs : worker processes, 0 for one a core.
+    progress : is told how many draws are done.
+
+    Raises
+    ------
+    InputError, DataError
+        For a table, a key or a value that cannot be used, with its row, or too few angles.
+    """
+    if angles is not None and angles < MIN_ANGLES:
+        raise InputError(
+            f"angles is {angles}, but must be at least {MIN_ANGLES}: of fewer the error is not "
+            "known, which all draws have in common"
+        )
+    table = _table(Path(draws))
+    own = settings.items() if isinstance(settings, Mapping) else settings
+    more = [one if isinstance(one, str) else f"{one[0]}={one[1]}" for one in own]
+    studies = [_study(study, table, row, cells, more) for row, cells in table.rows]
+    means = []
+    with WorkCounter(progress, len(studies), unit="draws") as counter:
+        for one in studies:
+            means.append(simulate_mean(one, Where(jobs), angles=angles))
+            counter.advance(1)
+    times = [math.nan if mean.time_s is None else mean.time_s for mean in means]
+    errors = np.array([mean.standard_error_s for mean in means])
+    return DrawnExpectation(tuple(mean.config for mean in means), np.array(times), errors)
+
+
+def _table(path: Path) -> TextTable:
+    try:
+        table = read_table(path, ())
+    except FileNotFoundError as error:
+        raise DataError(f"there is no {path}; name a table whose columns are keys") from error
+    if not table.rows or set(table.head) <= set(LABELS):
+        raise DataError(f"{path} has no draws; give a row for each, columns named like keys")
+    return table
+
+
+def _study(
+    study: str | Path, table: TextTable, row: int, cells: tuple[str, ...], more: list[str]
+) -> Setup:
+    pairs = zip(table.head, cells, strict=True)
+    keys = [f"{key}={cell}" for key, cell in pairs if key not in LABELS and cell]
+    try:
+        return load_study(study, [*keys, *more])
+    except DogshapeError as error:
+        raise type(error)(f"{table.path}, row {row}: {error}") from error

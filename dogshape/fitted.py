@@ -10,13 +10,16 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.text import in_ms, time_text
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.train.training import fill, train
 from dogshape.pipeline.train.training_rows import space_out
-from dogshape.result import Result, ms
+from dogshape.result import Result
 from dogshape.sim.errors import InputError
 from dogshape.study import Study
 from dogshape.surrogate.store import Stored
+from dogshape.surrogate.validation_figures import LEAST_Q2
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -45,7 +48,7 @@ class Fitted(Result):
         found = self.stored.validation
         return {
             "Q2": f"{found.q2:.3f}",
-            "root-mean-square error": ms(found.rmse_s),
+            "root-mean-square error": time_text(found.rmse_s),
             "within 95 %": f"{found.coverage_95:.0%} of {found.n} designs",
             "designs": self._designs,
             "shifts": f"{self.stored.surrogate.data.shifts} of {self.engine}",
@@ -62,6 +65,35 @@ class Fitted(Result):
     def engine(self) -> str:
         """Engine that simulated the shifts behind the fit, ``drake`` or ``planar``."""
         return str(self.stored.surrogate.data.physics.get("engine", "drake"))
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Figures of the validation."""
+        v, data = self.stored.validation, self.stored.surrogate.data
+        how = "references apart" if v.source == "references" else "designs held out in turn"
+        rows = [
+            (f"{v.n} {how}, expected time, s.e. {time_text(v.noise_s)}", f"{v.q2:.3f}",
+             in_ms(v.rmse_s), f"{v.coverage_95:.0%}"),
+            ("single operating points", f"{v.q2_points:.3f}", in_ms(v.rmse_points_s),
+             f"{v.coverage_points:.0%}"),
+        ]  # fmt: skip
+        parts: list[str | Table] = [
+            f"{len(data.designs)} designs, {len(data)} operating points, {data.shifts} shifts",
+            Table(("judged by", "Q2", "rmse, ms", "within 95 %"), rows),
+        ]
+        for named, q2 in (("expected times", v.q2), ("single operating points", v.q2_points)):
+            if q2 < LEAST_Q2:
+                parts.append(
+                    f"warning: Q2 {q2:.3f} of {named} explains less than half of their variance: "
+                    "useless; raise surrogate.designs or surrogate.mix_shifts"
+                )
+        parts.append(
+            f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, "
+            f"where {v.lost_expected:.1f} were expected"
+        )
+        if v.rank_best is not None:
+            parts.append(f"rank correlation of {v.n_best} best designs {v.rank_best:.2f}")
+        return [*parts, f"written to {self.path}"]
 
     def to_dict(self) -> dict[str, Any]:
         """Give the validation, what was fitted, and the file.

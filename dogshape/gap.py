@@ -1,39 +1,58 @@
-"""Diagnosis of a bench data set: which unmodelled effect makes it differ from the simulation."""
+"""Diagnosis of a bench data set: causes of its difference to simulation; update by new readings."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.bench_data import load_bench, require_times
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
-from dogshape.diagnosis.report.wording import findings_record, headline_of, summary
+from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import (
+    DRAWS,
     CalibratedStudy,
     calibrated_study,
     require_new_study,
 )
-from dogshape.pipeline.diagnose.consequence import Consequence, studied
-from dogshape.pipeline.diagnose.gap_update import require_no_updates
-from dogshape.pipeline.diagnose.joined_bench import keep_data
-from dogshape.pipeline.diagnose.posterior_draws import DRAWS
-from dogshape.pipeline.diagnose.report_parts import Extras, extras_of, price_of
+from dogshape.pipeline.diagnose.consequence import Consequence, Extras, extras_of, price_of, studied
+from dogshape.pipeline.diagnose.gap_update import (
+    asked_of,
+    before_of,
+    joined,
+    keep_data,
+    require_no_updates,
+    update_record,
+    updates_of,
+    write_updates,
+)
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.reports.gap.before_after import before_figure
-from dogshape.pipeline.reports.gap.gap_page import publish, write_page
-from dogshape.pipeline.reports.gap.point_rows import cells_of
-from dogshape.result import Result, ms
+from dogshape.pipeline.record import Table, frame_of
+from dogshape.pipeline.reports.gap_figures import before_figure, cells_of
+from dogshape.pipeline.reports.gap_page import (
+    examined_lines,
+    hypothesis_table,
+    publish,
+    residual_table,
+    write_page,
+)
+from dogshape.pipeline.reports.text import time_text
+from dogshape.result import Result
+from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
-from dogshape.sim.writers import writing
+from dogshape.sim.files import writing
 
 if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
+
+
+TIMES = "before", "after"  #: keys of an update
+SHOWN = 6  #: hypotheses in the table of an update
 
 
 @dataclass(frozen=True, repr=False)
@@ -76,10 +95,30 @@ class Diagnosis(Result):
         return {
             "data": found.bench.name,
             "verdict": headline_of(found.verdict, found.effects),
-            "gap": ms(found.held_out.baseline),
-            "gap at held-out points": ms(found.held_out.held_out),
+            "gap": time_text(found.held_out.baseline),
+            "gap at held-out points": time_text(found.held_out.held_out),
             "next test": found.tests[0].name if found.tests else "none",
         }
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Verdict, hypotheses, residuals and the next test."""
+        found, record = self.inference, self.to_dict()
+        own = [name for name in found.effects if name not in load()]
+        return [
+            record["summary"],
+            "",
+            hypothesis_table(found),
+            "",
+            residual_table(found),
+            "",
+            f"Monte Carlo error of the leading probability: {found.noise:.3f}",
+            *(f"own effect {name}: {chance(found.inclusion.get(name, 0.0))}" for name in own),
+            "next test: {name}. {why}".format(**record["next_test"]),
+            *([self.consequence.sentence] if self.consequence else []),
+            *([f"report: {record['report']}"] if self.folder else []),
+            *examined_lines(found.bench),
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record that ``dogshape gap --json`` prints."""
@@ -93,9 +132,7 @@ class Diagnosis(Result):
 
     def to_frame(self) -> pd.DataFrame:
         """Give a row for each operating point: bench, simulation, gap, prediction, in s."""
-        import pandas as pd  # noqa: PLC0415
-
-        return pd.DataFrame([asdict(cell) for cell in cells_of(self.inference)])
+        return frame_of(cells_of(self.inference))
 
     def plot(self) -> go.Figure:
         """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
@@ -218,3 +255,107 @@ def _before_price(found: Diagnosis) -> str:
         where = f"written to {found.folder / 'report.html'}"
     verdict = headline_of(found.inference.verdict, found.inference.effects)
     return f"{verdict}. The report is {where}; next: simulation of the study's designs"
+
+
+@dataclass(frozen=True, repr=False)
+class Update(Result):
+    """Change of a diagnosis by new readings.
+
+    Parameters
+    ----------
+    diagnosis : with the new readings.
+    record : of this update: new readings, before, after, and why in a sentence.
+    folder : of the diagnosis.
+    """
+
+    diagnosis: Diagnosis
+    record: dict[str, Any]
+    folder: Path
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Verdict before and after, and why."""
+        return {
+            "before": self.record["before"]["headline"],
+            "now": self.record["after"]["headline"],
+            "why": self.record["sentence"],
+        }
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Probabilities before and now, both verdicts, and the next test."""
+        both, record = [self.record[when]["probabilities"] for when in TIMES], self.to_dict()
+        names = sorted({*both[0], *both[1]}, key=lambda name: -both[1].get(name, 0.0))[:SHOWN]
+        rows = [[name, *(chance(one.get(name, 0.0)) for one in both)] for name in names]
+        return [
+            self.record["sentence"],
+            "",
+            Table(("hypothesis", "before", "now"), rows),
+            "",
+            f"before: {self.record['before']['headline']}",
+            f"now: {self.record['after']['headline']}",
+            "next test: {name}. {why}".format(**record["next_test"]),
+            f"report: {record['report']}",
+            *examined_lines(self.diagnosis.inference.bench),
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record that ``dogshape gap update --json`` prints."""
+        return {
+            **self.record,
+            "next_test": self.diagnosis.to_dict()["next_test"],
+            "report": str(self.folder / "report.html"),
+        }
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give a row for each hypothesis: probability before and after."""
+        import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
+
+        both = {when: self.record[when]["probabilities"] for when in TIMES}
+        return pd.DataFrame(both).fillna(0.0).rename_axis("hypothesis")
+
+
+def update_diagnosis(
+    folder: str | Path,
+    new: str | Path,
+    *,
+    bank: str | Path = BANK,
+    effects: str | Path | None = None,
+    jobs: int = 0,
+    progress: Progress = SILENT,
+) -> Update:
+    """Join new readings to the data set of an earlier diagnosis, and diagnose again.
+
+    Parameters
+    ----------
+    folder : of the earlier diagnosis (``diagnose`` with ``out``).
+    new : table with the columns of ``shifts.csv``, in the same units.
+    effects : folder with effects of the user's own; that of the earlier diagnosis by default.
+    bank, jobs, progress : as in ``diagnose``. The engine is that of the earlier diagnosis, so that
+        before and now differ by the readings alone.
+
+    Raises
+    ------
+    DataError, StorageError
+        For a table or a folder that cannot be used, with the remedy. Nothing is changed then.
+    """
+    place = Path(folder)
+    asked = asked_of(place)
+    with writing(place):
+        data = joined(place, Path(new), asked)
+        require_times(data.bench)
+        count = len(asked.joined)
+        before, cells = before_of(place, count)
+        own = effects if effects is not None else asked.effects
+        folders = Path(bank), None if own is None else Path(own)
+        means = Means(*folders, jobs, progress, before["engine"])
+        inference = diagnosed(data.bench, means)
+        record = update_record(before, cells, inference, data.new, count)
+        updates = [*updates_of(place, count), record]
+        history = {f"update {one['update']}": one["sentence"] for one in updates}
+        extras = extras_of(inference)
+        extras = replace(extras, provenance={**extras.provenance, **history})
+        publish(inference, place, extras)
+        write_updates(place, updates)
+        data.settle()
+    return Update(Diagnosis(inference, None, place), record, place)

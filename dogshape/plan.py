@@ -10,18 +10,27 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan
-from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means
-from dogshape.pipeline.diagnose.planned_bench import Wanted, planned, points_from, sheet
+from dogshape.pipeline.diagnose.bank_diagnosis import (
+    BANK,
+    Means,
+    Wanted,
+    planned,
+    points_from,
+    sheet,
+)
 from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.record import Table
 from dogshape.pipeline.store.folder import require_targets
 from dogshape.result import Result
-from dogshape.sim.errors import StorageError
+from dogshape.sim.errors import StorageError, number
 from dogshape.sim.files import write_whole
 from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
     import pandas as pd
 
+
+SHOWN = 4  #: rivals in a row
 HALF = 0.5  #: share of the strengths from which two effects count as distinguished
 
 
@@ -51,6 +60,42 @@ class Plan(Result):
             "decides a pair rightly": f"{plan.worth:.0%}",
             "spread over all points": f"{plan.evenly:.0%}",
         }
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Visits in their order, what distinguishes each cause, and the worth of the plan."""
+        plan, record = self.inference, self.to_dict()
+        visits = [
+            [str(one["visit"]), number(one["mismatch_rpm"]), number(one["force_N"]),
+             str(one["shifts"]), "reference" if one["reference"] else ""]
+            for one in self._visits
+        ]  # fmt: skip
+        effects, causes = plan.field.hypotheses, []
+        for place, hypothesis in enumerate(effects):
+            if hypothesis:
+                seen, apart, left = self.unlike(place)
+                names = ", ".join(effects[k][0] for k in left[:SHOWN]) or "-"
+                more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
+                whole = f"{len(apart)} of {len(apart) + len(left)}"
+                causes.append([hypothesis[0], f"{seen:.0%}", whole, f"{names}{more}"])
+        evenly, cells = record["all_points"], plan.field.cells
+        return [
+            Table(("visit", "mismatch, 1/min", "force, N", "shifts", ""), visits),
+            "",
+            Table(
+                ("true cause", "seen", "rivals distinguished",
+                 "not distinguished in most strengths"), causes,
+            ),
+            "",
+            f"{sum(plan.shifts)} shifts at {np.count_nonzero(plan.shifts)} of {cells} operating "
+            f"points, about {number(plan.hours)} h: chance to decide a pair of causes rightly "
+            f"{plan.worth:.1%}, {self.told_apart:.0%} of pairs and strengths distinguished",
+            f"as many spread evenly over all {cells}, about {number(plan.hours_evenly)} h: "
+            f"{plan.evenly:.1%}, {evenly['told_apart']:.0%}",
+            "distinguished: expected odds of 4.5 : 1 and more for the true cause, over the "
+            "strengths of the priors. Combinations of effects are not planned for.",
+            *([f"table to fill in: {self.sheet}"] if self.sheet else []),
+        ]  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record that ``dogshape gap plan --json`` prints."""

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.asked_points import points_of
-from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.config.study_file import Setup, points_of
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.train.design_table import (
     Predicted,
     predict,
@@ -18,10 +19,13 @@ from dogshape.pipeline.train.design_table import (
     write_predicted,
 )
 from dogshape.pipeline.train.training_rows import mix_over, stored_surrogate
-from dogshape.result import Result, ms
+from dogshape.result import Result
 
 if TYPE_CHECKING:
     import pandas as pd
+
+
+NAMED = 5  #: rows of a table without an answer that are listed one by one
 
 
 @dataclass(frozen=True, repr=False)
@@ -50,8 +54,32 @@ class Predictions(Result):
             "feasible before landing": str(record["feasible"]),
             "impossible": str(len(record["impossible"])),
             "least time of a feasible one": "-"
-            if best is None else f"{ms(best['expected_shift_time_s'])}, row {best['row']}",
+            if best is None else f"{time_text(best['expected_shift_time_s'])}, row {best['row']}",
         }  # fmt: skip
+
+    @property
+    def notes(self) -> list[str]:
+        """Columns that the study filled in, and those only copied."""
+        record = self.to_dict()
+        filled = ", ".join(f"{name} = {value:.6g}" for name, value in record["filled"].items())
+        lines = [f"the table has no column for, and the study gives, {filled}"] if filled else []
+        kept = ", ".join(record["kept"])
+        return lines + ([f"columns copied, and no part of the question: {kept}"] if kept else [])
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Rows without an answer, and the counts."""
+        record, lines = self.to_dict(), list[str]()
+        for words, more, key in (
+            ("is no design", "are no designs", "impossible"),
+            ("has no time", "have no time", "without_time"),
+        ):
+            rows = record[key]
+            lines += [f"row {one['row']} {words}: {one['reason']}" for one in rows[:NAMED]]
+            left = len(rows) - NAMED
+            lines += [f"and {left} more rows {more}"] if left > 0 else []
+        facts = ", ".join(f"{name} {value}" for name, value in self.facts.items())
+        return [*lines, f"wrote {record['file']}: {facts}"]
 
     def to_dict(self) -> dict[str, Any]:
         """Give counts, impossible rows with their reasons, and the best designs."""

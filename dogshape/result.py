@@ -1,4 +1,4 @@
-"""Base of all results: repr, HTML, and conversion into data."""
+"""Base of all results: repr, HTML, printed parts, and conversion into data."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from html import escape
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.reports.kit.text import in_ms, ms_with_error
+from dogshape.pipeline.record import Table
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -28,6 +28,11 @@ class Result(ABC):
     def facts(self) -> dict[str, str]:
         """Headline values, each with its unit."""
 
+    @property
+    def parts(self) -> list[str | Table]:
+        """Sentences and tables that the command line prints."""
+        return [f"{name}: {value}" for name, value in self.facts.items()]
+
     def __repr__(self) -> str:
         told = ", ".join(f"{name} {value}" for name, value in self.facts.items())
         return f"{type(self).__name__}({told})"
@@ -38,10 +43,3 @@ class Result(ABC):
             for name, value in self.facts.items()
         )
         return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
-
-
-def ms(seconds: float | None, error: float | None = None) -> str:
-    """Write a time in ms, with its standard error where it has one."""
-    if seconds is None:
-        return "-"
-    return f"{in_ms(seconds) if error is None else ms_with_error(seconds, error)} ms"

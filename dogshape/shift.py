@@ -6,14 +6,22 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.asked_points import point_of
-from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.shift.animation import curves, trace_frame, write_animation
-from dogshape.result import Result, ms
+from dogshape.pipeline.config.study_file import Setup, point_of
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.shift_page import (
+    curves,
+    event_facts,
+    load_facts,
+    phase_table,
+    trace_frame,
+    write_animation,
+)
+from dogshape.pipeline.reports.text import ENGINES, time_text
+from dogshape.result import Result
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.driveline import TorquePeaks
+from dogshape.sim.shift.loads import TorquePeaks
 from dogshape.sim.statistics.blocks import events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM
@@ -70,7 +78,7 @@ class Shift(Result):
         one, found = self.engagement, list[str]()
         if self.refined is not None and not self.converged:
             outcome = self.refined.outcome.value.replace("_", " ")
-            time = f" in {ms(self.refined.shift_time)}" if self.refined.shift_time else ""
+            time = f" in {time_text(self.refined.shift_time)}" if self.refined.shift_time else ""
             found.append(
                 f"not converged: {outcome}{time} with finer steps. After slots skipped or bounces "
                 "a single shift depends on the steps; take a mean over angles (dogshape expect)"
@@ -97,11 +105,24 @@ class Shift(Result):
         one = self.engagement
         return {
             "outcome": one.outcome.value,
-            "shift time": ms(one.shift_time),
+            "shift time": time_text(one.shift_time),
             "mismatch": f"{one.point.mismatch / RPM:.4g} 1/min",
             "force": f"{one.point.profile.force:.1f} N",
             "relative angle": f"{one.relative_angle / DEG:.4g} deg",
         }
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Outcome, phases, events and loads."""
+        one = self.engagement
+        time = f" in {time_text(one.shift_time)}" if one.shift_time is not None else ""
+        return [
+            f"{one.outcome.value.replace('_', ' ')}{time}: {one.detail}",
+            phase_table(one),
+            "; ".join(event_facts(one)),
+            *load_facts(one, self.torque_peak),
+            f"simulated by {ENGINES[one.clutch.solver.engine]}",
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Give outcome, time, phases, events, loads and solver, in the edge's units."""

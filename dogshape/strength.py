@@ -6,13 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from dogshape.checked import Checked
+from dogshape.check import Checked
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.record import Table
 from dogshape.pipeline.simulate.design import Design, design_of, margins_within
 from dogshape.pipeline.simulate.evaluation import evaluate
+from dogshape.pipeline.store.result_records import check_table
 from dogshape.running import Where
 from dogshape.sim.strength.checks import feasible
-from dogshape.sim.strength.dog_strength import strike_force, strike_torque
+from dogshape.sim.strength.dog_strength import UNJUDGED, strike_force, strike_torque
 from dogshape.sim.strength.manufacture import manufacturing_checks
 from dogshape.sim.units import MPA, RPM
 
@@ -59,10 +61,11 @@ class Strength(Checked):
         ]
 
     @property
-    def said(self) -> list[str]:
-        """Landing, load sharing and flank strikes in words, where the study has them."""
+    def parts(self) -> list[str | Table]:
+        """Checks, and in words the landing, load sharing and flank strikes of the study."""
         sharing = self.load_sharing
         return [
+            *self.check_parts,
             *self.landing_of(self.shifts, self.config.clutch.solver.engine),
             *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
             *(
@@ -70,6 +73,16 @@ class Strength(Checked):
                 f"{one['torque_Nm']:.0f} N m, {one['force_per_dog_N']:.0f} N on one dog"
                 for one in self.strikes
             ),
+        ]
+
+    @property
+    def explained(self) -> list[str | Table]:
+        """Meaning, formula, source and key of each check, and the checks that the study lacks."""
+        made = {row.name for row in self.rows}
+        left = [(name, keys) for name, keys in UNJUDGED.items() if name not in made]
+        return [
+            check_table(self.rows, "name", "meaning", "formula", "source", "limit_key"),
+            *(f"not judged: {name}; give {keys}" for name, keys in left),
         ]
 
     def to_dict(self) -> dict[str, Any]:

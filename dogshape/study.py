@@ -184,9 +184,9 @@ class Study:
         return check_strength(self.config, where, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "") -> Path:
-        """Write the data sheet of the dog (``dogshape.data_sheet.write_data_sheet``)."""
-        from dogshape.data_sheet import write_data_sheet  # noqa: PLC0415
-        from dogshape.pipeline.reports.study.named_design import NamedDesign  # noqa: PLC0415
+        """Write the data sheet of the dog (``dogshape.designs.write_data_sheet``)."""
+        from dogshape.designs import write_data_sheet  # noqa: PLC0415
+        from dogshape.pipeline.reports.data_sheet import NamedDesign  # noqa: PLC0415
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, why)
 

@@ -10,17 +10,18 @@ from typing import TYPE_CHECKING, Any
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.reports.study.designs import all_designs_frame, front_frame
-from dogshape.pipeline.reports.study.front import front_figure, sure_figure
-from dogshape.pipeline.reports.study.goals import goals_of
-from dogshape.pipeline.reports.study.named_design import named_design
-from dogshape.pipeline.reports.study.study_page import publish
-from dogshape.pipeline.reports.study.summary import gained, headline
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.data_sheet import named_design
+from dogshape.pipeline.reports.designs import designs_frame, front_frame, goals_of
+from dogshape.pipeline.reports.study_figures import front_figure, sure_figure
+from dogshape.pipeline.reports.study_page import at_own_places, front_table, publish
+from dogshape.pipeline.reports.study_summary import gained, headline, summary_tables
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_schema import require_result
 from dogshape.pipeline.study import Run, run_study
 from dogshape.result import Result
 from dogshape.sim.clutch_tables import validate
+from dogshape.sim.shift.conclusion import depends_on_clock
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -63,7 +64,7 @@ class StudyResult(Result):
     @property
     def trials(self) -> pd.DataFrame:
         """All designs of the search, a row each; values that were not simulated are missing."""
-        return all_designs_frame(self.record, list(self.config.variables))
+        return designs_frame(self.record, list(self.config.variables))
 
     @property
     def confirmation(self) -> dict[str, Any] | None:
@@ -79,7 +80,7 @@ class StudyResult(Result):
             "designs simulated": str(self.record["n_simulated_designs"]),
             "shifts": str(self.record["n_simulated_shifts"]),
         }
-        best, lead = self.best, goals_of(self.record).leading
+        best, lead = self.best, goals_of(self.record)[0]
         if best is None:
             return {"best": "no design passes every check", **effort}
         told = {"best": "prototype" if best["prototype"] else f"design {best['trial']}"}
@@ -87,10 +88,25 @@ class StudyResult(Result):
             told[lead.label] = lead.words(lead.shown(best), lead.error(best)) + ", not confirmed"
         else:
             told["result"] = headline(self.record)
-            for first in gained(self.record)[:1]:
-                told[first.goal.label] = first.goal.words(*first.chosen)
-                told["gain over the prototype"] = first.goal.words(*first.gain)
+            for goal, _, chosen, gain in gained(self.record)[:1]:
+                told[goal.label] = goal.words(*chosen)
+                told["gain over the prototype"] = goal.words(*gain)
         return told | effort
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Headline, gain, alternatives, facts and front, as the report has them."""
+        record = at_own_places(self.config, self.record)
+        parts: list[str | Table] = [headline(record)]
+        tables = summary_tables(self.config, record)
+        tables += [front_table(self.config, record)] if self.best is not None else []
+        for table in tables:
+            parts += ["", table]
+        for reason, count in record["failed_shifts"].items():
+            again = "; --resume simulates them again" if depends_on_clock(reason) else ""
+            parts.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
+        page = self.page or "none yet, 'dogshape report' makes it"
+        return [*parts, "", f"report: {page}"]
 
     def to_dict(self) -> dict[str, Any]:
         """Give chosen design, front, confirmation, and how much was simulated."""
@@ -106,14 +122,14 @@ class StudyResult(Result):
 
         With one objective alone, the intervals of the front's designs.
         """
-        others = [goal.name for goal in goals_of(self.record).others]
+        others = [goal.name for goal in goals_of(self.record)[1:]]
         if not others:
             return sure_figure(self.record)
         return front_figure(self.record, list(self.config.variables), objective or others[0])
 
     def data_sheet(self, design: int, path: str | Path, why: str = "") -> Path:
-        """Write the data sheet of a design (``dogshape.data_sheet.write_data_sheet``)."""
-        from dogshape.data_sheet import write_data_sheet  # noqa: PLC0415
+        """Write the data sheet of a design (``dogshape.designs.write_data_sheet``)."""
+        from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
         return write_data_sheet(named_design(f"{self.folder}#{design}"), path, why)
 

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.check import Quick, misses, simulate_quickly, unmade
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.whatif.page import designs_of, require_fixed_points, write_whatif
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.text import interval_text, time_text
+from dogshape.pipeline.reports.whatif_page import designs_of, require_fixed_points, write_whatif
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.folder import StudyFolder, default_out, require_targets
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
-from dogshape.result import Result, ms
+from dogshape.result import Result
 from dogshape.surrogate.learning import condition
 from dogshape.surrogate.query import Answer, ask
 
@@ -43,6 +45,11 @@ class WhatIf(Result):
     def facts(self) -> dict[str, str]:
         """The page, and how many designs it offers."""
         return {"page": str(self.page), "designs to begin with": str(len(self.offered))}
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """Warnings, then the page."""
+        return [*(f"warning: {one}" for one in self.warnings), f"page: {self.page}"]
 
     def to_dict(self) -> dict[str, Any]:
         """Give the files of page and surrogate, and the designs to begin with."""
@@ -121,6 +128,6 @@ def _missed(answer: Answer, quick: Quick) -> list[str]:
     if seen is None or told is None or not misses(told, seen):
         return []
     return [
-        f"the surrogate predicted {ms(told.time)} ({ms(told.low)} to {ms(told.high)}) for the "
-        f"own design, whose simulated time is {ms(seen.time)}; others may be off as much"
+        f"the surrogate predicted {interval_text(told.time, told.low, told.high)} for the own "
+        f"design, whose simulated time is {time_text(seen.time)}; others may be off as much"
     ]

@@ -9,7 +9,7 @@ from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.reports.study.study_page import publish
+from dogshape.pipeline.reports.study_page import publish
 from dogshape.pipeline.search.confirmation import Executors, confirm, shifts_to_confirm
 from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import (

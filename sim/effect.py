@@ -1,7 +1,7 @@
 """An effect: physics that the simulation lacks, as a change of a setting.
 
 Parameters have neutral values, with which the setting stays what it was. Their priors are
-uniform in the value or in its logarithm. ``sim.effects`` has one file for each effect.
+uniform in the value or in its logarithm. ``sim.effects`` has those of the package.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
 
 if TYPE_CHECKING:
-    from dogshape.sim.planar.plant import PlanarClutch
+    from dogshape.sim.planar.engagement import PlanarClutch
     from dogshape.sim.shift.plant import ClutchPlant
 
     Plant = ClutchPlant | PlanarClutch
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def plant_of(clutch: Clutch) -> Plant:
     """Build the plant of a clutch once in this process."""
     if clutch.solver.engine == "planar":
-        from dogshape.sim.planar.plant import planar_clutch  # noqa: PLC0415
+        from dogshape.sim.planar.engagement import planar_clutch  # noqa: PLC0415
 
         return planar_clutch(clutch)
     from dogshape.sim.shift.plant import ClutchPlant  # noqa: PLC0415

@@ -54,16 +54,21 @@ class TextTable:
             only = f"its first line is '{self.head[0]}'"
             raise DataError(f"{self.path} {NO_TABLE}: {only}; {SAVE}")
         unknown = [n for n in dict.fromkeys(self.head) if own is not None and n not in own]
-        again = {n: name for name in self.head for n in unknown if _is_but_for_case(n, name)}
+        again = {
+            n: name
+            for name in self.head
+            for n in unknown
+            if n != name and n.lower() == name.lower()
+        }
         hints = {n: did_you_mean(n, own or ()) for n in unknown if n not in again}
         faults = [f"'{name}' is not a known column; {hint}" for name, hint in hints.items()]
         faults += [f"'{n}' is the column '{name}' again; keep one" for n, name in again.items()]
+        others = [name for name in self.head if name not in needed]
+        instead = f" (in the file: {', '.join(others)})" if others and own is None else ""
         for name in needed:
             # A misspelt column is also a missing one; the spelling is the better hint.
             if name not in self.head and not any(f"'{name}'" in hint for hint in hints.values()):
-                faults.append(
-                    f"the column '{name}' is missing; add it" + self._instead(needed, own)
-                )
+                faults.append(f"the column '{name}' is missing; add it{instead}")
         twice = {name for name in self.head if self.head.count(name) > 1}
         faults += [
             f"the column '{name}' is there twice; keep one"
@@ -72,15 +77,6 @@ class TextTable:
         ]
         if faults:
             raise DataError(listed(f"{self.path}, row 1", faults))
-
-    def _instead(self, needed: tuple[str, ...], known: tuple[str, ...] | None) -> str:
-        """Return the columns that a missing one may be, where others are let be."""
-        others = [name for name in self.head if name not in needed]
-        return f" (in the file: {', '.join(others)})" if others and known is None else ""
-
-
-def _is_but_for_case(one: str, other: str) -> bool:
-    return one != other and one.lower() == other.lower()
 
 
 def listed(where: str, faults: Iterable[str]) -> str:
@@ -133,11 +129,15 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
         There is no such file.
     """
     lines = read_lines(path)
-    separator = _separator(lines)
+    first = next((line for line in lines if line.strip()), "")
+    # What parts the head into most cells.
+    separator = max(SEPARATORS, key=lambda one: len(next(csv.reader([first], delimiter=one), [])))
     rows = parted(path, lines, separator)
     if not rows:
         raise DataError(f"{path} {NO_TABLE}: it is empty; {SAVE}")
-    head = _named(_unpadded(rows[0][1]), names)
+    head = _unpadded(rows[0][1])
+    meant = {name.lower(): name for name in names if name not in head}
+    head = [meant.get(column.lower(), column) for column in head]
     body = [(number, _fitted(path, number, row, head, separator)) for number, row in rows[1:]]
     if separator != ",":
         body = _with_points(path, head, body, frozenset(numeric))
@@ -170,18 +170,6 @@ def parted(path: Path, lines: list[str], separator: str) -> list[tuple[int, list
     except csv.Error as error:
         raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
     return [(n, [c.strip() for c in row]) for n, row in enumerate(found, start=1) if any(row)]
-
-
-def _named(head: list[str], names: Iterable[str]) -> list[str]:
-    """Write the columns of a head as ``names`` do, where only the case differs."""
-    meant = {name.lower(): name for name in names if name not in head}
-    return [meant.get(column.lower(), column) for column in head]
-
-
-def _separator(lines: list[str]) -> str:
-    """Choose the separator that parts the head into most cells."""
-    head = next((line for line in lines if line.strip()), "")
-    return max(SEPARATORS, key=lambda one: len(next(csv.reader([head], delimiter=one), [])))
 
 
 def _unpadded(row: list[str]) -> list[str]:
@@ -217,8 +205,8 @@ def _with_points(
         )
     if comma is None:
         return rows
-    return [(number, [_pointed(c, k in places) for k, c in enumerate(row)]) for number, row in rows]
-
-
-def _pointed(cell: str, is_number: bool) -> str:
-    return cell.replace(",", ".") if is_number and _COMMA.fullmatch(cell) else cell
+    for _, row in rows:
+        for place in places:
+            if _COMMA.fullmatch(row[place]):
+                row[place] = row[place].replace(",", ".")
+    return rows

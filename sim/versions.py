@@ -1,10 +1,14 @@
-"""The versions that a result depends on, read without loading what they are of."""
+"""The installed package: versions that a result depends on, and the place of its studies.
+
+Versions are read without loading the packages.
+"""
 
 from __future__ import annotations
 
 import platform
 from functools import lru_cache
 from importlib import metadata
+from pathlib import Path
 
 
 @lru_cache(maxsize=1)
@@ -17,3 +21,11 @@ def versions() -> dict[str, str]:
 def engine() -> dict[str, str]:
     """Return the versions of the programs that a shift depends on: others must not mix."""
     return {name: versions()[name] for name in ("dogshape", "drake")}
+
+
+def bundled_root() -> Path:
+    """Return the folder ``studies``: beside ``sim`` in a checkout and in the installed package."""
+    root = Path(__file__).resolve().parents[1] / "studies"
+    if not root.is_dir():
+        raise FileNotFoundError("the package was installed without its studies")
+    return root

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.statistics.shift_records import Record, content_key, result_of
 from dogshape.sim.units import RPM

@@ -50,8 +50,8 @@ function cut() {
 function probe(said) {
   said.ids = [...document.querySelectorAll(".js-plotly-plot")].map(f => f.id).join(" ");
   said.cut = JSON.stringify(cut());
-  said.csv = document.getElementById("csv").href;
-  const links = [...document.querySelectorAll(".replays a")];
+  said.csv = document.querySelector('a[download$=".csv"]')?.href ?? "";
+  const links = [...document.querySelectorAll('a[href^="shifts/"]')];
   said.links = JSON.stringify(links.map(link => link.getAttribute("href")));
   fit(true);
   setTimeout(() => {

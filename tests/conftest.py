@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
+from dogshape.cli.app import app
 from dogshape.pipeline.__main__ import main
-from dogshape.pipeline.cli.app import app
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.progress import Count
 from dogshape.pipeline.store.folder import StudyFolder

@@ -10,10 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench, setting_of
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, setting_of
 from dogshape.diagnosis.bench.comparison import PointGap
-from dogshape.diagnosis.bench.reading import Reading, gather
-from dogshape.diagnosis.bench.record import BenchRecord
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
@@ -222,7 +221,9 @@ def simulated_bench(cause: Mapping[str, Mapping[str, float]], seed: int = 1) -> 
         time = mean_time(setting.clutch, setting.point) + setting.delay
         off = float(generator.normal(0.0, 0.002))
         rows.append(Reading(k + 2, cell.point, 20, time + off, engaged=True))
-    record = BenchRecord("command", "sleeve", "not_made", "known")
+    record = BenchRecord(
+        time_zero="command", displacement_at="sleeve", empty_cells="not_made", sense="known"
+    )
     return replace(bench, cells=gather(rows), record=record)
 
 

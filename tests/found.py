@@ -19,7 +19,7 @@ def design(trial: int, time: float | None, length: float, **changes: Any) -> Row
         LENGTH: length, FORCE: 1000.0 * length, TIME: time,
         "standard_error_s": None if time is None else 0.001,
         "standard_errors": {TIME: None if time is None else 0.001},
-        "points": 0 if time is None else 2, "shifts": 0 if time is None else 6,
+        "points": 0 if time is None else 2, "shifts": 0 if time is None else 12,
         "engaged": None if time is None else 1.0, "feasible": time is not None,
         "failed": [] if time is not None else ["tip_width"],
         "smallest_margin": 0.01 * (trial + 1), "weakest_check": "tip_width",
@@ -38,7 +38,7 @@ def point(mismatch: float, force: float, mean: float, error: float, engaged: flo
 def confirmed(points: list[Row], mean: float) -> Row:
     return {TIME: mean, "standard_error_s": 0.0006, "points": points, "checks": [],
             "estimates": {TIME: {"value": mean, "standard_error": 0.0006}},
-            "numerical_error_s": 1e-6, "engages": True, "drake": None}  # fmt: skip
+            "numerical_error_s": 1e-6, "engages": True, "engaged": 1.0, "drake": None}  # fmt: skip
 
 
 def shift(study: Setup, values: Row, angle: float, time: float | None, **changes: Any) -> Row:
@@ -70,7 +70,7 @@ def found() -> Row:
         "objectives": [TIME, LENGTH], "leading": TIME,
         "trials": rows, "best": rows[2],
         "front": [rows[2], rows[1]], "n_simulated_designs": 5, "n_simulated_shifts": 100,
-        "surrogate": None, "versions": {},
+        "surrogate": None, "versions": {}, "failed_shifts": {}, "life": None,
         "confirmation": {
             "angles": 16, "prototype": confirmed(ours, 0.100), "best": confirmed(theirs, 0.080),
             "designs": [{"trial": 2, **confirmed(theirs, 0.080)}], "left_out": [],

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 
 
 def kept_folder(root: Path, name: str = "mq200_paper", settings: Sequence[str] = ()) -> StudyFolder:

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.record import BenchRecord
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.effects import load
@@ -99,7 +99,9 @@ def small_model() -> tuple[Bench, Model]:
     cells = [cell for cell in bench.cells if cell.n]
     bench = replace(
         bench,
-        record=BenchRecord("command", "sleeve", "not_made", "known"),
+        record=BenchRecord(
+            time_zero="command", displacement_at="sleeve", empty_cells="not_made", sense="known"
+        ),
         cells=tuple(cells[k] for k in (1, 6, 11, 12, 19, 22)),
     )
     effects = load(None)

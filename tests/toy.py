@@ -12,8 +12,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile

@@ -32,8 +32,8 @@ import numpy as np
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.events import STILL_WINDOW, stays_held
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.trace import Series, Trace, trace_of
 from dogshape.validation.second_model import (
     EngineSettings,

@@ -71,8 +71,7 @@ from scipy.optimize import brentq
 
 from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.mesh import corners, dog_solid
-from dogshape.sim.shift.planes import Vertices, dog_planes
+from dogshape.sim.shift.mesh import Vertices, corners, dog_planes, dog_solid
 from dogshape.sim.units import MM
 from dogshape.validation.impact import restitution
 

@@ -2,41 +2,127 @@
 
 A folder with ``bench.toml`` (clutch, stand), ``shifts.csv``, one row a shift or the mean of
 ``n_shifts`` shifts at one operating point, and time series of single shifts in ``traces``.
-Before anything is made of the numbers they are examined for slips of units and axes: what
-cannot be true is refused with the correction that would make it so, what merely looks odd
-becomes a warning of the data set.
+Before anything is made of the numbers they are examined for slips of units and axes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dogshape.diagnosis.bench.clock import clock_step
-from dogshape.diagnosis.bench.corrections import Correction, corrected, parse
-from dogshape.diagnosis.bench.nominal_errors import EXACT, NominalErrors
-from dogshape.diagnosis.bench.reading import Cell, Reading, gather
-from dogshape.diagnosis.bench.record import UNSAID, BenchRecord
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.diagnosis.bench.corrections import Correction, Finding, corrected, parse
 from dogshape.diagnosis.bench.sense import Sense
-from dogshape.diagnosis.bench.slips import Finding, examine, impossible, require_no_slip
+from dogshape.diagnosis.bench.slips import examine, found_step, impossible, require_no_slip
 from dogshape.diagnosis.bench.stand_file import (
+    EXACT,
+    UNSAID,
     USUAL_MARGIN,
+    BenchRecord,
     Calibration,
     Margin,
     Measured,
+    NominalErrors,
     Sensor,
     Stand,
     TestTerms,
     load_stand,
 )
-from dogshape.diagnosis.bench.table import Row, Sheet, bad_cell, load_sheet
-from dogshape.sim.bundled import bundled_root
+from dogshape.diagnosis.bench.table import Sheet, bad_cell, load_sheet
+from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
+
+
+@dataclass(frozen=True)
+class Reading:
+    """One row: a shift, or ``n`` shifts at one operating point, 0 where none was made.
+
+    ``time`` is the (mean) shift time in s, None where there is none. ``engaged`` is None
+    where the source does not say; a time says that it engaged. ``row`` counts the lines of
+    ``shifts.csv`` from 1. ``sd`` is the standard deviation of the ``n`` times of a mean, s.
+    ``place`` is that in the series of all shifts, an order or a time in s; None where the source
+    does not say.
+    """
+
+    row: int
+    point: OperatingPoint
+    n: int
+    time: float | None
+    engaged: bool | None
+    trace: BenchTrace | None = None
+    sd: float | None = None
+    place: float | None = None
+
+
+@dataclass(frozen=True)
+class Cell:
+    """All readings at one operating point.
+
+    Each of its shifts is one of three: ``engaged``, ``failed`` (tried, not engaged before
+    the time-out) and ``unknown``, of which the source does not say whether it was tried.
+    """
+
+    point: OperatingPoint
+    readings: tuple[Reading, ...]
+
+    @property
+    def n(self) -> int:
+        """Number of shifts that have a time, alone or within a mean."""
+        return sum(r.n for r in self.readings if r.time is not None)
+
+    @property
+    def time(self) -> float | None:
+        """Mean shift time over these, s, None where there is none."""
+        total = self.n
+        whole = sum(r.time * r.n for r in self.readings if r.time is not None)
+        return whole / total if total else None
+
+    @property
+    def times(self) -> NDArray[np.float64]:
+        """Times of single shifts, s, (k,); those within means are not among them."""
+        single = [r.time for r in self.readings if r.n == 1 and r.time is not None]
+        return np.array(single, dtype=float)
+
+    @property
+    def engaged(self) -> int:
+        """Number of shifts known to have engaged."""
+        return sum(r.n for r in self.readings if r.engaged)
+
+    @property
+    def failed(self) -> int:
+        """Number of shifts that were tried and did not engage."""
+        return sum(r.n for r in self.readings if r.engaged is False)
+
+    @property
+    def unknown(self) -> int:
+        """Number of shifts of which nothing is known: not tried, or not engaged."""
+        return sum(r.n for r in self.readings if r.engaged is None)
+
+    @property
+    def tried(self) -> int:
+        """Number of shifts known to have been tried."""
+        return self.engaged + self.failed
+
+    @property
+    def traces(self) -> tuple[BenchTrace, ...]:
+        """Traces of its shifts."""
+        return tuple(r.trace for r in self.readings if r.trace is not None)
+
+
+def gather(readings: Sequence[Reading]) -> tuple[Cell, ...]:
+    """Gather readings by operating point, in the order in which these first appear."""
+    found: dict[OperatingPoint, list[Reading]] = {}
+    for reading in readings:
+        found.setdefault(reading.point, []).append(reading)
+    return tuple(Cell(point, tuple(those)) for point, those in found.items())
 
 
 @dataclass(frozen=True)
@@ -98,33 +184,38 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
     InputError
         For corrections that are unknown or contradict each other.
     """
-    folder = _find(where)
+    folder, root = Path(where), bundled_root() / "bench"
+    if not folder.is_dir():
+        if folder.name != str(where) or not (root / folder).is_dir():
+            names = ", ".join(sorted(p.name for p in root.iterdir() if p.is_dir()))
+            raise DataError(
+                f"there is no data set at {where}; give a folder with bench.toml and shifts.csv, "
+                f"or one of the bundled sets ({names})"
+            )
+        folder = root / folder
     stand = load_stand(folder / "bench.toml")
-    asked = parse((*stand.corrections, *corrections))
-    sheet = load_sheet(folder / "shifts.csv")
-    for correction in asked:
-        sheet = corrected(sheet, correction, stand.sensor)
+    sheet, asked = corrected_sheet(stand, folder / "shifts.csv", corrections)
     findings = examine(stand, sheet, asked)
     require_no_slip(str(sheet.path), findings)
-    readings = readings_of(stand, sheet, asked)
-    return Bench(
-        name=stand.name,
-        source=stand.source,
-        clutch=stand.clutch,
-        cells=gather(readings),
-        relative_angles=stand.relative_angles,
-        sensor=stand.sensor,
-        calibration=stand.calibration,
-        corrections=asked,
-        warnings=findings,
-        record=stand.record,
-        folder=folder,
-        tests=stand.tests,
-        margin=stand.margin,
-        errors=stand.errors,
-        measured=stand.measured,
-        clock_step=clock_step(stand, sheet),
-    )
+    return Bench(**{
+        **vars(stand),
+        "cells": gather(readings_of(stand, sheet, asked)),
+        "corrections": asked,
+        "warnings": findings,
+        "folder": folder,
+        "clock_step": found_step(sheet) if stand.clock_step is None else stand.clock_step,
+    })  # fmt: skip
+
+
+def corrected_sheet(
+    stand: Stand, path: Path, corrections: Iterable[str]
+) -> tuple[Sheet, tuple[Correction, ...]]:
+    """Read a table and make the corrections of its data set, which are given back."""
+    asked = parse((*stand.corrections, *corrections))
+    sheet = load_sheet(path)
+    for correction in asked:
+        sheet = corrected(sheet, correction, stand.sensor)
+    return sheet, asked
 
 
 def require_something(bench: Bench) -> None:
@@ -147,41 +238,23 @@ def require_times(bench: Bench) -> None:
         )
 
 
-def _find(where: str | Path) -> Path:
-    folder = Path(where)
-    if folder.is_dir():
-        return folder
-    root = bundled_root() / "bench"
-    bundled = root / str(where)
-    if folder.name == str(where) and bundled.is_dir():
-        return bundled
-    names = ", ".join(sorted(p.name for p in root.iterdir() if p.is_dir()))
-    raise DataError(
-        f"there is no data set at {where}; give a folder with bench.toml and shifts.csv, "
-        f"or one of the bundled sets ({names})"
-    )
-
-
 def readings_of(stand: Stand, sheet: Sheet, asked: tuple[Correction, ...]) -> list[Reading]:
     """Return the rows of a table as readings; numbers that cannot be true raise DataError."""
-    return [_reading(stand, sheet, row, asked) for row in sheet.rows]
-
-
-def _reading(stand: Stand, sheet: Sheet, row: Row, asked: tuple[Correction, ...]) -> Reading:
-    """Return a row as a reading; numbers that cannot be true raise DataError."""
-    try:
-        point = OperatingPoint(row.mismatch * RPM, ForceProfile(row.force, row.rise))
-    except InputError as error:
-        raise DataError(f"{sheet.path}, row {row.row}: {error}") from error
-    rule = impossible(stand, row, asked)
-    if rule:
-        raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
-    n, engaged = row.n, row.engaged
-    if engaged is None and stand.record.empty_cells == "not_made":
-        n = 0
-    if engaged is None and stand.record.empty_cells == "failed":
-        engaged = False
-    return Reading(row.row, point, n, row.time, engaged, row.trace, row.sd, row.place)
+    found = []
+    for row in sheet.rows:
+        try:
+            point = OperatingPoint(row.mismatch * RPM, ForceProfile(row.force, row.rise))
+        except InputError as error:
+            raise DataError(f"{sheet.path}, row {row.row}: {error}") from error
+        if rule := impossible(stand, row, asked):
+            raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
+        n, engaged = row.n, row.engaged
+        if engaged is None and stand.record.empty_cells == "not_made":
+            n = 0
+        if engaged is None and stand.record.empty_cells == "failed":
+            engaged = False
+        found.append(Reading(row.row, point, n, row.time, engaged, row.trace, row.sd, row.place))
+    return found
 
 
 def setting_of(bench: Bench) -> Setting:

@@ -1,28 +1,33 @@
-"""Simulation against a bench data set, operating point by operating point.
+r"""Simulation against a bench data set, operating point by operating point.
 
 If the data set gives its relative angles, the simulation uses the same angles. The standard error
 is then that of a mean of as many random angles. Otherwise the angles are evenly spaced, and the
 error adds that of the bench's mean and that of the simulated mean. The former has the simulated
-spread, or that of the readings where it is larger: few angles may miss a long tail. Stated errors
-of nominal force and mismatch join it (*u_input* of ASME V&V 20, ``diagnosis.bench.input_errors``).
+spread, or that of the readings where it is larger: few angles may miss a long tail.
+
+Stated errors of nominal force and mismatch join it, *u_input* of ASME V&V 20: the derivatives of
+the simulated mean, by shifts at ``STEP`` to either side, times the errors.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.input_errors import inputs_of
-from dogshape.diagnosis.bench.reading import Cell
+from dogshape.diagnosis.bench.bench_data import Bench, Cell
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.statistics.blocks import Block, Runner, even_blocks, numerical_error
 from dogshape.sim.statistics.expectation import PointExpectation, expect_point
 from dogshape.sim.statistics.shift_records import Record, result_of
 
 LEAST = 3  #: single readings that say something of their scatter
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
+#: Of force and mismatch: the errors of means over few angles would hide the change by less.
+STEP = 0.15
 
 
 @dataclass(frozen=True)
@@ -126,7 +131,13 @@ def compare(
     rows = run(blocks)
     pairs = zip(bench.cells, rows, strict=True)
     found = [_difference(bench, c, r, given is None) for c, r in pairs]
-    differences = tuple(_with_input_errors(bench, found))
+    if bench.errors:
+        added = _input_errors(bench, blocks, run)
+        found = [
+            replace(one, standard_error=math.hypot(one.standard_error, error))
+            for one, error in zip(found, added, strict=True)
+        ]
+    differences = tuple(found)
     error = numerical_error(blocks, rows, run) if checked else None
     return Comparison(bench, differences, error)
 
@@ -139,19 +150,6 @@ def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Dif
         sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
         error = math.hypot(simulated.standard_error, sampled)
     return Difference(cell, simulated.mean_engaged, max(error, 1e-6), simulated)
-
-
-def _with_input_errors(bench: Bench, found: list[Difference]) -> list[Difference]:
-    """Add the errors of nominal values to those of the gaps, where any are stated."""
-    inputs = inputs_of(bench)
-    if inputs is None:
-        return found
-    means = np.array([np.nan if one.mean is None else one.mean for one in found])
-    errors = np.nan_to_num(inputs.u_input(means)).tolist()
-    return [
-        replace(one, standard_error=math.hypot(one.standard_error, error))
-        for one, error in zip(found, errors, strict=True)
-    ]
 
 
 def _scatter(cell: Cell) -> float:
@@ -167,3 +165,35 @@ def _scatter(cell: Cell) -> float:
     if whole < LEAST - 1.0:
         return 0.0
     return math.sqrt(sum(freedom * variance for freedom, variance in told) / whole)
+
+
+def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[float]:
+    """Propagate stated errors of nominal force and mismatch to the simulated means, s."""
+
+    def changes(name: str, values: Array) -> Array:
+        """Differentiate the means by the logarithm of a quantity, s, (cells,)."""
+        ends: list[list[float]] = []
+        for by in (1.0 - STEP, 1.0 + STEP):
+            moved = []
+            for block, value in zip(blocks, (by * values).tolist(), strict=True):
+                own: dict[str, Any] = {"mismatch": value}
+                if name == "force":
+                    own = {"profile": replace(block.point.profile, force=value)}
+                moved.append(replace(block, point=replace(block.point, **own)))
+            times = [[result_of(row).shift_time for row in rows] for rows in run(moved)]
+            known = [[time for time in those if time is not None] for those in times]
+            ends.append([sum(those) / len(those) if those else np.nan for those in known])
+        less, more = np.array(ends)
+        return np.asarray((more - less) / (2.0 * STEP))
+
+    squares = np.zeros(len(blocks))
+    force = np.array([block.point.profile.force for block in blocks])
+    mismatch = np.array([block.point.mismatch for block in blocks])
+    sizes = (bench.errors.systematic, bench.errors.each_point)
+    for name, values in (("force", force), ("mismatch", mismatch)):
+        absolute = "force_N" if name == "force" else "mismatch"
+        parts = [getattr(size, f"{name}_share") + 0.0 * values for size in sizes]
+        parts += [getattr(size, absolute) / np.maximum(abs(values), 1e-9) for size in sizes]
+        if np.any(parts):
+            squares += changes(name, values) ** 2 * np.sum(np.square(parts), axis=0)
+    return list(np.sqrt(np.nan_to_num(squares)).tolist())

@@ -7,14 +7,13 @@ unit and a zero of one quantity go together: ``trace_time=ms``, ``trace_time=fro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
-from dogshape.diagnosis.bench.force_start import ForceStart, find_force_start
-from dogshape.diagnosis.bench.near_points import joined_values
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.bench.table import Row, Sheet
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.table import Row, Sheet, joined_values
+from dogshape.diagnosis.bench.traces import BenchTrace, ForceStart, find_force_start
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 from dogshape.sim.units import MM, MS, RPM
 
@@ -22,6 +21,7 @@ GIVEN = "given"
 ZEROS = ("from_force", "zeroed")  #: ways that move a zero and change no unit
 
 Change = Callable[[Sheet, Sensor], Sheet]
+SPEEDS = ("sliding_speed", "output_speed")
 
 
 @dataclass(frozen=True)
@@ -36,70 +36,47 @@ class Correction:
         return f"{self.quantity}={self.way}"
 
 
-def _scaled(field: str, factor: float, *others: str) -> Change:
-    """Return a change that multiplies fields of a row, where they have a value."""
-
-    def change(row: Row, _: Sensor) -> Row:
-        values = {name: getattr(row, name) for name in (field, *others)}
-        known = {name: value * factor for name, value in values.items() if value is not None}
-        return replace(row, **known) if known else row
-
-    return _each(change)
-
-
-def _each(change: Callable[[Row, Sensor], Row]) -> Change:
-    """Return the change of all rows of a sheet by that of one."""
+def _rows(change: Callable[[Row, Sensor], Row]) -> Change:
     return lambda sheet, sensor: sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))
 
 
-def _in_trace(fields: tuple[str, ...], factor: Callable[[Sensor], float]) -> Change:
-    """Return a change that multiplies series of a row's trace, where it has one."""
-
-    def change(row: Row, sensor: Sensor) -> Row:
-        trace = row.trace
-        if trace is None:
-            return row
-        by = factor(sensor)
-        return replace(row, trace=replace(trace, **{f: getattr(trace, f) * by for f in fields}))
-
-    return _each(change)
-
-
-def _from_start(change: Callable[[BenchTrace, ForceStart], BenchTrace]) -> Change:
-    """Return a change of a row's trace, where it has one, by the start of its force."""
-
-    def changed(row: Row, _: Sensor) -> Row:
-        if row.trace is None:
-            return row
-        start = find_force_start(row.trace, row.rise)
-        if start is None:
-            raise DataError(
-                f"{row.trace.path}: no rise of force_N stands out from its noise, so that neither "
-                "time zero nor values at rest can be found from it; correct the file, or leave the "
-                "cell trace empty"
-            )
-        return replace(row, trace=change(row.trace, start))
-
-    return _each(changed)
-
-
-def _at_sleeve(sensor: Sensor) -> float:
-    if sensor.force_factor is None:
-        raise _needs("force", "linkage_ratio and linkage_efficiency")
-    return sensor.force_factor
-
-
-def _ratio(sensor: Sensor) -> float:
-    if sensor.linkage_ratio is None:
-        raise _needs("displacement", "linkage_ratio")
-    return sensor.linkage_ratio
-
-
-def _needs(quantity: str, keys: str) -> InputError:
-    return InputError(
-        f"{quantity}=arm refers it from the robot arm to the sleeve, but bench.toml does not say "
-        f"by how much; give {keys} in its table [sensor]"
+def _traces(change: Callable[[BenchTrace, Row, Sensor], BenchTrace]) -> Change:
+    """Return the change of the traces of rows that have one."""
+    return _rows(
+        lambda row, sensor: (
+            row if row.trace is None else replace(row, trace=change(row.trace, row, sensor))
+        )
     )
+
+
+def _scaled(one: Any, by: float, *names: str) -> Any:
+    """Multiply fields of a row or a trace, where they have a value."""
+    values = {name: getattr(one, name) for name in names}
+    return replace(one, **{name: v * by for name, v in values.items() if v is not None})
+
+
+def _start(trace: BenchTrace, row: Row) -> ForceStart:
+    start = find_force_start(trace, row.rise)
+    if start is None:
+        raise DataError(
+            f"{trace.path}: no rise of force_N stands out from its noise, so that neither "
+            "time zero nor values at rest can be found from it; correct the file, or leave the "
+            "cell trace empty"
+        )
+    return start
+
+
+def _factor(sensor: Sensor, quantity: str) -> float:
+    """Return the factor from the robot arm to the sleeve; InputError where none is stated."""
+    factor, keys = sensor.force_factor, "linkage_ratio and linkage_efficiency"
+    if quantity == "displacement":
+        factor, keys = sensor.linkage_ratio and 1.0 / sensor.linkage_ratio, "linkage_ratio"
+    if factor is None:
+        raise InputError(
+            f"{quantity}=arm refers it from the robot arm to the sleeve, but bench.toml does not "
+            f"say by how much; give {keys} in its table [sensor]"
+        )
+    return factor
 
 
 def _joined(sheet: Sheet, _: Sensor) -> Sheet:
@@ -110,39 +87,40 @@ def _joined(sheet: Sheet, _: Sensor) -> Sheet:
     )
 
 
-SPEEDS = ("sliding_speed", "output_speed")
-
 #: What can be taken otherwise, in the order in which it is changed.
 WAYS: dict[str, dict[str, Change]] = {
-    "axes": {
-        "swapped": _each(lambda row, _: replace(row, mismatch=row.force, force=row.mismatch)),
-    },
-    "time": {"ms": _scaled("time", MS, "sd")},
-    "rise": {"ms": _scaled("rise", MS)},
+    "axes": {"swapped": _rows(lambda r, _: replace(r, mismatch=r.force, force=r.mismatch))},
+    "time": {"ms": _rows(lambda r, _: _scaled(r, MS, "time", "sd"))},
+    "rise": {"ms": _rows(lambda r, _: _scaled(r, MS, "rise"))},
     "force": {
-        "kN": _scaled("force", 1e3),
-        "arm": _each(lambda row, sensor: replace(row, force=row.force * _at_sleeve(sensor))),
+        "kN": _rows(lambda r, _: _scaled(r, 1e3, "force")),
+        "arm": _rows(lambda r, s: _scaled(r, _factor(s, "force"), "force")),
     },
-    "mismatch": {"rad_s": _scaled("mismatch", 1.0 / RPM), "reversed": _scaled("mismatch", -1.0)},
+    "mismatch": {
+        "rad_s": _rows(lambda r, _: _scaled(r, 1.0 / RPM, "mismatch")),
+        "reversed": _rows(lambda r, _: _scaled(r, -1.0, "mismatch")),
+    },
     "displacement": {
-        "m": _in_trace(("displacement",), lambda _: 1.0 / MM),
-        "arm": _in_trace(("displacement",), lambda sensor: 1.0 / _ratio(sensor)),
-        "zeroed": _from_start(
-            lambda t, start: replace(t, displacement=t.displacement - start.displacement)
+        "m": _traces(lambda t, _, s: _scaled(t, 1.0 / MM, "displacement")),
+        "arm": _traces(lambda t, _, s: _scaled(t, _factor(s, "displacement"), "displacement")),
+        "zeroed": _traces(
+            lambda t, r, _: replace(t, displacement=t.displacement - _start(t, r).displacement)
         ),
     },
     "trace_time": {
-        "ms": _in_trace(("time",), lambda _: MS),
-        "from_force": _from_start(
-            lambda t, start: replace(t, time=t.time - start.time, start_error=start.error)
+        "ms": _traces(lambda t, _, s: _scaled(t, MS, "time")),
+        "from_force": _traces(
+            lambda t, r, _: replace(
+                t, time=t.time - (start := _start(t, r)).time, start_error=start.error
+            )
         ),
     },
     "trace_force": {
-        "kN": _in_trace(("force",), lambda _: 1e3),
-        "arm": _in_trace(("force",), _at_sleeve),
-        "zeroed": _from_start(lambda t, start: replace(t, force=t.force - start.force)),
+        "kN": _traces(lambda t, _, s: _scaled(t, 1e3, "force")),
+        "arm": _traces(lambda t, _, s: _scaled(t, _factor(s, "force"), "force")),
+        "zeroed": _traces(lambda t, r, _: replace(t, force=t.force - _start(t, r).force)),
     },
-    "speeds": {"rad_s": _in_trace(SPEEDS, lambda _: 1.0 / RPM)},
+    "speeds": {"rad_s": _traces(lambda t, _, s: _scaled(t, 1.0 / RPM, *SPEEDS))},
     "points": {"joined": _joined},
 }
 
@@ -161,7 +139,14 @@ def parse(texts: Iterable[str]) -> tuple[Correction, ...]:
     """
     found: list[Correction] = []
     for text in texts:
-        one = _parse(text)
+        quantity, _, way = text.partition("=")
+        if quantity not in WAYS:
+            hint = did_you_mean(quantity, WAYS)
+            raise InputError(f"the correction '{text}' is of no known quantity; {hint}")
+        if way != GIVEN and way not in WAYS[quantity]:
+            valid = ", ".join(f"{quantity}={known}" for known in (*WAYS[quantity], GIVEN))
+            raise InputError(f"the correction '{text}' is not known; valid are {valid}")
+        one = Correction(quantity, way)
         for other in found:
             if contradict(one, other):
                 raise InputError(
@@ -173,18 +158,47 @@ def parse(texts: Iterable[str]) -> tuple[Correction, ...]:
     return tuple(sorted(found, key=every.index))
 
 
-def _parse(text: str) -> Correction:
-    quantity, _, way = text.partition("=")
-    if quantity not in WAYS:
-        hint = did_you_mean(quantity, WAYS)
-        raise InputError(f"the correction '{text}' is of no known quantity; {hint}")
-    if way != GIVEN and way not in WAYS[quantity]:
-        valid = ", ".join(f"{quantity}={known}" for known in (*WAYS[quantity], GIVEN))
-        raise InputError(f"the correction '{text}' is not known; valid are {valid}")
-    return Correction(quantity, way)
-
-
 def corrected(sheet: Sheet, correction: Correction, sensor: Sensor) -> Sheet:
     """Make one correction in all rows of a sheet; ``given`` changes none."""
     change = WAYS[correction.quantity].get(correction.way)
     return sheet if change is None else change(sheet, sensor)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Probable slip in bench data.
+
+    ``found`` says what the data have and what speaks against it, ``looks_like`` what explains
+    it. ``way`` is the correction of ``quantity`` that would make it right, None where there is
+    none. A ``certain`` one cannot be true as it stands and is refused; ``arguable`` tells
+    whether a user may say that it is right nevertheless. ``remedy`` is what to do where neither
+    a correction nor the data set is.
+    """
+
+    quantity: str
+    found: str
+    looks_like: str
+    way: str | None = None
+    certain: bool = False
+    arguable: bool = True
+    remedy: str = ""
+
+    @property
+    def correction(self) -> str | None:
+        """The correction as it is written, such as ``time=ms``."""
+        return None if self.way is None else f"{self.quantity}={self.way}"
+
+    @property
+    def sentence(self) -> str:
+        """Finding, probable cause and remedy in a sentence."""
+        ways = [f"--correct {self.correction} takes it as that"] if self.way else []
+        if self.arguable:
+            ways.append(f"--correct {self.quantity}={GIVEN} takes it as it stands")
+        return self.with_remedy(self.remedy or ", or ".join(["correct the data set", *ways]))
+
+    def with_remedy(self, remedy: str) -> str:
+        """Return finding, probable cause and a remedy in a sentence."""
+        return f"{self.found}; this looks like {self.looks_like}; {remedy}"
+
+
+Findings = Iterator[Finding]

@@ -24,8 +24,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.force_start import scatter, smoothed
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import BenchTrace, scatter, smoothed
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.shift.actuation import ForceProfile
 
@@ -137,7 +136,8 @@ def _joined(marks: Sequence[Mark | None]) -> Mark | None:
 
 def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> list[Mark | None]:
     """Return all marks of one trace; None where there is none."""
-    top = crossing_before(trace.displacement, gap, len(trace.time))[1]
+    closed = smoothed(trace.displacement) >= gap
+    top = int(np.argmax(closed)) if closed.any() else len(trace.time)
     ways = [
         mark_of(trace.time[:top], trace.displacement[:top], share * gap, AROUND["way"])
         for share in WAYS
@@ -146,18 +146,6 @@ def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> list[Ma
         mark_of(trace.time, trace.force, share * profile.force, AROUND["force"]) for share in FORCES
     ]
     return [*ways, *forces]
-
-
-def crossing_before(values: Array, level: float, end: int) -> tuple[int, int]:
-    """Return the last sample below a level before it is passed for good or at ``end``, and the
-    first sample at or above it, both as places; (end, end) where it is not passed.
-    """
-    smooth = smoothed(values[:end]) if end else values[:0]
-    above = smooth >= level
-    if not above.any():
-        return end, end
-    first = int(np.argmax(above))
-    return first - 1, first
 
 
 def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Mark | None:

@@ -18,8 +18,14 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.measured_units import Unit, split_head, unit_named
-from dogshape.diagnosis.bench.written_numbers import Decimals, are_numbers, decimals_of
+from dogshape.diagnosis.bench.foreign_cells import (
+    Decimals,
+    Unit,
+    are_numbers,
+    decimals_of,
+    split_head,
+    unit_named,
+)
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
 from dogshape.sim.texts import parted, read_lines
@@ -308,14 +314,12 @@ def _two_lines(upper: list[str], lower: list[str], separator: str) -> list[str]:
         upper = [next((c for c in upper[k::-1] if c), "") for k in range(len(upper))]
     elif above < 3 or any(are_numbers(upper)):
         return lower
-    elif all(lower) and (above < len(names) or separator == " " or sum(map(_has_unit, lower)) > 1):
-        return lower  # the upper line is a title
+    elif all(lower):
+        units = sum(split_head(name)[1] is not None for name in lower)
+        if above < len(names) or separator == " " or units > 1:
+            return lower  # the upper line is a title
     return [f"{a[:-1]}{b}" if a.endswith("-") else f"{a} {b}".strip()
             for a, b in zip(upper, lower, strict=False)]  # fmt: skip
-
-
-def _has_unit(name: str) -> bool:
-    return split_head(name)[1] is not None
 
 
 def _unpadded(row: Cells) -> Cells:

@@ -1,53 +1,68 @@
-"""Slips of units and axes in bench data: recognised and asked about, never silently fitted.
+r"""Slips of units and axes in bench data: recognised and asked about, never silently fitted.
 
-Two checks find a slip. Physics: no shift ends before the sliding ring has flown freely under the
-force, and no time exceeds the time-out. Redundancy: calibration, rise times and traces repeat the
-table. A finding is a correction that makes most of the impossible rows possible. Requested
-corrections are made first; the checks see the corrected data.
+Two kinds of rules find a slip. Physics: no shift ends before the sliding ring has flown freely
+under the force, and no time exceeds the time-out. Redundancy: calibration, rise times and traces
+repeat the table, and a ratio out of its range is another unit. Requested corrections are made
+first; the rules see the corrected data. Data that cannot be true are refused, odd ones a warning.
+
+Of times that a clock with the step :math:`s` takes, each single one has a rounding error with the
+standard deviation :math:`s/\sqrt{12}`. A clock that rounds up makes all times late by :math:`s/2`
+on average, one that rounds down early.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import gcd, log10
 
-from dogshape.diagnosis.bench.clock import clock_findings
-from dogshape.diagnosis.bench.corrections import GIVEN, Correction, contradict, corrected
-from dogshape.diagnosis.bench.finding import Finding
-from dogshape.diagnosis.bench.stand_file import Stand
-from dogshape.diagnosis.bench.table import Row, Sheet
-from dogshape.diagnosis.bench.table_slips import (
-    axes_by_rise,
-    bounds,
-    early_times,
-    force_by_calibration,
-    free_flight,
-    nearly_same_points,
-    repeated_rows,
-    short_traces,
-    too_early,
+import numpy as np
+
+from dogshape.diagnosis.bench.corrections import (
+    GIVEN,
+    Correction,
+    Finding,
+    Findings,
+    contradict,
+    corrected,
 )
+from dogshape.diagnosis.bench.stand_file import Stand
+from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_points
 from dogshape.diagnosis.bench.trace_slips import (
-    axes_by_speed,
-    displacement,
-    speeds,
+    DURATION,
+    FORCE,
+    SETTLED_FORCE,
+    SPEED,
+    short_traces,
     trace_clock,
-    trace_force,
     trace_notes,
     trace_rest,
-    trace_time,
+    trace_travel,
 )
-from dogshape.sim.errors import DataError, number
+from dogshape.diagnosis.terms import Array
+from dogshape.sim.errors import DataError, InputError, number
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.units import MS
 
-__all__ = ["Finding", "examine", "impossible", "require_no_slip"]
-
-Check = Callable[[Stand, Sheet], Sequence[Finding]]
-
-#: In this order: a check may rely on those before it.
-CHECKS: tuple[Check, ...] = (
-    axes_by_rise, axes_by_speed, bounds, force_by_calibration, early_times, trace_notes, trace_time,
-    trace_clock, displacement, speeds, trace_force, trace_rest, repeated_rows, nearly_same_points,
-    short_traces, clock_findings,
-)  # fmt: skip
+SURE = 0.5  #: share of the free flight below which no force, mass or time zero off nominal reaches
+ODD = 0.9  #: share below which a time is odd
+CLOSE = 0.01  #: relative difference within which two values are the same one
+WRITTEN = 1e-3  #: s, resolution that times are written with where no clock is coarser
+#: Least step in written resolutions: half of it is half the least margin of a diagnosis, 2 ms.
+COARSE = 2
+#: Decades of improbability from which common multiples are a clock: by chance once in 10^4.
+DECADES = 4.0
+OFF = 0.25  #: share of a stated step by which no rounded time misses a multiple
+#: Columns whose size may show another unit: name, unit in words, correction, and the rule.
+SCALED = {
+    "time": ("shift_time_s", "milliseconds", "ms", "a shift that has a time ends after its free "
+             "flight and before the time-out of {} s"),
+    "rise": ("force_rise_s", "milliseconds", "ms", "so slow a force could not have ended shifts in "
+             "their times"),
+    "force": ("force_N", "kilonewtons", "kN", "so small a force could not have ended shifts in "
+              "their times"),
+}  # fmt: skip
+SWAPPED = "the columns mismatch_rpm and force_N swapped"
+LEAST_FORCE = 100.0  #: N, median of forces below which they may be kilonewtons
 
 
 def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tuple[Finding, ...]:
@@ -59,7 +74,7 @@ def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tup
     settled = [one for one in asked if one.way == GIVEN or one.quantity == "axes"]
     found: list[Finding] = []
     for check in CHECKS:
-        for finding in check(stand, sheet):
+        for finding in list(check(stand, sheet)):
             taken = Correction(finding.quantity, finding.way or GIVEN)
             if taken in settled or any(contradict(taken, one) for one in settled):
                 continue
@@ -86,9 +101,207 @@ def impossible(stand: Stand, row: Row, asked: Sequence[Correction] = ()) -> str 
     limit = stand.clutch.timeout
     if row.time is not None and not 0.0 < row.time <= limit:
         return f"a time in s, above 0 and at most the time-out of {number(limit)} s"
-    if not too_early(stand, row) or Correction("time", GIVEN) in asked:
+    if not _too_early(stand, row) or Correction("time", GIVEN) in asked:
         return None
     return (
-        f"a time in s not far below {number(free_flight(stand, row))} s, which the free flight "
+        f"a time in s not far below {number(_free_flight(stand, row))} s, which the free flight "
         "alone takes under this force (--correct time=given takes it as it stands)"
     )
+
+
+def _free_flight(stand: Stand, row: Row) -> float:
+    """Compute the time in s of the free flight over the shift's travel, inf without a force."""
+    try:
+        profile = ForceProfile(row.force, row.rise)
+    except InputError:
+        return np.inf
+    return profile.free_flight_time(stand.clutch.shift_travel, stand.clutch.rings.mass)
+
+
+def _too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
+    return row.time is not None and row.time < share * _free_flight(stand, row)
+
+
+def _are_impossible(stand: Stand, sheet: Sheet) -> bool:
+    """Test that no shift can have half of the rows."""
+    count = sum(
+        np.isinf(free := _free_flight(stand, row))
+        or (row.time is not None and not max(0.0, SURE * free) <= row.time <= stand.clutch.timeout)
+        for row in sheet.rows
+    )
+    return bool(2 * count >= max(1, _column(sheet, "time").size))
+
+
+def _column(sheet: Sheet, name: str) -> Array:
+    values = np.array([getattr(row, name) for row in sheet.rows], dtype=float)
+    return np.sort(values[np.isfinite(values)])
+
+
+def _span(values: Array) -> str:
+    low, high = number(values[0]), number(values[-1])
+    return f"is {low}" if values[0] == values[-1] else f"runs from {low} to {high}"
+
+
+def axes_by_rise(_: Stand, sheet: Sheet) -> Findings:
+    """Find swapped axes where the rise time goes with the mismatch instead of the force."""
+    rises: dict[str, dict[float, set[float]]] = {"force": {}, "mismatch": {}}
+    for row in sheet.rows:
+        for name, by in rises.items():
+            by.setdefault(getattr(row, name), set()).add(row.rise)
+    mixed, several = (sum(len(some) > 1 for some in by.values()) for by in rises.values())
+    if mixed >= 2 and not several:
+        found = (
+            f"force_rise_s goes with mismatch_rpm: {mixed} of {len(rises['force'])} forces have "
+            "several rise times, and each mismatch has one"
+        )
+        yield Finding("axes", found, SWAPPED, "swapped", certain=True)
+
+
+def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
+    """Find columns out of the range in which a shift has its free flight and ends in time.
+
+    Half of the rows have to be impossible; single cells are refused one by one.
+    """
+    limit = stand.clutch.timeout
+    for name, (column, unit, way, rule) in SCALED.items():
+        values = _column(sheet, name)
+        middle = np.median(abs(values)) if values.size else np.nan
+        off = middle < LEAST_FORCE if name == "force" else middle > limit
+        if off and _are_impossible(stand, sheet):
+            found = f"{column} {_span(values)}, but {rule.format(number(limit))}"
+            yield Finding(name, found, unit, way, certain=True, arguable=False)
+            sheet = corrected(sheet, Correction(name, way), stand.sensor)
+    forces, speeds = _column(sheet, "force"), abs(_column(sheet, "mismatch"))
+    if np.median(speeds) >= 2.0 * np.median(forces) and _are_impossible(stand, sheet):
+        found = f"force_N {_span(forces)}, which could not have ended shifts in their times"
+        yield Finding("axes", found, SWAPPED, "swapped", certain=True)
+
+
+def force_by_calibration(stand: Stand, sheet: Sheet) -> Findings:
+    """Find forces that are the arm's of the calibration and not the sleeve's."""
+    both = np.array([(c.arm_force_N, c.sleeve_force_N) for c in stand.calibration
+                     if c.arm_force_N and c.sleeve_force_N])  # fmt: skip
+    forces, factor = _column(sheet, "force"), stand.sensor.force_factor
+    if not both.size:
+        return
+
+    def among(values: Array) -> list[bool]:
+        apart = abs(values[:, None, None] / both - 1.0).min(axis=1)
+        return list((apart < CLOSE).all(axis=0))
+
+    if factor is not None and factor > 1.05 and among(forces / factor)[1]:
+        times = f"{number(factor)} times sleeve_force_N of the table actuator_calibration"
+        looks = "a force referred to the sleeve twice"
+        yield Finding("force", f"force_N {_span(forces)}, {times}", looks, certain=True)
+    elif among(forces) == [True, False]:
+        found = (
+            f"force_N {_span(forces)}, the values of arm_force_N in the table actuator_calibration "
+            "and not those of sleeve_force_N"
+        )
+        looks = "the force at the robot arm instead of that at the sleeve"
+        looks += f", which is {number(factor)} times as large" if factor else ""
+        yield Finding("force", found, looks, "arm" if factor else None, certain=True)
+
+
+def early_times(stand: Stand, sheet: Sheet) -> Findings:
+    """Find times that are shorter than the free flight, though not impossibly so."""
+    early = sum(_too_early(stand, row, ODD) for row in sheet.rows)
+    timed = _column(sheet, "time").size
+    if early >= max(1, 0.2 * timed):
+        found = f"{early} of {timed} times are shorter than the free flight under their force"
+        looks = "a time that starts after the force, a larger force or a smaller mass than given"
+        yield Finding("time", found, looks)
+
+
+def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
+    """Find rows with a time that repeat earlier rows.
+
+    Times of single shifts are rounded and may be equal by chance, so that of these half must be
+    repeats; of means and of traces one is enough.
+    """
+    first: dict[object, int] = {}
+    found: dict[bool, list[tuple[int, int]]] = {True: [], False: []}
+    timed = [row for row in sheet.rows if row.time is not None]
+    lone = [row.n == 1 and row.trace is None for row in timed]
+    for row, single in zip(timed, lone, strict=True):
+        numbers = (row.mismatch, row.force, row.rise, row.n, row.time)
+        what = numbers if row.trace is None else row.trace.path
+        if what in first:
+            found[single].append((row.row, first[what]))
+        first.setdefault(what, row.row)
+    copies = found[False] + (found[True] if 2 * len(found[True]) >= max(4, sum(lone)) else [])
+    if copies:
+        many = f"{len(copies)} rows repeat earlier ones"
+        many = many if len(copies) > 1 else "a row is there twice"
+        looks = (
+            "a table that was copied below itself: copies make the data seem surer than they are"
+        )
+        said = f"{many}: row {copies[0][0]} is row {copies[0][1]} again"
+        yield Finding("rows", said, looks, arguable=False)
+
+
+def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
+    """Find rows whose set values are nearly, but not just, those of others."""
+    near = near_points(sheet.rows)
+    if not near:
+        return
+    many = f"{len(near)} rows have" if len(near) > 1 else "a row has"
+    one, other = (
+        f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
+        for row in (sheet.rows[place] for place in min(near.items()))
+    )
+    found = (
+        f"{many} nearly the set values of others: {one} and {other} differ by at most {NEAR:.0%}"
+    )
+    looks = "measured in place of set values, each of which would be an operating point of its own"
+    yield Finding("points", found, f"{looks}, with errors of its own", "joined", certain=True)
+
+
+def found_step(sheet: Sheet) -> float:
+    """Find the step in s of which the times of all single shifts are multiples, zero for none.
+
+    Of n times written in 1 ms, all are multiples of k ms by chance with the probability k^-n.
+    """
+    times = [round(1e6 * row.time) for row in _single(sheet) if row.time is not None]
+    many = gcd(*times) * 1e-6 / WRITTEN
+    if many < COARSE or len(times) * log10(many) < DECADES:
+        return 0.0
+    return many * WRITTEN
+
+
+def rows_off(sheet: Sheet, step: float) -> list[Row]:
+    """List the single shifts whose time is no multiple of a step in s; none for a step of zero."""
+    counts = [(row, (row.time or 0.0) / step if step else 0.0) for row in _single(sheet)]
+    return [row for row, count in counts if abs(count - round(count)) > OFF]
+
+
+def _single(sheet: Sheet) -> list[Row]:
+    return [row for row in sheet.rows if row.n == 1 and row.time is not None]
+
+
+def table_clock(stand: Stand, sheet: Sheet) -> Findings:
+    """Find a step of the clock that nothing states, or a stated one that the times do not have."""
+    single = _single(sheet)
+    if stand.clock_step is None:
+        if step := found_step(sheet):
+            found = f"all {len(single)} times of single shifts are multiples of "
+            looks = "the cycle of a controller, and counts as errors.clock_step_ms of bench.toml"
+            remedy = "state that key, with 0 where the clock is finer"
+            yield Finding("clock", f"{found}{number(step / MS)} ms", looks, remedy=remedy)
+    elif off := rows_off(sheet, stand.clock_step):
+        found = (
+            f"errors.clock_step_ms is {number(stand.clock_step / MS)} ms, but {len(off)} of "
+            f"{len(single)} times of single shifts are no multiples of it (row {off[0].row}: "
+            f"{number(off[0].time or 0.0)} s)"
+        )
+        remedy = "state the step of the clock in milliseconds, 0 for none"
+        looks = "another clock, or a step in another unit"
+        yield Finding("clock", found, looks, certain=True, remedy=remedy)
+
+
+#: In this order: a check may rely on those before it.
+CHECKS: tuple[Callable[[Stand, Sheet], Findings], ...] = (
+    axes_by_rise, physical_ranges, force_by_calibration, early_times, trace_notes, DURATION.check,
+    trace_clock, trace_travel, SPEED.check, FORCE.check, SETTLED_FORCE.check, trace_rest,
+    repeated_rows, nearly_same_points, short_traces, table_clock,
+)  # fmt: skip

@@ -1,27 +1,21 @@
-"""Content of ``bench.toml``: the clutch as the bench knows it, its sensors and its actuator."""
+"""Content of ``bench.toml``: the clutch as the bench knows it, its sensors and its actuator.
+
+``[record]`` states conventions that no table of times shows, and each decides what the times may
+mean. Of the uncertainties in ``[errors]`` *systematic* ones are the same for the whole series, as
+that of a load cell's gain; those of *each point* are drawn again with each setting, as what a valve
+or a drive stops at.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
 
-from dogshape.diagnosis.bench.nominal_errors import (
-    EXACT,
-    ErrorTables,
-    NominalErrors,
-    nominal_errors,
-    stated_step,
-)
-from dogshape.diagnosis.bench.record import (
-    UNSAID,
-    BenchRecord,
-    RecordSection,
-    with_record,
-)
+from dogshape.diagnosis.bench.sense import Sense
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.clutch_tables import (
     DogSection,
@@ -36,7 +30,68 @@ from dogshape.sim.errors import DataError, refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, solver_for
 from dogshape.sim.shift.contact import contact_set
 from dogshape.sim.texts import read_toml
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.units import DEG, MM, MS, RPM
+
+TimeZero = Literal["command", "force", "unknown"]
+Place = Literal["sleeve", "actuator", "unknown"]
+EmptyCells = Literal["not_made", "failed", "unknown"]
+
+#: Keys of earlier versions by their path, with the key of ``[record]`` that has their place.
+MOVED = {("mismatch_sense",): "sense", ("sensor", "displacement_at"): "displacement_at"}
+#: Largest uncertainty of each key, with its unit: beyond, a linear law would say nothing.
+MOST = {
+    "force_percent": (30.0, "%"),
+    "force_N": (1e4, "N"),
+    "mismatch_percent": (30.0, "%"),
+    "mismatch_rpm": (1e3, "1/min"),
+}
+MOST_STEP = 100.0  #: ms, largest step of a clock: beyond, times are counts of two or three steps
+
+
+class BenchRecord(Section):
+    """Conventions by which a stand recorded its shifts.
+
+    Parameters
+    ----------
+    time_zero : start of the shift times and of the traces: the command, which a dead time follows,
+        or the first force, which no dead time follows.
+    displacement_at : place of the displacement sensor.
+    empty_cells : shifts of rows with neither a time nor ``engaged``: not made, or tried and failed.
+    sense : sign of the mismatch, known or never noted (``diagnosis.bench.sense``).
+    """
+
+    time_zero: TimeZero = "unknown"
+    displacement_at: Place = "unknown"
+    empty_cells: EmptyCells = "unknown"
+    sense: Sense = "known"
+
+
+UNSAID = BenchRecord()
+
+
+class TestTerms(Section):
+    """Terms of a bench test at this stand: hours of work, None for the usual, and possible or not.
+
+    ``name`` is that of the test on the menu.
+    """
+
+    __test__ = False  # no test of the test runner's
+
+    name: str
+    hours: float | None = None
+    possible: bool = True
+
+
+class Measured(Section):
+    """Result of a direct test: a parameter of an effect with its standard error, in its unit.
+
+    ``parameter`` is None where the effect has just one.
+    """
+
+    effect: str
+    parameter: str | None = None
+    value: float
+    standard_error: float
 
 
 class _Contact(Section):
@@ -50,30 +105,82 @@ class _Contact(Section):
     dissipation_s_m: float | None = None
 
 
-class _Sensor(Section):
+class Sensor(Section):
+    """Sensors of the stand: place that is simulated, and linkage to the sleeve.
+
+    ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
+    of its force that arrives; None where the data set does not say.
+    """
+
+    displacement_at: str = "sleeve"  # as [record] has it
     linkage_ratio: float | None = None
     linkage_efficiency: float | None = None
 
+    @property
+    def force_factor(self) -> float | None:
+        """Force at the sleeve over force at the robot arm, None where that is not known."""
+        if self.linkage_ratio is None or self.linkage_efficiency is None:
+            return None
+        return self.linkage_ratio * self.linkage_efficiency
 
-class _Calibration(Section):
+
+class Calibration(Section):
+    """A static reading of the actuator."""
+
     pressure_mbar: float | None = None
     arm_displacement_mm: float | None = None
     arm_force_N: float | None = None
     sleeve_force_N: float | None = None
     max_force_time_s: float | None = None
 
+    @property
+    def arm_displacement(self) -> float | None:
+        """Displacement of the arm, m; None where it has none."""
+        given = self.arm_displacement_mm
+        return None if given is None else given * MM
 
-class _Test(Section):
-    name: str
-    hours: float | None = None
-    possible: bool = True
+
+class Tolerance(Section):
+    """Standard uncertainties of one kind: of the nominal value, and whatever that is."""
+
+    force_percent: float = 0.0
+    force_N: float = 0.0
+    mismatch_percent: float = 0.0
+    mismatch_rpm: float = 0.0
+
+    def __bool__(self) -> bool:
+        """Test that any of them is stated and not zero."""
+        return any(value for _, value in self)
+
+    @property
+    def force_share(self) -> float:
+        """Uncertainty of the force, of its nominal value."""
+        return 0.01 * self.force_percent
+
+    @property
+    def mismatch_share(self) -> float:
+        """Uncertainty of the mismatch, of its nominal value."""
+        return 0.01 * self.mismatch_percent
+
+    @property
+    def mismatch(self) -> float:
+        """Uncertainty of the mismatch, rad/s."""
+        return RPM * self.mismatch_rpm
 
 
-class _Measured(Section):
-    effect: str
-    parameter: str | None = None
-    value: float
-    standard_error: float
+class NominalErrors(Section):
+    """Uncertainties of nominal values, none by default, and the step of the clock."""
+
+    systematic: Tolerance = Tolerance()
+    each_point: Tolerance = Tolerance()
+    clock_step_ms: float | None = None
+
+    def __bool__(self) -> bool:
+        """Test that any uncertainty is stated and not zero."""
+        return bool(self.systematic) or bool(self.each_point)
+
+
+EXACT = NominalErrors()
 
 
 class _BenchFile(Section):
@@ -89,70 +196,12 @@ class _BenchFile(Section):
     sliding: SlidingSection
     output: OutputSection
     contact: _Contact
-    record: RecordSection = RecordSection()
-    sensor: _Sensor = _Sensor()
-    actuator_calibration: list[_Calibration] = Field(default_factory=list)
-    tests: list[_Test] = Field(default_factory=list)
-    measured: list[_Measured] = Field(default_factory=list)
-    errors: ErrorTables | None = None
-
-
-@dataclass(frozen=True)
-class Sensor:
-    """Sensors of the stand: place that is simulated, and linkage to the sleeve.
-
-    ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
-    of its force that arrives; None where the data set does not say.
-    """
-
-    displacement_at: str = "sleeve"
-    linkage_ratio: float | None = None
-    linkage_efficiency: float | None = None
-
-    @property
-    def force_factor(self) -> float | None:
-        """Force at the sleeve over force at the robot arm, None where that is not known."""
-        if self.linkage_ratio is None or self.linkage_efficiency is None:
-            return None
-        return self.linkage_ratio * self.linkage_efficiency
-
-
-@dataclass(frozen=True)
-class Calibration:
-    """A static reading of the actuator: mbar, m, N, N and s; None where it has none."""
-
-    pressure_mbar: float | None
-    arm_displacement: float | None
-    arm_force: float | None
-    sleeve_force: float | None
-    max_force_time: float | None
-
-
-@dataclass(frozen=True)
-class TestTerms:
-    """Terms of a bench test at this stand: hours of work, None for the usual, and possible or not.
-
-    ``name`` is that of the test on the menu.
-    """
-
-    __test__ = False  # no test of the test runner's
-
-    name: str
-    hours: float | None = None
-    possible: bool = True
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Result of a direct test: a parameter of an effect with its standard error, in its unit.
-
-    ``parameter`` is None where the effect has just one.
-    """
-
-    effect: str
-    parameter: str | None
-    value: float
-    standard_error: float
+    record: BenchRecord = UNSAID
+    sensor: Sensor = Sensor()
+    actuator_calibration: list[Calibration] = Field(default_factory=list)
+    tests: list[TestTerms] = Field(default_factory=list)
+    measured: list[Measured] = Field(default_factory=list)
+    errors: NominalErrors = EXACT
 
 
 @dataclass(frozen=True)
@@ -189,39 +238,19 @@ class Stand:
     source: str
     clutch: Clutch
     relative_angles: tuple[float, ...] | None
-    sensor: Sensor = Sensor()
-    calibration: tuple[Calibration, ...] = ()
-    corrections: tuple[str, ...] = ()
-    record: BenchRecord = UNSAID
-    tests: tuple[TestTerms, ...] = ()
-    margin: Margin = USUAL_MARGIN
-    errors: NominalErrors = EXACT
-    measured: tuple[Measured, ...] = ()
-    clock_step: float | None = None
+    sensor: Sensor
+    calibration: tuple[Calibration, ...]
+    corrections: tuple[str, ...]
+    record: BenchRecord
+    tests: tuple[TestTerms, ...]
+    margin: Margin
+    errors: NominalErrors
+    measured: tuple[Measured, ...]
+    clock_step: float | None
 
 
 def load_stand(path: Path) -> Stand:
     """Read ``bench.toml``; every mistake raises DataError or InputError with file and key."""
-    file = _settings(path)
-    angles = file.relative_angles_deg
-    return Stand(
-        name=file.name,
-        source=file.source,
-        clutch=_clutch(file),
-        relative_angles=tuple(a * DEG for a in angles) if angles else None,
-        sensor=_sensor(path, file),
-        calibration=tuple(_calibration(one) for one in file.actuator_calibration),
-        corrections=tuple(file.corrections),
-        record=file.record.record(),
-        tests=tuple(_terms(path, one) for one in file.tests),
-        margin=_margin(path, file),
-        errors=nominal_errors(path, file.errors),
-        measured=tuple(_measured(path, one) for one in file.measured),
-        clock_step=stated_step(path, file.errors),
-    )
-
-
-def _settings(path: Path) -> _BenchFile:
     try:
         data = read_toml(path)
     except FileNotFoundError as error:
@@ -236,23 +265,54 @@ def _settings(path: Path) -> _BenchFile:
         raise DataError(
             f"{path} cannot be read: {error.strerror}; check path and rights"
         ) from error
-    data = with_record(path, data)
-    return validate(_BenchFile, data, str(path))
+    file = validate(_BenchFile, _with_record(path, data), str(path))
+    clutch = _clutch(file)
+    _require_plausible(path, file)
+    angles, usual = file.relative_angles_deg, USUAL_MARGIN
+    place = "actuator" if file.record.displacement_at == "actuator" else "sleeve"
+    step = file.errors.clock_step_ms
+    return Stand(
+        name=file.name,
+        source=file.source,
+        clutch=clutch,
+        relative_angles=tuple(a * DEG for a in angles) if angles else None,
+        sensor=file.sensor.model_copy(update={"displacement_at": place}),
+        calibration=tuple(file.actuator_calibration),
+        corrections=tuple(file.corrections),
+        record=file.record,
+        tests=tuple(file.tests),
+        margin=Margin(
+            usual.share if file.margin_percent is None else 0.01 * file.margin_percent,
+            usual.least if file.margin_ms is None else 1e-3 * file.margin_ms,
+        ),
+        errors=file.errors,
+        measured=tuple(file.measured),
+        clock_step=None if step is None else MS * step,
+    )
+
+
+def _with_record(path: Path, data: dict[str, Any]) -> dict[str, Any]:
+    """Move keys of earlier versions into ``[record]``; DataError where both are there."""
+    data = {k: dict(v) if isinstance(v, dict) else v for k, v in data.items()}
+    for (*tables, key), name in MOVED.items():
+        table = data.get(tables[0], {}) if tables else data
+        if not isinstance(table, dict) or key not in table:
+            continue
+        record = data.setdefault("record", {})
+        if isinstance(record, dict) and name in record:
+            old = ".".join((*tables, key))
+            raise DataError(
+                f"{path}: '{old}' is '{table[key]}' and 'record.{name}' is '{record[name]}', two "
+                f"keys for one thing; leave out '{old}'"
+            )
+        record[name] = table.pop(key)
+    return data
 
 
 def _clutch(file: _BenchFile) -> Clutch:
     dog = file.dog.dog()
-    published, given = contact_set("adams2019"), file.contact
-    stiffness, dissipation = given.stiffness_Pa_m, given.dissipation_s_m
-    contact = replace(
-        published,
-        name="bench",
-        static_friction=given.static_friction,
-        dynamic_friction=given.dynamic_friction,
-        stiction_velocity=given.stiction_velocity_m_s,
-        stiffness=published.stiffness if stiffness is None else stiffness,
-        dissipation=published.dissipation if dissipation is None else dissipation,
-    )
+    given = si_fields(file.contact.model_dump(exclude={"friction_velocity_m_s"}, exclude_none=True))
+    contact = replace(contact_set("adams2019"), name="bench", **given)
     left = dog.travel - file.shift_travel_mm * MM
     if not 0.0 < left < dog.height:
         rule = f"it must lie below the full travel of {dog.travel / MM:.6g} mm and past entry"
@@ -263,56 +323,35 @@ def _clutch(file: _BenchFile) -> Clutch:
     return Clutch(dog, both, contact, solver_for(contact), file.timeout_s, left)
 
 
-def _sensor(path: Path, file: _BenchFile) -> Sensor:
-    given = file.sensor
-    limits = {"linkage_ratio": (0.01, 100.0), "linkage_efficiency": (0.01, 1.0)}
-    for name, (low, high) in limits.items():
-        value = getattr(given, name)
+def _require_plausible(path: Path, file: _BenchFile) -> None:
+    """Raise DataError for a number out of its range."""
+    linkage = "correct it; the ratio is actuator travel over sleeve travel"
+    margin = "give the gap of a mean shift time below which nothing needs doing"
+    cycle = "give the cycle of the controller that took the times, 0 for none"
+    deviation = "give a standard uncertainty, half the width of what holds 95 %"
+    ranges: list[tuple[str, float | None, float, float, str, str]] = [
+        ("sensor.linkage_ratio", file.sensor.linkage_ratio, 0.01, 100.0, "", linkage),
+        ("sensor.linkage_efficiency", file.sensor.linkage_efficiency, 0.01, 1.0, "", linkage),
+        ("margin_percent", file.margin_percent, 0.0, 100.0, "%", margin),
+        ("margin_ms", file.margin_ms, 0.0, 1e3, "ms", margin),
+        *((f"errors.{kind}.{name}", getattr(getattr(file.errors, kind), name), 0.0, *most,
+           deviation) for kind in ("systematic", "each_point") for name, most in MOST.items()),
+        ("errors.clock_step_ms", file.errors.clock_step_ms, 0.0, MOST_STEP, "ms", cycle),
+    ]  # fmt: skip
+    for name, value, low, high, unit, remedy in ranges:
         if value is not None and not low <= value <= high:
-            rule = f"it must lie between {low:g} and {high:g}"
-            remedy = "correct it; the ratio is actuator travel over sleeve travel"
-            raise DataError(f"{path}: " + refusal(f"sensor.{name}", value, "", rule, remedy))
-    place = "actuator" if file.record.displacement_at == "actuator" else "sleeve"
-    return Sensor(place, given.linkage_ratio, given.linkage_efficiency)
-
-
-def _margin(path: Path, file: _BenchFile) -> Margin:
-    usual = USUAL_MARGIN
-    share = usual.share if file.margin_percent is None else 0.01 * file.margin_percent
-    least = usual.least if file.margin_ms is None else 1e-3 * file.margin_ms
-    for name, value, high, unit in (
-        ("margin_percent", 100.0 * share, 100.0, "%"),
-        ("margin_ms", 1e3 * least, 1e3, "ms"),
-    ):
-        if not 0.0 <= value <= high:
-            rule = f"it must lie between 0 and {high:g} {unit}"
-            remedy = "give the gap of a mean shift time below which nothing needs doing"
-            raise DataError(f"{path}: " + refusal(name, value, unit, rule, remedy))
-    return Margin(share, least)
-
-
-def _terms(path: Path, given: _Test) -> TestTerms:
-    hours = given.hours
-    if hours is not None and not 0.0 < hours <= 1e4:
-        rule, remedy = "it must be positive and at most 10000 h", "give the work in hours"
-        where = f"{path}: hours of the test '{given.name}'"
-        raise DataError(refusal(where, hours, "h", rule, remedy))
-    return TestTerms(given.name, hours, given.possible)
-
-
-def _measured(path: Path, given: _Measured) -> Measured:
-    error = given.standard_error
-    if not 0.0 < error < np.inf or not np.isfinite(given.value):
-        raise DataError(
-            f"{path}: the measured {given.effect} is {given.value:g} with a standard error of "
-            f"{error:g}, but must be finite, and the error positive; give what the test can tell"
-        )
-    return Measured(given.effect, given.parameter, given.value, error)
-
-
-def _calibration(given: _Calibration) -> Calibration:
-    known = {key: value for key, value in given.model_dump().items() if value is not None}
-    pressure = known.pop("pressure_mbar", None)
-    names = ("arm_displacement", "arm_force", "sleeve_force", "max_force_time")
-    values = si_fields(known)
-    return Calibration(pressure, *(values.get(name) for name in names))
+            rule = f"it must lie between {low:g} and {high:g} {unit}".rstrip()
+            raise DataError(refusal(f"{path}: {name}", value, unit, rule, remedy))
+    for test in file.tests:
+        if test.hours is not None and not 0.0 < test.hours <= 1e4:
+            rule, remedy = "it must be positive and at most 10000 h", "give the work in hours"
+            where = f"{path}: hours of the test '{test.name}'"
+            raise DataError(refusal(where, test.hours, "h", rule, remedy))
+    for one in file.measured:
+        error = one.standard_error
+        if not 0.0 < error < np.inf or not np.isfinite(one.value):
+            raise DataError(
+                f"{path}: the measured {one.effect} is {one.value:g} with a standard error of "
+                f"{error:g}, but must be finite, and the error positive; give what the test can "
+                "tell"
+            )

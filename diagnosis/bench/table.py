@@ -2,6 +2,10 @@
 
 A slip of units can make a number impossible as a force or a time. So rows stay plain until they are
 examined (``diagnosis.bench.slips``) and corrected (``diagnosis.bench.corrections``).
+
+Measured set values nearly agree and make one operating point into many. Errors of an operating
+point are common to its shifts (the model, the emulator, an odd entry), so shifts that a table
+spreads over many nearly equal points would count as so many independent ones.
 """
 
 from __future__ import annotations
@@ -9,33 +13,28 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.time_stamps import is_plain, seconds_of
-from dogshape.diagnosis.bench.traces import BenchTrace, read_trace
+from dogshape.diagnosis.bench.foreign_cells import is_plain, seconds_of
+from dogshape.diagnosis.bench.trace_files import read_trace
+from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, number_rule
-from dogshape.sim.texts import TextTable, read_table
+from dogshape.sim.texts import read_table
 
-COLUMNS = (
-    "mismatch_rpm",
-    "force_N",
-    "force_rise_s",
-    "n_shifts",
-    "shift_time_s",
-    "engaged",
-    "trace",
-    "shift_time_sd_s",
-    "order",
-    "timestamp",
-)
-
+COLUMNS = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "engaged",
+           "trace", "shift_time_sd_s", "order", "timestamp")  # fmt: skip
 NEEDED = COLUMNS[:5]  #: without the others, a source says nothing of them
 NUMERIC = (*NEEDED, *COLUMNS[7:])
 MOST = 1_000_000  #: shifts that a row may stand for; at one a second they take twelve days
-
 ENGAGED = {"true": True, "false": False, "": None}
+
+NEAR = 0.01  #: of a set value, up to which two are those of one operating point
+SCATTER = 0.2  #: of a set value, up to which measured values lie off it
+APART = 2.0  #: times the largest gap within groups of measured values, the least gap between them
+DENSE = 0.09  #: of a set value, the largest gap between neighbours among its measured values
+EACH = 3  #: measured values of a group, on average at least
 
 
 @dataclass(frozen=True)
@@ -78,34 +77,6 @@ class Sheet:
 
 def load_sheet(path: Path) -> Sheet:
     """Read the table and its traces; a mistake raises DataError with file, row and column."""
-    table = _table(path)
-    records = [(row, dict(zip(table.head, cells, strict=True))) for row, cells in table.rows]
-    rows = tuple(_row(path, row, record) for row, record in records)
-    _require_whole_series(path, rows)
-    _require_one_clock(path, records)
-    return Sheet(path, rows)
-
-
-def _require_whole_series(path: Path, rows: Sequence[Row]) -> None:
-    """Raise DataError where some rows with a time have a place in the series and others none."""
-    timed = [row for row in rows if row.time is not None]
-    for column in ("order", "timestamp"):
-        empty = [row.row for row in timed if getattr(row, column) is None]
-        if empty and len(empty) < len(timed):
-            rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"
-            raise bad_cell(path, empty[0], column, "", rule)
-
-
-def _require_one_clock(path: Path, records: Sequence[tuple[int, dict[Any, Any]]]) -> None:
-    """Raise DataError where some time stamps are dates and others seconds."""
-    stamps = [(row, text) for row, record in records if (text := record.get("timestamp", ""))]
-    kinds = {is_plain(text): (row, text) for row, text in stamps}
-    if len(kinds) > 1:
-        row, text = kinds[True]
-        raise bad_cell(path, row, "timestamp", text, "a date and time as in the other rows")
-
-
-def _table(path: Path) -> TextTable:
     try:
         table = read_table(path, NUMERIC, COLUMNS)
     except FileNotFoundError as error:
@@ -113,92 +84,111 @@ def _table(path: Path) -> TextTable:
     table.require(NEEDED, COLUMNS)
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
-    return table
+    records = [
+        _Record(path, row, dict(zip(table.head, cells, strict=True))) for row, cells in table.rows
+    ]
+    rows = tuple(record.read() for record in records)
+    timed = [row for row in rows if row.time is not None]
+    for column in ("order", "timestamp"):
+        empty = [row.row for row in timed if getattr(row, column) is None]
+        if empty and len(empty) < len(timed):
+            rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"
+            raise bad_cell(path, empty[0], column, "", rule)
+    kinds = {is_plain(text): one for one in records if (text := one.text("timestamp"))}
+    if len(kinds) > 1:
+        raise kinds[True].bad("timestamp", "a date and time as in the other rows")
+    return Sheet(path, rows)
 
 
-def _row(path: Path, row: int, record: dict[Any, Any]) -> Row:
-    names = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts")
-    mismatch, force, rise = (_number(path, row, record, column) for column in names[:3])
-    count = float(record["n_shifts"]) if is_plain(record["n_shifts"]) else 0.0
-    if not 1 <= count < np.inf or count != int(count):
-        rule = "a whole number of at least 1, the shifts that its time is the mean of: 1 for a "
-        raise bad_cell(path, row, "n_shifts", record["n_shifts"], f"{rule}single shift")
-    if count > MOST:
-        rule = f"at most {MOST}: shifts that a stand has made, not a count of samples"
-        raise bad_cell(path, row, "n_shifts", record["n_shifts"], rule)
-    engaged_text = record.get("engaged", "").lower()
-    if engaged_text not in ENGAGED:
-        raise bad_cell(path, row, "engaged", record["engaged"], "true, false or empty")
-    time = _number(path, row, record, "shift_time_s") if record["shift_time_s"] else None
-    engaged = ENGAGED[engaged_text]
-    if time is not None and engaged is False:
-        rule = "true where shift_time_s has a time, or else that cell must be empty"
-        raise bad_cell(path, row, "engaged", "false", rule)
-    trace = _trace(path, row, record.get("trace", ""), int(count))
-    known = True if time is not None else engaged
-    series = (
-        _spread(path, row, record, int(count), time),
-        _number(path, row, record, "order") if record.get("order") else None,
-        _stamp(path, row, record.get("timestamp", "")),
-    )
-    return Row(row, mismatch, force, rise, int(count), time, known, trace, *series)
+@dataclass(frozen=True)
+class _Record:
+    """Cells of a row by the names of their columns."""
 
+    path: Path
+    row: int
+    cells: dict[str, str]
 
-def _spread(
-    path: Path, row: int, record: dict[Any, Any], count: int, time: float | None
-) -> float | None:
-    """Read the standard deviation of the times that a mean is of, s."""
-    text = record.get("shift_time_sd_s", "")
-    if not text:
-        return None
-    if count < 2 or time is None:
-        rule = "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"
-        raise bad_cell(path, row, "shift_time_sd_s", text, rule)
-    value = _number(path, row, record, "shift_time_sd_s")
-    # So large is it where one shift took all the time and the others none.
-    most = time * count**0.5
-    if not 0.0 <= value <= most:
-        rule = f"between 0 and {most:.4g}: times above 0 of this mean cannot scatter by more"
-        raise bad_cell(path, row, "shift_time_sd_s", text, rule)
-    return value
+    def read(self) -> Row:
+        """Read a row; a mistake raises DataError."""
+        mismatch, force, rise = (self.number(column) for column in COLUMNS[:3])
+        count = float(self.text("n_shifts")) if is_plain(self.text("n_shifts")) else 0.0
+        if not 1 <= count < np.inf or count != int(count):
+            rule = "a whole number of at least 1, the shifts that its time is the mean of: 1 for a "
+            raise self.bad("n_shifts", f"{rule}single shift")
+        if count > MOST:
+            rule = f"at most {MOST}: shifts that a stand has made, not a count of samples"
+            raise self.bad("n_shifts", rule)
+        said = self.text("engaged").lower()
+        if said not in ENGAGED:
+            raise self.bad("engaged", "true, false or empty")
+        engaged = ENGAGED[said]
+        time = self.number("shift_time_s") if self.text("shift_time_s") else None
+        if time is not None and engaged is False:
+            rule = "true where shift_time_s has a time, or else that cell must be empty"
+            raise bad_cell(self.path, self.row, "engaged", "false", rule)
+        return Row(
+            self.row, mismatch, force, rise, int(count), time,
+            True if time is not None else engaged, self._trace(int(count)),
+            self._spread(int(count), time),
+            self.number("order") if self.text("order") else None, self._stamp(),
+        )  # fmt: skip
 
+    def text(self, column: str) -> str:
+        return self.cells.get(column, "")
 
-def _stamp(path: Path, row: int, text: str) -> float | None:
-    """Read a time stamp in s: a date and time as ISO 8601 has it (UTC without a zone), or s."""
-    if not text:
-        return None
-    try:
-        value = seconds_of(text)
-    except ValueError:
-        rule = "a date and time such as 2024-05-31T14:05:09, or seconds"
-        raise bad_cell(path, row, "timestamp", text, rule) from None
-    if not np.isfinite(value):
-        raise bad_cell(path, row, "timestamp", text, "finite")
-    return value
+    def bad(self, column: str, rule: str) -> DataError:
+        return bad_cell(self.path, self.row, column, self.text(column), rule)
 
+    def number(self, column: str) -> float:
+        """Read a finite number."""
+        try:
+            value = float(self.text(column))
+        except ValueError:
+            raise self.bad(column, number_rule(self.text(column))) from None
+        if not np.isfinite(value):
+            raise self.bad(column, "a finite number")
+        return value
 
-def _trace(path: Path, row: int, name: str, count: int) -> BenchTrace | None:
-    if not name:
-        return None
-    if count != 1:
-        raise bad_cell(path, row, "trace", name, "empty where n_shifts is not 1: it is one shift's")
-    given = Path(name)
-    if given.is_absolute() or ".." in given.parts:
-        raise bad_cell(path, row, "trace", name, "a path inside the folder of the data set")
-    try:
-        return read_trace(path.parent / given)
-    except DataError as error:
-        raise DataError(f"{path}, row {row}, column trace: {error}") from error
+    def _spread(self, count: int, time: float | None) -> float | None:
+        """Read the standard deviation of the times that a mean is of, s."""
+        if not self.text("shift_time_sd_s"):
+            return None
+        if count < 2 or time is None:
+            rule = "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"
+            raise self.bad("shift_time_sd_s", rule)
+        value = self.number("shift_time_sd_s")
+        # So large is it where one shift took all the time and the others none.
+        most = time * count**0.5
+        if not 0.0 <= value <= most:
+            rule = f"between 0 and {most:.4g}: times above 0 of this mean cannot scatter by more"
+            raise self.bad("shift_time_sd_s", rule)
+        return value
 
+    def _stamp(self) -> float | None:
+        """Read a time stamp in s: a date and time as ISO 8601 has it (UTC without a zone), or s."""
+        if not self.text("timestamp"):
+            return None
+        try:
+            value = seconds_of(self.text("timestamp"))
+        except ValueError:
+            rule = "a date and time such as 2024-05-31T14:05:09, or seconds"
+            raise self.bad("timestamp", rule) from None
+        if not np.isfinite(value):
+            raise self.bad("timestamp", "finite")
+        return value
 
-def _number(path: Path, row: int, record: dict[Any, Any], column: str) -> float:
-    try:
-        value = float(record[column])
-    except ValueError:
-        raise bad_cell(path, row, column, record[column], number_rule(record[column])) from None
-    if not np.isfinite(value):
-        raise bad_cell(path, row, column, record[column], "a finite number")
-    return value
+    def _trace(self, count: int) -> BenchTrace | None:
+        given = Path(self.text("trace"))
+        if not self.text("trace"):
+            return None
+        if count != 1:
+            raise self.bad("trace", "empty where n_shifts is not 1: it is one shift's")
+        if given.is_absolute() or ".." in given.parts:
+            raise self.bad("trace", "a path inside the folder of the data set")
+        try:
+            return read_trace(self.path.parent / given)
+        except DataError as error:
+            raise DataError(f"{self.path}, row {self.row}, column trace: {error}") from error
 
 
 def bad_cell(path: Path, row: int, column: str, value: str, rule: str) -> DataError:
@@ -206,3 +196,96 @@ def bad_cell(path: Path, row: int, column: str, value: str, rule: str) -> DataEr
     return DataError(
         f"{path}, row {row}, column {column} is '{value}', but it must be {rule}; correct the cell"
     )
+
+
+def _set_values(rows: Sequence[Row]) -> Array:
+    return np.array([(row.mismatch, row.force, row.rise) for row in rows])
+
+
+def _groups(values: Array) -> Array:
+    """Number the groups of rows of which each is near another one, (rows,)."""
+    from scipy.sparse import coo_array  # noqa: PLC0415  # slow to load, and few tables need it
+    from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
+    from scipy.spatial import KDTree  # noqa: PLC0415
+
+    unique, which = np.unique(values, axis=0, return_inverse=True)
+    # A share of the larger value is a distance of logarithms; signs lie far apart.
+    place = np.log(np.maximum(abs(unique), 1e-9)) + 100.0 * (unique < 0.0)
+    near = -np.log1p(-NEAR) * (1.0 + 1e-9)
+    pairs = KDTree(place).query_pairs(near, p=np.inf, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), (len(unique),) * 2)
+    found: Array = connected_components(links, directed=False)[1][which.ravel()]
+    return found
+
+
+def near_points(rows: Sequence[Row]) -> dict[int, int]:
+    """Map rows whose set values are nearly those of other rows to such a row, by their places.
+
+    The other row is that whose set values have the most shifts.
+    """
+    values = _set_values(rows)
+    groups = _groups(values)
+    _, first, which = np.unique(values, axis=0, return_index=True, return_inverse=True)
+    which = which.ravel()
+    shifts = np.bincount(which, weights=[row.n for row in rows])
+    found: dict[int, int] = {}
+    for group in np.unique(groups).tolist():
+        places = np.flatnonzero(groups == group)
+        lead = min(set(which[places].tolist()), key=lambda k: (-shifts[k], first[k]))
+        found |= {int(k): int(first[lead]) for k in places if which[k] != lead}
+    return found
+
+
+def joined_values(rows: Sequence[Row]) -> list[tuple[float, float, float]]:
+    """Compute mismatch, force and rise time of each row, the mean of its operating point's shifts.
+
+    Rows with nearly the same set values are one point, as are points with nearly the same means.
+    """
+    values = _set_values(rows)
+    weights = np.array([row.n for row in rows], dtype=float)
+    groups, before = _groups(values), 0
+    while (count := int(groups.max()) + 1) != before:
+        for group in range(count):
+            mine = groups == group
+            if (values[mine] != values[mine][0]).any():
+                values[mine] = np.average(values[mine], axis=0, weights=weights[mine])
+        before, groups = count, _groups(values)
+    return [(float(n), float(force), float(rise)) for n, force, rise in values]
+
+
+def set_values(
+    measured: Sequence[float], known: Sequence[float]
+) -> tuple[Array, float, float] | None:
+    """Group measured values about set values; None where they are no measured ones.
+
+    Values are parted where gaps between neighbours jump. A group has the ``known`` set value that
+    its mean agrees with, or else its mean. Round values are set values, and so are few that recur.
+    Also returns the scatter, absolute and as a share.
+    """
+    values = np.array(measured, dtype=float)
+    distinct, often = np.unique(values, return_counts=True)
+    if distinct.size < 3 or all(v == float(f"{v:.2g}") or v % 5.0 == 0.0 for v in distinct):
+        return None
+    place = np.sign(distinct) * (20.0 + np.log(np.maximum(abs(distinct), 1e-9)))
+    gaps = np.sort(np.diff(place))
+    jumps = gaps[1:] / np.maximum(gaps[:-1], 1e-3)
+    at = int(jumps.argmax())
+    limit = (gaps[at] * gaps[at + 1]) ** 0.5 if jumps[at] >= APART else np.inf
+    which = np.append(0, np.cumsum(np.diff(place) > limit))[np.searchsorted(distinct, values)]
+    levels = np.array([_level(values[which == k], known) for k in range(which.max() + 1)])
+    off = values - levels[which]
+    least = 4 if (often > 1).mean() > 0.7 else 0
+    dense = all(gap <= DENSE for gap in np.diff(place) if gap <= limit)
+    few = levels.size * EACH > values.size or distinct.size < least * levels.size
+    if few or not dense or not off.any() or max(abs(off / levels[which])) > SCATTER:
+        return None
+    freed = values.size - levels.size
+    size, share = (float(np.sqrt((d**2).sum() / freed)) for d in (off, off / levels[which]))
+    return levels[which], size, share
+
+
+def _level(values: Array, known: Sequence[float]) -> float:
+    """Give the set value of a group: the known one that its mean agrees with, or the mean."""
+    mean, error = float(values.mean()), float(values.std() / values.size**0.5)
+    near = min(known, key=lambda one: abs(one - mean), default=np.inf)
+    return near if abs(near - mean) <= 0.02 * abs(mean) + 3.0 * error else float(f"{mean:.4g}")

@@ -1,141 +1,94 @@
-"""Slips that traces show beside the table of shifts: they say most of it again."""
+"""Slips that traces show beside the table of shifts: they say most of it again.
+
+A ratio of traces to table out of its range is another unit, which a correction brings back into the
+range; times and readings at rest show another zero.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.finding import Finding
-from dogshape.diagnosis.bench.force_start import (
-    FIRST,
-    find_force_start,
-    scatter,
-    smoothed,
+from dogshape.diagnosis.bench.corrections import (
+    Correction,
+    Finding,
+    Findings,
+    corrected,
 )
-from dogshape.diagnosis.bench.record import TimeZero
-from dogshape.diagnosis.bench.stand_file import Stand
+from dogshape.diagnosis.bench.stand_file import Stand, TimeZero
 from dogshape.diagnosis.bench.table import Row, Sheet
-from dogshape.diagnosis.bench.table_slips import ends_early
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import FIRST, BenchTrace, find_force_start, scatter, smoothed
+from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.units import MM, RPM
+from dogshape.sim.units import MM, MS, RPM
 
-NEAR = 1.3  #: factor within which two readings of one quantity are taken as the same
+SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
 SETTLED = 0.25  #: s after the rise from which any delay of the force is over
+CLOSER = 0.5  #: share of the scatter about a constant below which that about a ratio explains more
+CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margin of a diagnosis
+REST = 0.02  #: of axial gap or nominal force, least reading at rest that is said
+MOVED = 0.005  #: of the travel, least way of the first samples of a record that begins in motion
+CLEAR = 5.0  #: scatters of a median that a value at rest exceeds, four times 1.25 standard errors
 #: Explanations of times that begin before the force, by what the record says of their zero.
 BEFORE_FORCE: dict[TimeZero, str] = {
     "unknown": "shift times that count from another instant than the force",
     "command": "a dead time between command and force",
     "force": "times that begin before the force, against record.time_zero = 'force'",
 }
-CLOSER = 0.5  #: share of the scatter about a constant below which that about a ratio explains more
-CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margin of a diagnosis
-REST_WAY = 0.02  #: of the axial gap, least displacement at rest that is said: the first flight mark
-REST_FORCE = 0.02  #: of the nominal force, least force at rest that is said: a load cell's error
-MOVED = 0.005  #: of the travel, least way of the first samples of a record that begins in motion
-CLEAR = 5.0  #: scatters of a median that a value at rest exceeds, four times 1.25 standard errors
-
-Ratios = NDArray[np.float64]
 
 
-def _ratios(sheet: Sheet, ratio: Callable[[Row, BenchTrace], float | None]) -> Ratios:
-    """Return a ratio for each trace that has one, (n,)."""
-    values = [ratio(row, row.trace) for row in sheet.rows if row.trace is not None]
-    return np.array([value for value in values if value is not None], dtype=float)
+def _traced(sheet: Sheet) -> list[tuple[Row, BenchTrace]]:
+    return [(row, row.trace) for row in sheet.rows if row.trace is not None]
 
 
-def _all_near(ratios: Ratios, target: float, factor: float = NEAR) -> bool:
-    """Test that nine in ten ratios lie within a factor of a target, of its sign."""
-    return _share_near(ratios, target, factor) >= 0.9
+def _short(values: float | list[float]) -> str:
+    return number(float(f"{np.median(values):.3g}"))
 
 
-def _share_near(ratios: Ratios, target: float, factor: float = NEAR) -> float:
-    if not ratios.size:
-        return 0.0
-    apart = ratios / target
-    return float(((apart > 1.0 / factor) & (apart < factor)).mean())
+def _median(values: Array) -> float:
+    """Return the median of the values that are numbers, zero where none is."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if known.size else 0.0
 
 
-def _middle(ratios: Ratios | list[float]) -> str:
-    return number(float(f"{np.median(ratios):.3g}"))
-
-
-def _first_speed(trace: BenchTrace) -> float:
-    """Return output less sliding speed at the start, 1/min."""
-    return float(np.median(trace.relative_speed[: max(FIRST, trace.time.size // 32)])) / RPM
-
-
-def axes_by_speed(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return swapped axes where the speeds of traces begin at what the table calls a force."""
-    by_force = _ratios(sheet, lambda row, t: abs(_first_speed(t)) / row.force if row.force else 0.0)
-    if not _all_near(by_force, 1.0) or _share_near(_speed_ratios(sheet), 1.0) > 0.5:
-        return []
-    found = f"the traces begin with a mismatch of {_middle(by_force)} 1/min for each N of force_N"
-    return [Finding("axes", found, "the columns mismatch_rpm and force_N swapped", "swapped", True)]
-
-
-def _speed_ratios(sheet: Sheet) -> Ratios:
-    """Return the first mismatch of each trace over that of its row, (n,)."""
-    return _ratios(sheet, lambda row, t: _first_speed(t) / row.mismatch if row.mismatch else None)
-
-
-def speeds(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return speeds in another unit, or of another sign, in table or traces."""
-    ratios = _speed_ratios(sheet)
-    if not ratios.size or _all_near(ratios, 1.0):
-        return []
+def short_traces(stand: Stand, sheet: Sheet) -> Findings:
+    """Find traces that end before their shift, and say how many end before the first touch."""
+    short = [(row, trace) for row, trace in _traced(sheet) if _ends_early(stand, row, trace)]
+    if not short:
+        return
+    row, trace = short[0]
+    many = f"{len(short)} traces end" if len(short) > 1 else "a trace ends"
     found = (
-        f"the traces begin with {_middle(ratios)} times the mismatch_rpm of their rows "
-        "(output_speed_rpm less sliding_speed_rpm)"
+        f"{many} before the shift is over: that of row {row.row} by "
+        f"{((row.time or 0.0) - trace.time[-1]) / MS:.3g} ms, so that it is used up to there"
     )
-    if _all_near(ratios, 1.0 / RPM):
-        looks = "mismatch_rpm in radians a second"
-        return [Finding("mismatch", found, looks, "rad_s", certain=True)]
-    if _all_near(ratios, RPM):
-        looks = "the speeds of the traces in radians a second"
-        return [Finding("speeds", found, looks, "rad_s", certain=True)]
-    if _all_near(ratios, -1.0):
-        looks = "a mismatch_rpm of sliding less output speed"
-        return [Finding("mismatch", found, looks, "reversed", certain=True)]
-    if _share_near(ratios, 1.0) >= 0.5:
-        return []  # a few odd shifts
-    return [Finding("mismatch", found, "another speed than the nominal one")]
+    flying = sum(one.displacement.max() < stand.clutch.dog.axial_gap for _, one in short)
+    if flying:
+        found += (
+            f"; {flying} of {len(short)} end before the first touch and tell its beginning only, "
+            "if they are of these shifts at all"
+        )
+    yield Finding("traces", found, "a recording that was stopped early", arguable=False)
 
 
-def trace_notes(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return traces with channels that were interpolated, cut, or have samples lost."""
-    noted = [row.trace for row in sheet.rows if row.trace is not None and row.trace.notes]
-    if not noted:
-        return []
-    more = f", and {len(noted) - 1} more traces alike" if len(noted) > 1 else ""
-    found = f"{noted[0].path.name}: {'; '.join(noted[0].notes)}{more}"
-    looks = "channels with start times or rates of their own, or with lost samples"
-    return [Finding("traces", found, looks, arguable=False)]
+def _ends_early(stand: Stand, row: Row, trace: BenchTrace) -> bool:
+    """Test that a trace ends before its shift does, in time and in travel."""
+    if row.time is None or trace.time[-1] >= row.time - 2.0 * trace.step:
+        return False
+    return bool(trace.displacement.max() < stand.clutch.shift_travel)
 
 
-def trace_time(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return traces whose travel takes a hundred times as long as the shift."""
-    timeout = stand.clutch.timeout
-    took = _ratios(sheet, _motion)
-    ratios = _ratios(sheet, lambda row, t: _motion(row, t) / (row.time or timeout))
-    if not ratios.size or np.median(ratios) < 100.0 or np.median(took) < timeout:
-        return []
-    found = f"by t_s the travel of the traces takes {_middle(ratios)} times the time of the shift"
-    if np.median(ratios) > 3e4:
-        looks = "another unit than seconds or milliseconds"
-        return [Finding("trace_time", found, looks, certain=True, arguable=False)]
-    return [Finding("trace_time", found, "milliseconds", "ms", certain=True, arguable=False)]
-
-
-def _motion(row: Row, trace: BenchTrace) -> float:
-    """Return the time from the start of the force to nine tenths of the trace's travel, s."""
-    start = find_force_start(trace, row.rise)
-    way = trace.displacement - _rest(row, trace)
-    end = trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
-    return float(end - (trace.time[0] if start is None else start.time))
+def trace_notes(_: Stand, sheet: Sheet) -> Findings:
+    """Find traces with channels that were interpolated, cut, or have samples lost."""
+    noted = [trace for _, trace in _traced(sheet) if trace.notes]
+    if noted:
+        more = f", and {len(noted) - 1} more traces alike" if len(noted) > 1 else ""
+        found = f"{noted[0].path.name}: {'; '.join(noted[0].notes)}{more}"
+        looks = "channels with start times or rates of their own, or with lost samples"
+        yield Finding("traces", found, looks, arguable=False)
 
 
 def _rest(row: Row, trace: BenchTrace) -> float:
@@ -154,43 +107,41 @@ def _begins_in_motion(trace: BenchTrace) -> bool:
     return bool(seen and first > 0.4 * second)  # from rest it is at most 0.3: way grows as t^2
 
 
-def trace_clock(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return traces of another time zero or rate than the table has, or of another end."""
-    traced = [(row, row.trace) for row in sheet.rows if row.trace is not None]
+def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
+    """Find traces of another time zero or rate than the table has, or of another end."""
+    traced = _traced(sheet)
     if not traced:
-        return []
-    clocks = np.array([_clock(stand, row, trace) for row, trace in traced])
+        return
+    start, end, least = np.array([_clock(stand, row, trace) for row, trace in traced]).T
     took = np.array([row.time or np.nan for row, _ in traced])
-    start, end, least = clocks.T
     late = end - took
     # Times of the table, and the travel at which a stand ends a shift, scatter as well.
     between = CLOCK + float(np.median(least))
-    off = abs(start) > least
     over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
     if ratio := _rate(end, took, between):
         found = f"the travel of the traces ends at {ratio:.3g} times shift_time_s of their rows"
         looks = "a recorder whose sample rate is not that of t_s, or a table whose clock runs wrong"
-        return [Finding("trace_time", f"{found} (median)", looks)]
+        yield Finding("trace_time", f"{found} (median)", looks)
+        return
+    off = abs(start) > least
     # A single start that the travel does not confirm is scatter of the fit.
     off &= (2 * off.sum() >= off.size) | (abs(late) > between) | over
+    middle = _median(late)
     if off.any():
         found, looks, way = _other_zero(stand, start, late, off, between)
-        return [Finding("trace_time", found, looks, way, bool((off & over).any()))]
-    middle = _median(late)
-    if np.isnan(start).all():
+        yield Finding("trace_time", found, looks, way, bool((off & over).any()))
+    elif np.isnan(start).all():
         found = "no rise of force_N stands out from its noise in the traces, so that t_s = 0 cannot"
         found += " be compared with the start of the force"
         found += f"; {_ends(middle)}" if abs(middle) > between else ""
         looks = "a sensor that is not connected or of the opposite sign, or a force that is there "
-        looks += "from the first sample"
-        return [Finding("trace_time", found, looks)]
-    if abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
+        yield Finding("trace_time", found, looks + "from the first sample")
+    elif abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
         looks = BEFORE_FORCE[stand.record.time_zero if middle < 0.0 else "unknown"]
-        return [Finding("trace_time", _ends(middle), f"{looks}, or to another travel")]
-    return []
+        yield Finding("trace_time", _ends(middle), f"{looks}, or to another travel")
 
 
-def _rate(end: Ratios, took: Ratios, between: float) -> float | None:
+def _rate(end: Array, took: Array, between: float) -> float | None:
     """Return the ratio of the traces' times to the table's, None where a constant parts them.
 
     ``end`` and ``took``, (traces,) in s; ``between`` is the least difference that is seen, s.
@@ -219,7 +170,7 @@ def _clock(stand: Stand, row: Row, trace: BenchTrace) -> tuple[float, float, flo
 
 
 def _other_zero(
-    stand: Stand, start: Ratios, late: Ratios, off: np.ndarray, least: float
+    stand: Stand, start: Array, late: Array, off: np.ndarray, least: float
 ) -> tuple[str, str, str | None]:
     """Describe traces with another time zero: what was found, probable cause, and correction.
 
@@ -247,79 +198,41 @@ def _other_zero(
     return found, looks, way
 
 
-def _median(values: Ratios) -> float:
-    """Return the median of the values that are numbers, zero where none is."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else 0.0
-
-
 def _ends(late: float) -> str:
     size = f"{1e3 * abs(late):.1f} ms" if abs(late) < 1.0 else f"{abs(late):.4f} s"
     when = "after" if late > 0.0 else "before"
     return f"the travel of the traces ends {size} {when} shift_time_s of their rows (median)"
 
 
-def displacement(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return a displacement that does not end near the travel of the sleeve."""
-    travel = stand.clutch.dog.travel
-    ratios = _ratios(
-        sheet,
-        lambda row, t: (
-            (t.displacement.max() - _rest(row, t)) / travel
-            if row.time and not ends_early(stand, row)
-            else None
-        ),
-    )
-    most = 1.8 if stand.record.displacement_at == "actuator" else 1.15
-    if not ratios.size or 0.9 <= np.median(ratios) <= most:
-        return []
-    middle = float(np.median(ratios))
-    found = (
-        f"displacement_mm of finished shifts ends at {_middle(ratios * travel / MM)}, but the "
-        f"sleeve's travel is {number(travel / MM)} mm"
-    )
-    looks, way, certain = _other_displacement(stand, middle)
-    return [Finding("displacement", found, looks, way, certain)]
+Measure = Callable[[Stand, Row, BenchTrace], float | None]
 
 
-def _other_displacement(stand: Stand, middle: float) -> tuple[str, str | None, bool]:
-    """Name the probable unit of a displacement of so many travels, its correction, certainty."""
-    ratio = stand.sensor.linkage_ratio
-    if 0.5e-3 < middle < 2e-3:
-        return "metres", "m", True
-    if ratio is not None and 0.8 * ratio < middle < 1.8 * ratio:
-        return f"the robot arm's, {number(ratio)} times the sleeve's", "arm", True
-    if middle > 2.0 and ratio is None:
-        return "that of an actuator (give linkage_ratio in the table [sensor])", None, True
-    if not 0.5 < middle < 2.0:
-        return "another unit than millimetres", None, True
-    return "a sensor with a wrong scale or a soft linkage", None, False
+def _speed(_: Stand, row: Row, trace: BenchTrace) -> float | None:
+    """Return the first mismatch of a trace over that of its row."""
+    samples = max(FIRST, trace.time.size // 32)
+    speed = float(np.median(trace.relative_speed[:samples])) / RPM
+    return speed / row.mismatch if row.mismatch else None
 
 
-def trace_force(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return a force in traces of another scale than that of the table."""
-    ratios = _ratios(sheet, _last_force)
-    factor = stand.sensor.force_factor
-    if not ratios.size:
-        return []
-    found = f"force_N of the traces ends at {_middle(ratios)} of what force_N of the table makes it"
-    if np.median(ratios) < 0.01:
-        return [Finding("trace_force", found, "kilonewtons", "kN", certain=True)]
-    if factor is not None and factor > 1.5 and _all_near(ratios, factor, 1.2):
-        looks = "the force at the robot arm in the table"
-        return [Finding("force", found, looks, "arm", certain=True)]
-    settled = _ratios(
-        sheet, lambda row, t: _last_force(row, t) if t.time[-1] > row.rise + SETTLED else None
-    )
-    if factor is not None and factor > 1.5 and _all_near(settled, 1.0 / factor, 1.2):
-        looks = "the force at the robot arm in the traces"
-        return [Finding("trace_force", found, looks, "arm")]
-    if settled.size and not 0.5 < np.median(settled) < 1.5:
-        return [Finding("trace_force", found, "a sensor with a wrong scale")]
-    return []
+def _travel(stand: Stand, row: Row, trace: BenchTrace) -> float | None:
+    """Return the displacement at the end of a finished shift over the travel of the sleeve."""
+    whole = row.time and not _ends_early(stand, row, trace)
+    most = trace.displacement.max() - _rest(row, trace)
+    return float(most / stand.clutch.dog.travel) if whole else None
 
 
-def _last_force(row: Row, trace: BenchTrace) -> float | None:
+def _duration(stand: Stand, row: Row, trace: BenchTrace) -> float:
+    """Return the time of nine tenths of the travel over that of the shift, where it is beyond
+    the time-out.
+    """
+    start, timeout = find_force_start(trace, row.rise), stand.clutch.timeout
+    way = trace.displacement - _rest(row, trace)
+    end = trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
+    took = float(end - (trace.time[0] if start is None else start.time))
+    return took / (row.time or timeout) if took >= timeout else 1.0
+
+
+def _last_force(_: Stand, row: Row, trace: BenchTrace) -> float | None:
     """Return the last force of a trace over the nominal one at that time, None without one."""
     start = find_force_start(trace, row.rise)
     try:
@@ -327,34 +240,133 @@ def _last_force(row: Row, trace: BenchTrace) -> float | None:
     except InputError:
         return None
     nominal = profile.at(float(trace.time[-1]) - start.time) if start else 0.0
-    return (
-        (float(np.median(trace.force[-5:])) - start.force) / nominal if start and nominal else None
-    )
+    if not start or not nominal:
+        return None
+    return (float(np.median(trace.force[-5:])) - start.force) / nominal
 
 
-def trace_rest(stand: Stand, sheet: Sheet) -> list[Finding]:
-    """Return displacements and forces that are not zero before the force begins."""
-    traced = [(row, row.trace) for row in sheet.rows if row.trace is not None]
-    gap = stand.clutch.dog.axial_gap
+def _settled_force(stand: Stand, row: Row, trace: BenchTrace) -> float | None:
+    return _last_force(stand, row, trace) if trace.time[-1] > row.rise + SETTLED else None
+
+
+@dataclass(frozen=True)
+class Range:
+    """Range of a ratio of traces to their rows.
+
+    Of ``ways`` (quantity, correction, unit in words) the first that brings the median ratio into
+    the range is the slip, which is refused. Without one the cause is ``other``, which is refused
+    beyond ``possible``.
+    """
+
+    quantity: str
+    measure: Measure
+    low: float
+    high: float
+    found: Callable[[Stand, float], str]
+    ways: tuple[tuple[str, str, str], ...]
+    other: str
+    possible: tuple[float, float] = (-np.inf, np.inf)
+    arguable: bool = True
+
+    def median(self, stand: Stand, sheet: Sheet) -> float:
+        """Compute the median ratio of the traces that have one, 1 without any."""
+        ratios = [self.measure(stand, row, trace) for row, trace in _traced(sheet)]
+        known = [ratio for ratio in ratios if ratio is not None]
+        return float(np.median(known)) if known else 1.0
+
+    def check(self, stand: Stand, sheet: Sheet) -> Findings:
+        """Find a ratio out of the range."""
+        middle = self.median(stand, sheet)
+        if self.low <= middle <= self.high:
+            return
+        found = self.found(stand, middle)
+        for quantity, way, looks in self.ways:
+            try:
+                other = corrected(sheet, Correction(quantity, way), stand.sensor)
+            except InputError:  # the stand does not say by how much
+                continue
+            if self.low <= self.median(stand, other) <= self.high:
+                text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
+                yield Finding(quantity, found, text, way, True, self.arguable)
+                return
+        certain = not self.possible[0] < middle < self.possible[1]
+        yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
+
+
+DURATION = Range(
+    "trace_time", _duration, 0.0, 100.0,
+    lambda _, middle: (
+        f"by t_s the travel of the traces takes {_short(middle)} times the time of the shift"
+    ),
+    (("trace_time", "ms", "milliseconds"),),
+    "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False,
+)  # fmt: skip
+#: Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
+TRAVEL = Range(
+    "displacement", _travel, 0.9, 1.15,
+    lambda stand, middle: (
+        f"displacement_mm of finished shifts ends at "
+        f"{_short(middle * stand.clutch.dog.travel / MM)}, but the sleeve's travel is "
+        f"{number(stand.clutch.dog.travel / MM)} mm"
+    ),
+    (("displacement", "m", "metres"),
+     ("displacement", "arm", "the robot arm's, {} times the sleeve's")),
+    "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in the "
+    "table [sensor])", possible=(0.5, 2.0),
+)  # fmt: skip
+ACTUATOR_TRAVEL = replace(TRAVEL, high=1.8)
+SPEED = Range(
+    "mismatch", _speed, 1.0 / SAME, SAME,
+    lambda _, middle: (
+        f"the traces begin with {_short(middle)} times the mismatch_rpm of their rows "
+        "(output_speed_rpm less sliding_speed_rpm)"
+    ),
+    (("mismatch", "rad_s", "mismatch_rpm in radians a second"),
+     ("speeds", "rad_s", "the speeds of the traces in radians a second"),
+     ("mismatch", "reversed", "a mismatch_rpm of sliding less output speed")),
+    "another speed than the nominal one",
+)  # fmt: skip
+FORCE = Range(
+    "trace_force", _last_force, 0.01, np.inf,
+    lambda _, middle: (
+        f"force_N of the traces ends at {_short(middle)} of what force_N of the table makes it"
+    ),
+    (("trace_force", "kN", "kilonewtons"),), "a sensor with a wrong scale",
+)  # fmt: skip
+SETTLED_FORCE = replace(
+    FORCE, measure=_settled_force, low=0.5, high=1.5,
+    ways=(("force", "arm", "the force at the robot arm in the table"),
+          ("trace_force", "arm", "the force at the robot arm in the traces")),
+)  # fmt: skip
+
+
+def trace_travel(stand: Stand, sheet: Sheet) -> Findings:
+    """Find a displacement that does not end near the travel of the sleeve."""
+    soft = stand.record.displacement_at == "actuator"
+    return (ACTUATOR_TRAVEL if soft else TRAVEL).check(stand, sheet)
+
+
+def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
+    """Find displacements and forces that are not zero before the force begins."""
+    traced, gap = _traced(sheet), stand.clutch.dog.axial_gap
     moving, way, force = 0, [], []
     for row, trace in traced:
         start = find_force_start(trace, row.rise)
         moving += _begins_in_motion(trace)
-        least = max(REST_WAY * gap, CLEAR * scatter(trace.displacement) / np.sqrt(FIRST))
+        least = max(REST * gap, CLEAR * scatter(trace.displacement) / np.sqrt(FIRST))
         if abs(rest := _rest(row, trace)) > least:
             way.append(rest / MM)
-        least = max(REST_FORCE * row.force, CLEAR * scatter(trace.force) / np.sqrt(FIRST))
+        least = max(REST * row.force, CLEAR * scatter(trace.force) / np.sqrt(FIRST))
         if start and start.time >= trace.time[0] and abs(start.force) > least:
             force.append(start.force)
     if 2 * moving > max(1, len(traced)):
         found = f"the sleeve moves already at the first samples of {moving} of {len(traced)} traces"
-        return [Finding("displacement", found, "records that begin after the force")]
+        yield Finding("displacement", found, "records that begin after the force")
+        return
     looks, when = "a sensor that is not set to zero", "(median) before the force begins"
-    findings = []
     if way:
-        found = f"displacement_mm of {len(way)} of {len(traced)} traces is {_middle(way)} mm {when}"
-        findings.append(Finding("displacement", found, looks, "zeroed"))
+        found = f"displacement_mm of {len(way)} of {len(traced)} traces is {_short(way)} mm {when}"
+        yield Finding("displacement", found, looks, "zeroed")
     if 2 * len(force) > len(traced):
-        found = f"force_N of {len(force)} of {len(traced)} traces is {_middle(force)} N {when}"
-        findings.append(Finding("trace_force", found, looks, "zeroed"))
-    return findings
+        found = f"force_N of {len(force)} of {len(traced)} traces is {_short(force)} N {when}"
+        yield Finding("trace_force", found, looks, "zeroed")

@@ -114,7 +114,7 @@ def explained(fact: Fact, model: Model, seen: Observed) -> tuple[float, float]:
 def facts_of(bench: Bench) -> tuple[Fact, ...]:
     """Derive the facts from the static readings of a data set."""
     ratio, efficiency = bench.sensor.linkage_ratio, bench.sensor.linkage_efficiency
-    pairs = [(c.arm_force, c.arm_displacement) for c in bench.calibration]
+    pairs = [(c.arm_force_N, c.arm_displacement) for c in bench.calibration]
     known = [(f, x) for f, x in pairs if f is not None and x is not None]
     if ratio is None or len(known) < LEAST or np.ptp([f for f, _ in known]) <= 0.0:
         return ()

@@ -29,7 +29,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.nominal_errors import Tolerance
+from dogshape.diagnosis.bench.stand_file import Tolerance
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings
@@ -137,7 +137,7 @@ class Likelihood:
         force, mismatch = self.sensitivity
         every = (
             force * size.force_share,
-            force * size.force / self.seen.force,
+            force * size.force_N / self.seen.force,
             mismatch * size.mismatch_share * self.seen.mismatch,
             mismatch * size.mismatch,
         )

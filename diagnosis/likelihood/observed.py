@@ -18,9 +18,8 @@ import numpy as np
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading
 from dogshape.diagnosis.bench.flight_marks import SeenFlight, flights_of
-from dogshape.diagnosis.bench.reading import Cell, Reading
 from dogshape.diagnosis.prediction.model import LEAST_SD, Model, late_times
 from dogshape.diagnosis.terms import Array
 

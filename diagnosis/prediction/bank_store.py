@@ -16,7 +16,7 @@ from pathlib import Path
 
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, Runner
 from dogshape.sim.statistics.shift_records import Record, content_key, unfinished
 from dogshape.sim.versions import engine

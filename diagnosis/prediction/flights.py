@@ -34,7 +34,7 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.planar import kernel
-from dogshape.sim.planar.plant import numbers_of
+from dogshape.sim.planar.engagement import numbers_of
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.mechanism import SLIP

@@ -22,7 +22,7 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Sensor, Setting
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, Runner, even_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.units import RPM

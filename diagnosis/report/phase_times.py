@@ -16,7 +16,7 @@ seating
     until the travel at which the shift counts as finished.
 
 Face contact and entry by these marks hold a little of the free way before and after the touch
-(``sim.shift.phases`` knows the touch itself), but the same in both.
+(``sim.shift.events`` knows the touch itself), but the same in both.
 """
 
 from __future__ import annotations
@@ -30,8 +30,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.force_start import smoothed
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import BenchTrace, smoothed
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.trace import Trace

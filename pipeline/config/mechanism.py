@@ -7,10 +7,10 @@ of the diagnosis. Each changes fields of a setting, and no two may change the sa
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Any
 
-from dogshape.pipeline.config.actuation import Actuation
+from dogshape.pipeline.config.operating import Actuation
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import MechanismSection
 from dogshape.sim.effect import Effect
@@ -23,32 +23,25 @@ from dogshape.sim.shift.mechanism import FIELDS
 #: Where effects show what they change; a factor of a power of two is exact.
 PROBE = OperatingPoint(1.0, ForceProfile(1024.0, 0.125))
 LEAST_LAG = 1e-5  #: s, of a lag that is not 0
-REMEDY = "correct the mechanism"
 Fields = dict[str, Any]  #: of a setting, by table and name
+Source = tuple[str, Fields]  #: key or effect of the file, and the fields of a setting that it sets
 INERTIA = "rings.sliding_inertia"
-#: Keys of ``[mechanism]`` by the field of the shift force that they set.
+#: Keys of ``[mechanism]`` by the field of the shift force that they set, in the order of checks.
 ACTUATION = {
-    "factor": "force_factor",
-    "loss": "force_loss_N",
-    "rise_factor": "rise_factor",
     "delay": "delay_s",
     "lag": "lag_s",
+    "loss": "force_loss_N",
+    "factor": "force_factor",
+    "rise_factor": "rise_factor",
 }
-
+RANGES = {"delay": (0.0, 10.0), "lag": (LEAST_LAG, 10.0), "loss": (0.0, 1e5),
+          "factor": (0.01, 10.0), "rise_factor": (0.01, 10.0)}  # fmt: skip
 #: What a study gives by keys of its own, by the table of a field: what to do instead.
 ELSEWHERE = {
     "dog": "the dog, which [dog] and [variables] give; give the true shape there",
     "mismatch": "the mismatch, which [operating] gives; give the true one there",
     "angles": "how often each relative angle comes, but a study takes all alike; leave it out",
 }
-
-
-@dataclass(frozen=True)
-class Source:
-    """Key or effect of the file with the fields of a setting that it sets."""
-
-    name: str
-    fields: Fields
 
 
 def with_mechanism(
@@ -71,32 +64,37 @@ def with_mechanism(
     InputError, EffectError
         A name that is unknown, a value out of range, or two that set the same.
     """
-    section = section or MechanismSection()
-    base = Setting(clutch, PROBE)
     sources = [
-        *(Source(f"contact.{_contact_key(name)}", {f"contact.{name}": v})
-          for name, v in contact.items()),
-        *_of_section(section, clutch),
-        *_of_effects(effects or {}, base),
-    ]  # fmt: skip
-    found = _merged(sources)
-    changed = replace(
-        clutch,
-        contact=replace(clutch.contact, **_table(found, "contact")),
-        mechanism=replace(clutch.mechanism, **_table(found, "mechanism")),
-        rings=replace(clutch.rings, **_table(found, "rings")),
-    )
-    return changed, replace(actuation, **_table(found, "actuation"))
+        *((f"contact.{_contact_key(n)}", {f"contact.{n}": v}) for n, v in contact.items()),
+        *_of_section(section or MechanismSection(), clutch),
+        *_of_effects(effects or {}, Setting(clutch, PROBE)),
+    ]
+    tables: dict[str, Fields] = {"contact": {}, "mechanism": {}, "rings": {}, "actuation": {}}
+    by: dict[str, str] = {}
+    for source, found in sources:
+        for name, value in found.items():
+            if name in by:
+                raise InputError(
+                    f"{by[name]} and {source} both set {_shown(name)}; leave out one of them"
+                )
+            by[name] = source
+            table, _, own = name.partition(".")
+            tables[table][own] = value
+    changed = {n: replace(getattr(clutch, n), **tables[n])
+               for n in ("contact", "mechanism", "rings")}  # fmt: skip
+    return replace(clutch, **changed), replace(actuation, **tables["actuation"])
 
 
 def mechanism_record(clutch: Clutch, actuation: Actuation) -> dict[str, float]:
     """List values that differ from no mechanism, keys and units as in ``[mechanism]``."""
     own = clutch.mechanism.record.items()
     found = {key.removeprefix("mechanism_"): value for key, value in own}
-    lost = {"delay_s": actuation.delay, "lag_s": actuation.lag, "force_loss_N": actuation.loss}
-    found |= {key: value for key, value in lost.items() if value != 0.0}
-    factors = {"force_factor": actuation.factor, "rise_factor": actuation.rise_factor}
-    return found | {key: value for key, value in factors.items() if value != 1.0}
+    neutral = Actuation(actuation.nominal)
+    return found | {
+        key: getattr(actuation, name)
+        for name, key in ACTUATION.items()
+        if getattr(actuation, name) != getattr(neutral, name)
+    }
 
 
 def keys_changed(effect: Effect, values: Mapping[str, float], base: Setting) -> set[str]:
@@ -105,26 +103,8 @@ def keys_changed(effect: Effect, values: Mapping[str, float], base: Setting) -> 
     Among them are ``mismatch`` and ``angles``, which no key gives. Where the displacement is read
     is no part of a study.
     """
-    before, after = _flat(base), _flat(effect.apply(base, values))
-    return {_shown(name) for name in after if after[name] != before[name] and name != "sensor"}
-
-
-def _merged(sources: list[Source]) -> Fields:
-    """Return all fields that are set; one that is set twice raises InputError."""
-    found: Fields = {}
-    by: dict[str, str] = {}
-    for source in sources:
-        for name, value in source.fields.items():
-            if name in by:
-                raise InputError(
-                    f"{by[name]} and {source.name} both set {_shown(name)}; leave out one of them"
-                )
-            found[name], by[name] = value, source.name
-    return found
-
-
-def _table(found: Fields, table: str) -> dict[str, Any]:
-    return {name.partition(".")[2]: v for name, v in found.items() if name.startswith(f"{table}.")}
+    changed = _difference(base, effect.apply(base, values))
+    return {_shown(name) for name in changed if name != "sensor"}
 
 
 def _of_section(section: MechanismSection, clutch: Clutch) -> Iterator[Source]:
@@ -135,55 +115,44 @@ def _of_section(section: MechanismSection, clutch: Clutch) -> Iterator[Source]:
             names = [FIELDS[key]]
             if key == "spline_friction" and "spline_radius_mm" not in given:
                 names.append("spline_radius")
-            yield Source(
-                f"mechanism.{key}", {f"mechanism.{n}": getattr(mechanism, n) for n in names}
-            )
-    if section.delay_s is not None:
-        require_between("mechanism.delay_s", section.delay_s, 0.0, 10.0, REMEDY)
-        yield Source("mechanism.delay_s", {"actuation.delay": section.delay_s})
-    if section.lag_s is not None:
-        least = 0.0 if section.lag_s == 0.0 else LEAST_LAG
-        require_between("mechanism.lag_s", section.lag_s, least, 10.0, REMEDY)
-        yield Source("mechanism.lag_s", {"actuation.lag": section.lag_s})
-    if section.force_loss_N is not None:
-        require_between("mechanism.force_loss_N", section.force_loss_N, 0.0, 1e5, REMEDY)
-        yield Source("mechanism.force_loss_N", {"actuation.loss": section.force_loss_N})
-    for key, factor in (("force_factor", "factor"), ("rise_factor", "rise_factor")):
+            yield f"mechanism.{key}", {f"mechanism.{n}": getattr(mechanism, n) for n in names}
+    for name, key in ACTUATION.items():
         if key in given:
-            require_between(f"mechanism.{key}", given[key], 0.01, 10.0, REMEDY)
-            yield Source(f"mechanism.{key}", {f"actuation.{factor}": given[key]})
+            low, high = RANGES[name]
+            low = 0.0 if name == "lag" and given[key] == 0.0 else low
+            require_between(f"mechanism.{key}", given[key], low, high, "correct the mechanism")
+            yield f"mechanism.{key}", {f"actuation.{name}": given[key]}
 
 
 def _of_effects(given: Mapping[str, Any], base: Setting) -> Iterator[Source]:
-    """Yield what each effect of ``[effects]`` changes."""
+    """Yield what each effect of ``[effects]`` changes; one that no study takes is refused."""
     known = registry.load() if given else {}
     for name, value in given.items():
         if name not in known:
             raise InputError(f"'effects.{name}' is not a known effect; {did_you_mean(name, known)}")
         values = _values(known[name], value)
-        if values is not None:
-            yield Source(f"effects.{name}", _changes(known[name], values, base))
+        if values is None:
+            continue
+        try:
+            changed = known[name].apply(base, values)
+        except DogshapeError as error:
+            raise type(error)(f"effects.{name}: {error}") from error
+        found = _difference(base, changed)
+        for field in found:
+            table = field.partition(".")[0]
+            if table not in ("contact", "mechanism", "actuation") and field != INERTIA:
+                what = f"{field}, which no study takes from an effect; leave it out"
+                raise InputError(f"effects.{name} changes {ELSEWHERE.get(table, what)}")
+        if "actuation.delay" in found:
+            key = f"effects.{name}: mechanism.delay_s"
+            require_between(key, found["actuation.delay"], 0.0, 10.0, "correct the effect")
+        yield f"effects.{name}", found
 
 
-def _changes(effect: Effect, values: Mapping[str, float], base: Setting) -> Fields:
-    """Return the fields that an effect changes; one that no study takes raises InputError."""
-    try:
-        changed = effect.apply(base, values)
-    except DogshapeError as error:
-        raise type(error)(f"effects.{effect.name}: {error}") from error
-    before, after = _flat(base), _flat(changed)
-    found = {name: after[name] for name in after if after[name] != before[name]}
-    for name in found:
-        table = name.partition(".")[0]
-        if table not in ("contact", "mechanism", "actuation") and name != INERTIA:
-            what = ELSEWHERE.get(
-                table, f"{name}, which no study takes from an effect; leave it out"
-            )
-            raise InputError(f"effects.{effect.name} changes {what}")
-    if "actuation.delay" in found:
-        name = f"effects.{effect.name}: mechanism.delay_s"
-        require_between(name, found["actuation.delay"], 0.0, 10.0, "correct the effect")
-    return found
+def _difference(before: Setting, after: Setting) -> Fields:
+    """Return the fields of a setting that differ from those of another."""
+    old, new = _flat(before), _flat(after)
+    return {name: value for name, value in new.items() if value != old[name]}
 
 
 def _flat(setting: Setting) -> Fields:
@@ -191,9 +160,8 @@ def _flat(setting: Setting) -> Fields:
     clutch, profile = setting.clutch, setting.point.profile
     parts = {name: getattr(clutch, name) for name in ("dog", "rings", "contact", "mechanism")}
     return {
-        **{
-            f"{table}.{f.name}": getattr(p, f.name) for table, p in parts.items() for f in fields(p)
-        },
+        **{f"{n}.{f.name}": getattr(part, f.name) for n, part in parts.items()
+           for f in fields(part)},
         "actuation.factor": profile.force / PROBE.profile.force,
         "actuation.loss": profile.loss,
         "actuation.rise_factor": profile.rise / PROBE.profile.rise,
@@ -203,34 +171,35 @@ def _flat(setting: Setting) -> Fields:
         "angles": (setting.concentration, setting.centre),
         "sensor": setting.sensor,
         "solver": (clutch.solver, clutch.timeout, clutch.seated_tolerance, clutch.rebound),
-    }
+    }  # fmt: skip
 
 
 def _values(effect: Effect, given: Any) -> dict[str, float] | None:
     """Return the values of an effect's parameters; None of one that is not there."""
     names = [parameter.name for parameter in effect.parameters]
+
+    def is_number(value: Any) -> bool:
+        return isinstance(value, int | float) and not isinstance(value, bool)
+
     if not names and isinstance(given, bool):
         return {} if given else None
-    if len(names) == 1 and _is_number(given):
+    if len(names) == 1 and is_number(given):
         return {names[0]: float(given)}
-    if names and isinstance(given, dict) and all(map(_is_number, given.values())):
+    if names and isinstance(given, dict) and all(map(is_number, given.values())):
         return {name: float(value) for name, value in given.items()}
-    kind = f"a number, its {names[0]}" if len(names) == 1 else "a table of numbers"
-    if not names:
-        kind = "true or false"
-    example = f"effects.{effect.name} = {_example(effect)}"
-    raise InputError(f"effects.{effect.name} is {given!r}, but it must be {kind}; write {example}")
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _example(effect: Effect) -> str:
-    middles = {one.name: f"{one.at(0.5):.3g}" for one in effect.parameters}
-    if len(middles) < 2:
-        return next(iter(middles.values()), "true")
-    return "{" + ", ".join(f"{name} = {value}" for name, value in middles.items()) + "}"
+    middles = [f"{one.at(0.5):.3g}" for one in effect.parameters]
+    kind, example = (
+        "a table of numbers",
+        ", ".join(f"{name} = {value}" for name, value in zip(names, middles, strict=True)),
+    )
+    example = f"{{{example}}}"
+    if len(names) < 2:
+        kind = f"a number, its {names[0]}" if names else "true or false"
+        example = middles[0] if names else "true"
+    raise InputError(
+        f"effects.{effect.name} is {given!r}, but it must be {kind}; write effects.{effect.name} = "
+        f"{example}"
+    )
 
 
 def _shown(field: str) -> str:

@@ -1,15 +1,24 @@
-"""The study file: every key with its type and default, and nothing else.
+"""The study file: every key with its type and default, and the value of ``sim`` that a section is.
 
-Lengths, angles and speeds are in the unit that a key ends in.
+Lengths, angles and speeds are in the unit that a key ends in. Values are SI.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
+from dogshape.pipeline.config.operating import (
+    ActuationSection,
+    DistributionSection,
+    Numbers,
+    OperatingSection,
+    unless_given,
+)
 from dogshape.sim.clutch_tables import (
     DogSection,
     MechanismSection,
@@ -17,13 +26,27 @@ from dogshape.sim.clutch_tables import (
     Section,
     SlidingSection,
     section_in,
+    si_fields,
 )
-from dogshape.sim.statistics.uncertainty import Distribution
+from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.shift.clutch import (
+    PLANAR_ACCURACY,
+    SCHEMES,
+    OperatingPoint,
+    Solver,
+    accuracy_of,
+    solver_for,
+)
+from dogshape.sim.shift.contact import ContactSet, contact_set
+from dogshape.sim.shift.geometry import SCOPE, Dog
+from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits
-from dogshape.sim.strength.strike import RESTITUTION
+from dogshape.sim.strength.materials import Material, material_of
+from dogshape.sim.strength.strike import RESTITUTION, Strike
 from dogshape.sim.strength.tolerance import Tolerances
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.strength.wear import Wear
+from dogshape.sim.units import DEG, MM, RPM, to_si, unit_of
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 
@@ -34,12 +57,6 @@ AUDIT_SHIFTS = 200  #: of a search, again in Drake
 MIX_SHIFTS = 135_000  #: of a fit, at all operating points of designs
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
-Numbers = Annotated[list[float], Field(min_length=1)]
-
-
-def _unless_given() -> Any:
-    """Return the default of a key that came later: unset, it is no part of a file's hash."""
-    return Field(default=None, exclude_if=lambda value: value is None)
 
 
 class ContactSection(Section):
@@ -52,6 +69,16 @@ class ContactSection(Section):
     stiffness_Pa_m: float | None = None
     dissipation_s_m: float | None = None
 
+    @property
+    def own(self) -> dict[str, float]:
+        """Fields of the contact set that the file has beside its name, SI."""
+        return si_fields(self.model_dump(exclude={"set"}, exclude_none=True))
+
+    @property
+    def contact(self) -> ContactSet:
+        """The contact set; InputError for mistakes."""
+        return replace(contact_set(self.set), **self.own)  # type: ignore[arg-type]
+
 
 class ShiftSection(Section):
     """When a shift is done or given up, what a retry costs, and how far a rebound goes."""
@@ -61,67 +88,20 @@ class ShiftSection(Section):
     seated_tolerance_mm: float = 0.05
     rebound_mm: float = 1.0
 
-
-class ActuationSection(Section):
-    """Rise time of the shift force by its final value; linear in between."""
-
-    force_N: Numbers
-    rise_s: Numbers
-
-
-def _absent(value: Any) -> bool:
-    """Recognise a key that is not given; such keys are neither stored nor hashed."""
-    return value is None
+    def require(self) -> None:
+        """Raise InputError for a value that is no time or length of a shift."""
+        _positive("shift.timeout_s", self.timeout_s, 60.0)
+        _positive("shift.seated_tolerance_mm", self.seated_tolerance_mm, 1.0)
+        retraction, rebound = self.retraction_s, self.rebound_mm
+        require_between("shift.retraction_s", retraction, 0.0, 60.0, "give a time in seconds")
+        require_between("shift.rebound_mm", rebound, 0.0, 100.0, "give a length in mm")
 
 
-class DistributionSection(Section):
-    """A distribution in place of a number (``sim.statistics.uncertainty``)."""
-
-    distribution: str
-    mean: float | None = None
-    sd: float | None = None
-    median: float | None = None
-    factor: float | None = None
-    low: float | None = None
-    mode: float | None = None
-    high: float | None = None
-
-    def named(self, key: str) -> Distribution:
-        """Build the distribution that stands at ``key``; mistakes raise InputError."""
-        numbers = self.model_dump(exclude={"distribution"})
-        return Distribution(key, self.distribution, **numbers)
-
-
-#: A list of numbers or a distribution; tags have a space, which no key has.
-Spread = Annotated[
-    Annotated[Numbers, Tag("a list")] | Annotated[DistributionSection, Tag("a distribution")],
-    Discriminator(
-        lambda v: "a distribution" if isinstance(v, dict | DistributionSection) else "a list"
-    ),
-]
-
-
-class PointSection(Section):
-    """One operating point of a list."""
-
-    mismatch_rpm: float
-    force_N: float
-    weight: float = 1.0
-
-
-class OperatingSection(Section):
-    """Operating points: a set, grid, list or draw (``pipeline.config.operating_points``)."""
-
-    set: str | None = Field(default=None, exclude_if=_absent)
-    mismatch_rpm: Spread | None = Field(default=None, exclude_if=_absent)
-    force_N: Spread | None = Field(default=None, exclude_if=_absent)
-    mismatch_weight: Numbers | None = Field(default=None, exclude_if=_absent)
-    force_weight: Numbers | None = Field(default=None, exclude_if=_absent)
-    points: Annotated[list[PointSection], Field(min_length=1)] | None = Field(
-        default=None, exclude_if=_absent
-    )
-    samples: Annotated[int, Field(ge=1, le=4096)] | None = Field(default=None, exclude_if=_absent)
-    seed: Annotated[int, Field(ge=0)] | None = Field(default=None, exclude_if=_absent)
+def _positive(key: str, value: float, most: float) -> None:
+    if not 0.0 < value <= most:
+        unit = unit_of(key)
+        rule = f"it must be positive and at most {most:.6g} {unit}"
+        raise InputError(refusal(key, value, unit, rule, "check the value and its unit"))
 
 
 class UncertainSection(Section):
@@ -130,7 +110,7 @@ class UncertainSection(Section):
     friction_factor: DistributionSection | None = None
     force_factor: DistributionSection | None = None
     inertia_factor: DistributionSection | None = None
-    dissipation_factor: DistributionSection | None = _unless_given()
+    dissipation_factor: DistributionSection | None = unless_given()
 
 
 class ExpectationSection(Section):
@@ -148,6 +128,11 @@ class DrivelineSection(Section):
 
     stiffness_Nm_rad: float | None = None
 
+    def require(self) -> None:
+        """Raise InputError for a stiffness that no shaft has."""
+        if self.stiffness_Nm_rad is not None:
+            _positive("driveline.stiffness_Nm_rad", self.stiffness_Nm_rad, 1e7)
+
 
 class LoadSection(Section):
     """Load case of the strength checks (``sim.strength.load_case``)."""
@@ -164,20 +149,33 @@ class LoadSection(Section):
     friction_hold: float = LoadCase.friction_hold
     separating_force_limit_N: float = LoadCase.separating_force_limit
     coast_share: float = Field(default=1.0, exclude_if=lambda value: value == 1.0)
-    pull_out_force_limit_N: float | None = _unless_given()
-    accuracy: int | None = _unless_given()
-    pitch_sd_um: float | None = _unless_given()
-    dog_stiffness_N_um: float | None = _unless_given()
-    spectrum: list[list[float]] | None = _unless_given()
-    abuse_torque_Nm: float | None = _unless_given()
+    pull_out_force_limit_N: float | None = unless_given()
+    accuracy: int | None = unless_given()
+    pitch_sd_um: float | None = unless_given()
+    dog_stiffness_N_um: float | None = unless_given()
+    spectrum: list[list[float]] | None = unless_given()
+    abuse_torque_Nm: float | None = unless_given()
     axial_vibration_m_s2: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
     run_out_um: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
     tilt_mrad: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
     release_by_itself: bool = Field(default=True, exclude_if=lambda value: value is True)
-    landing_share: float | None = _unless_given()
+    landing_share: float | None = unless_given()
     edge_contact: Literal["bed", "line"] = Field(
         default="bed", exclude_if=lambda value: value == "bed"
     )
+
+    @property
+    def case(self) -> LoadCase:
+        """The load case without what contact and mechanism make of it; InputError for mistakes."""
+        given = self.model_dump(exclude={"spectrum", "axial_vibration_m_s2", "edge_contact"})
+        classes = self.spectrum or []
+        if any(len(one) != 2 for one in classes):
+            raise InputError(
+                f"load.spectrum is {classes}, but a class is [torque over the rated one, cycles]; "
+                "give two numbers for each, e.g. [[1.0, 1e5], [-0.4, 2e6]]"
+            )
+        spectrum = tuple((share, cycles) for share, cycles in classes)
+        return LoadCase(**si_fields(given), spectrum=spectrum)  # type: ignore[arg-type]
 
 
 class StrikeSection(Section):
@@ -185,12 +183,35 @@ class StrikeSection(Section):
 
     ring_inertia_kgm2: float
     input_stiffness_Nm_rad: float
-    wheel_inertia_kgm2: float | None = _unless_given()
-    output_stiffness_Nm_rad: float | None = _unless_given()
+    wheel_inertia_kgm2: float | None = unless_given()
+    output_stiffness_Nm_rad: float | None = unless_given()
     backlash_deg: float = 0.0
     restitution: float = RESTITUTION
-    mismatch_rpm: Numbers | None = _unless_given()
-    strikes: float | None = _unless_given()
+    mismatch_rpm: Numbers | None = unless_given()
+    strikes: float | None = unless_given()
+
+    def strike(
+        self, sliding: SlidingSection, output: OutputSection, points: Sequence[OperatingPoint]
+    ) -> Strike:
+        """Build the strike, at the mismatches of the points where it gives none of its own."""
+        if (self.wheel_inertia_kgm2 is None) != (self.output_stiffness_Nm_rad is None):
+            raise InputError(
+                "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together; "
+                "give both, or none for a rigid output side"
+            )
+        own = self.mismatch_rpm
+        return Strike(
+            ring_inertia=self.ring_inertia_kgm2,
+            sliding_inertia=sliding.inertia_kgm2,
+            input_stiffness=self.input_stiffness_Nm_rad,
+            wheel_inertia=self.wheel_inertia_kgm2 or output.inertia_kgm2,
+            output_inertia=output.inertia_kgm2,
+            output_stiffness=self.output_stiffness_Nm_rad,
+            backlash=self.backlash_deg * DEG,
+            restitution=self.restitution,
+            mismatch=tuple([p.mismatch for p in points] if own is None else [v * RPM for v in own]),
+            strikes=self.strikes,
+        )
 
 
 class MaterialSection(Section):
@@ -204,6 +225,12 @@ class MaterialSection(Section):
     surface_hardness_HV: float | None = None
     case_depth_mm: float | None = None
 
+    @property
+    def material(self) -> Material:
+        """The material; InputError for mistakes."""
+        given = si_fields(self.model_dump(exclude={"set"}, exclude_none=True))
+        return replace(material_of(self.set), **given)  # type: ignore[arg-type]
+
 
 class ManufacturingSection(Section):
     """Limits of the workshop (``sim.strength.manufacture``)."""
@@ -216,7 +243,12 @@ class ManufacturingSection(Section):
     tip_core_mm: float = ManufacturingLimits.tip_core / MM
     chamfer_share: float = ManufacturingLimits.chamfer_share
     module_mm: float = ManufacturingLimits.module / MM
-    rim_mm: float | None = _unless_given()
+    rim_mm: float | None = unless_given()
+
+    @property
+    def limits(self) -> ManufacturingLimits:
+        """The limits; InputError for mistakes."""
+        return ManufacturingLimits(**si_fields(self.model_dump()))
 
 
 class ToleranceSection(Section):
@@ -237,20 +269,33 @@ class ToleranceSection(Section):
         exclude_if=lambda value: value == Tolerances.distribution,
     )
 
+    @property
+    def tolerances(self) -> Tolerances:
+        """The tolerances; InputError for mistakes."""
+        sizes = si_fields(self.model_dump(exclude={"distribution"}))
+        return Tolerances(**sizes, distribution=self.distribution)
+
 
 class WearSection(Section):
     """Wear over the life (``sim.strength.wear``): of faces by one of two keys, and of edges."""
 
-    rate_mm3_Nm: float | None = _unless_given()
-    crest_loss_mm: float | None = _unless_given()
-    edge_radius_mm: float | None = _unless_given()
+    rate_mm3_Nm: float | None = unless_given()
+    crest_loss_mm: float | None = unless_given()
+    edge_radius_mm: float | None = unless_given()
+
+    def wear(self, dog: Dog) -> Wear:
+        """Build what wears the dogs; InputError for mistakes."""
+        given = {k: v if v is None else to_si(k, v) for k, v in self}
+        wear = Wear(given["rate_mm3_Nm"], given["crest_loss_mm"], given["edge_radius_mm"])
+        wear.edges(dog, 1.0)
+        return wear
 
 
 class VariablesSection(Section):
     """Search ranges ``[low, high]``; what is absent stays as in ``[dog]`` and ``[operating]``.
 
     ``mismatch_set_rpm`` is the mean that the speed control aims at, ``force_factor`` and
-    ``rise_factor`` scale the shift force and its rise time (``pipeline.config.set_point``).
+    ``rise_factor`` scale the shift force and its rise time (``pipeline.config.operating``).
     """
 
     chamfer_deg: Range | None = None
@@ -258,9 +303,25 @@ class VariablesSection(Section):
     braking_deg: Range | None = None
     height_mm: Range | None = None
     count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
-    mismatch_set_rpm: Range | None = _unless_given()
-    force_factor: Range | None = _unless_given()
-    rise_factor: Range | None = _unless_given()
+    mismatch_set_rpm: Range | None = unless_given()
+    force_factor: Range | None = unless_given()
+    rise_factor: Range | None = unless_given()
+
+    @property
+    def ranges(self) -> dict[str, tuple[float, float]]:
+        """Ranges of the searched keys, edge units; InputError for mistakes."""
+        found = self.model_dump(exclude_none=True)
+        for key, (low, high) in found.items():
+            if not low < high:
+                raise InputError(
+                    f"variables.{key} is [{low:.6g}, {high:.6g}], but the first must be below the "
+                    "second; exchange them, or leave the key out to keep the dog's own value"
+                )
+            if key.endswith("_deg") and not 0.0 <= low <= high < 60.0:
+                rule, wrong = "angles must lie between 0 and 60 deg", low if low < 0.0 else high
+                remedy = SCOPE if low < 0.0 else "narrow the range"
+                raise InputError(refusal(f"variables.{key}", wrong, "deg", rule, remedy))
+        return {key: (low, high) for key, (low, high) in found.items()}
 
 
 def _few_trials(trials: int) -> int:
@@ -298,20 +359,42 @@ class SearchSection(Section):
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
         default=QUANTILE, exclude_if=lambda value: value == QUANTILE
     )
-    limits: dict[str, float] | None = _unless_given()
-    within_s: Annotated[float, Field(gt=0.0)] | None = _unless_given()
-    reference: dict[str, float] | None = _unless_given()
+    limits: dict[str, float] | None = unless_given()
+    within_s: Annotated[float, Field(gt=0.0)] | None = unless_given()
+    reference: dict[str, float] | None = unless_given()
 
 
 class SolverSection(Section):
     """Numerical settings; absent ones follow from the contact set."""
 
-    engine: str | None = _unless_given()
+    engine: str | None = unless_given()
     scheme: str | None = None
     accuracy: float | None = None
     max_step_s: float | None = None
-    max_steps: int | None = _unless_given()
-    time_limit_s: float | None = _unless_given()
+    max_steps: int | None = unless_given()
+    time_limit_s: float | None = unless_given()
+
+    def solver(self, contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
+        """Build the solver of a contact set and a mechanism; InputError for mistakes.
+
+        Forces of a mechanism with two coefficients of friction are the compiled engine's, unless
+        the section names another: Drake's ``cenic`` takes a thousand times the processor time for
+        them and is off its limit by percents (``docs/planar.md``).
+        """
+        solver, engine = solver_for(contact, mechanism), self.engine
+        if mechanism.has_forces and solver.scheme == "cenic" and engine is None:
+            engine = "planar"
+        if self.scheme is not None:
+            known = self.scheme in SCHEMES
+            accuracy = accuracy_of(self.scheme, mechanism) if known else solver.accuracy
+            solver = Solver(self.scheme, accuracy)
+        if engine is not None:
+            accuracy = PLANAR_ACCURACY if engine == "planar" else solver.accuracy
+            solver = replace(solver, engine=engine, accuracy=accuracy)
+        own = {"accuracy": self.accuracy, "max_step": self.max_step_s,
+               "max_steps": self.max_steps, "time_limit": self.time_limit_s}  # fmt: skip
+        given = {name: value for name, value in own.items() if value is not None}
+        return replace(solver, **given)  # type: ignore[arg-type]
 
 
 class SurrogateSection(Section):
@@ -350,17 +433,17 @@ class StudyFile(Section):
     shift: ShiftSection = ShiftSection()
     actuation: ActuationSection
     operating: OperatingSection
-    mechanism: MechanismSection | None = Field(default=None, exclude_if=_absent)
-    effects: dict[str, Any] | None = Field(default=None, exclude_if=_absent)
-    uncertain: UncertainSection | None = Field(default=None, exclude_if=_absent)
+    mechanism: MechanismSection | None = unless_given()
+    effects: dict[str, Any] | None = unless_given()
+    uncertain: UncertainSection | None = unless_given()
     expectation: ExpectationSection = ExpectationSection()
     driveline: DrivelineSection = DrivelineSection()
     load: LoadSection = LoadSection()
-    strike: StrikeSection | None = Field(default=None, exclude_if=_absent)
+    strike: StrikeSection | None = unless_given()
     material: MaterialSection = MaterialSection()
     manufacturing: ManufacturingSection = ManufacturingSection()
     tolerance: ToleranceSection = ToleranceSection()
-    wear: WearSection | None = Field(default=None, exclude_if=_absent)
+    wear: WearSection | None = unless_given()
     variables: VariablesSection = VariablesSection()
     search: SearchSection = SearchSection()
     solver: SolverSection = SolverSection()

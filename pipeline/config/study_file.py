@@ -15,26 +15,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.pipeline.config.actuation import Actuation
-from dogshape.pipeline.config.contact import contact_of, own_contact, solver_of
 from dogshape.pipeline.config.mechanism import mechanism_record, with_mechanism
-from dogshape.pipeline.config.operating_points import axes_of, operating_text, points_of
-from dogshape.pipeline.config.schema import FORMAT, StudyFile
-from dogshape.pipeline.config.set_point import (
+from dogshape.pipeline.config.operating import (
     OPERATED,
+    Actuation,
     operated_points,
     own_set_point,
     require_ranges,
 )
-from dogshape.sim.bundled import bundled_root
-from dogshape.sim.clutch_tables import dog_fields, rings, si_fields, validate
+from dogshape.pipeline.config.schema import FORMAT, StudyFile
+from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
-from dogshape.sim.shift.driveline import TorquePeaks, torque_peaks
-from dogshape.sim.shift.geometry import SCOPE, Dog
-from dogshape.sim.shift.loads import Loads
-from dogshape.sim.shift.passing import require_stiff_enough
+from dogshape.sim.shift.conclusion import require_stiff_enough
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.loads import Loads, TorquePeaks, torque_peaks
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.shift_records import (
     Record,
@@ -44,16 +40,13 @@ from dogshape.sim.statistics.shift_records import (
 )
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.manufacture import ManufacturingLimits
-from dogshape.sim.strength.materials import Material, material_of
-from dogshape.sim.strength.strike import Strike
-from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.strength.wear import Wear
 from dogshape.sim.texts import listed, read_toml
-from dogshape.sim.units import DEG, MM, RPM, to_si, unit_of
+from dogshape.sim.units import MM, RPM
+from dogshape.sim.versions import bundled_root
 
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
+GONE = "use_known"  #: key of ``[search]`` that studies no longer have
 
 
 @dataclass(frozen=True)
@@ -112,7 +105,7 @@ class Setup:
         """The study in Drake, which judges the compiled engine.
 
         None where Drake does all of the work, and for forces of a mechanism that Drake's scheme
-        cannot follow (``pipeline.config.contact.solver_of``).
+        cannot follow (``pipeline.config.schema.SolverSection``).
         """
         solver = self.clutch.solver
         hard = self.clutch.mechanism.has_forces and solver.scheme == "cenic"
@@ -142,11 +135,11 @@ class Setup:
     @property
     def operating_text(self) -> str:
         """The operating points in words, with the nominal forces."""
-        return operating_text(self.file.operating, self._axes, len(self.points))
+        return self.file.operating.text(self._axes, len(self.points))
 
     @property
     def _axes(self) -> list[list[float]]:
-        return axes_of(self.file.operating, self.points, self.actuation.factor)
+        return self.file.operating.axes(self.points, self.actuation.factor)
 
     @property
     def mechanism(self) -> Record:
@@ -309,7 +302,7 @@ def build_study(file: StudyFile) -> Setup:
             "convert the file or use the version that wrote it"
         )
     _require_parts(file)
-    contact, shift = contact_of(file.contact), file.shift
+    contact, shift = file.contact.contact, file.shift
     clutch = Clutch(
         dog=file.dog.dog(),
         rings=rings(file.sliding, file.output),
@@ -319,14 +312,14 @@ def build_study(file: StudyFile) -> Setup:
         rebound=shift.rebound_mm * MM,
         solver=Solver(),
     )
-    own, parts = own_contact(file.contact), (file.mechanism, file.effects)
-    clutch, actuation = with_mechanism(clutch, Actuation(_rises(file)), *parts, own)
-    clutch = replace(clutch, solver=solver_of(file.solver, contact, clutch.mechanism))
-    points = points_of(file.operating, actuation.profile)
+    actuation, parts = Actuation(file.actuation.table), (file.mechanism, file.effects)
+    clutch, actuation = with_mechanism(clutch, actuation, *parts, file.contact.own)
+    clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism))
+    points = file.operating.operating_points(actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
     limits = _limits(file, clutch, points)
-    variables = _variables(file)
+    variables = file.variables.ranges
     require_ranges(points, actuation, variables)
     return Setup(file, clutch, limits, points, variables, actuation, unsure)
 
@@ -336,16 +329,16 @@ def _require_parts(file: StudyFile) -> None:
     parts: tuple[Callable[[], object], ...] = (
         file.dog.dog,
         lambda: rings(file.sliding, file.output),
-        lambda: solver_of(file.solver, contact_of(file.contact)),
-        lambda: _require_shift(file),
-        lambda: _require_stiffness(file),
-        lambda: points_of(file.operating, Actuation(_rises(file)).profile),
-        lambda: _load_case(file),
-        lambda: _material(file),
-        lambda: ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
-        lambda: _tolerances(file),
+        lambda: file.solver.solver(file.contact.contact),
+        file.shift.require,
+        file.driveline.require,
+        lambda: file.operating.operating_points(Actuation(file.actuation.table).profile),
+        lambda: file.load.case,
+        lambda: file.material.material,
+        lambda: file.manufacturing.limits,
+        lambda: file.tolerance.tolerances,
         lambda: wear_of(file),
-        lambda: _variables(file),
+        lambda: file.variables.ranges,
     )
     faults: list[DogshapeError] = []
     for part in parts:
@@ -357,20 +350,6 @@ def _require_parts(file: StudyFile) -> None:
         raise faults[0]
     if faults:
         raise InputError(listed(f"the study {file.name}", map(str, faults)))
-
-
-def _require_shift(file: StudyFile) -> None:
-    shift = file.shift
-    _positive("shift.timeout_s", shift.timeout_s, 60.0)
-    _positive("shift.seated_tolerance_mm", shift.seated_tolerance_mm, 1.0)
-    require_between("shift.retraction_s", shift.retraction_s, 0.0, 60.0, "give a time in seconds")
-    require_between("shift.rebound_mm", shift.rebound_mm, 0.0, 100.0, "give a length in mm")
-
-
-def _require_stiffness(file: StudyFile) -> None:
-    stiffness = file.driveline.stiffness_Nm_rad
-    if stiffness is not None:
-        _positive("driveline.stiffness_Nm_rad", stiffness, 1e7)
 
 
 def _uncertainty(
@@ -395,20 +374,9 @@ def _uncertainty(
     return unsure
 
 
-def _positive(key: str, value: float, most: float) -> None:
-    if not 0.0 < value <= most:
-        unit = unit_of(key)
-        rule = f"it must be positive and at most {most:.6g} {unit}"
-        raise InputError(refusal(key, value, unit, rule, "check the value and its unit"))
-
-
-def _rises(file: StudyFile) -> RiseTable:
-    return RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
-
-
 def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
     """Return the limits; what the study leaves open of actuator and strike follows from points."""
-    load, mechanism = _load_case(file), clutch.mechanism
+    load, mechanism = file.load.case, clutch.mechanism
     if file.load.edge_contact == "line":
         load = replace(load, edge_bed=clutch.contact.stiffness)
     shaken = file.load.axial_vibration_m_s2
@@ -421,90 +389,22 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
     if load.spline_friction > 0.0 or not load.release_by_itself:
         force = load.pull_out_force_limit or max(point.profile.force for point in points)
         load = replace(load, pull_out_force_limit=force)
+    strike = None
+    if file.strike is not None:
+        strike = file.strike.strike(file.sliding, file.output, points)
     return Limits(
         load=load,
-        material=_material(file),
-        manufacturing=ManufacturingLimits(**si_fields(file.manufacturing.model_dump())),
-        tolerances=_tolerances(file),
+        material=file.material.material,
+        manufacturing=file.manufacturing.limits,
+        tolerances=file.tolerance.tolerances,
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
-        strike=_strike(file, points),
-    )
-
-
-def _strike(file: StudyFile, points: Sequence[OperatingPoint]) -> Strike | None:
-    """Return the flank strike, at the mismatches of the points where it gives none of its own."""
-    given = file.strike
-    if given is None:
-        return None
-    if (given.wheel_inertia_kgm2 is None) != (given.output_stiffness_Nm_rad is None):
-        raise InputError(
-            "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together; "
-            "give both, or none for a rigid output side"
-        )
-    speeds = given.mismatch_rpm
-    whole = file.output.inertia_kgm2
-    return Strike(
-        ring_inertia=given.ring_inertia_kgm2,
-        sliding_inertia=file.sliding.inertia_kgm2,
-        input_stiffness=given.input_stiffness_Nm_rad,
-        wheel_inertia=given.wheel_inertia_kgm2 or whole,
-        output_inertia=whole,
-        output_stiffness=given.output_stiffness_Nm_rad,
-        backlash=given.backlash_deg * DEG,
-        restitution=given.restitution,
-        mismatch=tuple(p.mismatch for p in points)
-        if speeds is None
-        else tuple(speed * RPM for speed in speeds),
-        strikes=given.strikes,
+        strike=strike,
     )
 
 
 def wear_of(file: StudyFile) -> Wear | None:
     """Build what wears the dogs; None for a study that does not say."""
-    given = None if file.wear is None else file.wear.model_dump()
-    keys = ("rate_mm3_Nm", "crest_loss_mm", "edge_radius_mm")
-    if given is None:
-        return None
-    wear = Wear(*(None if given.get(k) is None else to_si(k, given[k]) for k in keys))
-    wear.edges(file.dog.dog(), 1.0)
-    return wear
-
-
-def _tolerances(file: StudyFile) -> Tolerances:
-    sizes = si_fields(file.tolerance.model_dump(exclude={"distribution"}))
-    return Tolerances(**sizes, distribution=file.tolerance.distribution)
-
-
-def _load_case(file: StudyFile) -> LoadCase:
-    given = file.load.model_dump(exclude={"spectrum", "axial_vibration_m_s2", "edge_contact"})
-    classes = file.load.spectrum or []
-    if any(len(one) != 2 for one in classes):
-        raise InputError(
-            f"load.spectrum is {classes}, but a class is [torque over the rated one, cycles]; "
-            "give two numbers for each, e.g. [[1.0, 1e5], [-0.4, 2e6]]"
-        )
-    spectrum = tuple((share, cycles) for share, cycles in classes)
-    return LoadCase(**si_fields(given), spectrum=spectrum)  # type: ignore[arg-type]
-
-
-def _material(file: StudyFile) -> Material:
-    given = file.material.model_dump(exclude={"set"}, exclude_none=True)
-    return replace(material_of(file.material.set), **si_fields(given))  # type: ignore[arg-type]
-
-
-def _variables(file: StudyFile) -> dict[str, tuple[float, float]]:
-    ranges = file.variables.model_dump(exclude_none=True)
-    for key, (low, high) in ranges.items():
-        if not low < high:
-            raise InputError(
-                f"variables.{key} is [{low:.6g}, {high:.6g}], but the first must be below the "
-                "second; exchange them, or leave the key out to keep the dog's own value"
-            )
-        if key.endswith("_deg") and not 0.0 <= low <= high < 60.0:
-            rule, wrong = "angles must lie between 0 and 60 deg", low if low < 0.0 else high
-            remedy = SCOPE if low < 0.0 else "narrow the range"
-            raise InputError(refusal(f"variables.{key}", wrong, "deg", rule, remedy))
-    return {key: (low, high) for key, (low, high) in ranges.items()}
+    return None if file.wear is None else file.wear.wear(file.dog.dog())
 
 
 def require_variables(study: Setup) -> None:
@@ -514,3 +414,47 @@ def require_variables(study: Setup) -> None:
         raise InputError(
             f"[variables] is empty, so there is nothing to search; give one of {names}"
         )
+
+
+def point_of(
+    study: Setup, mismatch: float, force: float, rise: float | None, other_way: str = ""
+) -> OperatingPoint:
+    """Return an operating point from 1/min, nominal N and a rise time in s, None for the study's.
+
+    ``other_way`` is what the verb offers for a force that the study's table lacks.
+    """
+    point = OperatingPoint(mismatch * RPM, study.actuation.profile(force, rise, other_way))
+    require_stiff_enough(study.clutch, point.profile.force)
+    return point
+
+
+def points_of(
+    study: Setup,
+    mismatch: float | None,
+    force: float | None,
+    rise: float | None = None,
+    other_way: str = "",
+) -> tuple[OperatingPoint, ...]:
+    """Return the one operating point that is asked for, or all of the study's."""
+    if (mismatch is None) != (force is None):
+        raise InputError("one operating point needs --mismatch-rpm and --force-N; give both")
+    if mismatch is None or force is None:
+        return study.points
+    return (point_of(study, mismatch, force, rise, other_way),)
+
+
+def hashed(file: StudyFile) -> Record:
+    """Return a study file as its hashes have it.
+
+    A key that is gone keeps the value that studies had, so that searches and results of earlier
+    versions are still those of their study.
+    """
+    content = file.model_dump()
+    content["search"][GONE] = True
+    return content
+
+
+def without_gone(content: Record) -> Record:
+    """Return the content of a study file that an earlier version wrote, as it is read today."""
+    search = {key: value for key, value in content.get("search", {}).items() if key != GONE}
+    return {**content, "search": search} if search else content

@@ -3,38 +3,32 @@
 The file has the most probable hypothesis that contains every named effect, at its posterior means.
 The draws are of all hypotheses that contain them: other sizes, and other effects beside. Their
 columns are keys of the study, as ``--set`` takes them.
+
+A study has factors of the contact's friction and dissipation. A factor differs from shift to shift,
+while the posterior is of one unknown number. The mean over both is the same; the scatter from shift
+to shift is too wide.
 """
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+
+import numpy as np
 
 from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.report.wording import chance, described, headline_of
-from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, plain
+from dogshape.diagnosis.terms import UNKNOWN, Array, Hypothesis, plain
 from dogshape.pipeline.config.mechanism import PROBE
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study, load_study
 from dogshape.pipeline.config.toml_text import toml_text
-from dogshape.pipeline.diagnose.bench_study import operating_of, rounded, study_of
-from dogshape.pipeline.diagnose.effect_keys import EffectKeys
-from dogshape.pipeline.diagnose.posterior_draws import (
-    DRAWS,
-    Values,
-    by_effect,
-    drawn_from,
-    rivals_of,
-    row_of,
-    uncertain_of,
-)
+from dogshape.pipeline.diagnose.study_keys import Data, EffectKeys, operating_of, rounded, study_of
 from dogshape.pipeline.store.folder import require_targets
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import validate
@@ -42,13 +36,23 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.errors import InputError, StorageError, did_you_mean
 from dogshape.sim.files import write_whole
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 
+DRAWS = 200  #: of the posterior
+LEAST = 1e-9  #: probability of a set that was asked for, so that it can be drawn
+RARE = 0.005  #: probability below which a hypothesis is not drawn
 SHOWN = 5  #: hypotheses that an error names
 OF_POINTS = {"mismatch_speed", REVERSED}  #: effects that change operating points of the bench
-Data = dict[str, Any]  #: a TOML file as it is read
+#: Parameter that a factor scales, by effect, and the factor.
+FACTORS = {
+    "contact_dissipation": ("dissipation_s_m", "dissipation_factor"),
+    "contact_friction": ("dynamic_friction", "friction_factor"),
+}
+TAIL = 0.05  #: probability outside of an interval, either side
+NARROW = 0.005  #: spread of a logarithm below which there is no factor
+
+Values = Mapping[str, Mapping[str, float]]  #: of each parameter of each effect
 
 
 @dataclass(frozen=True)
@@ -75,19 +79,13 @@ class CalibratedStudy:
 
     def write(self, path: Path) -> Path:
         """Write the study, and the draws beside it; return the path of the draws."""
+        import pandas as pd  # noqa: PLC0415  # slow to load
+
         table = draws_beside(path)
-        write_whole(table, self.table)
+        draws = pd.DataFrame(list(self.draws), dtype=object)
+        write_whole(table, draws.to_csv(index=False, lineterminator="\n"))
         write_whole(path, self.text)
         return table
-
-    @property
-    def table(self) -> str:
-        """The draws as CSV."""
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(self.draws[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.draws)
-        return text.getvalue()
 
     def as_dict(self, path: Path) -> Data:
         """Write the record: files, effects, number of draws, and remarks."""
@@ -113,10 +111,11 @@ def require_new_study(path: Path, base: str | None = None) -> None:
     """
     if path.suffix != ".toml":
         raise InputError(f"--write is '{path}', but a study is a TOML file; name it NAME.toml")
-    for name, one in (("--write", path), ("draws of --write", draws_beside(path))):
+    targets = {"--write": path, "draws of --write": draws_beside(path)}
+    for name, one in targets.items():
         if one.exists():
             raise StorageError(f"{name} is {one}, which is there already; name another file")
-    require_targets({"--write": path, "draws of --write": draws_beside(path)})
+    require_targets(targets)
     load_study("mq200" if base is None else base, {"name": path.stem})
 
 
@@ -152,44 +151,66 @@ def calibrated_study(
     """
     hypothesis = _chosen(found, path) if causes is None else _asked(found, causes)
     fit = found.fits[hypothesis]
-    own = by_effect(found, hypothesis, fit.values.mean(axis=0))
+    own = _by_effect(found, hypothesis, fit.values.mean(axis=0))
     sizes = {**({REVERSED: {}} if REVERSED in hypothesis else {}), **own}
     data = study_of(found.bench, path.stem) if base is None else read_toml(find_study(base))
     given = _built({**data, "name": path.stem}, path)
     keys = EffectKeys(Setting(given.clutch, PROBE), frozenset(registry.load()))
     taken = {n: found.effects[n] for n in hypothesis if keys.takes(found.effects[n])}
-    remarks = _left_out(found, hypothesis, taken, base)
-    if not set(hypothesis) & (set(taken) | (OF_POINTS if base is None else set())):
+    ours = OF_POINTS if base is None else set()
+    remarks = [
+        f"{found.effects[n].plain} ({n}) is left out: "
+        + ("it belongs to the stand, not to another study" if n in OF_POINTS
+           else "a study takes all relative angles alike")
+        for n in hypothesis
+        if n not in taken and n not in ours
+    ]  # fmt: skip
+    if not set(hypothesis) & (set(taken) | ours):
         raise InputError(
             f"--write is '{path}', but a study has no key for the cause "
             f"({plain(hypothesis, found.effects)}); {'; '.join(remarks)}"
         )
-    data, replaced = _with_effects(data, taken, sizes, keys, _carried(found, given.clutch))
-    rivals = rivals_of(found, hypothesis, causes or ())
-    beside = {h: _beside(found, h, hypothesis, keys) for h in rivals}
+    data, replaced = _with_effects(data, taken, sizes, keys, found.bench.clutch.rings.mass)
+    rivals = _rivals(found, hypothesis, causes or ())
+    beside = {
+        h: {n: found.effects[n] for n in h if n not in hypothesis and keys.takes(found.effects[n])}
+        for h in rivals
+    }
     kept = [h for h in rivals if not _clashing(data, beside[h], keys)]
     remarks += replaced + [
         f"{plain(h, found.effects)} is not drawn: the study has one of its keys itself"
         for h in rivals
         if h not in kept
     ]
-    drawn = drawn_from(found, [hypothesis, *kept], draws, seed)
+    drawn = _drawn(found, [hypothesis, *kept], draws, seed)
     columns = taken | {n: e for h in kept if h in dict(drawn) for n, e in beside[h].items()}
     if base is None:
         data["operating"] = _true_points(found, sizes)
     data["name"] = path.stem
-    unsure, certain = uncertain_of(fit, sizes)
+    unsure, certain = _uncertain(fit, sizes)
     data |= {"uncertain": {**data.get("uncertain", {}), **unsure}} if unsure else {}
-    remarks += _other_contact(found, given) + certain
+    friction = [
+        f"{one.contact.static_friction:g} and {one.contact.dynamic_friction:g}"
+        for one in (found.bench.clutch, given.clutch)
+    ]
+    if friction[0] != friction[1]:
+        remarks.append(f"friction of the bench is {friction[0]}, that of the study {friction[1]}")
+    remarks += certain
     comments = _comments(found, hypothesis, base, remarks, draws_beside(path).name)
     text = toml_text(data, comments)
+    rows = []
+    for number, (one, values) in enumerate(drawn, start=1):
+        row: Data = {"draw": number, "hypothesis": " + ".join(one)}
+        for name, effect in columns.items():  # one that the draw lacks has its neutral values
+            row |= keys.settings(effect, values.get(name) or effect.neutral(keys.base))
+        rows.append(row)
     return CalibratedStudy(
         _built(tomllib.loads(text), path),
         text,
         hypothesis,
         found.posterior.get(hypothesis, 0.0),
         found.verdict.causes,
-        tuple(row_of(k, *one, columns, keys) for k, one in enumerate(drawn, start=1)),
+        tuple(rows),
         tuple(remarks),
     )
 
@@ -239,49 +260,74 @@ def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
     raise InputError(f"--causes is '{asked}', but {rule}")
 
 
+def _rivals(found: Diagnosis, chosen: Hypothesis, asked: Sequence[str] = ()) -> list[Hypothesis]:
+    """List the other hypotheses that contain named and asked effects, with the chosen sense."""
+    causes, turned = {*found.verdict.causes, *asked}, REVERSED in chosen
+    return [
+        h
+        for h, p in found.posterior.items()
+        if h in found.fits and h != chosen and causes <= set(h) and p >= RARE
+        if (REVERSED in h) == turned
+    ]
+
+
+def _by_effect(found: Diagnosis, hypothesis: Hypothesis, numbers: Array) -> Values:
+    """Sort the numbers (p,) of a hypothesis by effect and parameter."""
+    space = found.fits[hypothesis].space
+    return {
+        effect.name: {
+            p.name: rounded(number)
+            for p, number in zip(
+                effect.parameters, numbers[space.columns(effect.name)].tolist(), strict=True
+            )
+        }
+        for effect in space.effects
+    }
+
+
+def _drawn(
+    found: Diagnosis, those: Sequence[Hypothesis], count: int, seed: int
+) -> list[tuple[Hypothesis, Values]]:
+    """Draw hypotheses by their probabilities, each with values from its posterior."""
+    generator = np.random.default_rng(seed)
+    shares = np.array([max(found.posterior.get(h, 0.0), LEAST) for h in those])
+    which = generator.choice(len(those), size=count, p=shares / shares.sum())
+    fits = [(those[place], found.fits[those[place]].values) for place in which]
+    return [(h, _by_effect(found, h, rows[generator.integers(len(rows))])) for h, rows in fits]
+
+
+def _uncertain(fit: Fit, means: Values) -> tuple[Data, list[str]]:
+    """Return sections of ``[uncertain]`` by name, and a remark on effects without a factor.
+
+    A factor is lognormal with the posterior's median and spread of the logarithm, cut at its 90 %
+    interval, over the mean of the study. One that hardly spreads is left out.
+    """
+    sections: Data = {}
+    for name in means.keys() & FACTORS.keys():
+        parameter, factor = FACTORS[name]
+        place = [p.name for p in fit.space.parameters].index(parameter)
+        ratios = fit.values[:, place] / means[name][parameter]
+        low, median, high = np.quantile(ratios, (TAIL, 0.5, 1.0 - TAIL))
+        spread = float(np.log(ratios).std())
+        if spread >= NARROW and low < median < high:
+            numbers = {"median": median, "factor": math.exp(spread), "low": low, "high": high}
+            shape = {key: rounded(value, 4) for key, value in numbers.items()}
+            sections[factor] = {"distribution": "lognormal", **shape}
+    rest = ", ".join(name for name in means if name not in FACTORS and means[name])
+    said = f"[uncertain] has no factor of {rest}: the draws have the spread"
+    return sections, [said] if rest else []
+
+
 def _true_points(found: Diagnosis, sizes: Values) -> Data:
     """Return the bench's operating points with the mismatches of the cause."""
-    points: dict[tuple[float, float], None] = {}
+    points = []
     for cell in found.bench.cells:
         setting = Setting(found.bench.clutch, cell.point)
         for name in OF_POINTS & set(sizes):
             setting = found.effects[name].apply(setting, sizes[name])
-        force = rounded(cell.point.profile.force)
-        points[rounded(setting.point.mismatch / RPM, 6), force] = None
-    return operating_of(list(points))
-
-
-def _left_out(
-    found: Diagnosis, hypothesis: Hypothesis, taken: Mapping[str, Effect], base: str | None
-) -> list[str]:
-    """List the effects that no key of the study takes, with the reason."""
-    reasons = {
-        name: "it belongs to the stand, not to another study" if name in OF_POINTS
-        else "a study takes all relative angles alike"
-        for name in hypothesis
-        if name not in taken and not (base is None and name in OF_POINTS)
-    }  # fmt: skip
-    return [
-        f"{found.effects[n].plain} ({n}) is left out: {reason}" for n, reason in reasons.items()
-    ]
-
-
-def _other_contact(found: Diagnosis, base: Setup) -> list[str]:
-    """Remark on a study with other coefficients of friction than the bench."""
-    pairs = [
-        f"{one.contact.static_friction:g} and {one.contact.dynamic_friction:g}"
-        for one in (found.bench.clutch, base.clutch)
-    ]
-    same = pairs[0] == pairs[1]
-    return [] if same else [f"friction of the bench is {pairs[0]}, that of the study {pairs[1]}"]
-
-
-def _beside(
-    found: Diagnosis, rival: Hypothesis, chosen: Hypothesis, keys: EffectKeys
-) -> dict[str, Effect]:
-    """Return the effects of a rival that the chosen hypothesis lacks and a study takes."""
-    names = [name for name in rival if name not in chosen]
-    return {n: found.effects[n] for n in names if keys.takes(found.effects[n])}
+        mismatch = rounded(setting.point.mismatch / RPM, 6)
+        points.append((mismatch, rounded(cell.point.profile.force)))
+    return operating_of(points)
 
 
 def _clashing(data: Data, taken: Mapping[str, Effect], keys: EffectKeys) -> set[str]:
@@ -297,20 +343,22 @@ def _clashing(data: Data, taken: Mapping[str, Effect], keys: EffectKeys) -> set[
 
 
 def _with_effects(
-    data: Data, taken: Mapping[str, Effect], sizes: Values, keys: EffectKeys, carried: float
+    data: Data, taken: Mapping[str, Effect], sizes: Values, keys: EffectKeys, ring: float
 ) -> tuple[Data, list[str]]:
     """Set the keys of effects in the tables of a study file, in place of its own.
 
-    ``carried`` is the mass of the study's mechanism that the bench has in its ring, kg; a mass of
-    the cause comes on top of it. The remarks name each key that is replaced.
+    Where the bench's ``ring``, kg, has the mass of the study's mechanism in it, a mass of the cause
+    comes on top of that. The remarks name each key that is replaced.
     """
+    carried = keys.base.clutch.mechanism.added_mass
+    whole = keys.base.clutch.rings.mass + carried
     found, gone = dict(data), sorted(_clashing(data, taken, keys))
     remarks = [f"{key} of the study is replaced by that of the bench" for key in gone]
     for key in gone:
         table, _, name = key.partition(".")
         found[table] = {k: v for k, v in found[table].items() if k != name}
-    if carried and "mechanism.added_mass_kg" in gone:
-        mass = rounded(keys.base.clutch.rings.mass + carried)
+    if carried and math.isclose(ring, whole, rel_tol=1e-6) and "mechanism.added_mass_kg" in gone:
+        mass = rounded(whole)
         found["sliding"] = {**found["sliding"], "mass_kg": mass}
         remarks.append(f"the ring has the bench's mass, {mass:g} kg, with {carried:g} kg of forks")
     for name, effect in taken.items():
@@ -324,25 +372,14 @@ def _with_effects(
     return found, remarks
 
 
-def _carried(found: Diagnosis, clutch: Clutch) -> float:
-    """Return the mass of a study's mechanism that the bench has in its ring, kg, else 0."""
-    carried = clutch.mechanism.added_mass
-    whole = clutch.rings.mass + carried
-    return carried if math.isclose(found.bench.clutch.rings.mass, whole, rel_tol=1e-6) else 0.0
-
-
 def _comments(
-    found: Diagnosis,
-    hypothesis: Hypothesis,
-    base: str | None,
-    remarks: Sequence[str],
-    table: str,
+    found: Diagnosis, hypothesis: Hypothesis, base: str | None, remarks: Sequence[str], table: str
 ) -> dict[str, list[str]]:
     """Write the comments of the study file."""
     source = "clutch and operating points of the bench" if base is None else f"the study {base}"
     others = [
         f"{plain(h, found.effects)} ({chance(found.posterior[h])})"
-        for h in rivals_of(found, hypothesis)
+        for h in _rivals(found, hypothesis)
         if h != UNKNOWN
     ]
     head = [
@@ -361,9 +398,9 @@ def _comments(
         )
     comments = {"": head}
     for name in hypothesis:
-        parameters = found.effects[name].parameters
         size = "; ".join(
-            described(p.name, found.fits[hypothesis].interval(p.name)) for p in parameters
+            described(p.name, found.fits[hypothesis].interval(p.name))
+            for p in found.effects[name].parameters
         )
         part = "part of the cause" if name in found.verdict.causes else "open"
         comments[f"effects.{name}"] = [

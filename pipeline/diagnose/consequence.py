@@ -1,39 +1,51 @@
-"""Effect of a cause on the design choice: prototype and best designs of a study with the cause.
+"""Parts of a gap report beside the diagnosis: phases along the shift, effect on the design choice.
 
-Designs are simulated without and with the cause at the same relative angles, which the search did
-not use. The cost of ignoring the cause is the time of the chosen design less that of the best
-design, both with it. Only designs of the search without the cause are compared, so the cost may be
-larger. Designs whose dogs do not withstand the landings with the cause are not best.
+Designs of a study are simulated without and with the cause at the same relative angles, which the
+search did not use. The cost of ignoring the cause is the time of the chosen design less that of the
+best design, both with it. Only designs of the search without the cause are compared, so the cost
+may be larger. Designs whose dogs do not withstand the landings with the cause are not best.
 """
 
 from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.sense import forward
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.report.phase_times import PhaseGap, phase_gaps
+from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.diagnose.bank_diagnosis import Means
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over
+from dogshape.pipeline.simulate.executor import kept_shifts, work_folder
 from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effect import Effect, Values
-from dogshape.sim.errors import DataError
+from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Runner, even_block
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
-from dogshape.sim.statistics.shift_records import Record, result_of
+from dogshape.sim.statistics.shift_records import Record, content_key, result_of
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.landing import demand_checks
+from dogshape.sim.versions import bundled_root, engine
 
 ANGLES = 6  #: of each design at each operating point
 DESIGNS = 6  #: of the search, the fastest
 SURE = 2.0  #: standard errors from which a cost is significant
 GRID = 720  #: places in a pitch at which a distribution of angles is summed
+#: Simulated with traces: operating points at most, and shifts at each.
+TRACED_POINTS, TRACED_ANGLES = 8, 8
+LEAST = 0.01  #: probability from which a cause is simulated with a study's designs
 
 Params = Mapping[str, float]
 Cause = Mapping[str, Values]  #: values of the parameters of each effect
@@ -52,21 +64,6 @@ class Candidate:
     with_effect: Expectation
     landing: Check
     landing_with: Check
-
-    @property
-    def record(self) -> dict[str, Any]:
-        """Record as JSON takes it."""
-        return {
-            "name": self.name,
-            **self.params,
-            "without_s": self.without.mean,
-            "without_standard_error_s": self.without.standard_error,
-            "with_s": self.with_effect.mean,
-            "with_standard_error_s": self.with_effect.standard_error,
-            "without_landing_margin": self.landing.margin,
-            "with_landing_margin": self.landing_with.margin,
-            "with_landing_check": self.landing_with.name,
-        }
 
 
 @dataclass(frozen=True)
@@ -99,10 +96,8 @@ class Consequence:
     @property
     def standard_error(self) -> float:
         """Standard error of the regret, s; angles that both share are not counted on."""
-        if self.chosen is self.best:
-            return 0.0
         both = self.chosen.with_effect, self.best.with_effect
-        return math.hypot(*(one.standard_error for one in both))
+        return math.hypot(*(one.standard_error for one in both)) if both[0] is not both[1] else 0.0
 
     @property
     def sentence(self) -> str:
@@ -123,11 +118,25 @@ class Consequence:
     @property
     def record(self) -> dict[str, Any]:
         """Record as JSON takes it."""
+        candidates = [
+            {
+                "name": one.name,
+                **one.params,
+                "without_s": one.without.mean,
+                "without_standard_error_s": one.without.standard_error,
+                "with_s": one.with_effect.mean,
+                "with_standard_error_s": one.with_effect.standard_error,
+                "without_landing_margin": one.landing.margin,
+                "with_landing_margin": one.landing_with.margin,
+                "with_landing_check": one.landing_with.name,
+            }
+            for one in self.candidates
+        ]
         return {
             "study": self.study,
             "effects": list(self.cause),
             "values": [value for values in self.cause.values() for value in values.values()],
-            "candidates": [one.record for one in self.candidates],
+            "candidates": candidates,
             "best_without": self.chosen.name,
             "best_with": self.best.name,
             "regret_s": self.regret,
@@ -177,9 +186,8 @@ def _designs(study: Setup, result: Mapping[str, Any], count: int) -> dict[str, P
     ]
     chosen = confirmation["chosen"]
     rows.sort(key=lambda row: (row["trial"] != chosen, row["expected_shift_time_s"]))
-    named = {f"design {row['trial']}": row for row in rows[:count]}
     return {"prototype": study.prototype} | {
-        name: {key: row[key] for key in study.variables} for name, row in named.items()
+        f"design {row['trial']}": {key: row[key] for key in study.variables} for row in rows[:count]
     }
 
 
@@ -200,8 +208,16 @@ def consequence(
     ``run`` simulates blocks. Values of which there is no such bench raise InputError.
     """
     places = len(study.points)
-    plain = [one for params in designs.values() for one in _settings(study, params)]
-    every = plain + [_with(one, cause, effects) for one in plain]
+    every = [
+        Setting(study.clutch.with_dog(study.dog_with(dict(params))), point)
+        for params in designs.values()
+        for point in study.points
+    ]
+    for setting in tuple(every):
+        changed = setting
+        for name, values in cause.items():
+            changed = effects[name].apply(changed, values)
+        every.append(changed)
     seed = study.file.expectation.seed + 3 * NEW_ANGLES
     blocks = [
         replace(
@@ -211,30 +227,16 @@ def consequence(
         for k, one in enumerate(every)
     ]
     rows = run(blocks)
-    found = [
-        (time := _expectation(study, every[k : k + places], mine := rows[k : k + places]),
-         _landing(study, every[k], time, mine))
-        for k in range(0, len(every), places)
-    ]  # fmt: skip
-    pairs = zip(found[: len(designs)], found[len(designs) :], strict=True)
-    candidates = tuple(
+    found = []
+    for k in range(0, len(every), places):
+        mine = rows[k : k + places]
+        time = _expectation(study, every[k : k + places], mine)
+        found.append((time, _landing(study, every[k], time, mine)))
+    pairs = zip(designs.items(), found[: len(designs)], found[len(designs) :], strict=True)
+    return Consequence(study.name, cause, tuple(
         Candidate(name, params, before, after, landing, landing_with)
-        for (name, params), ((before, landing), (after, landing_with)) in zip(
-            designs.items(), pairs, strict=True
-        )
-    )
-    return Consequence(study.name, cause, candidates)
-
-
-def _settings(study: Setup, params: Params) -> list[Setting]:
-    clutch = study.clutch.with_dog(study.dog_with(dict(params)))
-    return [Setting(clutch, point) for point in study.points]
-
-
-def _with(setting: Setting, cause: Cause, effects: Mapping[str, Effect]) -> Setting:
-    for name, values in cause.items():
-        setting = effects[name].apply(setting, values)
-    return setting
+        for (name, params), (before, landing), (after, landing_with) in pairs
+    ))  # fmt: skip
 
 
 def angles_of(setting: Setting, draw: tuple[int, int]) -> tuple[float, ...]:
@@ -263,14 +265,80 @@ def _landing(
 def _expectation(
     study: Setup, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
 ) -> Expectation:
-    return expect(
-        [
-            expect_point(
-                setting.point,
-                [replace(result_of(row), shift_time=setting.time_of(row)) for row in mine],
-                setting.clutch.timeout,
-                study.retraction,
-            )
-            for setting, mine in zip(settings, rows, strict=True)
-        ]
+    points = []
+    for setting, mine in zip(settings, rows, strict=True):
+        shifts = [replace(result_of(row), shift_time=setting.time_of(row)) for row in mine]
+        point = expect_point(setting.point, shifts, setting.clutch.timeout, study.retraction)
+        points.append(point)
+    return expect(points)
+
+
+@dataclass(frozen=True)
+class Extras:
+    """Optional parts of a report; an empty part has no heading.
+
+    Parameters
+    ----------
+    phases : gaps along the shift, over all operating points.
+    consequence : of the cause for the designs of a study.
+    provenance : facts on the run by name: command, versions, number of simulations.
+    """
+
+    phases: tuple[PhaseGap, ...] = ()
+    consequence: Consequence | None = None
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+
+def extras_of(found: Diagnosis) -> Extras:
+    """Compute the parts of the report beside the diagnosis; simulates some traces."""
+    rows = [
+        [cell.point.mismatch, cell.point.profile.force, r.n, r.time, r.engaged]
+        + [one for one in (r.sd, r.place) if one is not None]
+        for cell in found.bench.cells
+        for r in cell.readings
+    ]
+    return Extras(
+        phases=phases_of(found.bench),
+        provenance={
+            "engine": found.bench.clutch.solver.engine,
+            "programs": ", ".join(f"{name} {version}" for name, version in engine().items()),
+            "processor time": f"{found.seconds:.3g} s on one of {os.cpu_count()} processors",
+            "hash of the data": content_key({"name": found.bench.name, "rows": rows}),
+        },
     )
+
+
+def phases_of(bench: Bench) -> tuple[PhaseGap, ...]:
+    """Return the gap of each phase of the shift where the data set has traces, else none."""
+    having = [cell for cell in bench.cells if cell.traces]
+    if not having:
+        return ()
+    some = having[:: -(-len(having) // TRACED_POINTS)]
+    return phase_gaps(replace(bench, cells=tuple(some)), angles=TRACED_ANGLES)
+
+
+def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Consequence:
+    """Compute the consequence of the cause for the best designs of a study.
+
+    The cause is the most probable set of effects, at the means of its parameters. The sense of
+    rotation belongs to the stand and is left out. Finished simulations stay in a folder below
+    ``folder`` until all are. Raises InputError where no effect is probable.
+    """
+    cause = next((h for h in found.posterior if forward(h) not in (NONE, UNKNOWN)), None)
+    if cause is None or found.posterior[cause] < LEAST:
+        raise InputError(
+            f"--study is '{study}', but the diagnosis of {found.bench.name} has no effect above "
+            f"{LEAST:.0%}; leave --study out"
+        )
+    given, designs = studied(study)
+    fit = found.fits[cause]
+    values = {
+        name: {p.name: fit.interval(p.name).mean for p in found.effects[name].parameters}
+        for name in forward(cause)
+    }
+    work = work_folder(folder, "so-what", given.config_hash)
+    with (
+        WorkCounter(means.progress, shifts_of(given, designs)) as progress,
+        kept_shifts(work, progress, means.jobs) as executor,
+    ):
+        return consequence(given, designs, values, found.effects, executor.run)

@@ -19,27 +19,26 @@ from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.corrections import corrected, parse
-from dogshape.diagnosis.bench.foreign_columns import SHIFTS, TRACE
+from dogshape.diagnosis.bench.foreign_cells import SHIFTS, TRACE
+from dogshape.diagnosis.bench.foreign_columns import Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
-from dogshape.diagnosis.bench.foreign_values import Report, TableReader
-from dogshape.diagnosis.bench.mdf4 import SUFFIXES
-from dogshape.diagnosis.bench.near_points import set_values
-from dogshape.diagnosis.bench.slips import examine, impossible
+from dogshape.diagnosis.bench.slips import SCALED, examine, impossible
 from dogshape.diagnosis.bench.stand_file import load_stand
-from dogshape.diagnosis.bench.table import COLUMNS, Sheet
+from dogshape.diagnosis.bench.table import COLUMNS, Sheet, set_values
 from dogshape.diagnosis.bench.table import Row as SheetRow
-from dogshape.diagnosis.bench.table_slips import SCALED
+from dogshape.diagnosis.bench.trace_files import SUFFIXES
 from dogshape.pipeline.config.toml_text import with_values
-from dogshape.pipeline.drafts.bench_template import TEMPLATE
-from dogshape.pipeline.drafts.sources import PUBLISHED, Source, source_of
-from dogshape.pipeline.drafts.targets import drafted
+from dogshape.pipeline.drafts.sources import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.texts import text_of
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 
 Row = dict[str, Any]  #: a table of a TOML file
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
+TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def guessed(draft: BenchDraft) -> Row:
     ``empty`` counts the rows with neither a time nor an outcome.
     """
     report = Report()
-    empty = _empty(_tables(draft, report))
+    empty = _empty(_read_tables(draft, report))
     return {"columns": report.readings, "left_out": report.left_out, "faults": report.faults,
             "empty": empty}  # fmt: skip
 
@@ -99,20 +98,25 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
 
     source, report = source_of(draft.origin), Report()
     where = ", ".join(map(str, draft.tables)) or str(out)
-    with drafted(out, force) as folder:
-        rows = _tables(draft, report) if draft.tables else _empty_rows(source, report)
+    with draft_folder(out, force) as folder:
+        rows = _read_tables(draft, report) if draft.tables else _empty_rows(source, report)
         for row in rows:
             if row["trace"]:
                 _copy_trace(row, draft, report, folder / "traces")
         report.require(where)
         values = _values(draft, source, rows, out, report)
-        (folder / "bench.toml").write_text(with_values(TEMPLATE, values), encoding="utf-8")
+        text = with_values(text_of(bundled_root() / TEMPLATE), values)
+        (folder / "bench.toml").write_text(text, encoding="utf-8")
         table = pd.DataFrame([_cells(row) for row in rows], columns=[*COLUMNS], dtype=object)
         empty = [name for name in COLUMNS[7:] if table[name].isna().all()]
         table.drop(columns=empty).to_csv(folder / "shifts.csv", index=False, lineterminator="\n")
         _examine(folder, rows, report)
         report.require(where)
-        warnings = _warnings(folder, out)
+        try:
+            bench = load_bench(folder)
+        except DogshapeError as error:
+            said = re.sub(r"--correct (\S+)", r"""--set 'corrections=["\1"]'""", str(error))
+            raise type(error)(said.replace(str(folder), str(out))) from error
         for path in draft.tables:
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
@@ -120,7 +124,8 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
         "folder": str(out), "rows": len(rows), "shifts": sum(row["n"] for row in rows),
         "with_time": sum(row["n"] for row in rows if row["time"] is not None),
         "columns": report.readings, "left_out": report.left_out,
-        "assumed": list(dict.fromkeys(report.assumed)), "warnings": warnings,
+        "assumed": list(dict.fromkeys(report.assumed)),
+        "warnings": [finding.sentence for finding in bench.warnings],
     }  # fmt: skip
 
 
@@ -133,7 +138,7 @@ def _cells(row: Row) -> Row:
             for k in COLUMNS}  # fmt: skip
 
 
-def _tables(draft: BenchDraft, report: Report) -> list[Row]:
+def _read_tables(draft: BenchDraft, report: Report) -> list[Row]:
     """Read the rows of all tables."""
     if len({path.name for path in draft.tables}) < len(draft.tables):
         raise InputError(
@@ -245,7 +250,7 @@ def _gap(name: str, rows: list[Row], values: list[Any]) -> str:
     return "a number is there twice, so it is no place in the whole series" if twice else ""
 
 
-def _set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> Row:
+def _group_set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> Row:
     """Group measured mismatches and forces at set values, and give their scatter as errors."""
     if any(one.quantity == "points" for one in parse(draft.values.get("corrections", ()))):
         return {}
@@ -277,7 +282,7 @@ def _set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Repo
     return errors
 
 
-def _time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
+def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
     """Take times at the stated time-out as shifts that did not engage; ask where none is stated."""
     open_ = [row for row in rows if row["time"] is not None and row["engaged"] is None]
     stated = draft.values.get("timeout_s")
@@ -307,25 +312,20 @@ def _time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: Repor
 
 def _fill_rises(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
     lacking = [row for row in rows if row["rise"] is None and row["force"] is not None]
-    if not lacking:
-        return
     found = {row["force"]: source.rise(row["force"]) for row in lacking}
     for row in lacking:
         row["rise"] = round(found[row["force"]][0], 6) if draft.rise_s is None else draft.rise_s
-    if draft.rise_s is not None:
+    if lacking and draft.rise_s is not None:
         report.assumed.append(f"the force rises in {number(draft.rise_s)} s where no row says it")
-        return
-    times = [rise for rise, _ in found.values()]
-    beyond = [force for force, (_, within) in found.items() if not within]
-    far = (
-        f"; {number(min(beyond))} to {number(max(beyond))} N lie beyond its forces"
-        if beyond
-        else ""
-    )
-    report.assumed.append(
-        f"the force rises in {number(min(times))} to {number(max(times))} s, by its size as in "
-        f"'{source.name}'; --rise-s says another time{far}"
-    )
+    elif lacking:
+        times = [rise for rise, _ in found.values()]
+        beyond = [force for force, (_, within) in found.items() if not within]
+        far = f"; {number(min(beyond, default=0.0))} to {number(max(beyond, default=0.0))} N lie "
+        report.assumed.append(
+            f"the force rises in {number(min(times))} to {number(max(times))} s, by its size as in "
+            f"'{source.name}'; --rise-s says another time"
+            + (f"{far}beyond its forces" if beyond else "")
+        )
 
 
 def _copy_trace(row: Row, draft: BenchDraft, report: Report, target: Path) -> None:
@@ -365,9 +365,9 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
     values: Row = {"name": out.resolve().name, **source.bench_values, "source": "not measured yet"}
     given, said = dict(draft.values), report.assumed
     if draft.tables:
-        values |= _set_points(rows, draft, source, report)
+        values |= _group_set_points(rows, draft, source, report)
         _fill_rises(rows, draft, source, report)
-        _time_outs(rows, draft, source, report)
+        _mark_time_outs(rows, draft, source, report)
         digests = [(p.name, hashlib.sha256(p.read_bytes()).hexdigest()) for p in draft.tables]
         files = ", ".join(f"{name} (SHA-256 {digest[:16]})" for name, digest in digests)
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
@@ -413,10 +413,8 @@ def _examine(folder: Path, rows: list[Row], report: Report) -> None:
     except DogshapeError as error:
         report.faults.append(str(error).replace(str(folder / "bench.toml"), "bench.toml"))
         return
-    sheet = Sheet(folder, tuple(
-        SheetRow(r["row"], r["mismatch"], r["force"], r["rise"], r["n"], r["time"], r["engaged"])
-        for r in rows
-    ))  # fmt: skip
+    names = ("row", "mismatch", "force", "rise", "n", "time", "engaged")
+    sheet = Sheet(folder, tuple(SheetRow(*(row[name] for name in names)) for row in rows))
     for correction in asked:
         sheet = corrected(sheet, correction, stand.sensor)
     certain = [f for f in examine(stand, sheet, asked) if f.certain]
@@ -447,13 +445,3 @@ def _examine(folder: Path, rows: list[Row], report: Report) -> None:
         if rule:
             rule = rule.partition(" (--correct")[0]
             report.faults.append(f"{given['file']}, row {given['row']}: {rule}; correct the row")
-
-
-def _warnings(folder: Path, out: Path) -> list[str]:
-    """Read the folder as ``gap`` does, and give its warnings."""
-    try:
-        bench = load_bench(folder)
-    except DogshapeError as error:
-        text = re.sub(r"--correct (\S+)", r"""--set 'corrections=["\1"]'""", str(error))
-        raise type(error)(text.replace(str(folder), str(out))) from error
-    return [finding.sentence for finding in bench.warnings]

@@ -1,7 +1,11 @@
-"""Sources that a draft takes over: clutch, contact and rise of a study or of a bench."""
+"""Sources that a draft takes over, and folders that it is written into, whole or not at all."""
 
 from __future__ import annotations
 
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -10,12 +14,14 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.bundled import bundled_root
-from dogshape.sim.errors import InputError
-from dogshape.sim.shift.clutch import Clutch
+from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, clutch_tables, rounded
+from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import NOTHING
-from dogshape.sim.units import DEG, MM, RPM
+from dogshape.sim.units import MM, RPM
+from dogshape.sim.versions import bundled_root
 
+Values = dict[str, Any]  #: values by dotted key
 #: Parts of a mechanism that no effect looks for.
 SHAFTS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
@@ -23,18 +29,26 @@ PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 
 @dataclass(frozen=True)
 class Source:
-    """A clutch with its contact and the rise of its force, taken from ``name``.
+    """A clutch with its contact and operating points, and the rise of its force, from ``name``.
 
-    ``rises`` are pairs of force in N and rise time in s; ``operating`` mismatches in 1/min and
-    forces in N; ``calibration`` lines of ``bench.toml`` that only a bench has.
+    ``rises`` are pairs of force in N and rise time in s; ``bench`` is the data set that it is.
     """
 
     name: str
     clutch: Clutch
     rises: tuple[tuple[float, float], ...]
-    mismatches: tuple[float, ...]
-    forces: tuple[float, ...]
+    points: tuple[OperatingPoint, ...]
     bench: Bench | None = None
+
+    @property
+    def mismatches(self) -> list[float]:
+        """Mismatches in 1/min, each once."""
+        return sorted({rounded(point.mismatch / RPM) for point in self.points})
+
+    @property
+    def forces(self) -> list[float]:
+        """Shift forces in N, each once."""
+        return sorted({rounded(point.profile.force) for point in self.points})
 
     def rise(self, force: float) -> tuple[float, bool]:
         """Give the rise time in s of a force in N, linear in between; and whether it lies within.
@@ -47,38 +61,26 @@ class Source:
         return float(np.interp(force, forces, times)), within
 
     @property
-    def dog_values(self) -> dict[str, Any]:
+    def dog_values(self) -> Values:
         """Values of ``[dog]``, ``[sliding]`` and ``[output]`` by dotted key.
 
         The mass of the ring has what moves along with it.
         """
-        dog, rings = self.clutch.dog, self.clutch.rings
-        lengths = ("height", "outer_diameter", "inner_diameter", "axial_gap")
-        angles = ("chamfer", "traction", "braking")
-        return {
-            "dog.count": dog.count,
-            **{f"dog.{name}_deg": _round(getattr(dog, name) / DEG) for name in angles},
-            **{f"dog.{name}_mm": _round(getattr(dog, name) / MM) for name in lengths},
-            **({"dog.edge_radius_mm": _round(dog.edge_radius / MM)} if dog.edge_radius else {}),
-            "sliding.mass_kg": _round(rings.mass + self.clutch.mechanism.added_mass),
-            "sliding.inertia_kgm2": rings.sliding_inertia,
-            "output.inertia_kgm2": rings.output_inertia,
-        }
+        tables = clutch_tables(self.clutch)
+        mass = self.clutch.rings.mass + self.clutch.mechanism.added_mass
+        tables["sliding"]["mass_kg"] = rounded(mass)
+        return {f"{name}.{key}": v for name, table in tables.items() for key, v in table.items()}
 
     @property
-    def bench_values(self) -> dict[str, Any]:
+    def bench_values(self) -> Values:
         """Values of ``bench.toml`` by dotted key."""
         contact = self.clutch.contact
         return {
             "timeout_s": self.clutch.timeout,
-            "shift_travel_mm": _round(self.clutch.shift_travel / MM),
+            "shift_travel_mm": rounded(self.clutch.shift_travel / MM),
             **self.dog_values,
-            "sliding.initial_speed_rpm": _round(self.clutch.rings.initial_speed / RPM),
-            "contact.static_friction": contact.static_friction,
-            "contact.dynamic_friction": contact.dynamic_friction,
-            "contact.stiction_velocity_m_s": contact.stiction_velocity,
-            "contact.stiffness_Pa_m": contact.stiffness,
-            "contact.dissipation_s_m": contact.dissipation,
+            "sliding.initial_speed_rpm": rounded(self.clutch.rings.initial_speed / RPM),
+            **{f"contact.{key}": getattr(contact, name) for name, key in OWN_CONTACT.items()},
         }
 
     @property
@@ -88,11 +90,11 @@ class Source:
         Parts of a mechanism are what a diagnosis looks for, from none of them on; shafts are none.
         """
         mechanism = self.clutch.mechanism
-        shafts = any(getattr(mechanism, name) for name in SHAFTS)
         plain = replace(mechanism, added_mass=0.0, **dict.fromkeys(SHAFTS, 0.0))
-        parts = ["friction, drag and linkage are left for the diagnosis to find"]
-        parts = parts if plain != NOTHING else []
-        if shafts:
+        parts = []
+        if plain != NOTHING:
+            parts.append("friction, drag and linkage are left for the diagnosis to find")
+        if any(getattr(mechanism, name) for name in SHAFTS):
             parts.append("shafts that give way are left out")
         return f"of the [mechanism] of '{self.name}' {' and '.join(parts)}" if parts else ""
 
@@ -103,10 +105,6 @@ class Source:
         return f"{mass:g} kg of the [mechanism] of '{self.name}' move with the ring" if mass else ""
 
 
-def _round(value: float) -> float:
-    return float(f"{value:.9g}")
-
-
 def source_of(where: str) -> Source:
     """Read a study (file, folder, bundled name) or a bench data set (folder, bundled name).
 
@@ -114,13 +112,12 @@ def source_of(where: str) -> Source:
     """
     path = Path(where)
     folder = path.parent if path.name == "bench.toml" else path
-    bundled = path.name == where and (bundled_root() / "bench" / where).is_dir()
-    is_bench = (folder / "bench.toml").is_file() or bundled
-    if is_bench:
-        bench = load_bench(folder if (folder / "bench.toml").is_file() else where)
-        points = [cell.point for cell in bench.cells]
+    here = (folder / "bench.toml").is_file()
+    if here or (path.name == where and (bundled_root() / "bench" / where).is_dir()):
+        bench = load_bench(folder if here else where)
+        points = tuple(cell.point for cell in bench.cells)
         rises = tuple((p.profile.force, p.profile.rise) for p in points)
-        return Source(bench.name, bench.clutch, rises, *_axes(points), bench)
+        return Source(bench.name, bench.clutch, rises, points, bench)
     try:
         study = load_study(where)
     except InputError as error:
@@ -132,9 +129,28 @@ def source_of(where: str) -> Source:
         ) from error
     table = study.actuation.table
     rises = tuple(zip(table.forces, table.rises, strict=True))
-    return Source(study.name, study.clutch, rises, *_axes(study.points))
+    return Source(study.name, study.clutch, rises, study.points)
 
 
-def _axes(points: Any) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    mismatches = sorted({_round(p.mismatch / RPM) for p in points})
-    return tuple(mismatches), tuple(sorted({_round(p.profile.force) for p in points}))
+def require_free(folder: Path, force: bool) -> None:
+    """Raise StorageError where a folder holds files and nobody said to write over them."""
+    if folder.exists() and not folder.is_dir():
+        raise StorageError(f"--out is {folder}, which is a file; name a folder")
+    if folder.is_dir() and not force and any(folder.iterdir()):
+        raise StorageError(
+            f"{folder} holds files already; name another folder with --out, or write over files "
+            "of the same name with --force"
+        )
+
+
+@contextmanager
+def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
+    """Give a folder to fill, whose files go into ``folder`` once all of them are there."""
+    require_free(folder, force)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as part:
+        # A temporary folder is its owner's alone, and modes are copied along.
+        place = Path(part) / "draft"
+        place.mkdir()
+        yield place
+        shutil.copytree(place, folder, dirs_exist_ok=True)

@@ -1,7 +1,19 @@
-"""A study folder to begin with: the commented study file with values of one's own."""
+"""A study folder to begin with: the commented study file with values of one's own.
+
+A study begins as a copy of another one. Values that hold for the other clutch alone are computed
+from the new one where a rule does so, and left out where none does:
+
+- toothing of the ring at its default share of the inner radius
+- moving mass as given, with nothing added
+- force that the blocking mechanism holds, as torque over mean radius
+- height of the dogs, with other diameters, as mean diameter over count: the same shape
+- height range as the height; other search ranges as they are, widened until they hold the own dog
+- forces with which it shifts, as those of the actuator
+"""
 
 from __future__ import annotations
 
+import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -10,45 +22,48 @@ from typing import Any
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study, override
 from dogshape.pipeline.config.toml_text import with_values
-from dogshape.pipeline.drafts.own_clutch import Row, following, value_at
-from dogshape.pipeline.drafts.sources import Source, source_of
-from dogshape.pipeline.drafts.targets import drafted
+from dogshape.pipeline.diagnose.study_keys import rounded
+from dogshape.pipeline.drafts.sources import Source, Values, draft_folder, source_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.texts import text_of
+from dogshape.sim.versions import bundled_root
 
 COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 HEAD = """\
 # A study of one's own, begun from {origin}. Each key is explained; docs/studies.md has all of them.
 # Beside the dog look at [load], [material] and [manufacturing]: they decide what may be built.
 """
-
-
+DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
+INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
+HEIGHT = "dog.height_mm"
+MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
+ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
+LAST_ANGLE = 59.0  #: deg, of a search range
 #: Words for the keys of a clutch that are worth a question.
 CLUTCH = {
     "dog.count": "number of dogs",
     "dog.chamfer_deg": "chamfer of the face, deg",
     "dog.traction_deg": "side angle of the traction flank, deg",
     "dog.braking_deg": "side angle of the braking flank, deg",
-    "dog.height_mm": "height of the dogs, mm",
+    HEIGHT: "height of the dogs, mm",
     "dog.outer_diameter_mm": "outer diameter of the dogs, mm",
     "dog.inner_diameter_mm": "inner diameter of the dogs, mm",
     "dog.axial_gap_mm": "axial gap between the crests before the shift, mm",
-    "sliding.mass_kg": "moving mass with all that moves along, kg",
+    MASS: "moving mass with all that moves along, kg",
     "sliding.inertia_kgm2": "inertia of the shifted ring and what turns with it, kg m2",
     "output.inertia_kgm2": "inertia of the other side, referred to the dogs, kg m2",
 }
 #: Words for the keys of what a study's clutch has to do, and of what it is made of.
 USE = {
-    "load.torque_Nm": "rated torque at the dogs, N m",
-    "actuation.force_N": "forces that the actuator can have, N, with blanks between",
+    TORQUE: "rated torque at the dogs, N m",
+    ACTUATOR: "forces that the actuator can have, N, with blanks between",
     "actuation.rise_s": "rise time of each of these forces, s",
     "operating.mismatch_rpm": "mismatches at which it shifts, 1/min",
-    "operating.force_N": "forces with which it shifts, N",
+    OPERATING: "forces with which it shifts, N",
     "mechanism.spline_friction": "friction in the toothing that the ring slides on",
     "mechanism.spline_radius_mm": "radius of that toothing, mm",
     "mechanism.drag_torque_Nm": "drag torque on the shifted ring, N m",
@@ -56,12 +71,40 @@ USE = {
     "manufacturing.tip_width_mm": "narrowest tip that may be made, mm",
     "manufacturing.slot_width_mm": "narrowest slot that may be made, mm",
 }
+#: Keys and tables that hold for one clutch, each with the keys of the clutch that void it.
+BOUND = {
+    "mechanism.spline_radius_mm": DIAMETERS,
+    ADDED: (MASS,),
+    "mechanism.drag_torque_Nm": (*DIAMETERS, *INERTIAS),
+    "mechanism.ring_inertia_kgm2": INERTIAS,
+    "mechanism.input_stiffness_Nm_rad": INERTIAS,
+    "mechanism.spline_backlash_deg": INERTIAS,
+    "mechanism.wheel_inertia_kgm2": INERTIAS,
+    "mechanism.output_stiffness_Nm_rad": INERTIAS,
+    "driveline.stiffness_Nm_rad": (*DIAMETERS, *INERTIAS),
+    "strike": (*DIAMETERS, *INERTIAS, TORQUE),
+    "load.pull_out_force_limit_N": (ACTUATOR,),
+    "load.abuse_torque_Nm": (TORQUE,),
+    "search.reference": DIAMETERS,
+    "search.within_s": (*DIAMETERS, *INERTIAS, MASS, ACTUATOR),
+}
+#: Limits of a search in units of their own are void with any of these.
+ANY = (*DIAMETERS, *INERTIAS, MASS, TORQUE, ACTUATOR)
+UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
+#: What is said of a key that is left out, where it is not simply not judged.
+INSTEAD = {
+    "mechanism.spline_radius_mm": f"{SPLINE:g} of the inner radius",
+    ADDED: f"{MASS} is all that moves",
+    "mechanism.drag_torque_Nm": "no drag",
+    "load.pull_out_force_limit_N": "the largest shift force",
+    "search.reference": "the study's own dog",
+}
 
 
 def write_study(
     out: Path, origin: str = COMMENTED, values: Mapping[str, Any] | None = None,
     *, force: bool = False,
-) -> Row:  # fmt: skip
+) -> Values:  # fmt: skip
     """Write a folder with a commented ``study.toml``; tell what was taken over and assumed.
 
     Parameters
@@ -76,14 +119,22 @@ def write_study(
     StorageError
         For a folder that holds files, without ``force``.
     """
-    name = _name_of(out)
+    name = out.resolve().name
+    if not name or not all(letter.isalnum() or letter in "_.-" for letter in name):
+        raise InputError(
+            f"--out ends in '{name}', but a study's name has letters, digits, '_', '.' and '-' "
+            "alone; name the folder so"
+        )
     text, taken, whence, base = _begun(origin)
     given = {**taken, **(values or {})}
     follows, said = _following(text, given)
-    done = with_values(_without_head(text), {"name": name, **follows, **given})
+    lines = text.splitlines()  # comments above the first key are about the study that is copied
+    first = next((k for k, line in enumerate(lines) if line and not line.startswith("#")), 0)
+    body = "\n".join(lines[first:]) + "\n"
+    done = with_values(body, {"name": name, **follows, **given})
     source = f"{out / 'study.toml'}"
     study = build_study(validate(StudyFile, tomllib.loads(done), source))
-    with drafted(out, force) as folder:
+    with draft_folder(out, force) as folder:
         (folder / "study.toml").write_text(HEAD.format(origin=whence) + done, encoding="utf-8")
     return {
         "folder": str(out),
@@ -91,20 +142,18 @@ def write_study(
         "name": name,
         "from": whence,
         "set": given,
-        "assumed": [*_kept_of(text, {**follows, **given}, base), *said],
+        "assumed": [*_kept(text, {**follows, **given}, base), *said],
         "warnings": _doubts(study),
         "operating_points": len(study.points),
         "dogs": study.clutch.dog.count,
     }
 
 
-def use_of(origin: str, values: Mapping[str, Any]) -> Row:
+def use_of(origin: str, values: Mapping[str, Any]) -> Values:
     """List the askable values that a draft with ``values`` would have at the keys of ``USE``."""
     text, taken, _, _ = _begun(origin)
     given = {**taken, **values}
-    tables = tomllib.loads(text)
-    for key, value in {**_following(text, given)[0], **given}.items():
-        override(tables, key, value)
+    tables = _with({**_following(text, given)[0], **given}, text)
     spline = value_at(tables, "dog.inner_diameter_mm")
     absent = {
         "mechanism.spline_friction": 0.0,
@@ -127,32 +176,69 @@ def askable(value: Any) -> bool:
     return all(isinstance(part, (int, float, str)) for part in parts)
 
 
-def _following(text: str, given: Mapping[str, Any]) -> tuple[Row, list[str]]:
-    """Compute what follows from given values in a study file; None for a key takes it out."""
-    own = tomllib.loads(text)
-    for key, value in given.items():
-        override(own, key, value)
-    return following(tomllib.loads(text), own, given)
+def value_at(tables: Mapping[str, Any], key: str) -> Any:
+    """Look up a dotted key; None where it is missing."""
+    found: Any = tables
+    for name in key.split("."):
+        found = found.get(name) if isinstance(found, Mapping) else None
+    return found
 
 
-def _kept_of(text: str, done: Mapping[str, Any], base: str) -> list[str]:
+def _with(values: Mapping[str, Any], text: str) -> Values:
+    """Return the tables of a study file with other values."""
+    tables = tomllib.loads(text)
+    for key, value in values.items():
+        override(tables, key, value)
+    return tables
+
+
+def _begun(origin: str) -> tuple[str, Values, str, str]:
+    """Return the text to begin with, values to put into it, where they and the text are from."""
+    path = Path(origin)
+    file = path / "study.toml" if path.is_dir() else path
+    if file.name == "bench.toml" or not file.is_file():
+        file = bundled_root() / origin / "study.toml"
+    if file.is_file():
+        load_study(file)  # refuses what is no study, with its mistakes
+        return text_of(file), {}, f"the study '{origin}'", f"the study '{origin}'"
+    source = source_of(origin)
+    text = text_of(bundled_root() / COMMENTED / "study.toml")
+    return text, _of_bench(source), f"the bench data of '{source.name}'", f"the study '{COMMENTED}'"
+
+
+def _of_bench(source: Source) -> Values:
+    contact, rises = source.clutch.contact, sorted(dict(source.rises).items())
+    if len(rises) == 1:  # a table needs two forces to lie between
+        rises.append((rises[0][0] * 1.01, rises[0][1]))
+    return {
+        **source.dog_values,
+        "contact.static_friction": contact.static_friction,
+        "contact.dynamic_friction": contact.dynamic_friction,
+        ACTUATOR: [rounded(force) for force, _ in rises],
+        "actuation.rise_s": [rounded(rise) for _, rise in rises],
+        "operating.mismatch_rpm": source.mismatches,
+        OPERATING: source.forces,
+    }
+
+
+def _is_given(key: str, given: Mapping[str, Any]) -> bool:
+    return any(key == one or key.startswith(f"{one}.") for one in given)
+
+
+def _kept(text: str, done: Mapping[str, Any], base: str) -> list[str]:
     """List the values of clutch and use that stay those of the origin."""
     tables = tomllib.loads(text)
-    kept = {
-        key: value_at(tables, key)
-        for key in (*CLUTCH, *USE)
-        if not any(key == one or key.startswith(f"{one}.") for one in done)
-    }
-    listed = ", ".join(
-        f"{key} {value:g}" if isinstance(value, float) else f"{key} {value}"
-        for key, value in kept.items()
-        if value is not None
-    )
+    kept = {key: value_at(tables, key) for key in (*CLUTCH, *USE) if not _is_given(key, done)}
+    listed = ", ".join(f"{key} {_text(value)}" for key, value in kept.items() if value is not None)
     return [
         *([f"not given, so as in {base}: {listed}"] if listed else []),
         f"[load], [material], [manufacturing] and [tolerance] are those of {base} but for what "
         "was given: check safety factors, workshop and tolerances",
     ]
+
+
+def _text(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _doubts(study: Setup) -> list[str]:
@@ -170,48 +256,87 @@ def _doubts(study: Setup) -> list[str]:
     return [*faults, *outside, *notes_of(study)]
 
 
-def _name_of(out: Path) -> str:
-    name = out.resolve().name
-    if not name or not all(letter.isalnum() or letter in "_.-" for letter in name):
-        raise InputError(
-            f"--out ends in '{name}', but a study's name has letters, digits, '_', '.' and '-' "
-            "alone; name the folder so"
-        )
-    return name
-
-
-def _begun(origin: str) -> tuple[str, Row, str, str]:
-    """Return the text to begin with, values to put into it, where they and the text are from."""
-    path = Path(origin)
-    file = path / "study.toml" if path.is_dir() else path
-    if file.name == "bench.toml" or not file.is_file():
-        file = bundled_root() / origin / "study.toml"
-    if file.is_file():
-        load_study(file)  # refuses what is no study, with its mistakes
-        return text_of(file), {}, f"the study '{origin}'", f"the study '{origin}'"
-    source = source_of(origin)
-    text = text_of(bundled_root() / COMMENTED / "study.toml")
-    return text, _of_bench(source), f"the bench data of '{source.name}'", f"the study '{COMMENTED}'"
-
-
-def _of_bench(source: Source) -> Row:
-    contact = source.clutch.contact
-    rises = sorted(dict(source.rises).items())
-    if len(rises) == 1:  # a table needs two forces to lie between
-        rises.append((rises[0][0] * 1.01, rises[0][1]))
-    return {
-        **source.dog_values,
-        "contact.static_friction": contact.static_friction,
-        "contact.dynamic_friction": contact.dynamic_friction,
-        "actuation.force_N": [float(f"{force:.9g}") for force, _ in rises],
-        "actuation.rise_s": [float(f"{rise:.9g}") for _, rise in rises],
-        "operating.mismatch_rpm": list(source.mismatches),
-        "operating.force_N": list(source.forces),
+def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
+    """Compute what follows from given values in a study file: values, None to leave out; and
+    sentences. Given values stay.
+    """
+    origin, own = tomllib.loads(text), _with(given, text)
+    numbers = [value_at(own, key) for key in ("dog.count", HEIGHT, *DIAMETERS)]
+    for one in (value_at(own, key) for key in (ACTUATOR, OPERATING)):
+        numbers += one if isinstance(one, list) else []
+    if not all(isinstance(one, (int, float)) and one > 0 for one in numbers):
+        return {}, []  # what is wrong is said by the study
+    changed = {key for key in ANY if value_at(origin, key) != value_at(own, key)}
+    limits = value_at(origin, "search.limits") or {}
+    bound = BOUND | {f"search.limits.{name}": ANY for name in limits if name.endswith(UNITS)}
+    left = [key for key, by in bound.items() if changed & set(by)]
+    if MASS in given:  # also where all that moves is what the ring alone was
+        left = list(dict.fromkeys([*left, ADDED]))
+    found: Values = {}
+    if changed & set(DIAMETERS) and HEIGHT not in given:
+        found[HEIGHT] = rounded(value_at(own, HEIGHT) * _module(own) / _module(origin), 3)
+        own = {**own, "dog": {**own["dog"], "height_mm": found[HEIGHT]}}
+    found |= dict.fromkeys(key for key in left if value_at(origin, key) is not None)
+    found |= _scaled(origin, own) | _ranges(origin, own)
+    found = {key: value for key, value in found.items() if not _is_given(key, given)}
+    computed = [f"{key} {_text(value)}" for key, value in found.items() if value is not None]
+    absent = [key for key, value in found.items() if value is None]
+    replaced = [f"{key} ({INSTEAD[key]})" for key in absent if key in INSTEAD]
+    unjudged = [key for key in absent if key not in INSTEAD]
+    said = {
+        "follows from your clutch": computed,
+        "left out, with what holds instead": replaced,
+        "left out, so not judged; give your own": unjudged,
     }
+    return found, [f"{what}: {', '.join(those)}" for what, those in said.items() if those]
 
 
-def _without_head(text: str) -> str:
-    """Leave out comments above the first key: they are about the study that was copied."""
-    lines = text.splitlines()
-    first = next((k for k, line in enumerate(lines) if line and not line.startswith("#")), 0)
-    return "\n".join(lines[first:]) + "\n"
+def _scaled(origin: Values, own: Values) -> Values:
+    """Compute the values that a rule gives."""
+    found: Values = {}
+    held, gap, rebound = "load.separating_force_limit_N", "dog.axial_gap_mm", "shift.rebound_mm"
+    limit, ratio = value_at(origin, held), _pull(own) / _pull(origin)
+    if limit is not None and ratio != 1.0:
+        found[held] = rounded(limit * ratio, 3)
+    new = value_at(own, gap)
+    if new and new != value_at(origin, gap) == value_at(origin, rebound):
+        found[rebound] = new
+    has, wants = (value_at(own, key) for key in (ACTUATOR, OPERATING))
+    lists = isinstance(has, list) and isinstance(wants, list) and has and wants
+    if lists and not min(has) <= min(wants) <= max(wants) <= max(has):
+        found[OPERATING] = has
+    return found
+
+
+def _pull(tables: Values) -> float:
+    """Compute torque over mean radius, in a unit that cancels; 1 without a torque."""
+    torque, outer, inner = (value_at(tables, key) for key in (TORQUE, *DIAMETERS))
+    there = isinstance(torque, (int, float)) and torque > 0
+    return float(torque / (outer + inner)) if there else 1.0
+
+
+def _module(tables: Values) -> float:
+    """Compute twice the mean diameter over the number of dogs, mm."""
+    outer, inner = (value_at(tables, key) for key in DIAMETERS)
+    return float((outer + inner) / value_at(tables, "dog.count"))
+
+
+def _ranges(origin: Values, own: Values) -> Values:
+    """Compute the search ranges that change: each holds the own dog."""
+    found: Values = {}
+    for key, (low, high) in (value_at(origin, "variables") or {}).items():
+        value, before = (value_at(tables, f"dog.{key}") for tables in (own, origin))
+        if not isinstance(value, (int, float)) or value == before:
+            continue
+        ends = [low, high]
+        if key == "height_mm":
+            ends = [rounded(end * value / before, 3) for end in ends]
+        if not ends[0] <= value <= ends[1]:
+            ends = [min(ends[0], 0.5 * value), max(ends[1], 1.5 * value)]
+        if key == "count":
+            ends = [max(2, math.floor(ends[0])), math.ceil(ends[1])]
+        if key.endswith("_deg"):
+            ends[1] = min(ends[1], max(LAST_ANGLE, value))
+        if ends != [low, high]:
+            found[f"variables.{key}"] = ends
+    return found

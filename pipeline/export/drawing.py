@@ -13,8 +13,7 @@ import numpy as np
 
 from dogshape.pipeline.export import svg
 from dogshape.pipeline.export.svg import Point
-from dogshape.sim.shift.flank import crest_loss, tip_radius
-from dogshape.sim.shift.geometry import Dog, section
+from dogshape.sim.shift.geometry import Dog, crest_loss, section, tip_radius
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.units import DEG, MM
 

@@ -47,7 +47,7 @@ from dogshape.pipeline.simulate.evaluation import (
     expectation_of,
 )
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.result_schema import check_record, expectation_record
+from dogshape.pipeline.store.result_records import check_record, expectation_record
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.contact import ContactSet

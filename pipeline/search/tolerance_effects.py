@@ -12,8 +12,9 @@ from __future__ import annotations
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.simulate.design import KINDS, Design, Within, weakest_within
-from dogshape.pipeline.store.result_schema import check_record, number_or_none
+from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.strength.tolerance import Spread
 from dogshape.sim.units import suffix_of, to_si
 from dogshape.surrogate.dataset import Mix

@@ -17,8 +17,7 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.errors import GeometryError, InputError, did_you_mean, refusal
-from dogshape.sim.shift.flank import FLANKS
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.strength.checks import Check, Rule, feasible
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks

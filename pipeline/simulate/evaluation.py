@@ -43,7 +43,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES, Setup
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.design import (
@@ -57,8 +57,8 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import (
     Estimate,

@@ -35,10 +35,10 @@ from joblib.externals.loky.process_executor import TerminatedWorkerError
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.errors import InputError, StorageError, WorkerError
+from dogshape.sim.files import writing
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions
-from dogshape.sim.writers import writing
 
 Progress = Callable[[int], None]  #: called with the number of shifts just finished
 

@@ -16,8 +16,8 @@ from typing import Any
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over, expectation_of
 from dogshape.pipeline.simulate.executor import Executor
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.statistics.blocks import even_blocks
 from dogshape.sim.statistics.expectation import mean_over
 from dogshape.sim.statistics.shift_records import Record

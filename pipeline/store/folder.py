@@ -33,9 +33,8 @@ from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
-from dogshape.sim.files import write_whole
+from dogshape.sim.files import write_whole, writing
 from dogshape.sim.versions import versions
-from dogshape.sim.writers import writing
 
 
 class StudyFolder:

@@ -1,38 +1,19 @@
-"""Results as records by the names of the command line's contract, fit for JSON.
+"""Schema of ``result.json``: every key with its type, unit and meaning; unknown keys are refused.
 
-``StudyRecord`` is the schema of ``result.json``: every key with its type, unit and meaning; unknown
-keys are refused.
-
-The description of each key is written here once: ``docs/studies.md`` shows the same table
-(``key_table``). Keys that earlier versions did not write may be absent.
+``docs/studies.md`` shows the same declarations (``key_table``).
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any, cast, get_args, get_origin
+from typing import Any
 
-from pydantic import BaseModel, Field
-
-from dogshape.sim.clutch_tables import Section, validate
-from dogshape.sim.statistics.expectation import Expectation
-from dogshape.sim.strength.checks import Check
-from dogshape.sim.units import RPM
-
-if TYPE_CHECKING:
-    from dogshape.diagnosis.bench.comparison import Comparison, Difference
+from dogshape.pipeline import record
+from dogshape.pipeline.record import SHARE, Record, key
+from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
+from dogshape.sim.clutch_tables import validate
 
 
-SHARE = "share"  #: unit of what lies between 0 and 1
-
-
-def key(meaning: str, unit: str = "", default: Any = ...) -> Any:
-    """Declare a key of the record with its meaning and its unit; required without a default."""
-    return Field(default, description=meaning, json_schema_extra={"unit": unit})
-
-
-class ToleranceTime(Section):
+class ToleranceTime(Record):
     """Change of the expected shift time within the tolerances of the dimensions."""
 
     worst_case_s: float = key("all tolerances at their worst ends", "s")
@@ -40,7 +21,7 @@ class ToleranceTime(Section):
     by_dimension_s: dict[str, float] = key("change by dimension", "s")
 
 
-class DesignRow(Section):
+class DesignRow(Record):
     """A design of the search; its searched keys have the units that their names end in.
 
     In `trials` values and margins are those of the search, in `best` and `front` those of the new
@@ -152,49 +133,14 @@ class DesignRow(Section):
     )
 
 
-class PointRow(Section):
-    """An operating point of a confirmed design."""
-
-    mismatch_rpm: float = key("speed of ring against ring before the shift", "1/min")
-    force_N: float = key("final shift force", "N")
-    mean_s: float | None = key(
-        "mean shift time, retries included; null where fewer than half of the shifts engage", "s"
-    )
-    mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
-    standard_error_s: float | None = key("standard error of `mean_s`", "s")
-    sd_s: float = key("standard deviation of the time of a shift", "s")
-    engaged: float = key("share of the shifts that engaged", SHARE)
-    n: int = key("number of shifts")
-    held_dog_on_dog: int | None = key(
-        "shifts that friction held dog on dog; absent in earlier versions", "", None
-    )
-
-
-class Estimate(Section):
+class Estimate(Record):
     """A simulated objective of a confirmed design."""
 
     value: float = key("value, in the unit of the objective")
     standard_error: float = key("standard error, in the same unit")
 
 
-class CheckRow(Section):
-    """A check of a confirmed design against its limit."""
-
-    name: str = key("name of the check")
-    value: float | None = key("value that is checked, in `unit`; null where it is infinite")
-    limit: float = key("limit, in `unit`")
-    unit: str = key("unit of value and limit")
-    margin: float | None = key("distance to the limit over the limit; at least 0 passes", "1")
-    passed: bool = key("whether the check passes")
-    group: str = key("kind of check: `make`, `load`, `lock`, `impact` or `tolerance`")
-    at_most: bool = key("whether the limit is an upper one")
-    meaning: str = key("what is checked")
-    formula: str = key("formula of the value")
-    source: str = key("source of the limit")
-    limit_key: str = key("key of the study file that sets the limit")
-
-
-class EngineAgreement(Section):
+class EngineAgreement(Record):
     """Shifts of the compiled engine that Drake simulated again."""
 
     shifts: int = key("shifts that both engines simulated")
@@ -209,30 +155,10 @@ class EngineAgreement(Section):
     agrees: bool = key("whether the engines agree (`docs/search.md`)")
 
 
-class ConfirmedDesign(Section):
+class ConfirmedDesign(ExpectedTime):
     """A design re-simulated at every operating point and at angles that the search did not use."""
 
     trial: int | None = key("number of the trial; in `designs` alone", "", None)
-    expected_shift_time_s: float | None = key(
-        "mean shift time over the operating points; null where too few shifts engage", "s"
-    )
-    standard_error_s: float | None = key("its standard error", "s")
-    numerical_error_s: float | None = key(
-        "its numerical error by a finer integration; null where it was not computed", "s"
-    )
-    engages: bool = key("whether at least half of the shifts engage at each operating point")
-    engaged: float = key("least share of the shifts that engaged at a point", SHARE)
-    mean_engaged_s: float | None = key(
-        "mean time of the shifts that engaged; absent in earlier versions", "s", None
-    )
-    shifts: int | None = key("number of shifts; absent in earlier versions", "", None)
-    not_engaged: int | None = key(
-        "shifts that did not engage; absent in earlier versions", "", None
-    )
-    held_dog_on_dog: int | None = key(
-        "shifts that friction held dog on dog; absent in earlier versions", "", None
-    )
-    points: list[PointRow] = key("the operating points")
     estimates: dict[str, Estimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
     drake: EngineAgreement | None = key(
@@ -249,7 +175,7 @@ class ConfirmedDesign(Section):
     )
 
 
-class ContactGain(Section):
+class ContactGain(Record):
     """The gain under another contact, by the compiled engine."""
 
     contact: str = key("what differs from the study's contact")
@@ -258,7 +184,7 @@ class ContactGain(Section):
     gain_share: float | None = key("gain over the time of the prototype", SHARE)
 
 
-class Confirmation(Section):
+class Confirmation(Record):
     """Re-simulation of the prototype and of designs of the front at new angles."""
 
     angles: int = key("relative angles at each operating point")
@@ -289,7 +215,7 @@ class Confirmation(Section):
     )
 
 
-class LifeStage(Section):
+class LifeStage(Record):
     """The chosen design at a share of its life."""
 
     life: float = key("share of the life", SHARE)
@@ -305,7 +231,7 @@ class LifeStage(Section):
     margins: dict[str, float] = key("margin of each check", "1")
 
 
-class SurrogateFigures(Section):
+class SurrogateFigures(Record):
     """Validation of the surrogate on designs that the fit did not use."""
 
     q2: float = key("share of the variance of expected times that it explains", "1")
@@ -326,7 +252,7 @@ class SurrogateFigures(Section):
     shifts: int = key("shifts behind the fit")
 
 
-class StudyRecord(Section):
+class StudyRecord(Record):
     """The whole record, ``result.json``."""
 
     study: str = key("name of the study")
@@ -372,114 +298,4 @@ def require_result(data: dict[str, Any], source: str) -> None:
 
 def key_table() -> str:
     """Write the keys of ``result.json`` with types, units and meanings, as Markdown."""
-    places: dict[type[BaseModel], list[str]] = {}
-    _collect(StudyRecord, "", places)
-    return "\n".join(_table(model, paths) for model, paths in places.items())
-
-
-def _collect(model: type[BaseModel], path: str, places: dict[type[BaseModel], list[str]]) -> None:
-    """Note where a model stands, then the models that its keys hold."""
-    places.setdefault(model, []).append(path)
-    if len(places[model]) > 1:
-        return  # its keys are known
-    for name, field in model.model_fields.items():
-        for inner, mark in _models(field.annotation):
-            _collect(inner, f"{path}.{name}{mark}".removeprefix("."), places)
-
-
-def _models(annotation: Any, mark: str = "") -> Iterator[tuple[type[BaseModel], str]]:
-    """Yield the models that a type holds, with the marks of lists and dictionaries."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation, mark
-    mark += {list: "[]", dict: ".*"}.get(get_origin(annotation), "")
-    for part in get_args(annotation):
-        yield from _models(part, mark)
-
-
-def _table(model: type[BaseModel], paths: list[str]) -> str:
-    title = ", ".join(f"`{path}`" for path in paths if path) or "`result.json`"
-    words = " ".join((model.__doc__ or "").split()).replace("``", "`")
-    rows = [
-        f"| `{name}` | {cast(Any, field.json_schema_extra)['unit']} | {field.description} |"
-        for name, field in model.model_fields.items()
-    ]
-    return "\n".join(
-        [f"{title}: {words}", "", "| key | unit | meaning |", "|---|---|---|", *rows, ""]
-    )
-
-
-def expectation_record(expectation: Expectation) -> dict[str, Any]:
-    """Record an expectation by the names of the command line's contract.
-
-    Where too few shifts engage there is no time, and no error of one.
-    """
-    none = not expectation.engages
-    return {
-        "expected_shift_time_s": expectation.time,
-        "standard_error_s": None if none else number_or_none(expectation.standard_error),
-        "numerical_error_s": None if none else number_or_none(expectation.numerical_error),
-        "engages": expectation.engages,
-        "engaged": expectation.engaged,
-        "mean_engaged_s": expectation.mean_engaged,
-        "shifts": expectation.shifts,
-        "not_engaged": expectation.lost,
-        "held_dog_on_dog": expectation.blocked,
-        "points": [
-            {
-                "mismatch_rpm": p.point.mismatch / RPM,
-                "force_N": p.point.profile.force,
-                "mean_s": p.time,
-                "mean_engaged_s": p.mean_engaged,
-                "standard_error_s": number_or_none(p.standard_error if p.engages else None),
-                "sd_s": p.sd,
-                "engaged": p.engaged,
-                "n": p.n,
-                "held_dog_on_dog": p.blocked,
-            }
-            for p in expectation.points
-        ],
-    }
-
-
-def number_or_none(value: float | None) -> float | None:
-    """Return a number that JSON can hold: None where there is none."""
-    return value if value is not None and math.isfinite(value) else None
-
-
-def check_record(check: Check) -> dict[str, Any]:
-    """Record a check by the names of the command line's contract."""
-    rule = check.rule
-    return {
-        "name": check.name,
-        "value": number_or_none(check.value),
-        "limit": check.limit,
-        "unit": check.unit,
-        "margin": number_or_none(check.margin),
-        "passed": check.passed,
-        "group": rule.group,
-        "at_most": rule.at_most,
-        "meaning": rule.meaning,
-        "formula": rule.formula,
-        "source": rule.source,
-        "limit_key": rule.key,
-    }
-
-
-def difference_record(d: Difference) -> dict[str, Any]:
-    """Record one operating point of a comparison by the contract's names."""
-    return {
-        "mismatch_rpm": d.cell.point.mismatch / RPM,
-        "force_N": d.cell.point.profile.force,
-        "bench_s": d.cell.time,
-        "simulated_s": d.simulated.mean_engaged,
-        "standard_error_s": d.standard_error,
-        "z": d.z,
-        "engaged": d.simulated.engaged,
-        "n": d.simulated.n,
-    }
-
-
-def engaged_record(result: Comparison) -> dict[str, Any]:
-    """Record the share of tried shifts that engaged, on the bench and in the simulation."""
-    engaged, tried, simulated = result.engaged
-    return {"engaged": engaged, "tried": tried, "simulated_share": simulated if tried else None}
+    return record.key_table(StudyRecord, "result.json")

@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.simulate.design import Design, design_of, limits_of
 from dogshape.sim.clutch_tables import DogSection, si_fields
 from dogshape.sim.errors import DogshapeError, InputError, number_rule
+from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.strength.checks import smallest_margin
-from dogshape.sim.strength.columns import Dogs
+from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
-from dogshape.sim.strength.many import covers, strength_margins
 from dogshape.sim.texts import TextTable, listed, read_table
 from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Mix
@@ -56,9 +56,10 @@ class Verdicts:
 
 def verdicts(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
     """Judge designs (n, d) in edge units by every check that needs no simulation."""
-    if not by_columns(study, names):
+    if not judged_together(study, names):
         return _one_by_one(study, names, x)
-    found = [_in_columns(study, names, x[k : k + CHUNK]) for k in range(0, len(x), CHUNK)]
+    with np.errstate(all="ignore"):  # of shapes that cannot be
+        found = [_together(study, names, x[k : k + CHUNK]) for k in range(0, len(x), CHUNK)]
     return Verdicts(
         np.concatenate([one.real for one in found]),
         np.concatenate([one.feasible for one in found]),
@@ -68,11 +69,9 @@ def verdicts(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
     )
 
 
-def by_columns(study: Setup, names: Sequence[str]) -> bool:
-    """Decide whether columns say all: the study adds no check or limit that hangs on the design."""
-    if set(names) & set(OPERATED) or any(one.exact is not None for one, _ in limits_of(study)):
-        return False
-    return covers(study.clutch.dog, study.limits)
+def judged_together(study: Setup, names: Sequence[str]) -> bool:
+    """Decide whether a study has the same limits for all designs, none on the shape of its own."""
+    return not set(names) & set(OPERATED) and all(one.simulated for one, _ in limits_of(study))
 
 
 def _one_by_one(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
@@ -104,13 +103,13 @@ def _checked(study: Setup, params: dict[str, float]) -> Design:
         return Design(params, None, (), str(error))
 
 
-def _in_columns(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
-    dogs = _dogs(study, names, x)
-    real = dogs.possible()
+def _together(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
+    real = np.broadcast_to(_dogs(study, names, x).possible, len(x))
     # Why a shape cannot be is said in words by the dog itself.
     other = _one_by_one(study, names, x[~real])
-    margins = strength_margins(_dogs(study, names, x[real]), study.limits)
-    every, columns = list(margins), np.column_stack(list(margins.values()))
+    checks = strength_checks(_dogs(study, names, x[real]), study.limits)
+    every = [check.name for check in checks]
+    columns = np.column_stack([np.broadcast_to(check.margin, real.sum()) for check in checks])
     least = columns.argmin(axis=1)
     margin = np.full(len(x), np.nan)
     margin[real], margin[~real] = columns[np.arange(len(least)), least], other.margin
@@ -128,9 +127,10 @@ def _in_columns(study: Setup, names: Sequence[str], x: Array) -> Verdicts:
 
 
 def _dogs(study: Setup, names: Sequence[str], x: Array) -> Dogs:
-    """Give designs in edge units as columns, what is not named from the study's dog."""
-    own = {f.name: np.full(len(x), getattr(study.clutch.dog, f.name), float) for f in fields(Dogs)}
-    return Dogs(**(own | si_fields(dict(zip(names, x.T, strict=True)))))  # type: ignore[arg-type]
+    """Give designs in edge units as dogs, what is not named from the study's dog."""
+    shapes = si_fields(dict(zip(names, x.T, strict=True)))
+    own = {f.name: getattr(study.clutch.dog, f.name) for f in fields(Dog)}
+    return Dogs(**(own | shapes))
 
 
 TIMES = (

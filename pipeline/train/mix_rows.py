@@ -29,7 +29,7 @@ from dogshape.pipeline.store.journal import append, drop_torn_line
 from dogshape.pipeline.train.filling import filling_designs, first_designs
 from dogshape.pipeline.train.training_rows import row_record, study_mix, with_rows
 from dogshape.sim.errors import InputError, StorageError
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.bisection import halves, mean_round_the_pitch
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.shift_records import Record, content_key, result_of, unfinished

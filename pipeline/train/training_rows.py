@@ -11,9 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup, physics_of
+from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.pipeline.store.result_schema import number_or_none
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.shift_records import (
@@ -23,7 +22,7 @@ from dogshape.sim.statistics.shift_records import (
     clutch_record,
     content_key,
 )
-from dogshape.sim.versions import engine
+from dogshape.sim.versions import bundled_root, engine
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset, Mix, mix_of, rows_of
 from dogshape.surrogate.query import other_physics

@@ -1,17 +1,16 @@
-"""Effects that may explain why a bench differs from the simulation, one file each.
+"""Effects that may explain why a bench differs from the simulation, grouped by what they change.
 
-A file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. ``load`` finds those here and
-those in a folder of the user's.
+Each module here has its ``EFFECTS``. A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of
+that name.
 """
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 from pathlib import Path
-from types import ModuleType
 
 from dogshape.sim.effect import Effect
+from dogshape.sim.effects import actuation, dogs, linkage, record, sliding_side
 from dogshape.sim.errors import InputError
 
 
@@ -22,12 +21,10 @@ def load(folder: Path | None = None) -> dict[str, Effect]:
     effects. Raises InputError where the folder is missing, a file cannot be run, has no
     ``EFFECT`` or another name than the effect, or a name is taken.
     """
-    effects = {
-        path.stem: _effect(importlib.import_module(f"dogshape.sim.effects.{path.stem}"), path)
-        for path in _files(Path(__file__).parent)
-    }
-    for path in _files(folder) if folder else []:
-        effect = _effect(_module(path), path)
+    groups = (actuation, dogs, linkage, record, sliding_side)
+    effects = {effect.name: effect for group in groups for effect in group.EFFECTS}
+    for path in own_files(folder).values() if folder else ():
+        effect = _own_effect(path)
         if effect.name in effects:
             raise InputError(
                 f"{path} defines the effect '{effect.name}', but there is one of that name; "
@@ -39,17 +36,14 @@ def load(folder: Path | None = None) -> dict[str, Effect]:
 
 def own_files(folder: Path) -> dict[str, Path]:
     """Return the files of a folder that ``load`` takes effects from, by the effects' names."""
-    return {path.stem: path for path in _files(folder)}
-
-
-def _files(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise InputError(f"there is no folder {folder}; give one with effects as Python files")
-    return sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
+    paths = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
+    return {path.stem: path for path in paths}
 
 
-def _module(path: Path) -> ModuleType:
-    """Return a user's file as a module; whatever it raises becomes a sentence."""
+def _own_effect(path: Path) -> Effect:
+    """Run a user's file; whatever it raises becomes a sentence."""
     spec = importlib.util.spec_from_file_location(f"user_effect_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise InputError(f"{path} cannot be read as Python; correct it or take it away")
@@ -63,10 +57,6 @@ def _module(path: Path) -> ModuleType:
         raise InputError(
             f"{path} cannot be run ({type(error).__name__}: {error}); {remedy}"
         ) from error
-    return module
-
-
-def _effect(module: ModuleType, path: Path) -> Effect:
     effect = getattr(module, "EFFECT", None)
     if not isinstance(effect, Effect):
         raise InputError(f"{path} defines no EFFECT; define one of the type dogshape.Effect")

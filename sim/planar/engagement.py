@@ -1,32 +1,140 @@
 """One engagement by the compiled engine: the problem and the result are those of Drake's.
 
-``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE`` times it that
-of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone, or one
-that falls from the static to the dynamic one where the scheme is ``cenic``.
+``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE_ERROR`` times it
+that of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone, or
+one that falls from the static to the dynamic one where the scheme is ``cenic``.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.planar import kernel
-from dogshape.sim.planar.plant import PlanarClutch, planar_clutch, state_size
-from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.conclusion import FINER, Engagement, Run, conclude, passed_through
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import (
+    FINER,
+    TIME_LIMIT,
+    Engagement,
+    Run,
+    conclude,
+    passed_through,
+)
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
-from dogshape.sim.shift.outcome import TIME_LIMIT
+from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Mechanism
+from dogshape.sim.shift.mesh import rigid_dog, touching_planes, touching_quads
 from dogshape.sim.shift.release import release
 
 Floats = NDArray[np.float64]
+Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]
 
-PLACE = 1e-4  #: s, error of a place over that of a speed
-FIRST = 1e-5  #: s, first step
-ROOM = 4096  #: steps that are recorded at once
+
+@dataclass(frozen=True)
+class PlanarClutch:
+    """A clutch prepared for the compiled engine, to be shifted again and again.
+
+    Parameters
+    ----------
+    clutch : what is simulated.
+    surfaces : corners of the rigid surfaces, m, (p, 4, 3); outward normals, (p, 3); offsets of the
+        compliant dog's planes, m, (p,); lean of a traction and a braking flank, rad/m, (2,);
+        pitch, rad; gap and travel, m.
+    numbers : masses, mechanism and stop, in the places of ``sim.planar.kernel``.
+    law : of the contact, (5,): stiffness, dissipation, dynamic friction, stiction velocity, static.
+    """
+
+    clutch: Clutch
+    surfaces: Surfaces
+    numbers: Floats
+    law: Floats
+
+
+def planar_clutch(clutch: Clutch) -> PlanarClutch:
+    """Prepare a clutch.
+
+    As in the Drake plant static friction counts where the contact set needs ``cenic``.
+    """
+    dog, contact = clutch.dog, clutch.contact
+    vertices, planes = rigid_dog(dog).vertices, touching_planes(dog)
+    corners = np.array([vertices[list(quad)] for quad in touching_quads(dog)])
+    normals = np.array([plane.normal for plane in planes])
+    offsets = np.array([plane.offset for plane in planes])
+    lean = np.tan([dog.traction, dog.braking]) / dog.outer_radius
+    surfaces = corners, normals, offsets, lean, dog.pitch_angle, dog.axial_gap, dog.travel
+    dynamic = contact.dynamic_friction
+    static = contact.static_friction if clutch.solver.scheme == "cenic" else dynamic
+    law = [contact.stiffness, contact.dissipation, dynamic, contact.stiction_velocity, static]
+    return PlanarClutch(clutch, surfaces, numbers_of(clutch), np.array(law))
+
+
+def state_size(mechanism: Mechanism) -> int:
+    """Count the numbers of a state that a mechanism moves, of ``kernel.SIZE``."""
+    if mechanism.has_shafts:
+        return kernel.SIZE
+    return kernel.LINKED_SIZE if mechanism.has_linkage else kernel.PLAIN_SIZE
+
+
+def numbers_of(clutch: Clutch) -> Floats:
+    """Fill the numbers of a clutch, in the places of ``sim.planar.kernel``, (NUMBERS,)."""
+    dog, rings, mechanism = clutch.dog, clutch.rings, clutch.mechanism
+    stiff, loss = mechanism.linkage(rings.mass) if mechanism.has_linkage else (0.0, 0.0)
+    share = mechanism.spline_share(rings.mass, dog.mean_radius, rings.sliding_inertia)
+    near, far = (
+        mechanism.input_side(rings.sliding_inertia),
+        mechanism.output_side(rings.output_inertia),
+    )
+    places = {
+        kernel.SLEEVE: mechanism.sleeve_mass(rings.mass),
+        kernel.FAR: mechanism.actuator_mass(rings.mass) or 1.0,
+        kernel.SLIDING: rings.sliding_inertia if near is None else near.near,
+        kernel.OUTPUT: rings.output_inertia if far is None else far.near,
+        kernel.DAMPING: mechanism.damping,
+        kernel.FRICTION: mechanism.friction,
+        kernel.DETENT: mechanism.detent,
+        kernel.DETENT_AT: mechanism.detent_position,
+        kernel.DETENT_WIDTH: mechanism.detent_width,
+        kernel.SPLINE: share * mechanism.spline_friction / mechanism.spline_radius,
+        kernel.DRAG: mechanism.drag_torque,
+        kernel.STIFF: stiff,
+        kernel.LOSS: loss,
+        kernel.PLAY: mechanism.free_play,
+        kernel.DOGS: dog.count,
+        kernel.REBOUND: clutch.rebound,
+        kernel.STOP: clutch.contact.stiffness * dog.count * dog.tip_width * dog.radial_width,
+        kernel.RADIUS: dog.mean_radius,
+        kernel.WAY: clutch.shift_travel,
+        kernel.SLIP_SPEED: SLIP,
+        kernel.TURN_SPEED: TURN,
+        kernel.DEEP_STOP: DEEP,
+        kernel.LINKED: mechanism.has_linkage,
+        kernel.USED: state_size(mechanism),
+        kernel.TWIST: DEEP_TWIST,
+    }
+    if near is not None:
+        places |= {
+            kernel.BEHIND: near.far,
+            kernel.SHAFT: near.stiffness,
+            kernel.SHAFT_LOSS: near.damping,
+            kernel.BACKLASH: near.backlash,
+        }
+    if far is not None:
+        places |= {
+            kernel.AHEAD: far.far,
+            kernel.OUT_SHAFT: far.stiffness,
+            kernel.OUT_LOSS: far.damping,
+        }
+    numbers = np.zeros(kernel.NUMBERS)
+    numbers[list(places)] = list(places.values())
+    return numbers
+
+
+PLACE_ERROR = 1e-4  #: s, error of a place over that of a speed
+FIRST_STEP = 1e-5  #: s, first step
+RECORD_SIZE = 4096  #: steps that are recorded at once
 
 
 def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) -> Engagement:
@@ -53,23 +161,27 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
     """Integrate from where friction lets the ring go to the end of the travel or the time-out."""
     clutch, solver = plant.clutch, plant.clutch.solver
     size = state_size(clutch.mechanism)
-    tolerance = np.array([solver.accuracy, PLACE * solver.accuracy])
+    tolerance = np.array([solver.accuracy, PLACE_ERROR * solver.accuracy])
     knots = np.array(point.profile.knots())
     times, states = _begin(plant, point, angle)
-    now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST, 0
+    now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST_STEP, 0
     count, last, blocked, failure = len(times), None, False, ""
     parts, mode = [(times, states)], np.zeros(2)
     end = time.monotonic() + solver.time_limit
     while now < clutch.timeout:
         until = min(STILL_WINDOW * (math.floor(now / STILL_WINDOW + 1e-9) + 1), clutch.timeout)
-        room, places = np.empty(ROOM), np.empty((ROOM, kernel.SIZE))
+        room, places = np.empty(RECORD_SIZE), np.empty((RECORD_SIZE, kernel.SIZE))
         why, now, step, made, tried = kernel.advance(
             now, step, state, until, plant.numbers, knots, plant.surfaces, plant.law, tolerance,
             solver.max_step, mode, room, places,
         )  # fmt: skip
         parts.append((room[:made], places[:made]))
         count, spent = count + made, spent + tried
-        failure = _failure(plant, now, count, time.monotonic() > end)
+        place = f"at {now:.6g} s of the shift"
+        if count > solver.max_steps:
+            failure = f"no end after solver.max_steps = {solver.max_steps}, {place}"
+        elif time.monotonic() > end:
+            failure = f"{TIME_LIMIT} = {solver.time_limit:.6g}, {place}"
         if why == kernel.LOST or not np.isfinite(state).all():
             failure = f"the motion is not finite at {now:.6g} s"
         if failure or why == kernel.ENGAGED:
@@ -94,13 +206,3 @@ def _begin(plant: PlanarClutch, point: OperatingPoint, angle: float) -> tuple[Fl
     states[:, 8], states[:, 9] = states[:, 2], sliding
     states[:, 10], states[:, 11] = states[:, 0], output
     return held.time, states
-
-
-def _failure(plant: PlanarClutch, now: float, count: int, late: bool) -> str:
-    """Name the limit that a run has passed; empty where there is none."""
-    solver = plant.clutch.solver
-    if count > solver.max_steps:
-        return f"no end after solver.max_steps = {solver.max_steps}, at {now:.6g} s of the shift"
-    if late:
-        return f"{TIME_LIMIT} = {solver.time_limit:.6g}, at {now:.6g} s of the shift"
-    return ""

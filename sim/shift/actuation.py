@@ -19,7 +19,7 @@ from dogshape.sim.errors import InputError, refusal, require_between
 
 Series = NDArray[np.float64]
 Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
-LEAST = 1.0  #: N, of a shift force and of what reaches the sleeve of it
+SMALLEST_FORCE = 1.0  #: N, of a shift force and of what reaches the sleeve of it
 
 
 def cubic_step(share: Times, full: Times | float) -> Times:
@@ -44,7 +44,7 @@ class ForceProfile:
     loss: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        if not LEAST <= self.force <= 1e5:
+        if not SMALLEST_FORCE <= self.force <= 1e5:
             rule = "it must lie between 1 and 100000 N and point into engagement"
             raise InputError(refusal("shift force", self.force, "N", rule, "correct the force"))
         if not 1e-4 <= self.rise <= 10.0:
@@ -53,8 +53,10 @@ class ForceProfile:
             raise InputError(refusal("rise time of the force", self.rise, "s", rule, remedy))
         remedy = "give the dead time in seconds"
         require_between("mechanism.delay_s", self.delay, 0.0, 10.0, remedy)
-        if not 0.0 <= self.loss <= self.force - LEAST:
-            rule = f"it must leave {LEAST:g} N or more of the shift force, {self.force:.6g} N"
+        if not 0.0 <= self.loss <= self.force - SMALLEST_FORCE:
+            rule = (
+                f"it must leave {SMALLEST_FORCE:g} N or more of the shift force, {self.force:.6g} N"
+            )
             raise InputError(refusal("force loss", self.loss, "N", rule, "give a smaller loss"))
 
     @property

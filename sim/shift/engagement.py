@@ -15,9 +15,15 @@ import numpy as np
 from pydrake.systems.framework import Context, EventStatus
 
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.conclusion import FINER, Engagement, Run, conclude, passed_through
+from dogshape.sim.shift.conclusion import (
+    FINER,
+    TIME_LIMIT,
+    Engagement,
+    Run,
+    conclude,
+    passed_through,
+)
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
-from dogshape.sim.shift.outcome import TIME_LIMIT
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Series
 
@@ -65,9 +71,11 @@ class _Record:
         if not self.under_way:
             return self._stop("engaged")
         self._require_within_limits(now, state)
-        if now >= self._check_at and self._stands_still(now, state):
-            self.blocked = True
-            return self._stop("blocked")
+        if now >= self._check_at:
+            last, self._last, self._check_at = self._last, state, now + STILL_WINDOW
+            if stands_still(self.clutch, self.point, now, last, state):
+                self.blocked = True
+                return self._stop("blocked")
         return None
 
     def _require_within_limits(self, now: float, state: Series) -> None:
@@ -83,11 +91,6 @@ class _Record:
             limit = f"{TIME_LIMIT} = {self._solver.time_limit:.6g}"
             raise RuntimeError(f"{limit}, at {now:.6g} s of the shift")
 
-    def _stands_still(self, time: float, state: Series) -> bool:
-        last, self._last = self._last, state
-        self._check_at = time + STILL_WINDOW
-        return stands_still(self.clutch, self.point, time, last, state)
-
     def _stop(self, reason: str) -> EventStatus:
         return EventStatus.ReachedTermination(self.plant.plant, reason)
 
@@ -95,10 +98,10 @@ class _Record:
 def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift.
 
-    Dogs that are fast enough pass through each other within one step; such a shift
-    (``sim.shift.passing``) is simulated again with steps of at most a tenth, and has diverged only
-    if it does so again. Ordinary shifts are simulated once. Times count from the command: a dead
-    time comes before the phases, while the time-out counts from the start of the force.
+    Dogs that are fast enough pass through each other within one step; such a shift is simulated
+    again with steps of at most a tenth, and has diverged only if it does so again. Ordinary shifts
+    are simulated once. Times count from the command: a dead time comes before the phases, while the
+    time-out counts from the start of the force.
 
     Parameters
     ----------
@@ -114,15 +117,11 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     run, found = _simulated(plant, point, relative_angle)
     if not passed_through(run, found):
         return found
-    again = _simulated(_finer(plant), point, relative_angle)[1]
-    return replace(again, clutch=plant.clutch, evaluations=found.evaluations + again.evaluations)
-
-
-def _finer(plant: ClutchPlant) -> ClutchPlant:
-    """Build the same plant with steps of at most a tenth."""
     solver = plant.clutch.solver
-    finer = replace(solver, max_step=solver.max_step / FINER)
-    return ClutchPlant(replace(plant.clutch, solver=finer))
+    solver = replace(solver, max_step=solver.max_step / FINER)
+    finer = ClutchPlant(replace(plant.clutch, solver=solver))
+    again = _simulated(finer, point, relative_angle)[1]
+    return replace(again, clutch=plant.clutch, evaluations=found.evaluations + again.evaluations)
 
 
 def _simulated(

@@ -26,19 +26,39 @@ Widths are measured along the circumference at the mean radius:
     w_{root} = \tfrac{1}{2}\vartheta r + \tfrac{h}{2}(\tan\beta + \tan\gamma)
 
 Both rings carry the same dog, one of them turned over about a radial axis.
+
+*What touches at full depth.* Both tip edges of a dog are rounded with the edge radius
+:math:`\varrho`, or where the dog has none with the root radius, so that they clear the fillets of
+the other ring. A rounding takes from its flank, along the shaft, :math:`a = \varrho \cos\beta
+\cot(\psi/2)`, :math:`\psi` being the angle of the material at the edge: :math:`90° + \beta -
+\alpha` at the crest, :math:`90° + \alpha + \gamma` at the braking edge. Either ring lacks it at its
+own tip, so the height that touches is
+
+- traction: :math:`h - 2 a_\beta`, both crests being on that side;
+- braking, at radius *r*: :math:`h - 2 (d(r) + a_\gamma)`, :math:`d(r)` the depth at
+  which the face meets the flank there. The tip is wider outside, so less touches there.
+
+Widths along the circumference overstate *d*, on the safe side: the area that is left by 0.3 % for
+the prototype, by 5 % for nine dogs. Areas are projected on the plane through the axis: a pressure
+*p* on a leaning flank has the tangential force *p* times that area, whatever the lean.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import reduce
+from operator import and_
+from typing import Any, ClassVar, Literal
 
+from dogshape.sim.elementwise import cos, hypot, largest, smallest, tan, where
 from dogshape.sim.errors import GeometryError, InputError, refusal, require_between
-from dogshape.sim.units import DEG, MM, from_si, unit_of
+from dogshape.sim.units import DEG, MM, from_si
 
 LAND = 5e-5  #: m of every face that roundings and fillets leave
 SHARPEST = 2e-5  #: m of an edge's or root's radius; nothing made is sharper
-_ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")
+STEEP = math.radians(60.0)  #: no flank or chamfer is as steep
 #: What no key of the dog can say; every refusal of such a key or value ends with it.
 SCOPE = (
     "the model has flanks of 0 to 60 deg (no undercut or back taper), no circular play (dog and "
@@ -53,6 +73,10 @@ LENGTHS = {
     "axial_gap_mm": (0.0, 0.1),
     "edge_radius_mm": (0.0, 0.01),
 }
+_BOUNDS = [
+    (key.removesuffix("_mm"), f"dog.{key}", low / MM, high / MM)
+    for key, (low, high) in LENGTHS.items()
+]
 
 
 @dataclass(frozen=True)
@@ -87,11 +111,24 @@ class Dog:
     inner_diameter: float
     axial_gap: float
     edge_radius: float = 0.0
+    #: of chamfer, traction and braking flank
+    tangents: ClassVar[tuple[float, float, float]]
 
     def __post_init__(self) -> None:
-        _require_numbers(self)
-        _require_shape(self)
-        _require_edges(self)
+        self._keep_tangents()
+        for kept, refuse, said in _rules(self):
+            if not kept:
+                refuse(*said)
+
+    def _keep_tangents(self) -> None:
+        # Nearly every length of a dog asks for them.
+        angles = self.chamfer, self.traction, self.braking
+        object.__setattr__(self, "tangents", tuple(map(tan, angles)))
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is such a dog; there is, but for some of ``Dogs``."""
+        return True
 
     @property
     def mean_radius(self) -> float:
@@ -126,7 +163,7 @@ class Dog:
     @property
     def lean(self) -> float:
         """Sum of the tangents of both side angles."""
-        return math.tan(self.traction) + math.tan(self.braking)
+        return self.tangents[1] + self.tangents[2]
 
     def tip_width_at(self, radius: float) -> float:
         """Width of the dog at crest height at ``radius``, m; the slot's floor is as wide."""
@@ -152,11 +189,6 @@ class Dog:
         return self.height * self.lean
 
     @property
-    def entry_play_angle(self) -> float:
-        """Entry play as an angle, rad."""
-        return self.entry_play / self.mean_radius
-
-    @property
     def edge_drop(self) -> float:
         """Depth below the crest at which the face meets the braking flank, m.
 
@@ -167,18 +199,18 @@ class Dog:
 
     def edge_drop_at(self, radius: float) -> float:
         """Depth below the crest at which the face meets the braking flank at ``radius``, m."""
-        slope = math.tan(self.chamfer)
-        return self.tip_width_at(radius) * slope / (1.0 - slope * math.tan(self.braking))
+        slope, _, braking = self.tangents
+        return self.tip_width_at(radius) * slope / (1.0 - slope * braking)
 
     @property
     def face_width(self) -> float:
         """Width of the face, crest to braking edge, along the circumference at mean radius, m."""
-        return self.tip_width + self.edge_drop * math.tan(self.braking)
+        return self.tip_width + self.edge_drop * self.tangents[2]
 
     @property
     def crest_overlap(self) -> float:
         """Overlap of two faces at dogs facing dogs, crest to crest at the mean radius, m."""
-        return 0.5 * self.pitch - self.height * math.tan(self.traction)
+        return 0.5 * self.pitch - self.height * self.tangents[1]
 
     @property
     def braking_flank_height(self) -> float:
@@ -192,9 +224,9 @@ class Dog:
         ``cot(psi/2)`` with the angle of the material, 90 degrees + traction - chamfer at the crest
         and 90 degrees + chamfer + braking at the braking edge.
         """
-        corners = (self.traction - self.chamfer, self.chamfer + self.braking)
-        crest, braking = (1.0 / math.tan(0.25 * math.pi + 0.5 * corner) for corner in corners)
-        return crest, braking
+        crest = 0.25 * math.pi + 0.5 * (self.traction - self.chamfer)
+        braking = 0.25 * math.pi + 0.5 * (self.chamfer + self.braking)
+        return 1.0 / tan(crest), 1.0 / tan(braking)
 
     @property
     def edge_room(self) -> float:
@@ -204,15 +236,15 @@ class Dog:
         """
         narrow = self.tip_width_at(self.inner_radius)
         drop = self.edge_drop_at(self.inner_radius)
-        face = (narrow + drop * math.tan(self.braking)) / math.cos(self.chamfer)
+        face = (narrow + drop * self.tangents[2]) / cos(self.chamfer)
         low = self.height - self.edge_drop_at(self.outer_radius)
         crest, braking = self.edge_cuts
         rooms = (
             (face, crest + braking),
-            (self.height / math.cos(self.traction), crest),
-            (low / math.cos(self.braking), braking),
+            (self.height / cos(self.traction), crest),
+            (low / cos(self.braking), braking),
         )
-        return max(0.0, min((length - LAND) / taken for length, taken in rooms))
+        return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
 
     @property
     def travel(self) -> float:
@@ -236,65 +268,196 @@ def section(dog: Dog) -> list[tuple[float, float]]:
     middle = 0.25 * dog.pitch
     edge = half - dog.edge_drop
     return [
-        (-middle - half * math.tan(dog.braking), -half),
-        (-middle + edge * math.tan(dog.braking), edge),
-        (middle - half * math.tan(dog.traction), half),
-        (middle + half * math.tan(dog.traction), -half),
+        (-middle - half * tan(dog.braking), -half),
+        (-middle + edge * tan(dog.braking), edge),
+        (middle - half * tan(dog.traction), half),
+        (middle + half * tan(dog.traction), -half),
     ]
 
 
-def _require_numbers(dog: Dog) -> None:
-    if dog.count != int(dog.count) or dog.count < 2:
-        rule = "a ring has a whole number of dogs of at least 2"
-        raise InputError(refusal("dog.count", dog.count, "", rule, "give a whole number"))
-    for name in _ANGLES:
-        angle = getattr(dog, name.removesuffix("_deg"))
-        if not 0.0 <= angle < math.radians(60.0):
-            rule = "it must be at least 0 and below 60 deg"
-            remedy = SCOPE if angle < 0.0 else "check the angle and that it is in degrees"
-            _refuse_value(name, angle, rule, remedy)
-    for name, (low, high) in LENGTHS.items():
-        length = getattr(dog, name.removesuffix("_mm"))
-        remedy = "check the length and that it is in millimetres"
-        require_between(f"dog.{name}", length / MM, low / MM, high / MM, remedy)
-    if dog.inner_diameter >= dog.outer_diameter:
-        rule = f"it must be below dog.outer_diameter_mm = {dog.outer_diameter * 1e3:.6g} mm"
-        _refuse_value("inner_diameter_mm", dog.inner_diameter, rule, "exchange or correct the two")
+class Dogs(Dog):
+    """Many dogs as one: every field is a number or an array (n,), and no shape is refused."""
+
+    __hash__ = object.__hash__
+    __eq__ = object.__eq__
+
+    def __post_init__(self) -> None:
+        self._keep_tangents()
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is such a dog, (n,) of bool."""
+        return reduce(and_, (kept for kept, *_ in _rules(self)))
 
 
-def _refuse_value(name: str, value: float, rule: str, remedy: str) -> None:
-    edge_value = from_si(name, value)
-    raise InputError(refusal(f"dog.{name}", edge_value, unit_of(name), rule, remedy))
+#: of a dog: whether it keeps a rule, and what refuses one that does not, with its arguments
+Rules = Iterator[tuple[bool, Callable[..., None], tuple[Any, ...]]]
 
 
-def _require_shape(dog: Dog) -> None:
-    tip = dog.tip_width_at(dog.inner_radius)
-    if tip <= 0.0:
-        rule = "the flanks must not meet below the tip (0 mm)"
-        remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
-        message = refusal("tip width at the inner radius", tip * 1e3, "mm", rule, remedy)
-        raise GeometryError(message)
-    if math.tan(dog.chamfer) * math.tan(dog.braking) >= 1.0:
-        total = (dog.chamfer + dog.braking) / DEG
-        rule = "face and braking flank meet below 90 deg only"
-        message = refusal("chamfer and braking angle", total, "deg", rule, "use smaller angles")
-        raise GeometryError(message)
-    low = dog.braking_flank_height
-    if low <= 0.5 * dog.height:
-        rule = f"the chamfer must leave more than half the height, {dog.height * 500:.4g} mm"
-        remedy = "use a smaller chamfer, more dogs or a higher dog"
-        message = refusal("height of the braking flank", low * 1e3, "mm", rule, remedy)
-        raise GeometryError(message)
-
-
-def _require_edges(dog: Dog) -> None:
-    if dog.edge_radius == 0.0:
-        return
-    radius, room = dog.edge_radius / MM, dog.edge_room / MM
-    if radius < SHARPEST / MM:
+def _rules(dog: Dog) -> Rules:
+    """List the rules of a dog's numbers, then of its shape."""
+    whole = (dog.count % 1 == 0) & (dog.count >= 2)
+    rule = "a ring has a whole number of dogs of at least 2"
+    yield whole, _refuse, (InputError, "dog.count", dog.count, "", rule, "give a whole number")
+    for name in ("chamfer", "traction", "braking"):
+        angle = getattr(dog, name)
+        yield (angle >= 0.0) & (angle < STEEP), _refuse_angle, (name, angle)
+    remedy = "check the length and that it is in millimetres"
+    for name, key, low, high in _BOUNDS:
+        length = getattr(dog, name) / MM
+        yield (length >= low) & (length <= high), require_between, (key, length, low, high, remedy)
+    yield dog.inner_diameter < dog.outer_diameter, _refuse_diameters, (dog,)
+    tip, slope, low = dog.tip_width_at(dog.inner_radius), dog.tangents, dog.braking_flank_height
+    rule = "the flanks must not meet below the tip (0 mm)"
+    remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
+    said: tuple[Any, ...] = (
+        GeometryError,
+        "tip width at the inner radius",
+        tip * 1e3,
+        "mm",
+        rule,
+        remedy,
+    )
+    yield tip > 0.0, _refuse, said
+    total, rule = (dog.chamfer + dog.braking) / DEG, "face and braking flank meet below 90 deg only"
+    said = (GeometryError, "chamfer and braking angle", total, "deg", rule, "use smaller angles")
+    yield slope[0] * slope[2] < 1.0, _refuse, said
+    yield low > 0.5 * dog.height, _refuse_chamfer, (dog, low)
+    if dog.edge_radius > 0.0:
+        radius, room = dog.edge_radius / MM, dog.edge_room / MM
         rule = f"an edge is sharp (0 mm) or at least {SHARPEST / MM:.4g} mm round"
-        raise InputError(refusal("dog.edge_radius_mm", radius, "mm", rule, "correct the radius"))
-    if radius > room:
-        rule = f"it must be at most {room:.4g} mm to leave {LAND / MM:.2g} mm of face and flanks"
-        remedy = "use a smaller radius, fewer dogs or wider tips"
-        raise GeometryError(refusal("dog.edge_radius_mm", radius, "mm", rule, remedy))
+        said = (InputError, "dog.edge_radius_mm", radius, "mm", rule, "correct the radius")
+        yield radius >= SHARPEST / MM, _refuse, said
+        yield radius <= room, _refuse_round, (radius, room)
+
+
+def _refuse_angle(name: str, angle: float) -> None:
+    remedy = SCOPE if angle < 0.0 else "check the angle and that it is in degrees"
+    rule = "it must be at least 0 and below 60 deg"
+    _refuse(InputError, f"dog.{name}_deg", from_si("_deg", angle), "deg", rule, remedy)
+
+
+def _refuse_diameters(dog: Dog) -> None:
+    rule = f"it must be below dog.outer_diameter_mm = {dog.outer_diameter * 1e3:.6g} mm"
+    inner = from_si("_mm", dog.inner_diameter)
+    _refuse(InputError, "dog.inner_diameter_mm", inner, "mm", rule, "exchange or correct the two")
+
+
+def _refuse_chamfer(dog: Dog, low: float) -> None:
+    rule = f"the chamfer must leave more than half the height, {dog.height * 500:.4g} mm"
+    remedy = "use a smaller chamfer, more dogs or a higher dog"
+    _refuse(GeometryError, "height of the braking flank", low * 1e3, "mm", rule, remedy)
+
+
+def _refuse_round(radius: float, room: float) -> None:
+    rule = f"it must be at most {room:.4g} mm to leave {LAND / MM:.2g} mm of face and flanks"
+    remedy = "use a smaller radius, fewer dogs or wider tips"
+    _refuse(GeometryError, "dog.edge_radius_mm", radius, "mm", rule, remedy)
+
+
+def _refuse(error: type[Exception], *said: Any) -> None:
+    raise error(refusal(*said))
+
+
+Flank = Literal["traction", "braking"]
+FLANKS: tuple[Flank, ...] = ("traction", "braking")
+
+
+def side_angle(dog: Dog, flank: Flank) -> float:
+    """Return the side angle of a flank, rad."""
+    return dog.traction if flank == "traction" else dog.braking
+
+
+@dataclass(frozen=True)
+class FlankContact:
+    """Part of a flank that touches at full depth.
+
+    Parameters
+    ----------
+    low, high : ends at the mean radius above the slot's floor, m.
+    area : projected on the plane through the axis, m2.
+    """
+
+    low: float
+    high: float
+    area: float
+
+    @property
+    def height(self) -> float:
+        """Height that touches at the mean radius, m; negative where nothing does."""
+        return self.high - self.low
+
+    def level(self, share: float) -> float:
+        """Return the height above the floor at a share of what touches, m."""
+        return self.low + share * self.height
+
+
+def tip_radius(dog: Dog, root_radius: float) -> float:
+    """Return the radius with which tip edges are made, m: their own, or that of the roots."""
+    return dog.edge_radius or root_radius
+
+
+def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
+    """Compute the part of two flanks that touches at full depth; ``root_radius`` in m."""
+    radii, cut = (dog.inner_radius, dog.mean_radius, dog.outer_radius), dog.edge_cuts
+    taken = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * cut[FLANKS.index(flank)]
+    drops = [dog.edge_drop_at(r) for r in radii] if flank == "braking" else [0.0, 0.0, 0.0]
+    inner, mean, outer = (drop + taken for drop in drops)
+    area = dog.radial_width * _mean_positive(dog.height - 2.0 * inner, dog.height - 2.0 * outer)
+    return FlankContact(mean, dog.height - mean, area)
+
+
+def crest_loss(dog: Dog, root_radius: float) -> float:
+    """Compute the height that the rounding takes from the crest, m.
+
+    Centre of the rounding on the bisector of the crest, its top a radius higher.
+    """
+    corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
+    half = corner + 0.5 * (dog.traction - dog.chamfer)
+    return root_radius * (math.sin(corner + middle) / math.sin(half) - 1.0)
+
+
+def crest_setback(dog: Dog, radius: float) -> float:
+    """Compute how far the ridge of a rounded crest stands behind the sharp one, m.
+
+    Along the circumference at the mean radius.
+    """
+    corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
+    half = corner + 0.5 * (dog.traction - dog.chamfer)
+    return radius * cos(corner + middle) / math.sin(half)
+
+
+def crest_cut(dog: Dog, root_radius: float) -> float:
+    """Compute the width of the face that the rounding of the crest takes, m."""
+    return root_radius * dog.edge_cuts[0]
+
+
+def root_radius_room(dog: Dog) -> float:
+    """Return the largest radius of roots for which fillets and roundings fit side by side, m.
+
+    On floor and face at the inner radius, where they are narrowest, on the traction flank,
+    and on the braking flank at the outer radius, where it is lowest. Widths are taken along
+    the circumference; ``sim.part`` has the same between planes. Roundings have the same
+    radius, or that of the dog's edges.
+    """
+    slope, _, braking = dog.tangents
+    narrow, low = dog.tip_width_at(dog.inner_radius), dog.edge_drop_at(dog.outer_radius)
+    face = (narrow + dog.edge_drop_at(dog.inner_radius) * braking) * hypot(1.0, slope)
+    # Over its radius a fillet takes along floor and flank, and a rounding along its sides:
+    fillets = [1.0 / tan(0.25 * math.pi + 0.5 * lean) for lean in (dog.traction, dog.braking)]
+    cuts = dog.edge_cuts
+    flanks = [dog.height / cos(dog.traction), (dog.height - low) / cos(dog.braking)]
+    rooms = [(narrow, sum(fillets))]
+    own = dog.edge_radius > 0.0
+    for length, fillet, cut in zip(flanks, fillets, cuts, strict=True):
+        rooms.append((length - dog.edge_radius * cut, fillet if own else fillet + cut))
+    if not own:
+        rooms.append((face, sum(cuts)))
+    return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
+
+
+def _mean_positive(a: float, b: float) -> float:
+    """Return the mean of the positive part of a line from ``a`` to ``b``."""
+    top, apart = largest(a, b, 0.0), abs(a - b)
+    part = 0.5 * top**2 / where(apart > 0.0, apart, 1.0)
+    return where(smallest(a, b) >= 0.0, 0.5 * (a + b), part)

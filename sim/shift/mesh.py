@@ -16,30 +16,266 @@ Contact needs one rigid and one compliant side:
   depth, and where two of them meet it is the smaller depth that counts. The body
   reaches beyond the dog inwards, outwards and below the root, half as far again
   from the apex as the dog itself: down to a third of the apex's depth the
-  pyramids of the three faces cover all that can be touched. Rounded edges add
-  prisms (``sim.shift.rounded``).
+  pyramids of the three faces cover all that can be touched.
+
+*Rounded edges.* A rounded edge is a cylinder about a straight line, since all edges are straight.
+Contact has it as planes that touch it, their normals at even angles :math:`\delta` between those of
+the two faces, so many that the edge stands out by at most
+:math:`\varrho(1/\cos\tfrac{\delta}{2} - 1) \le` ``DEVIATION``. All of them are equally deep below
+the cylinder's axis, as the two faces are. Depth below the least of all planes is therefore linear
+in prisms between each of them and the axis, and in pyramids from the apex below the three faces to
+whatever is left: the body's tetrahedra are cut along both. Drake takes the pressure of a vertex
+from its distance to the skin: on an axis that is the radius from one radius within the ends of the
+body on. Faces are triangulated from their lowest corner, so that neighbours share their triangles.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.planes import (
-    Plane,
-    Vertices,
-    dog_planes,
-    face_plane,
-    flank_line,
-    touching_planes,
+
+Vertices = NDArray[np.float64]  #: (n, 3), m
+DEVIATION = (
+    1e-6  #: m that planes stand out beyond the edge they touch; below a ground face's roughness
 )
-from dogshape.sim.shift.rounded import body, skin_lines, triangulated
+
+
+@dataclass(frozen=True)
+class Plane:
+    """Half-space ``normal . x <= offset`` with an outward unit normal (3,)."""
+
+    normal: NDArray[np.float64]
+    offset: float
+
+    def moved(self, distance: float) -> Plane:
+        """Return the plane moved outwards by ``distance``, m."""
+        return Plane(self.normal, self.offset + distance)
+
+
+def flank_line(dog: Dog, side: int) -> tuple[Vertices, Vertices]:
+    """Return directions along and across the radial line of a flank, each (3,).
+
+    ``side`` is +1 for the traction and -1 for the braking flank; the second
+    direction points out of the dog.
+    """
+    quarter = 0.25 * dog.pitch_angle
+    along = np.array([math.cos(quarter), side * math.sin(quarter), 0.0])
+    across = np.array([-math.sin(quarter), side * math.cos(quarter), 0.0])
+    return along, across
+
+
+def dog_planes(dog: Dog) -> dict[str, Plane]:
+    """Return the six planes that bound a dog: two flanks, face, root, inner, outer."""
+    half = 0.5 * dog.height
+    axis = np.array([0.0, 0.0, 1.0])
+    _, across_t = flank_line(dog, +1)
+    _, across_b = flank_line(dog, -1)
+    lean = {"traction": (across_t, dog.traction), "braking": (across_b, dog.braking)}
+    planes = {
+        name: Plane(math.cos(angle) * across + math.sin(angle) * axis, 0.0)
+        for name, (across, angle) in lean.items()
+    }
+    planes["face"] = face_plane(dog)
+    planes["root"] = Plane(-axis, half)
+    quarter = 0.25 * dog.pitch_angle
+    radial = np.array([1.0, 0.0, 0.0])
+    planes["inner"] = Plane(-radial, -dog.inner_radius * math.cos(quarter))
+    planes["outer"] = Plane(radial, dog.outer_radius)
+    return planes
+
+
+def face_plane(dog: Dog) -> Plane:
+    """Return the plane through the crest that falls by the chamfer towards braking."""
+    half = 0.5 * dog.height
+    _, across = flank_line(dog, +1)
+    crest = -half * math.tan(dog.traction) * across + np.array([0.0, 0.0, half])
+    normal = np.array([0.0, 0.0, math.cos(dog.chamfer)]) - math.sin(dog.chamfer) * across
+    return Plane(normal, float(normal @ crest))
+
+
+@dataclass(frozen=True)
+class Edge:
+    """Rounded edge of a dog.
+
+    Parameters
+    ----------
+    axis : point of the cylinder's axis, m, (3,).
+    direction : of the axis, outwards, (3,).
+    planes : that touch the cylinder between its two faces.
+    """
+
+    axis: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    planes: tuple[Plane, ...]
+
+
+def rounded_edges(dog: Dog) -> tuple[Edge, Edge]:
+    """Return crest and braking edge, both rounded with the edge radius."""
+    planes = dog_planes(dog)
+    pairs = pairwise([planes["traction"], planes["face"], planes["braking"]])
+    crest, braking = (_edge(first, last, dog.edge_radius) for first, last in pairs)
+    return crest, braking
+
+
+def edge_axis(first: Plane, last: Plane, radius: float) -> tuple[Vertices, Vertices]:
+    """Return point (3,) and outward direction (3,) of the axis that rounds the edge of two planes.
+
+    It is where both, moved in by the radius (m), meet; a negative radius fills the corner.
+    """
+    along = np.cross(first.normal, last.normal)
+    along *= math.copysign(1.0, along[0]) / float(np.linalg.norm(along))
+    offsets = np.array([first.offset - radius, last.offset - radius, 0.0])
+    return np.linalg.solve(np.array([first.normal, last.normal, along]), offsets), along
+
+
+def _edge(first: Plane, last: Plane, radius: float) -> Edge:
+    axis, along = edge_axis(first, last, radius)
+    arc = math.acos(float(first.normal @ last.normal))
+    widest = 2.0 * math.acos(radius / (radius + DEVIATION))
+    steps = max(2, math.ceil(arc / widest))
+    shares = np.arange(1, steps) / steps
+    before, after = np.sin((1.0 - shares) * arc), np.sin(shares * arc)
+    normals = (before[:, None] * first.normal + after[:, None] * last.normal) / math.sin(arc)
+    return Edge(axis, along, tuple(Plane(n, float(n @ axis) + radius) for n in normals))
+
+
+def touching_planes(dog: Dog) -> tuple[Plane, ...]:
+    """Return the planes that can touch: traction flank, face, braking flank.
+
+    Those of a rounded edge stand between its two faces.
+    """
+    planes = dog_planes(dog)
+    faces = planes["traction"], planes["face"], planes["braking"]
+    if dog.edge_radius == 0.0:
+        return faces
+    crest, edge = rounded_edges(dog)
+    return faces[0], *crest.planes, faces[1], *edge.planes, faces[2]
+
+
+Face = tuple[int, ...]
+
+
+def skin_lines(dog: Dog) -> Vertices:
+    """Return the lines between surfaces that can touch, (m + 1, 2, 3), braking root first.
+
+    They end as those of a sharp dog (``mesh.rigid_dog``), at inner and outer radius along the
+    radial line of their flank.
+    """
+    root = dog_planes(dog)["root"]
+    around = [root, *touching_planes(dog)[::-1], root]
+    braking = 2 + len(rounded_edges(dog)[1].planes)  # lines up to the face, on that side
+    found = []
+    for place, (first, last) in enumerate(pairwise(around)):
+        along, _ = flank_line(dog, -1 if place < braking else +1)
+        ends = [Plane(along, radius) for radius in (dog.inner_radius, dog.outer_radius)]
+        found.append([meeting(first, last, end) for end in ends])
+    return np.array(found)
+
+
+def meeting(*planes: Plane) -> Vertices:
+    """Return the point (3,) in which three planes meet."""
+    found: Vertices = np.linalg.solve(
+        np.array([plane.normal for plane in planes]), np.array([plane.offset for plane in planes])
+    )
+    return found
+
+
+def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, list[Face]]:
+    """Return vertices (n, 3) and tetrahedra of the body of a dog with rounded edges.
+
+    Parameters
+    ----------
+    skin : the planes of its root, inner and outer end.
+    apex : point equally deep below the three faces, m, (3,); the last vertex.
+    """
+    ends = (skin["inner"], skin["outer"])
+    around = [skin["root"], *touching_planes(dog), skin["root"]]
+    lines = [[meeting(a, b, end) for end in ends] for a, b in pairwise(around)]
+    edges = rounded_edges(dog)
+    axes = [_axis(edge, ends, dog.edge_radius) for edge in edges]
+    vertices = np.array([*(p for line in lines for p in line), *(p for a in axes for p in a), apex])
+    last, top = len(lines) - 1, len(vertices) - 1
+    crest, braking = 1 + len(edges[0].planes), last - 1 - len(edges[1].planes)
+    turns = (_Turn(1, crest, top - 8), _Turn(braking, last - 1, top - 4))
+    cells = [cell for turn in turns for cell in turn.prisms()]
+    strips = ((0, 1), (crest, braking), (last - 1, last), (last, 0))
+    left: list[Face] = [(*_line(one), *_line(other)[::-1]) for one, other in strips]
+    left += [face for turn in turns for face in turn.sides()]
+    for end in (0, 1):
+        one, two = (turn.axis + 3 * end for turn in turns)
+        root, foot, on_face, edge, low, floor = (
+            2 * line + end for line in (0, 1, crest, braking, last - 1, last)
+        )
+        left += [(root, foot, one), (one, on_face, edge, two), (two, low, floor)]
+        left.append((root, one, two, floor))
+    cells += [(*triangle, top) for face in left for triangle in triangulated(face)]
+    return vertices, cells
+
+
+def _axis(edge: Edge, ends: Sequence[Plane], radius: float) -> list[Vertices]:
+    """Return four points of an edge's axis: at the inner end, one radius within, so at the outer.
+
+    Those within are as far from the skin as the axis is below it.
+    """
+    inner, outer = ends
+    found = []
+    for end in (inner, inner.moved(-radius), outer.moved(-radius), outer):
+        way = (end.offset - end.normal @ edge.axis) / (end.normal @ edge.direction)
+        found.append(edge.axis + way * edge.direction)
+    return found
+
+
+@dataclass(frozen=True)
+class _Turn:
+    """Numbers of a rounded edge in a body: its first and last line, first vertex of its axis."""
+
+    first: int
+    last: int
+    axis: int
+
+    def prisms(self) -> list[Face]:
+        """Cut what lies between the planes of the edge and its axis into tetrahedra."""
+        cells: list[Face] = []
+        for line in range(self.first, self.last):
+            (corner, outer), (after, last) = _line(line), _line(line + 1)
+            faces = (self._side(line + 1), (outer, last, self.axis + 2))
+            cells += [(*t, corner) for face in faces for t in triangulated(face)]
+            cells.append((corner, after, self.axis, self.axis + 1))
+            cells.append((outer, last, self.axis + 2, self.axis + 3))
+        return cells
+
+    def sides(self) -> list[Face]:
+        """Return the faces between the axis and the ends of both faces that meet in the edge."""
+        found: list[Face] = []
+        for line in (self.first, self.last):
+            inner, outer = _line(line)
+            found += [self._side(line), (inner, self.axis, self.axis + 1)]
+            found.append((outer, self.axis + 2, self.axis + 3))
+        return found
+
+    def _side(self, line: int) -> Face:
+        return (*_line(line), self.axis + 2, self.axis + 1)
+
+
+def _line(line: int) -> tuple[int, int]:
+    return 2 * line, 2 * line + 1
+
+
+def triangulated(face: Sequence[int]) -> list[tuple[int, int, int]]:
+    """Cut a convex face into triangles from its lowest corner, the same on both sides of it."""
+    start = face.index(min(face))
+    first, *others = *face[start:], *face[:start]
+    return [(first, a, b) for a, b in pairwise(others)]
+
 
 Cells = NDArray[np.int64]  #: (m, 3) triangles or (m, 4) tetrahedra
 Quad = tuple[int, int, int, int]
@@ -67,12 +303,7 @@ _HEXAHEDRON = list(itertools.product(("braking", "traction"), ("root", "face"), 
 
 def corners(planes: dict[str, Plane]) -> Vertices:
     """Return the eight corners (8, 3) of the body between six planes."""
-    points = []
-    for names in _HEXAHEDRON:
-        normals = np.array([planes[name].normal for name in names])
-        offsets = np.array([planes[name].offset for name in names])
-        points.append(np.linalg.solve(normals, offsets))
-    return np.array(points)
+    return np.array([meeting(*(planes[name] for name in names)) for names in _HEXAHEDRON])
 
 
 def rigid_dog(dog: Dog) -> Mesh:
@@ -153,7 +384,7 @@ def compliant_dog(dog: Dog) -> Mesh:
     """Return one dog as twelve tetrahedra: its skin in triangles, joined to the apex.
 
     Few and large cells are right here: the pressure is linear in each, so a finer
-    mesh has the same field and only costs more. Rounded edges add prisms (``sim.shift.rounded``).
+    mesh has the same field and only costs more. Rounded edges add prisms (``sim.shift.mesh``).
     """
     apex, _ = pressure_apex(dog)
     reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)

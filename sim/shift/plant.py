@@ -1,4 +1,4 @@
-"""The clutch as a Drake multibody plant.
+r"""The clutch as a Drake multibody plant.
 
 World frame: z along the shaft, median plane of the output ring at z = 0. The
 sliding ring is turned over about x and starts at z = travel; its prismatic
@@ -7,65 +7,213 @@ joint runs towards the output ring, its revolute joint turns about z.
 All dogs see the same contact as long as the rings stay coaxial. So one dog on
 the sliding ring, with mass, inertia and force divided by N, moves as N dogs
 do; it meets the whole output ring, whose body carries 1/N of its inertia.
+Masses and forces of a mechanism are divided by N, too.
 
 Friction, as Drake's modes treat it: with an explicit scheme the continuous
 plant knows the dynamic coefficient alone and the law
 ``mu (2/pi) atan(v / stiction_velocity)``; with ``cenic`` it falls from the static to
 the dynamic one about ten stiction velocities. ``solver_for`` chooses by the set.
+
+Friction of the spline needs the contact's torque on the sliding ring. Drake's contact port
+evaluates the law of its continuous plant, with the dynamic coefficient alone. ``cenic`` moves the
+rings by another one, so with that scheme the torque comes from Drake's contact surfaces: over each
+triangle with area *A*, normal *n* into the ring and pressure *p* at the centroid
+
+.. math:: f = A\,p\,(1 - D\,v_n)_+ \left(n - \mu(s)\,v_t/\sqrt{v_s^2 + v_t^2}\right), \qquad
+   \mu(s) = \mu_d + (\mu_s - \mu_d)\,\tfrac12 \left(1 - g(s - 10)/g(10)\right)
+
+with the ring's velocity against the other one, :math:`v_n = v \cdot n`, the slip :math:`v_t`,
+:math:`s = v_t/v_s` and :math:`g(x) = x/\sqrt{1 + x^2}`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
+from collections.abc import Set as AbstractSet
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydrake import geometry as geo
 from pydrake.common import MemoryFile
-from pydrake.geometry import (
-    AddCompliantHydroelasticProperties,
-    AddContactMaterial,
-    AddRigidHydroelasticProperties,
-    Box,
-    CollisionFilterDeclaration,
-    GeometrySet,
-    InMemoryMesh,
-    ProximityProperties,
-)
-from pydrake.geometry import Mesh as MeshShape
+from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
+from pydrake.multibody import tree
 from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     ContactModel,
     CoulombFriction,
-)
-from pydrake.multibody.tree import (
-    PrismaticJoint,
-    RevoluteJoint,
-    RigidBody,
-    SpatialInertia,
-    UnitInertia,
+    MultibodyPlant,
 )
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import DiagramBuilder
+from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.linkage import (
-    ACTUATOR,
-    BEHIND,
-    OUTPUT,
-    SHIFT,
-    SLIDING,
-    add_actuator,
-    add_behind,
-    add_forces,
-    shafts_of,
-)
+from dogshape.sim.shift.contact import ContactSet
 from dogshape.sim.shift.mechanism import Shaft
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 from dogshape.sim.shift.release import release
+
+Floats = NDArray[np.float64]
+
+#: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
+ACTUATOR, SHIFT, SLIDING, OUTPUT = "actuator", "shift", "sliding", "output"
+BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joints of what is behind a ring's shaft
+
+
+def shafts_of(clutch: Clutch) -> dict[str, Shaft]:
+    """Return the shafts that give way, by the joint of their ring."""
+    rings, mechanism = clutch.rings, clutch.mechanism
+    sides = {
+        SLIDING: mechanism.input_side(rings.sliding_inertia),
+        OUTPUT: mechanism.output_side(rings.output_inertia),
+    }
+    return {joint: shaft for joint, shaft in sides.items() if shaft is not None}
+
+
+class _Forces(LeafSystem):  # type: ignore[misc]
+    """Forces of the actuators from the shift force, the state and the contact's torque."""
+
+    def __init__(self, plant: MultibodyPlant, clutch: Clutch, share: int) -> None:
+        super().__init__()
+        rings, mechanism = clutch.rings, clutch.mechanism
+        self._mechanism, self._share = mechanism, share
+        self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
+        radius = clutch.dog.mean_radius
+        self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia) * share
+        places = plant.num_positions()
+        joint = {n: plant.GetJointByName(n) for n in (SHIFT, SLIDING)}
+        self._way, self._turn = (joint[n].position_start() for n in (SHIFT, SLIDING))
+        self._rate = places + joint[SHIFT].velocity_start()
+        self._dragged = BEHIND[SLIDING] if mechanism.ring_inertia > 0.0 else SLIDING
+        self._spin = self._places(plant, self._dragged)[1]
+        self._torque = joint[SLIDING].velocity_start()
+        self._contact_set = clutch.contact
+        ring = plant.GetBodyByName("sliding_ring")
+        self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
+        self._ring_rate, self._output_rate = (
+            self._places(plant, name)[1] for name in (SLIDING, OUTPUT)
+        )
+        if self._linkage is not None:
+            actuator = plant.GetJointByName(ACTUATOR)
+            self._far = actuator.position_start()
+            self._far_rate = places + actuator.velocity_start()
+        self._shafts = [
+            (ring, shaft, self._places(plant, ring), self._places(plant, BEHIND[ring]))
+            for ring, shaft in shafts_of(clutch).items()
+        ]
+        order = [
+            plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices()
+        ]
+        self._slots = {name: order.index(name) for name in order}
+        self.push = self.DeclareVectorInputPort("push", BasicVector(1))
+        self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
+        self.contact = None
+        self.shapes = None
+        if mechanism.spline_friction > 0.0 and mechanism.ring_inertia == 0.0:
+            if clutch.solver.scheme == "cenic":
+                self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
+            else:
+                self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
+        self.DeclareVectorOutputPort("forces", BasicVector(len(order)), self._calculate)
+
+    @staticmethod
+    def _places(plant: MultibodyPlant, joint: str) -> tuple[int, int]:
+        """Find the places of a joint's angle and of its rate in the state."""
+        found = plant.GetJointByName(joint)
+        return found.position_start(), plant.num_positions() + found.velocity_start()
+
+    def _contact_torque(self, context: Context, state: list[float]) -> float:
+        """Compute the contact's torque on one modelled sliding dog, N m; 0 where none is needed."""
+        if self.shapes is not None:
+            turn = state[self._ring_rate] - state[self._output_rate]
+            surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
+                geo.HydroelasticContactRepresentation.kTriangle
+            )
+            speed = state[self._rate]
+            return ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
+        if self.contact is not None:
+            return float(self.contact.Eval(context)[self._torque])
+        return 0.0
+
+    def _calculate(self, context: Context, output: BasicVector) -> None:
+        state = self.state.Eval(context).tolist()
+        push = float(self.push.Eval(context)[0])
+        torque = self._contact_torque(context, state) * self._spline
+        mechanism, share = self._mechanism, self._share
+        drive, slots = push, self._slots
+        forces = [0.0] * len(slots)
+        for ring, shaft, (angle, rate), (far, far_rate) in self._shafts:
+            twist = shaft.torque(state[far] - state[angle], state[far_rate] - state[rate])
+            forces[slots[ring]] += twist / share
+            forces[slots[BEHIND[ring]]] -= twist / share
+            if ring == SLIDING:
+                torque = twist
+        if self._linkage is not None:
+            stretch = state[self._far] - state[self._way]
+            rate = state[self._far_rate] - state[self._rate]
+            drive = mechanism.pull(stretch, rate, *self._linkage) / share
+            forces[slots[ACTUATOR]] = push - drive
+        held = mechanism.resistance(state[self._way], state[self._rate], torque)
+        forces[slots[SHIFT]] = drive - held / share
+        forces[slots[self._dragged]] -= mechanism.drag(state[self._spin]) / share
+        output.SetFromVector(forces)
+
+
+def ring_torque(
+    surfaces: Sequence[geo.ContactSurface],
+    dogs: AbstractSet[geo.GeometryId],
+    turn: float,
+    speed: float,
+    contact: ContactSet,
+) -> float:
+    """Compute the torque of contact surfaces on the sliding ring by the law of ``cenic``, N m.
+
+    Parameters
+    ----------
+    surfaces : of the dogs and of the stop, as triangles.
+    dogs : geometries of the sliding ring.
+    turn : sliding less output speed, rad/s.
+    speed : of the sliding ring into engagement, m/s.
+    contact : coefficients, stiction velocity and dissipation.
+    """
+    torque = 0.0
+    for surface in surfaces:
+        if surface.id_M() not in dogs and surface.id_N() not in dogs:
+            continue  # the stop behind the ring
+        mesh, field = surface.tri_mesh_W(), surface.tri_e_MN()
+        faces = range(mesh.num_elements())
+        x, y, _ = np.array([mesh.element_centroid(face) for face in faces]).T
+        into = 1.0 if surface.id_M() in dogs else -1.0
+        normal = into * np.array([mesh.face_normal(face) for face in faces])
+        load = np.array([mesh.area(f) * field.Evaluate(f, _MIDDLE) for f in faces])
+        velocity = np.column_stack([-turn * y, turn * x, np.full(len(x), -speed)])
+        parting = np.sum(velocity * normal, axis=1)
+        across = velocity - parting[:, None] * normal
+        load *= np.maximum(1.0 - contact.dissipation * parting, 0.0)
+        rub = _friction_over_slip(np.linalg.norm(across, axis=1), contact)
+        force = load[:, None] * (normal - rub[:, None] * across)
+        torque += float(np.sum(x * force[:, 1] - y * force[:, 0]))
+    return torque
+
+
+_MIDDLE = np.full(3, 1.0 / 3.0)  # of a triangle, in barycentric coordinates
+
+
+def _friction_over_slip(slip: Floats, contact: ContactSet) -> Floats:
+    """Compute the coefficient of friction by ``cenic`` over the slip, s/m; slip in m/s, (n,)."""
+    static, dynamic = contact.static_friction, contact.dynamic_friction
+    ratio = slip / contact.stiction_velocity
+    late = ratio - 10.0
+    fall = late / np.sqrt(1.0 + late * late) * math.hypot(1.0, 10.0) / 10.0
+    coefficient = dynamic + 0.5 * (static - dynamic) * (1.0 - fall)
+    found: Floats = coefficient / (contact.stiction_velocity * np.sqrt(1.0 + ratio * ratio))
+    return found
+
 
 _AXIS = np.array([0.0, 0.0, 1.0])
 
@@ -86,10 +234,14 @@ class ClutchPlant:
         self._add_output_ring()
         self._add_stop(self._add_sliding_ring())
         if clutch.mechanism.has_linkage:
-            add_actuator(self.plant, clutch, self.share, -_AXIS)
+            mass = clutch.mechanism.actuator_mass(clutch.rings.mass) / self.share
+            shape = tree.UnitInertia.SolidSphere(0.01)
+            self._add_apart(ACTUATOR, mass, shape, tree.PrismaticJoint, "actuator_force")
         shafts = shafts_of(clutch)
         for ring, shaft in shafts.items():
-            add_behind(self.plant, ring, shaft, self.share, _AXIS)
+            name, shape = BEHIND[ring], tree.UnitInertia(0.5, 0.5, 1.0)
+            far = shaft.far / self.share
+            self._add_apart(name, far, shape, tree.RevoluteJoint, f"{name}_torque")
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
@@ -98,8 +250,7 @@ class ClutchPlant:
         self.state_size = len(self._order)  #: numbers of a state
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
-            scene = self.plant, self._scene_graph
-            add_forces(builder, scene, clutch, self.share, self._force)
+            self._add_forces(builder)
         else:
             port = self.plant.get_actuation_input_port()
             builder.Connect(self._force.get_output_port(), port)
@@ -167,24 +318,44 @@ class ClutchPlant:
         self._order = [found.get(k, found[same.get(k, k)]) for k in range(size)]
         return found
 
+    def _add_apart(
+        self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str
+    ) -> None:
+        """Add a body on a joint that has the body's name; it touches nothing."""
+        plant, axis = self.plant, -_AXIS if name == ACTUATOR else _AXIS
+        body = plant.AddRigidBody(name, tree.SpatialInertia(mass, np.zeros(3), shape))
+        joint = joint_type(name, plant.world_frame(), body.body_frame(), axis, damping=0.0)
+        plant.AddJointActuator(actuator, plant.AddJoint(joint))
+
+    def _add_forces(self, builder: DiagramBuilder) -> None:
+        plant, forces = self.plant, builder.AddSystem(_Forces(self.plant, self.clutch, self.share))
+        builder.Connect(self._force.get_output_port(), forces.push)
+        builder.Connect(plant.get_state_output_port(), forces.state)
+        if forces.shapes is not None:
+            builder.Connect(self._scene_graph.get_query_output_port(), forces.shapes)
+        elif forces.contact is not None:
+            world = plant.GetBodyByName("carriage").model_instance()
+            builder.Connect(plant.get_generalized_contact_forces_output_port(world), forces.contact)
+        builder.Connect(forces.get_output_port(), plant.get_actuation_input_port())
+
     def _add_output_ring(self) -> None:
         clutch, plant = self.clutch, self.plant
         shaft = shafts_of(clutch).get(OUTPUT)
         inertia = (clutch.rings.output_inertia if shaft is None else shaft.near) / self.share
         body = plant.AddRigidBody("output_ring", _ring_inertia(1.0 / self.share, inertia))
         joint = plant.AddJoint(
-            RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
+            tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
         )
         if OUTPUT in shafts_of(clutch):
             plant.AddJointActuator("output_torque", joint)
         surface = ring_of(clutch.dog, rigid_dog(clutch.dog))
-        properties = ProximityProperties()
-        AddRigidHydroelasticProperties(properties)
+        properties = geo.ProximityProperties()
+        geo.AddRigidHydroelasticProperties(properties)
         self._add_contact(properties)
         shape = _in_memory(to_obj(surface), ".obj")
         plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "output_dogs", properties)
 
-    def _add_stop(self, carriage: RigidBody) -> None:
+    def _add_stop(self, carriage: tree.RigidBody) -> None:
         """Set a stop behind the sliding ring: a plate on its carriage meets a fixed one.
 
         Without friction, as stiff as all faces on each other and with a
@@ -195,16 +366,18 @@ class ClutchPlant:
         side, thick = 10e-3, 5e-3
         behind = 10.0 * dog.height
         faces = dog.count * dog.tip_width * dog.radial_width / self.share
-        plate, fixed = ProximityProperties(), ProximityProperties()
+        plate, fixed = geo.ProximityProperties(), geo.ProximityProperties()
         modulus = self.clutch.contact.stiffness * faces / side**2 * (0.5 * thick)
-        AddCompliantHydroelasticProperties(side, modulus, plate)
-        AddRigidHydroelasticProperties(side, fixed)
+        geo.AddCompliantHydroelasticProperties(side, modulus, plate)
+        geo.AddRigidHydroelasticProperties(side, fixed)
         for properties in (plate, fixed):
-            AddContactMaterial(dissipation=100.0, friction=CoulombFriction(), properties=properties)
+            geo.AddContactMaterial(
+                dissipation=100.0, friction=CoulombFriction(), properties=properties
+            )
         middle = behind + 0.5 * thick
         far = middle + thick + self.clutch.rebound
-        shape, wall = Box(side, side, thick), Box(2 * side, 2 * side, thick)
-        dogs = GeometrySet(
+        shape, wall = geo.Box(side, side, thick), geo.Box(2 * side, 2 * side, thick)
+        dogs = geo.GeometrySet(
             [
                 geometry
                 for name in ("output_ring", "sliding_ring")
@@ -217,10 +390,12 @@ class ClutchPlant:
         still = plant.RegisterCollisionGeometry(
             plant.world_body(), RigidTransform(np.array([0, 0, far])), wall, "stop", fixed
         )
-        apart = CollisionFilterDeclaration().ExcludeBetween(dogs, GeometrySet([moving, still]))
+        apart = geo.CollisionFilterDeclaration().ExcludeBetween(
+            dogs, geo.GeometrySet([moving, still])
+        )
         self._scene_graph.collision_filter_manager().Apply(apart)
 
-    def _add_sliding_ring(self) -> RigidBody:
+    def _add_sliding_ring(self) -> tree.RigidBody:
         """Add both bodies of the sliding ring and return the one that does not turn.
 
         Its frame starts at the origin of the world, one travel from its dogs.
@@ -235,17 +410,17 @@ class ClutchPlant:
         start = RigidTransform([0.0, 0.0, clutch.dog.travel])
         damping = clutch.mechanism.damping / self.share
         world, frame = plant.world_frame(), carriage.body_frame()
-        joint = plant.AddJoint(PrismaticJoint(SHIFT, world, frame, -_AXIS, damping=damping))
+        joint = plant.AddJoint(tree.PrismaticJoint(SHIFT, world, frame, -_AXIS, damping=damping))
         turning = plant.AddJoint(
-            RevoluteJoint(SLIDING, frame, body.body_frame(), _AXIS, damping=0.0)
+            tree.RevoluteJoint(SLIDING, frame, body.body_frame(), _AXIS, damping=0.0)
         )
         plant.AddJointActuator("shift_force", joint)
         if clutch.mechanism.has_forces:
             plant.AddJointActuator("drag_torque", turning)
         one = compliant_dog(clutch.dog)
-        properties = ProximityProperties()
+        properties = geo.ProximityProperties()
         modulus = clutch.contact.stiffness * pressure_apex(clutch.dog)[1]
-        AddCompliantHydroelasticProperties(1.0, modulus, properties)
+        geo.AddCompliantHydroelasticProperties(1.0, modulus, properties)
         self._add_contact(properties)
         turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start.translation())
         count = clutch.dog.count if clutch.solver.all_dogs else 1
@@ -256,22 +431,22 @@ class ClutchPlant:
             plant.RegisterCollisionGeometry(body, pose, shape, f"dog_{index}", properties)
         return carriage
 
-    def _add_contact(self, properties: ProximityProperties) -> None:
+    def _add_contact(self, properties: geo.ProximityProperties) -> None:
         contact = self.clutch.contact
         friction = CoulombFriction(contact.static_friction, contact.dynamic_friction)
-        AddContactMaterial(
+        geo.AddContactMaterial(
             dissipation=contact.dissipation, friction=friction, properties=properties
         )
 
 
-def _in_memory(text: str, extension: str) -> MeshShape:
-    return MeshShape(InMemoryMesh(mesh_file=MemoryFile(text.encode(), extension, "dog")), 1.0)
+def _in_memory(text: str, extension: str) -> geo.Mesh:
+    return geo.Mesh(geo.InMemoryMesh(mesh_file=MemoryFile(text.encode(), extension, "dog")), 1.0)
 
 
-def _ring_inertia(mass: float, polar: float) -> SpatialInertia:
+def _ring_inertia(mass: float, polar: float) -> tree.SpatialInertia:
     """Return the inertia of a thin ring; only mass and polar inertia act here."""
     unit = polar / mass
-    return SpatialInertia(mass, np.zeros(3), UnitInertia(0.5 * unit, 0.5 * unit, unit))
+    return tree.SpatialInertia(mass, np.zeros(3), tree.UnitInertia(0.5 * unit, 0.5 * unit, unit))
 
 
 def _trajectory(profile: ForceProfile, share: int) -> PiecewisePolynomial:

@@ -19,7 +19,9 @@ from scipy.integrate import solve_ivp
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch
 
-LAST = 0.99  #: share of the time-out from which on a ring that was never let go is looked at
+LATEST_RELEASE = (
+    0.99  #: share of the time-out from which on a ring that was never let go is looked at
+)
 
 
 @dataclass(frozen=True)
@@ -44,19 +46,13 @@ def release(clutch: Clutch, profile: ForceProfile) -> Release:
         return Release(*np.zeros((3, 1)))
     if mechanism.has_linkage:
         return _loaded(clutch, profile)
-    return Release(np.array([0.0, _reached(clutch, profile)]), np.zeros(2), np.zeros(2))
-
-
-def _reached(clutch: Clutch, profile: ForceProfile) -> float:
-    """Find the time at which the shift force reaches the friction, s."""
-    low, high = 0.0, LAST * clutch.timeout
-    friction = clutch.mechanism.friction
-    if profile.at(high) < friction:
-        return high
+    low, high = 0.0, LATEST_RELEASE * clutch.timeout
+    if profile.at(high) < mechanism.friction:
+        low = high
     while high - low > 1e-6:
         middle = 0.5 * (low + high)
-        low, high = (middle, high) if profile.at(middle) < friction else (low, middle)
-    return low
+        low, high = (middle, high) if profile.at(middle) < mechanism.friction else (low, middle)
+    return Release(np.array([0.0, low]), np.zeros(2), np.zeros(2))
 
 
 def _loaded(clutch: Clutch, profile: ForceProfile) -> Release:
@@ -73,7 +69,7 @@ def _loaded(clutch: Clutch, profile: ForceProfile) -> Release:
         return float(mechanism.pull(way, speed, *linkage)) - mechanism.friction
 
     loose.terminal = True  # type: ignore[attr-defined]
-    span = (0.0, LAST * clutch.timeout)
+    span = (0.0, LATEST_RELEASE * clutch.timeout)
     run = solve_ivp(
         motion, span, [0.0, 0.0], events=loose, rtol=1e-5, atol=1e-9, max_step=0.01 * span[1]
     )

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.statistics.shift_records import (

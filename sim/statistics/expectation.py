@@ -60,7 +60,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 
 Phases = NDArray[np.float64]
 

@@ -11,9 +11,9 @@ from collections.abc import Iterable
 from typing import Any
 
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Outcome, depends_on_clock
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS
-from dogshape.sim.shift.outcome import Outcome, depends_on_clock
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
 from dogshape.sim.units import DEG, MM, RPM

@@ -48,7 +48,7 @@ class Rule:
 
 @dataclass(frozen=True)
 class Check:
-    """Value against limit, both in the unit of ``rule``."""
+    """Value against limit, both in the unit of ``rule``; of many designs arrays (n,)."""
 
     rule: Rule
     value: float
@@ -68,7 +68,7 @@ class Check:
     def margin(self) -> float:
         """Distance to the limit over the limit; negative when the check fails."""
         left = self.limit - self.value if self.rule.at_most else self.value - self.limit
-        return left / abs(self.limit) if self.limit else left
+        return left / (abs(self.limit) + (self.limit == 0.0))  # over 1 where the limit is 0
 
     @property
     def utilisation(self) -> float:

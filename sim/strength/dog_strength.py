@@ -1,10 +1,13 @@
 r"""Strength of a dog by closed forms, and everything that a design is checked against.
 
-- flank pressure :math:`p = F/A`, *A* the area that touches (``sim.shift.flank``)
+- flank pressure :math:`p = F/A`, *A* the area that touches (``sim.shift.geometry``)
 - root bending: local tension :math:`\sigma` in the fillet (``sim.strength.notch``) with the load at
   the load height, against the static bending strength of the case, 2.5 times its endurance
-- a rim behind the root thinner than 1.2 heights raises the stress of the root
-  (``sim.strength.rim``)
+- thin rims: behind a root that the ring does not hold, the root also bends with the rim; below a
+  thickness :math:`s_R` of 1.2 heights *h* its stress is raised by :math:`Y_B = 1.6 \ln(2.242\,
+  h/s_R)` (ISO 6336-3, rim thickness factor, external teeth); below half a height the rim breaks
+  through itself, and wants finite elements. The rule is of spur gears, whose rim closes round the
+  teeth; behind dogs it is a plate that a hub holds at one edge (an assumption)
 - shear :math:`\tau = 1.5 F/(b s)`, *s* the width at the root (parabola over a rectangle)
 - equivalent stress of the core :math:`\sqrt{\sigma_c^2 + 3 \tau^2}` against its proof stress, below
   the case of depth *t*: with notch factor *K* and nominal :math:`\sigma_n`,
@@ -15,7 +18,7 @@ r"""Strength of a dog by closed forms, and everything that a design is checked a
   against static strength and yield stress of the case; with a number of strikes against fatigue too
 - fatigue: :math:`\sigma` against :math:`\sigma_{F,lim} Y_{ST} Y_{NT} Y_M / S_F`
   (``sim.strength.materials``) for one load cycle a shift, or Miner's sum over a load spectrum
-  (``sim.strength.life``)
+  (``sim.strength.materials``)
 - misuse: the abuse torque is carried once, so it meets the static limits alone
 
 Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternating load).
@@ -26,11 +29,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 
-from dogshape.sim.shift.flank import FLANKS, Flank, flank_contact
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.elementwise import each, hypot, largest, log, sqrt, where
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact
 from dogshape.sim.strength.checks import Check, Rule, feasible
-from dogshape.sim.strength.life import reserve
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
@@ -38,9 +41,14 @@ from dogshape.sim.strength.manufacture import (
     manufacturing_checks,
     tip_core_check,
 )
-from dogshape.sim.strength.materials import ENDURANCE_CYCLES, MATERIALS, STATIC_CYCLES, Material
+from dogshape.sim.strength.materials import (
+    ENDURANCE_CYCLES,
+    MATERIALS,
+    STATIC_CYCLES,
+    Material,
+    reserve,
+)
 from dogshape.sim.strength.notch import Load, notch_factor, root_nominal, root_tension
-from dogshape.sim.strength.rim import rim_checks, rim_factor
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.strength.tolerance import (
     Spread,
@@ -49,10 +57,11 @@ from dogshape.sim.strength.tolerance import (
     contact_check,
     losses,
 )
-from dogshape.sim.units import MPA
+from dogshape.sim.units import MM, MPA
 
 #: m2 that a flank is taken to touch with at least, so that any design has a finite pressure.
-LEAST_AREA = 1e-8
+SMALLEST_AREA = 1e-8
+THICK, THINNEST = 1.2, 0.5  #: heights of a rim: no effect above, no formula below
 
 
 @dataclass(frozen=True)
@@ -102,14 +111,6 @@ class Limits:
         return self.material.endurance(cycles) * load.reversal / load.safety_fatigue
 
 
-def flank_pressure(dog: Dog, limits: Limits, flank: Flank) -> float:
-    """Return the mean pressure on a flank, Pa."""
-    # The allowable is of flanks that carry for life: misuse, which comes once, is not in it.
-    torque = limits.load.design_torque * limits.load.share_of(flank)
-    area = flank_contact(dog, limits.root_radius, flank).area
-    return limits.load.force_per_dog(dog, flank, torque) / max(area, LEAST_AREA)
-
-
 def root_stress(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> float:
     """Return the tension in the fillet below a flank, Pa; under its static torque by default."""
     tension = root_tension(dog, limits.root_radius, root_load(dog, limits, flank, torque))
@@ -120,6 +121,14 @@ def root_load(dog: Dog, limits: Limits, flank: Flank, torque: float | None = Non
     """Return the load of the most loaded dog on a flank; under its static torque by default."""
     level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
     return Load(limits.load.force_per_dog(dog, flank, torque), flank, level)
+
+
+def rim_factor(dog: Dog, limits: ManufacturingLimits) -> float:
+    """Return the factor by which a thin rim raises the stress of the root, at least 1."""
+    if limits.rim is None:
+        return 1.0
+    thin = largest(1.0, 1.6 * log(2.242 * dog.height / limits.rim))
+    return where(limits.rim >= THICK * dog.height, 1.0, thin)
 
 
 def fatigue(
@@ -134,38 +143,45 @@ def fatigue(
     load = limits.load
     if not load.spectrum:
         torques = {f: load.design_torque * load.share_of(f) for f in FLANKS}
-        tension = max(
+        tensions = [
             static[f]
             if static and torque == load.static_torque(f)
             else root_stress(dog, limits, f, torque)
             for f, torque in torques.items()
-        )
-        return tension, limits.fatigue_stress
+        ]
+        return largest(*tensions), limits.fatigue_stress
     found = []
     endurance = limits.endurance(ENDURANCE_CYCLES)
     for flank, sign in zip(FLANKS, (1.0, -1.0), strict=True):
-        classes = [
-            (root_stress(dog, limits, flank, sign * share * load.design_torque), cycles)
-            for share, cycles in load.spectrum
-            if sign * share > 0.0
-        ]
-        if classes:
-            factor = reserve(limits.material, [(s / endurance, n) for s, n in classes])
-            found.append((factor, max(stress for stress, _ in classes)))
-    factor, tension = min(found)
+        loads = [(sign * share, cycles) for share, cycles in load.spectrum if sign * share > 0.0]
+        if loads:
+            stresses = [root_stress(dog, limits, flank, s * load.design_torque) for s, _ in loads]
+            bears = partial(reserve, limits.material, [cycles for _, cycles in loads])
+            factor = each(bears, *(stress / endurance for stress in stresses))
+            found.append((factor, largest(*stresses)))
+    (factor, tension), *others = found
+    for second, stress in others:
+        worse = (second < factor) | ((second == factor) & (stress < tension))
+        factor, tension = where(worse, second, factor), where(worse, stress, tension)
     return tension, factor * tension
 
 
 @dataclass(frozen=True)
 class Root:
-    """Root of a dog below a flank under its static torque.
+    """Flank and root of a dog, stresses in Pa; but for ``pressure`` under the static torque.
 
-    ``nominal`` is the tension without the notch, Pa, ``notch`` and ``rim`` the factors on it, and
-    ``below`` the share of the notch that is left below the case.
+    Parameters
+    ----------
+    pressure : mean pressure on the flank under the design torque.
+    nominal : tension without the notch.
+    shear : largest shear stress.
+    notch, rim : factors on the tension.
+    below : share of the notch that is left below the case.
     """
 
-    load: Load
+    pressure: float
     nominal: float
+    shear: float
     notch: float
     rim: float
     below: float
@@ -180,38 +196,34 @@ class Root:
         """Tension below the case, Pa."""
         return self.nominal * (1.0 + (self.notch - 1.0) * self.below) * self.rim
 
+    @property
+    def equivalent(self) -> float:
+        """Equivalent stress of the core, Pa."""
+        return hypot(self.core, math.sqrt(3.0) * self.shear)
+
 
 def root_of(dog: Dog, limits: Limits, flank: Flank) -> Root:
-    """Compute what the static torque of a flank does to its root."""
-    radius, load = limits.root_radius, root_load(dog, limits, flank)
+    """Compute what the torque of a flank does to it and to its root."""
+    radius, case = limits.root_radius, limits.load
+    contact = flank_contact(dog, radius, flank)
+    load = Load(case.force_per_dog(dog, flank), flank, contact.level(case.load_height))
+    # The allowable is of flanks that carry for life: misuse, which comes once, is not in it.
+    lasting = case.force_per_dog(dog, flank, case.design_torque * case.share_of(flank))
     depth = 1.0 + limits.material.case_depth / radius
     return Root(
-        load,
+        lasting / largest(contact.area, SMALLEST_AREA),
         root_nominal(dog, load),
+        1.5 * load.force / (dog.radial_width * dog.root_width),
         notch_factor(dog, radius, flank),
         rim_factor(dog, limits.manufacturing),
         (depth**-2 + 3.0 * depth**-4) / 4.0,
     )
 
 
-def core_stress(dog: Dog, limits: Limits, flank: Flank) -> float:
-    """Return the tension at the root below the case, Pa."""
-    return root_of(dog, limits, flank).core
-
-
-def shear_stress(dog: Dog, load: LoadCase, flank: Flank = "traction") -> float:
-    """Return the largest shear stress of the root, Pa."""
-    return _shear(dog, load.force_per_dog(dog, flank))
-
-
-def _shear(dog: Dog, force: float) -> float:
-    return 1.5 * force / (dog.radial_width * dog.root_width)
-
-
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
     """Return the torque of a strike on a flank, N m."""
     stiffness = dog.count * limits.load.stiffness(dog) * dog.mean_radius**2
-    return strike.torque(strike.speed(flank), stiffness)
+    return each(strike.torque, strike.speed(flank), stiffness)
 
 
 def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
@@ -221,13 +233,13 @@ def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> floa
     """
     torque = strike_torque(dog, limits, strike, flank)
     equal = torque / (dog.mean_radius * dog.count)
-    return equal / math.sqrt(limits.load.blow(dog, equal))
+    return equal / sqrt(limits.load.blow(dog, equal))
 
 
 def strength_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
-    """Return every check of a design that needs no simulation.
+    """Return every check of a design, or of ``Dogs``, that needs no simulation.
 
-    Values and limits are in the unit that each check names.
+    Values and limits are in the unit that each check names, of ``Dogs`` numbers or arrays (n,).
     """
     return tuple(check for group in _GROUPS for check in group(dog, limits))
 
@@ -258,51 +270,31 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
 _RULES = {
     name: Rule(name, "load", meaning, formula, source, "MPa", key, True)
     for name, meaning, formula, source, key in (
-        *(
-            (
-                f"flank_pressure_{flank}",
-                f"mean pressure on the {flank} flank",
-                "F/A, A what touches at full depth",
-                "DIN 5466-1; limit of the material set",
-                "material.allowable_pressure_MPa",
-            )
-            for flank in FLANKS
-        ),
-        *(
-            (
-                f"root_bending_{flank}",
-                f"tension in the fillet below the loaded {flank} flank",
-                "notch factor times nominal root stress, load at the load height",
-                "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3",
-                "material.bending_endurance_MPa",
-            )
-            for flank in FLANKS
-        ),
-        (
-            "shear_stress",
-            "shear stress of the root",
-            "1.5 F/(b s)",
-            "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
-            "material.proof_stress_MPa",
-        ),
-        (
-            "equivalent_stress",
-            "equivalent stress of the core at the root, the worse flank",
-            "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
-            "von Mises; limit: proof stress of the core over safety",
-            "material.proof_stress_MPa",
-        ),
-        (
-            "root_fatigue",
-            "tension in the fillet, the worse flank, over the shifts of the life",
-            "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue",
-            "ISO 6336-3, ISO 6336-5",
-            "load.shifts",
-        ),
+        *((f"flank_pressure_{flank}", f"mean pressure on the {flank} flank",
+           "F/A, A what touches at full depth", "DIN 5466-1; limit of the material set",
+           "material.allowable_pressure_MPa") for flank in FLANKS),
+        *((f"root_bending_{flank}", f"tension in the fillet below the loaded {flank} flank",
+           "notch factor times nominal root stress, load at the load height",
+           "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3",
+           "material.bending_endurance_MPa") for flank in FLANKS),
+        ("shear_stress", "shear stress of the root", "1.5 F/(b s)",
+         "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
+         "material.proof_stress_MPa"),
+        ("equivalent_stress", "equivalent stress of the core at the root, the worse flank",
+         "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
+         "von Mises; limit: proof stress of the core over safety", "material.proof_stress_MPa"),
+        ("root_fatigue", "tension in the fillet, the worse flank, over the shifts of the life",
+         "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue",
+         "ISO 6336-3, ISO 6336-5", "load.shifts"),
     )
-}
+}  # fmt: skip
 
-
+_RULES["rim"] = Rule(
+    "rim", "load",
+    "thickness of the ring behind the roots; below 1.2 heights it raises the stress of the root",
+    "manufacturing.rim_mm against 0.5 h; root stress times Y_B = 1.6 ln(2.242 h/rim)",
+    "ISO 6336-3, rim thickness factor, whose range ends there", "mm", "dog.height_mm", False,
+)  # fmt: skip
 _SPECTRUM_RULE = replace(
     _RULES["root_fatigue"],
     meaning="tension in the fillet, the worse flank, at the largest torque of the load spectrum",
@@ -316,12 +308,12 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     # Thousands of designs are checked, each at every deviation: what they share is found once.
     roots = {flank: root_of(dog, limits, flank) for flank in FLANKS}
     tension = {flank: root.tension for flank, root in roots.items()}
-    shears = {flank: _shear(dog, root.load.force) for flank, root in roots.items()}
-    equivalent = max(math.hypot(roots[f].core, math.sqrt(3.0) * shears[f]) for f in FLANKS)
-    shear, allowable = max(shears.values()), limits.allowable_stress
+    shear = largest(*(root.shear for root in roots.values()))
+    equivalent = largest(*(root.equivalent for root in roots.values()))
+    allowable = limits.allowable_stress
     pressure = limits.material.allowable_pressure
     rows = (
-        *((f"flank_pressure_{f}", flank_pressure(dog, limits, f), pressure) for f in FLANKS),
+        *((f"flank_pressure_{f}", roots[f].pressure, pressure) for f in FLANKS),
         *((f"root_bending_{f}", tension[f], limits.static_root_stress) for f in FLANKS),
         ("shear_stress", shear, allowable / math.sqrt(3.0)),
         ("equivalent_stress", equivalent, allowable),
@@ -330,24 +322,23 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
     lasting, endured = fatigue(dog, limits, tension)
     rule = _SPECTRUM_RULE if limits.load.spectrum else _RULES["root_fatigue"]
     made.append(Check(rule, lasting / MPA, endured / MPA))
-    return (*made, *rim_checks(dog, limits.manufacturing))
+    rim = limits.manufacturing.rim
+    if rim is not None:
+        made.append(Check(_RULES["rim"], rim / MM, THINNEST * dog.height / MM))
+    return tuple(made)
 
 
+_STRIKE_SOURCE = "two-mass impact coupled through the shafts (Rao); limit: "
 _STRIKE_ROOT = Rule(
-    "flank_strike_root",
-    "load",
-    "tension in the fillet when flanks strike, the worse flank",
+    "flank_strike_root", "load", "tension in the fillet when flanks strike, the worse flank",
     "as root bending, F = T/(r N sqrt(K_l)); T = sum |k D q/omega| over the modes of ring, wheel "
     "and shafts, or nu w sqrt(k J) of a second strike",
-    "two-mass impact coupled through the shafts (Rao); limit: static strength, ISO 6336-3",
-    "MPa",
-    "material.bending_endurance_MPa",
-    True,
-)
+    f"{_STRIKE_SOURCE}static strength, ISO 6336-3", "MPa", "material.bending_endurance_MPa", True,
+)  # fmt: skip
 _STRIKE_LIFE = replace(
     _STRIKE_ROOT,
-    source="two-mass impact coupled through the shafts (Rao); limit: static strength, or less "
-    "where the strikes of the life allow less, ISO 6336-3",
+    source=f"{_STRIKE_SOURCE}static strength, or less where the strikes of the life allow less, "
+    "ISO 6336-3",
     key="strike.strikes",
 )
 _STRIKE_FLANK = replace(
@@ -355,8 +346,7 @@ _STRIKE_FLANK = replace(
     name="flank_strike_flank",
     meaning="mean pressure on the flank when flanks strike, the worse flank",
     formula="F/A, F as in flank_strike_root",
-    source="two-mass impact coupled through the shafts (Rao); limit: yield stress of the case, "
-    "HV/3, over safety",
+    source=f"{_STRIKE_SOURCE}yield stress of the case, HV/3, over safety",
     key="material.surface_hardness_HV",
 )
 
@@ -372,8 +362,8 @@ def strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         contact = flank_contact(dog, limits.root_radius, flank)
         load = Load(force, flank, contact.level(limits.load.load_height))
         rim = rim_factor(dog, limits.manufacturing)
-        tension = max(tension, root_tension(dog, limits.root_radius, load) * rim)
-        pressure = max(pressure, force / max(contact.area, LEAST_AREA))
+        tension = largest(tension, root_tension(dog, limits.root_radius, load) * rim)
+        pressure = largest(pressure, force / largest(contact.area, SMALLEST_AREA))
     root = limits.static_root_stress
     if strike.strikes is not None:
         root = min(root, limits.endurance(strike.strikes))

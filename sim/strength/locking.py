@@ -33,67 +33,53 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 
-from dogshape.sim.shift.flank import FLANKS, Flank, side_angle
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.elementwise import arctan, largest, tan
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import DEG
 
-_SOURCE = "Jasny et al. 2019, with the static coefficient"
-
-_RELEASE = {
-    "chamfer_release": "chamfer, which slides from rest above the friction angle",
-    "traction_release": "traction flank, which is self-locking below the friction angle",
-    "braking_release": "braking flank, which is self-locking below the friction angle",
-}
 _RULES = {
     name: Rule(
-        name,
-        "lock",
-        meaning,
-        "angle against arctan of the static coefficient",
-        _SOURCE,
-        "deg",
-        "load.friction_release",
-        False,
+        name, "lock", meaning, "angle against arctan of the static coefficient",
+        "Jasny et al. 2019, with the static coefficient", "deg", "load.friction_release", False,
     )
-    for name, meaning in _RELEASE.items()
+    for name, meaning in {
+        "chamfer_release": "chamfer, which slides from rest above the friction angle",
+        **{
+            f"{flank}_release": f"{flank} flank, which is self-locking below the friction angle"
+            for flank in FLANKS
+        },
+    }.items()
 } | {
     f"separating_force_{flank}": Rule(
-        f"separating_force_{flank}",
-        "lock",
+        f"separating_force_{flank}", "lock",
         f"axial force that the {flank} flank puts on the blocking mechanism",
         "K_A T/r tan(side angle - rho), rho = arctan of the low dynamic coefficient",
         "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)",
-        "N",
-        "load.separating_force_limit_N",
-        True,
+        "N", "load.separating_force_limit_N", True,
     )
     for flank in FLANKS
-}
+}  # fmt: skip
 PULL_OUT_RULE = Rule(
-    "pull_out_force",
-    "lock",
+    "pull_out_force", "lock",
     "axial force that pulls the ring out under the rated torque, the worse flank; below 0 it comes "
     "by itself",
     "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
     "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the largest shift force "
-    "of the operating points",
-    "N",
-    "load.pull_out_force_limit_N",
-    True,
-)
+    "of the operating points", "N", "load.pull_out_force_limit_N", True,
+)  # fmt: skip
 
 
 def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float:
     """Return the axial force of a flank under ``torque`` (N m), N; positive separates."""
-    return torque / dog.mean_radius * math.tan(angle - math.atan(friction))
+    return torque / dog.mean_radius * tan(angle - arctan(friction))
 
 
 def release_angle(dog: Dog, load: LoadCase) -> float:
     """Return the least side angle of a flank that lets go by itself, rad."""
     spline = load.spline_friction * dog.mean_radius / load.spline_radius
-    return math.atan(load.friction_release) + math.atan(spline)
+    return arctan(load.friction_release) + arctan(spline)
 
 
 def pull_out_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
@@ -141,7 +127,7 @@ def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
     )
     if load.pull_out_force_limit is None:
         return checks
-    pull = max(pull_out_force(dog, load, flank) for flank in FLANKS)
+    pull = largest(*(pull_out_force(dog, load, flank) for flank in FLANKS))
     return (*checks, Check(PULL_OUT_RULE, pull, load.pull_out_force_limit))
 
 

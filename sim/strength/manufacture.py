@@ -9,8 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dogshape.sim.errors import GeometryError, require_between
-from dogshape.sim.shift.flank import root_radius_room
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, root_radius_room
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import MM
 
@@ -61,83 +60,49 @@ class ManufacturingLimits:
             require_between("manufacturing.rim_mm", self.rim / MM, 0.1, 1000.0, remedy)
 
 
+_NARROW = "use fewer or lower dogs or smaller side angles"
+_LOW_FLANK = "use a smaller chamfer, more dogs or a higher dog"
+#: By check: rule, and what helps a shape that breaks it.
 _RULES = {
-    name: Rule(name, "make", meaning, formula, source, unit, f"manufacturing.{key}", at_most)
-    for name, meaning, formula, source, unit, key, at_most in (
-        (
-            "tip_width",
-            "width of the tip at the inner radius",
-            "pitch angle r_i/2 - h (tan beta + tan gamma)/2",
-            "handling and distortion in hardening (assumption)",
-            "mm",
-            "tip_width_mm",
-            False,
-        ),
-        (
-            "slot_width",
-            "width of the slot's floor at the inner radius",
-            "pitch at r_i less the root width there",
-            "smallest cutter (assumption)",
-            "mm",
-            "slot_width_mm",
-            False,
-        ),
-        (
-            "cutter_reach",
-            "depth of the slot over the width of its floor",
-            "h over the slot's width at the inner radius",
-            "reach of a short end mill, three diameters (assumption)",
-            "",
-            "cutter_reach",
-            True,
-        ),
-        (
-            "flank_height",
-            "height of the braking flank at the outer radius, where it is lowest",
-            "h - d, d depth of the face at its edge there",
-            "keeps a flank on the side that brakes (assumption)",
-            "mm",
-            "flank_height_mm",
-            False,
-        ),
-        (
-            "root_radius",
-            "largest root radius that fits into slot and tip",
-            "two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
-            "geometry; wear of the cutter sets the limit (assumption)",
-            "mm",
-            "root_radius_mm",
-            False,
-        ),
-        (
-            "edge_clearance",
-            "radius of the tip edges, which meet the root fillets of the other ring",
-            "R of the edges, at least that of the roots",
-            "geometry: a ball that fits into the tip fits into the slot",
-            "mm",
-            "root_radius_mm",
-            False,
-        ),
-        (
-            "chamfer_share",
-            "depth of the face at its edge over the height of the dog",
-            "d/h",
-            "leaves a flank of two thirds (assumption)",
-            "",
-            "chamfer_share",
-            True,
-        ),
-        (
-            "module",
-            "mean diameter over the number of dogs",
-            "2 r/N",
-            "distortion in hardening (assumption)",
-            "mm",
-            "module_mm",
-            False,
-        ),
+    name: (Rule(name, "make", what, formula, source, unit, f"manufacturing.{key}", at_most), help)
+    for name, unit, key, at_most, what, formula, source, help in (
+        ("tip_width", "mm", "tip_width_mm", False, "width of the tip at the inner radius",
+         "pitch angle r_i/2 - h (tan beta + tan gamma)/2",
+         "handling and distortion in hardening (assumption)", _NARROW),
+        ("slot_width", "mm", "slot_width_mm", False,
+         "width of the slot's floor at the inner radius",
+         "pitch at r_i less the root width there", "smallest cutter (assumption)", _NARROW),
+        ("cutter_reach", "", "cutter_reach", True, "depth of the slot over the width of its floor",
+         "h over the slot's width at the inner radius",
+         "reach of a short end mill, three diameters (assumption)", _NARROW),
+        ("flank_height", "mm", "flank_height_mm", False,
+         "height of the braking flank at the outer radius, where it is lowest",
+         "h - d, d depth of the face at its edge there",
+         "keeps a flank on the side that brakes (assumption)", _LOW_FLANK),
+        ("root_radius", "mm", "root_radius_mm", False,
+         "largest root radius that fits into slot and tip",
+         "two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
+         "geometry; wear of the cutter sets the limit (assumption)",
+         "use a smaller radius, fewer dogs, or a smaller chamfer"),
+        ("edge_clearance", "mm", "root_radius_mm", False,
+         "radius of the tip edges, which meet the root fillets of the other ring",
+         "R of the edges, at least that of the roots",
+         "geometry: a ball that fits into the tip fits into the slot",
+         "use a larger dog.edge_radius_mm, or smaller root fillets"),
+        ("chamfer_share", "", "chamfer_share", True,
+         "depth of the face at its edge over the height of the dog", "d/h",
+         "leaves a flank of two thirds (assumption)", _LOW_FLANK),
+        ("module", "mm", "module_mm", False, "mean diameter over the number of dogs", "2 r/N",
+         "distortion in hardening (assumption)", "use fewer dogs or a larger diameter"),
     )
-}
+}  # fmt: skip
+TIP_CORE_RULE = Rule(
+    "tip_core", "make", "soft core of the tip at the inner radius",
+    "width of the tip less a case depth from either side",
+    "a tip hardened through chips; limit an assumption", "mm", "manufacturing.tip_core_mm", False,
+)  # fmt: skip
+#: Checks that a dog must pass to be made at all.
+MAKEABLE = tuple(_RULES)
 
 
 def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, ...]:
@@ -145,35 +110,24 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
     inner = dog.inner_radius
     slot = dog.pitch_angle * inner - dog.root_width_at(inner)
     lowest = dog.height - dog.edge_drop_at(dog.outer_radius)
-    edges: tuple[Check, ...] = ()
-    if dog.edge_radius > 0.0:
-        edges = (_length("edge_clearance", dog.edge_radius, limits.root_radius),)
-    return (
-        _length("tip_width", dog.tip_width_at(inner), limits.tip_width),
-        _length("slot_width", slot, limits.slot_width),
-        Check(_RULES["cutter_reach"], dog.height / slot, limits.cutter_reach),
-        _length("flank_height", lowest, limits.flank_height),
-        _length("root_radius", root_radius_room(dog), limits.root_radius),
-        *edges,
-        Check(_RULES["chamfer_share"], dog.edge_drop / dog.height, limits.chamfer_share),
-        _length("module", 2.0 * dog.mean_radius / dog.count, limits.module),
+    lengths = {
+        "tip_width": (dog.tip_width_at(inner), limits.tip_width),
+        "slot_width": (slot, limits.slot_width),
+        "flank_height": (lowest, limits.flank_height),
+        "root_radius": (root_radius_room(dog), limits.root_radius),
+        "edge_clearance": (dog.edge_radius, limits.root_radius),
+        "module": (2.0 * dog.mean_radius / dog.count, limits.module),
+    }
+    rows = {name: (value / MM, limit / MM) for name, (value, limit) in lengths.items()} | {
+        "cutter_reach": (dog.height / slot, limits.cutter_reach),
+        "chamfer_share": (dog.edge_drop / dog.height, limits.chamfer_share),
+    }
+    sharp = dog.edge_radius == 0.0
+    return tuple(
+        Check(rule, *rows[name])
+        for name, (rule, _) in _RULES.items()
+        if not (sharp and name == "edge_clearance")
     )
-
-
-def _length(name: str, value: float, limit: float) -> Check:
-    return Check(_RULES[name], value / MM, limit / MM)
-
-
-TIP_CORE_RULE = Rule(
-    "tip_core",
-    "make",
-    "soft core of the tip at the inner radius",
-    "width of the tip less a case depth from either side",
-    "a tip hardened through chips; limit an assumption",
-    "mm",
-    "manufacturing.tip_core_mm",
-    False,
-)
 
 
 def tip_core_check(dog: Dog, limits: ManufacturingLimits, case_depth: float) -> Check:
@@ -182,26 +136,10 @@ def tip_core_check(dog: Dog, limits: ManufacturingLimits, case_depth: float) -> 
     return Check(TIP_CORE_RULE, core / MM, limits.tip_core / MM)
 
 
-#: Checks that a dog must pass to be made at all.
-MAKEABLE = tuple(_RULES)
-
-#: What helps a shape that breaks a rule.
-_REMEDIES = {
-    "tip_width": "use fewer or lower dogs or smaller side angles",
-    "slot_width": "use fewer or lower dogs or smaller side angles",
-    "cutter_reach": "use fewer or lower dogs or smaller side angles",
-    "flank_height": "use a smaller chamfer, more dogs or a higher dog",
-    "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
-    "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
-    "chamfer_share": "use a smaller chamfer, more dogs or a higher dog",
-    "module": "use fewer dogs or a larger diameter",
-}
-
-
 def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
     """Raise GeometryError with the first rule that the dog breaks."""
     for check in manufacturing_checks(dog, limits):
         if not check.passed:
             raise GeometryError(
-                f"{check.fault} to be made; {_REMEDIES[check.name]}, or change {check.rule.key}."
+                f"{check.fault} to be made; {_RULES[check.name][1]}, or change {check.rule.key}."
             )

@@ -25,11 +25,26 @@ allowable pressure
     Mean pressure of a flank that does not slide under load: 100 to 200 MPa for hard fixed
     splines (DIN 5466-1 and its commentary); 0.7 of that for the thin case of nitriding,
     0.8 for the softer one of induction hardening (assumptions).
+
+*Load spectrum.* Damage of the root is summed after Miner. A load that the root endures
+:math:`N(\sigma)` times uses up :math:`1/N` of its life. The classes of a spectrum, :math:`n_i`
+cycles of the stress :math:`\sigma_i`, use up
+
+.. math:: D = \sum_i n_i / N(\sigma_i), \qquad
+   N = 3 \cdot 10^6\,(\sigma/\sigma_{3 \cdot 10^6})^{-1/x},
+
+*x* being the slope of the life factor :math:`Y_{NT}`. A stress beyond
+the static strength is borne by none. Small loads damage on the flat slope that Y_NT has beyond 3e6
+cycles, with no end to it (on the safe side). The margin is the factor on all loads at which *D* is
+1.
+
+Source: ISO 6336-6 (damage of a spectrum); one class alone is the check of ISO 6336-3.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dogshape.sim.errors import InputError, did_you_mean, require_between
@@ -104,65 +119,27 @@ class Material:
 
 
 MATERIALS: dict[str, Material] = {
-    material.name: material
-    for material in (
-        Material(
-            "16MnCr5",
-            "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
-            "ISO 6336-5 MQ, lowest core hardness",
-            735.0 * MPA,
-            430.0 * MPA,
-            2.5,
-            200.0 * MPA,
-            700.0,
-            0.4 * MM,
-        ),
-        Material(
-            "20MnCr5",
-            "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
-            "ISO 6336-5 MQ, middle core hardness",
-            930.0 * MPA,
-            461.0 * MPA,
-            2.5,
-            200.0 * MPA,
-            700.0,
-            0.4 * MM,
-        ),
-        Material(
-            "18CrNiMo7-6",
-            "case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
-            "MPa; ISO 6336-5 MQ, core of 30 HRC and more",
-            835.0 * MPA,
-            500.0 * MPA,
-            2.5,
-            200.0 * MPA,
-            720.0,
-            0.4 * MM,
-        ),
-        Material(
-            "42CrMo4",
-            "quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
-            "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root",
-            900.0 * MPA,
-            369.0 * MPA,
-            2.5,
-            160.0 * MPA,
-            600.0,
-            1.0 * MM,
-        ),
-        Material(
-            "31CrMoV9",
-            "quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
-            "ISO 6336-5 MQ, nitriding steel",
-            900.0 * MPA,
-            420.0 * MPA,
-            1.6,
-            140.0 * MPA,
-            750.0,
-            0.3 * MM,
-        ),
+    name: Material(
+        name, source, proof * MPA, bending * MPA, static, pressure * MPA, hardness, depth * MM
     )
-}
+    for name, proof, bending, static, pressure, hardness, depth, source in (
+        ("16MnCr5", 735.0, 430.0, 2.5, 200.0, 700.0, 0.4,
+         "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1030-1370 MPa; "
+         "ISO 6336-5 MQ, lowest core hardness"),
+        ("20MnCr5", 930.0, 461.0, 2.5, 200.0, 700.0, 0.4,
+         "case-hardened; core: UNI 7846 test blanks of 11 mm, Rm 1230-1570 MPa; "
+         "ISO 6336-5 MQ, middle core hardness"),
+        ("18CrNiMo7-6", 835.0, 500.0, 2.5, 200.0, 720.0, 0.4,
+         "case-hardened; core: DIN 17210 (as 17CrNiMo6) test blanks of 11 mm, Rm 1180-1430 "
+         "MPa; ISO 6336-5 MQ, core of 30 HRC and more"),
+        ("42CrMo4", 900.0, 369.0, 2.5, 160.0, 600.0, 1.0,
+         "quenched and tempered, flanks and root induction-hardened; ISO 683-2 up to 16 mm, "
+         "Rm 1100-1300 MPa; ISO 6336-5 MQ, hardened root"),
+        ("31CrMoV9", 900.0, 420.0, 1.6, 140.0, 750.0, 0.3,
+         "quenched and tempered, gas-nitrided; ISO 683-5 up to 40 mm, Rm 1100-1300 MPa; "
+         "ISO 6336-5 MQ, nitriding steel"),
+    )
+}  # fmt: skip
 
 
 def material_of(name: str) -> Material:
@@ -171,3 +148,54 @@ def material_of(name: str) -> Material:
         hint = did_you_mean(name, MATERIALS)
         raise InputError(f"material.set is '{name}', which is not a material set; {hint}")
     return MATERIALS[name]
+
+
+def cycles_endured(material: Material, strength: float) -> float:
+    """Compute how many cycles leave sound a root of so much of the endurance at 3e6 cycles.
+
+    ``strength`` is the stress over that endurance. 0 beyond the static strength.
+    """
+    if strength <= 0.0:
+        return math.inf
+    if strength > material.static_factor * (1.0 + 1e-12):  # the end of the slope belongs to it
+        return 0.0
+    low, end = ENDURANCE_CYCLES / STATIC_CYCLES, material.static_factor
+    if strength <= 1.0:
+        low, end = LONG_CYCLES / ENDURANCE_CYCLES, 1.0 / LONG_FACTOR
+    slope = math.log(end) / math.log(low)
+    exponent = -math.log(strength) / slope if slope > 0.0 else -math.inf
+    return ENDURANCE_CYCLES * math.exp(min(exponent, 600.0))
+
+
+def damage(material: Material, classes: Sequence[tuple[float, float]]) -> float:
+    """Sum the damage of (stress over the endurance at 3e6 cycles, cycles)."""
+    total = 0.0
+    for strength, cycles in classes:
+        endured = cycles_endured(material, strength)
+        total += cycles / endured if endured > 0.0 else math.inf
+    return total
+
+
+def reserve(material: Material, cycles: Sequence[float], *strengths: float) -> float:
+    """Find the factor on all stresses at which the damage is 1; inf where there is no load.
+
+    ``strengths`` are the stresses of classes over the endurance at 3e6 cycles.
+    """
+    classes, peak = [*zip(strengths, cycles, strict=True)], max(strengths, default=0.0)
+    if peak <= 0.0:
+        return math.inf
+
+    # Bisection: scipy.optimize takes half a second to load, which a quick check does not have.
+    high = material.static_factor / peak
+    low, bears = 0.0, _bears(material, classes, high)
+    while not bears and high - low > 1e-12 * high:
+        middle = 0.5 * (low + high)
+        if _bears(material, classes, middle):
+            low = middle
+        else:
+            high = middle
+    return high
+
+
+def _bears(material: Material, classes: Sequence[tuple[float, float]], factor: float) -> bool:
+    return damage(material, [(factor * stress, cycles) for stress, cycles in classes]) <= 1.0

@@ -39,9 +39,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from dogshape.sim.elementwise import largest, smallest, sqrt, tan
 from dogshape.sim.errors import require_between
-from dogshape.sim.shift.flank import Flank, side_angle
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, Flank, side_angle
 from dogshape.sim.units import DEG, MM
 
 
@@ -86,15 +86,15 @@ MISES_FACTOR = 0.93
 
 def root_nominal(dog: Dog, load: Load, by: Tension = TENSION) -> float:
     """Return the tension at the root on the loaded side without the notch, Pa."""
-    width, lean = dog.root_width, math.tan(side_angle(dog, load.flank))
+    width, lean = dog.root_width, tan(side_angle(dog, load.flank))
     arm = 0.5 * width - load.lever * lean
     nominal = (
         6.0 * load.lever / width**2
-        + by.near / math.sqrt(width * load.lever)
-        - by.axial * lean * max(0.0, 6.0 * arm / width**2 + 1.0 / width)
+        + by.near / sqrt(width * load.lever)
+        - by.axial * lean * largest(0.0, 6.0 * arm / width**2 + 1.0 / width)
     )
     # However steep the flank, a third of the bending stays.
-    return load.force / dog.radial_width * max(nominal, 2.0 * load.lever / width**2)
+    return load.force / dog.radial_width * largest(nominal, 2.0 * load.lever / width**2)
 
 
 def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION) -> float:
@@ -107,8 +107,8 @@ def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION
 
 def notch_factor(dog: Dog, root_radius: float, flank: Flank, by: Tension = TENSION) -> float:
     """Return the tension in the fillet over the nominal one, at least 1."""
-    lean = min(math.tan(side_angle(dog, flank)), STEEPEST)
-    return max(1.0, _notch(dog, root_radius, by) * (1.0 + by.lean * lean))
+    lean = smallest(tan(side_angle(dog, flank)), STEEPEST)
+    return largest(1.0, _notch(dog, root_radius, by) * (1.0 + by.lean * lean))
 
 
 def outside_fit(dog: Dog, root_radius: float) -> list[str]:
@@ -137,10 +137,10 @@ def mises_opposite(dog: Dog, root_radius: float, load: Load, by: Pressed = PRESS
     other = side_angle(dog, "braking" if load.flank == "traction" else "traction")
     nominal = (
         6.0 * load.lever / width**2
-        + by.near / math.sqrt(width * load.lever)
-        + by.axial * math.tan(loaded) / width
+        + by.near / sqrt(width * load.lever)
+        + by.axial * tan(loaded) / width
     )
-    notch = by.scale * _notch(dog, root_radius, TENSION) * (1.0 + by.lean * math.tan(other))
+    notch = by.scale * _notch(dog, root_radius, TENSION) * (1.0 + by.lean * tan(other))
     return load.force / dog.radial_width * notch * nominal
 
 
@@ -151,6 +151,6 @@ def root_mises(dog: Dog, root_radius: float, load: Load) -> float:
 
 def _notch(dog: Dog, root_radius: float, by: Tension) -> float:
     require_between("root_radius_mm", root_radius / MM, 0.01, 10.0, "correct the fillet")
-    sharp = 1.0 + by.notch * math.pow(dog.root_width / root_radius, by.sharpness)
-    length = min(dog.radial_width / dog.root_width, LONGEST)
+    sharp = 1.0 + by.notch * (dog.root_width / root_radius) ** by.sharpness
+    length = smallest(dog.radial_width / dog.root_width, LONGEST)
     return sharp * (1.0 + by.spread * length)

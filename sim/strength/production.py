@@ -27,12 +27,11 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.uncertainty import Distribution, Values
 from dogshape.sim.strength.dog_strength import Limits, keeps_limits
-from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.sharing import neighbour_share
+from dogshape.sim.strength.load_case import LoadCase, neighbour_share
 from dogshape.sim.strength.tolerance import Tolerances, moved
 
 DRAWS = 500
-FIRST = 100  #: of the draws, that a search looks at before the rest
+FIRST_DRAWS = 100  #: of the draws, that a search looks at before the rest
 SEED = 20261124
 SIGMAS = 3.0  #: standard deviations of a dimension in its tolerance
 #: all dimensions: each keeps its column of the draws, whatever has no tolerance
@@ -67,7 +66,7 @@ def surely_below(dog: Dog, limits: Limits, friction: Distribution | None, least:
     It ends with the last failure that may be, so that a search refuses poor designs at once.
     """
     allowed, failed = (1.0 - least) * DRAWS, 0
-    for kept in islice(_draws(dog, limits, friction), FIRST):
+    for kept in islice(_draws(dog, limits, friction), FIRST_DRAWS):
         failed += not kept
         if failed > allowed:
             return True

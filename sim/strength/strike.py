@@ -38,7 +38,7 @@ With an output shaft it is too little for one chain in fifty, by up to 1.8 times
 thrown back by its own shaft, too. Shafts have no damping here.
 
 That is for dogs alike. What their scatter makes of the force on one is as in a landing
-(``sim.strength.sharing``). Sources: Rao, *Mechanical Vibrations*, chapter 6 (modes of undamped
+(``sim.strength.load_case``). Sources: Rao, *Mechanical Vibrations*, chapter 6 (modes of undamped
 chains); Johnson, *Contact Mechanics*, 1985, chapter 11 (restitution).
 """
 
@@ -50,7 +50,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.errors import InputError, refusal, require_between
-from dogshape.sim.shift.flank import FLANKS, Flank
+from dogshape.sim.shift.geometry import FLANKS, Flank
 from dogshape.sim.units import DEG, RPM
 
 RESTITUTION = 0.25  #: that the default contact leaves at 0.2 m/s; less at higher speed

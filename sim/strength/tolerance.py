@@ -15,13 +15,13 @@ precision-forged dogs (assumptions).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+from dogshape.sim.elementwise import key, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, InputError, did_you_mean, require_between
-from dogshape.sim.shift.flank import FLANKS, flank_contact
-from dogshape.sim.shift.geometry import SHARPEST, Dog
+from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import DEG, MM
 
@@ -104,12 +104,12 @@ def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tupl
     Raises GeometryError where that is no dog. An angle or length stops at zero, the root
     radius at ``SHARPEST``.
     """
-    off = {
-        name: max(0.0, getattr(dog, name) + deviation)
+    off: dict[str, Any] = {
+        name: largest(0.0, getattr(dog, name) + deviation)
         for name, deviation in deviations.items()
         if name != "root_radius"
     }
-    radius = max(SHARPEST, root_radius + deviations.get("root_radius", 0.0))
+    radius = largest(SHARPEST, root_radius + deviations.get("root_radius", 0.0))
     return replace(dog, **off), radius
 
 
@@ -124,24 +124,25 @@ def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values)
     def fall(signs: Mapping[str, float]) -> list[float]:
         deviations = {name: sign * sizes[name] for name, sign in signs.items()}
         try:
-            there = values(*moved(dog, root_radius, deviations))
+            shape, radius = moved(dog, root_radius, deviations)
+            there, possible = values(shape, radius), shape.possible
         except DogshapeError:
             return [math.inf] * len(nominal)
-        return [here - off for here, off in zip(nominal, there, strict=True)]
+        fallen = [here - off for here, off in zip(nominal, there, strict=True)]
+        return fallen if possible is True else [where(possible, by, math.inf) for by in fallen]
 
     # Of each dimension the falls of all values on either side.
     falls = {name: [fall({name: side}) for side in SIDES] for name in sizes}
-    corners: dict[tuple[float, ...], list[float]] = {}
+    corners: dict[tuple[Hashable, ...], list[float]] = {}
     found = []
     for i in range(len(nominal)):
-        sides = {name: [fallen[i] for fallen in both] for name, both in falls.items()}
-        signs = {name: SIDES[two.index(max(two))] for name, two in sides.items()}
-        corner = tuple(signs.values())
+        sides = {name: (down[i], up[i]) for name, (down, up) in falls.items()}
+        signs = {name: where(down >= up, *SIDES) for name, (down, up) in sides.items()}
+        corner = tuple(key(sign) for sign in signs.values())
         if corner not in corners:
             corners[corner] = fall(signs)
-        worst = {name: max(two) for name, two in sides.items()}
-        by_dimension = {name: max(one, 0.0) for name, one in worst.items()}
-        found.append(Spread(by_dimension, max(0.0, corners[corner][i], *worst.values())))
+        by_dimension = {name: largest(*two, 0.0) for name, two in sides.items()}
+        found.append(Spread(by_dimension, largest(corners[corner][i], *by_dimension.values())))
     return found
 
 
@@ -151,15 +152,18 @@ def _contact(dog: Dog, root_radius: float) -> list[float]:
 
 
 CONTACT_RULE = Rule(
-    "contact_ratio",
-    "tolerance",
+    "contact_ratio", "tolerance",
     "share of the height that touches on the worse flank, every tolerance at its worst",
     "(height that touches - seated tolerance)/h less all losses",
-    "worst case of all dimensions; limit an assumption",
-    "",
-    "tolerance.contact_ratio",
-    False,
-)
+    "worst case of all dimensions; limit an assumption", "", "tolerance.contact_ratio", False,
+)  # fmt: skip
+CLEARANCE_RULE = Rule(
+    "clearance", "tolerance",
+    "gap between the crests in neutral, gap and both heights at their worst",
+    "axial gap - its tolerance - 2 tolerances of the height",
+    "dogs that meet in neutral ratchet; limit an assumption",
+    "mm", "tolerance.clearance_mm", False,
+)  # fmt: skip
 
 
 def contact_check(dog: Dog, root_radius: float, tolerances: Tolerances, seated: float) -> Check:
@@ -171,19 +175,7 @@ def contact_check(dog: Dog, root_radius: float, tolerances: Tolerances, seated: 
             nominal, losses(dog, root_radius, tolerances, _contact), strict=True
         )
     ]
-    return Check(CONTACT_RULE, max(min(left), -1.0), tolerances.contact_ratio)
-
-
-CLEARANCE_RULE = Rule(
-    "clearance",
-    "tolerance",
-    "gap between the crests in neutral, gap and both heights at their worst",
-    "axial gap - its tolerance - 2 tolerances of the height",
-    "dogs that meet in neutral ratchet; limit an assumption",
-    "mm",
-    "tolerance.clearance_mm",
-    False,
-)
+    return Check(CONTACT_RULE, largest(smallest(*left), -1.0), tolerances.contact_ratio)
 
 
 def clearance_check(dog: Dog, tolerances: Tolerances) -> Check:

@@ -12,8 +12,8 @@ from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, design_blocks, expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 
 
 def _kept(name: str) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.comparison import compare
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.engines import engage
-from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.units import DEG, MM, RPM
 
 #: Root-mean-square deviation over all 25 cells. The mean of ten random angles

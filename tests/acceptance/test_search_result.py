@@ -12,7 +12,7 @@ from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import known_surrogate, study_mix
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 
 
 def best_kept() -> dict[str, float]:

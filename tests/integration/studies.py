@@ -14,7 +14,7 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import key_and_value
-from dogshape.sim.writers import adding
+from dogshape.sim.files import adding
 from tests.conftest import SMALL
 
 #: Keys of the study file that make a study small, with their values; None takes a key out.

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 import pytest
 
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
 
@@ -155,7 +155,7 @@ def test_study_then_report_fit_and_check(
     many = dogshape(
         "check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
     )
-    assert "wrote designs-times.csv: 2 designs" in many.out
+    assert "wrote designs-times.csv: designs 2" in many.out
     answers = pd.read_csv("designs-times.csv")
     assert answers["name"].tolist() == ["a", "b"]
     assert answers["expected_shift_time_s"][0] == pytest.approx(

@@ -15,7 +15,7 @@ from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import Count
-from dogshape.pipeline.reports.study.designs import (
+from dogshape.pipeline.reports.designs import (
     designs_frame,
     designs_shown,
     failed_at_new_angles,
@@ -324,7 +324,7 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     assert table == [*({0} - {*shown}), *shown, first.number]
     assert first.number in [row["trial"] for row in of_kinds(fails)["fails when simulated"]]
     assert all("probability_on_front" in row for row in fails["front"])
-    frame = designs_frame(fails, list(study.variables)).set_index("trial")
+    frame = designs_frame(fails, list(study.variables), simulated=True).set_index("trial")
     assert frame.index[frame["failed_at_fresh_angles"]].tolist() == [first.number]
     assert frame.index[frame["on_front"]].tolist() == sorted(shown)
     assert fails["trials"] == passes["trials"]
@@ -365,7 +365,8 @@ def test_designs_that_do_not_engage_have_no_time_and_no_gain(
     assert confirmation["gain_s"] is confirmation["gain_share"] is None
     assert confirmation["gains"] == {}
     count = confirmation["prototype"]["shifts"]
-    assert f"the prototype in {count // 3} of {count} shifts." in page
+    assert f"{count} of {count} shifts; prototype {count // 3} of {count}" in page
+    assert f"engages in {count // 3} of {count}<" in page
 
 
 class _Lines:

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.data_sheet import write_data_sheet
-from dogshape.pipeline.reports.study.named_design import named_design
+from dogshape.designs import write_data_sheet
+from dogshape.pipeline.reports.data_sheet import named_design
 from tests.browser import print_pdf
 
 WHY = "a reason that goes on for more than one line: " + 30 * "why, "

@@ -7,11 +7,9 @@ import sys
 
 import pytest
 
-from dogshape.pipeline.cli.app import VERBS, _Commands, _summary
+from dogshape.cli.app import VERBS, _Commands, _summary
 
-HELP = (
-    "import sys; from dogshape.pipeline.cli.app import app; app(['--help'], standalone_mode=False)"
-)
+HELP = "import sys; from dogshape.cli.app import app; app(['--help'], standalone_mode=False)"
 SLOW = ("numpy", "pydrake", "pydantic", "pandas", "numba")
 
 

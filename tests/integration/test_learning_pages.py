@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from benchmarks.pages import PICTURES, Command, commands_of, files_told, lines_told, steps_of
-from dogshape.pipeline.cli.app import app
+from dogshape.cli.app import app
 from tests.conftest import Said
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -11,7 +11,7 @@ import pytest
 
 from dogshape.pipeline.config.schema import QUANTILE
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.reports.study.study_page import write_report
+from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
 from tests.conftest import searching

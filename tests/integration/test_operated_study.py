@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import dogshape as ds
-from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.config.operating import OPERATED
+from dogshape.pipeline.reports.text import ms_with_error
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.store import load
@@ -59,7 +61,11 @@ def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     assert life[0]["expected_shift_time_s"] == pytest.approx(time, rel=0.1)
     page = (out / "report.html").read_text()
     assert "set-point of the mismatch" in page
-    assert "drift over its life?" in page
+    _, _, drift = page.partition('<section id="life">')
+    cells = re.findall(r"<td[^>]*>(.*?)</td>", drift.partition("</section>")[0])
+    assert cells[::7] == ["0.0 %", "50 %", "100 %"]
+    assert cells[1::7] == ["0", "50", "100"]
+    assert cells[4] == ms_with_error(life[0]["expected_shift_time_s"], life[0]["standard_error_s"])
     # What was simulated is found again: the same command has nothing left to do.
     shifts = (out / "shifts.jsonl").read_text()
     again = ds.Study("mq200_paper", SETTINGS).search(out, jobs=1, resume=True)

@@ -85,7 +85,7 @@ def test_a_result_shows_time_error_and_gain(found: ds.StudyResult) -> None:
 def test_the_front_is_drawn(found: ds.StudyResult) -> None:
     figure = found.plot()
     assert figure.layout.xaxis.title.text.startswith("expected shift time")
-    (border,) = [one for one in figure.data if one.name == "border of the front"]
+    (border,) = [one for one in figure.data if one.mode == "lines"]
     assert list(border.x) == pytest.approx(list(1e3 * found.front[TIME]))
 
 

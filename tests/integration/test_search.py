@@ -18,7 +18,7 @@ import pytest
 
 from dogshape.pipeline.config.schema import VariablesSection
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
-from dogshape.pipeline.reports.study.study_page import write_report
+from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.search.confirmation import shifts_to_confirm
 from dogshape.pipeline.search.guide import DogGuide, search_space
 from dogshape.pipeline.search.sampler import SurrogateSampler

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.reports.study.study_page import write_report
+from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.trial_storage import Shared, _address
 from dogshape.pipeline.study import run_study

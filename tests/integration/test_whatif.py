@@ -14,9 +14,8 @@ import pytest
 
 from dogshape.check import Check, check_design, simulate_quickly
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.reports.whatif.page import designs_of
-from dogshape.pipeline.reports.whatif.page_checks import Desk, known_of, with_known
-from dogshape.pipeline.reports.whatif.page_program import modules, readable
+from dogshape.pipeline.reports.whatif_checks import Desk, known_of, with_known
+from dogshape.pipeline.reports.whatif_page import designs_of, modules, readable
 from dogshape.pipeline.train.filling import filling_designs
 from dogshape.pipeline.train.training import validate
 from dogshape.pipeline.train.training_rows import study_mix, with_rows

@@ -12,11 +12,19 @@ import numpy as np
 import pytest
 
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part.profile import SMALLEST, Lines, dog_corners, lands, profile
-from dogshape.sim.part.solid import largest_root_radius, mated, part_volume, ring_part
+from dogshape.sim.part import (
+    SMALLEST_RADIUS,
+    Lines,
+    dog_corners,
+    lands,
+    largest_root_radius,
+    mated,
+    part_volume,
+    profile,
+    ring_part,
+)
 from dogshape.sim.shift.geometry import LAND, Dog
-from dogshape.sim.shift.mesh import Mesh, rotation
-from dogshape.sim.shift.planes import Plane, dog_planes
+from dogshape.sim.shift.mesh import Mesh, Plane, dog_planes, rotation
 from dogshape.sim.strength.manufacture import ManufacturingLimits, manufacturing_checks
 from dogshape.sim.units import DEG, MM
 from tests.conftest import needed
@@ -57,7 +65,7 @@ def designs(seed: int, number: int) -> list[Design]:
         dog, radius = design
         if rng.random() < 0.1:
             radius = (1.0 - 1e-6) * largest_root_radius(dog)
-        if radius == 0.0 or (radius > SMALLEST and lands(dog, radius).min() >= LAND):
+        if radius == 0.0 or (radius > SMALLEST_RADIUS and lands(dog, radius).min() >= LAND):
             found.append((dog, radius))
     return found
 
@@ -147,7 +155,7 @@ def test_the_checks_can_fail(prototype: Dog, monkeypatch: pytest.MonkeyPatch) ->
     spoilt[np.argmax(spoilt[: len(spoilt) // 15, 2])] += np.array([1.0, 0.7, -20.0]) * MM
     assert piercings(Mesh(spoilt, sound.cells), 2, 15) > 0
     too_large = largest_root_radius(prototype) + 2.0 * LAND
-    monkeypatch.setattr("dogshape.sim.part.profile.require_room", lambda *_: None)
+    monkeypatch.setattr("dogshape.sim.part.require_room", lambda *_: None)
     crossed = ring_part(prototype, too_large, BODY, **COARSE)
     assert piercings(crossed, 2, 15) > 0
 

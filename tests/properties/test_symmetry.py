@@ -16,7 +16,7 @@ from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Mesh
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.units import DEG, FACTORS, from_si, to_si, unit_of
+from dogshape.sim.units import DEG, UNITS, from_si, to_si, unit_of
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -84,7 +84,7 @@ def test_flat_faces_mirror_by_exchanging_the_flanks(
             assert here.shift_time == pytest.approx(there.shift_time, rel=1e-4)
 
 
-@given(st.sampled_from(sorted(FACTORS)), st.floats(-1e6, 1e6))
+@given(st.sampled_from(sorted(UNITS)), st.floats(-1e6, 1e6))
 def test_units_go_there_and_back(suffix: str, value: float) -> None:
     name = f"quantity{suffix}"
     assert from_si(name, to_si(name, value)) == pytest.approx(value, rel=1e-12, abs=1e-300)

@@ -105,7 +105,7 @@ def test_the_exit_status_is_one(
     def refuse(*_: Any) -> None:
         raise EngineError("the engines do not agree")
 
-    monkeypatch.setattr("dogshape.pipeline.cli.verbs.study.search_study", refuse)
+    monkeypatch.setattr("dogshape.cli.verbs.study.search_study", refuse)
     said = dogshape("study", "mq200_paper", "--no-report")
     assert said.status == 1
     assert said.sentence == "dogshape: the engines do not agree"

@@ -119,7 +119,7 @@ def test_what_is_only_read_is_the_baseline_with_a_delay() -> None:
 def test_the_bundled_bank_has_every_series_of_the_compiled_engine(name: str, place: str) -> None:
     """Read at the sleeve or at the actuator, the series are the same."""
     bench = load_bench(name)
-    record = replace(bench.record, displacement_at=place)
+    record = bench.record.model_copy(update={"displacement_at": place})
     quick = replace(bench, clutch=bench.clutch.with_engine("planar"), record=record)
     store = BankStore([brought(TIMES)])
     build_models(quick, EFFECTS, USUAL, lambda blocks: store.times(blocks, _never))

@@ -21,8 +21,8 @@ from dogshape.pipeline.store import journal as journals
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.effects import load
 from dogshape.sim.errors import StorageError
+from dogshape.sim.files import writing
 from dogshape.sim.statistics.shift_records import Record
-from dogshape.sim.writers import writing
 from tests.made_up import Quick, few_cells
 
 EFFECTS = {name: load()[name] for name in ("moving_mass", "sleeve_friction")}

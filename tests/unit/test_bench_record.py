@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.record import BenchRecord
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.sim.errors import DogshapeError
 from tests.benches import good_set
 
@@ -31,7 +31,9 @@ def times(folder: Path, *values: float, n: int = 1) -> None:
 
 def test_a_record_of_which_nothing_is_said_is_unknown(folder: Path) -> None:
     bench = load_bench(folder)
-    assert bench.record == BenchRecord("unknown", "unknown", "unknown", "known")
+    assert bench.record == BenchRecord(
+        time_zero="unknown", displacement_at="unknown", empty_cells="unknown", sense="known"
+    )
     assert (bench.sensor.displacement_at, bench.mismatch_sense) == ("sleeve", "known")
 
 
@@ -39,7 +41,9 @@ def test_a_stated_record_is_kept(folder: Path) -> None:
     state(folder, '[record]\ntime_zero = "command"\ndisplacement_at = "actuator"\n'
                   'empty_cells = "failed"\nsense = "unknown"')  # fmt: skip
     bench = load_bench(folder)
-    assert bench.record == BenchRecord("command", "actuator", "failed", "unknown")
+    assert bench.record == BenchRecord(
+        time_zero="command", displacement_at="actuator", empty_cells="failed", sense="unknown"
+    )
     assert (bench.sensor.displacement_at, bench.mismatch_sense) == ("actuator", "unknown")
 
 
@@ -70,7 +74,9 @@ def test_keys_of_earlier_versions_are_read(folder: Path) -> None:
     path = folder / "bench.toml"
     path.write_text('mismatch_sense = "unknown"\n' + path.read_text())
     state(folder, '[sensor]\ndisplacement_at = "actuator"')
-    assert load_bench(folder).record == BenchRecord("unknown", "actuator", "unknown", "unknown")
+    assert load_bench(folder).record == BenchRecord(
+        time_zero="unknown", displacement_at="actuator", empty_cells="unknown", sense="unknown"
+    )
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,8 @@ import pytest
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.flight_marks import trace_marks
 from dogshape.diagnosis.bench.table import load_sheet
-from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
+from dogshape.diagnosis.bench.trace_files import COLUMNS, read_trace
+from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.units import MM, RPM
 from tests.benches import edit, good_set
@@ -42,7 +43,7 @@ def test_traces_come_with_their_readings(folder: Path) -> None:
     assert trace.step == pytest.approx(1e-3)
     assert bench.record.displacement_at == "actuator"
     assert bench.sensor.force_factor == pytest.approx(2.55312)
-    assert bench.calibration[0].sleeve_force == 235.1929
+    assert bench.calibration[0].sleeve_force_N == 235.1929
     assert bench.calibration[0].arm_displacement is None
 
 
@@ -306,7 +307,7 @@ def test_without_the_extra_mdf_a_sentence_says_what_to_install(
     def missing(name: str) -> None:
         raise ImportError(f"No module named '{name}'")
 
-    monkeypatch.setattr("dogshape.diagnosis.bench.mdf4.import_module", missing)
+    monkeypatch.setattr("dogshape.diagnosis.bench.trace_files.import_module", missing)
     (folder / "x.mf4").write_bytes(b"MDF     4.10")
     with pytest.raises(InputError, match=r"pip install -c constraints.txt '.\[mdf\]'"):
         read_trace(folder / "x.mf4")
@@ -318,7 +319,7 @@ def test_without_the_extra_a_sentence_says_what_to_install(
     def missing(name: str) -> None:
         raise ImportError(f"No module named '{name}'")
 
-    monkeypatch.setattr("dogshape.diagnosis.bench.tdms.import_module", missing)
+    monkeypatch.setattr("dogshape.diagnosis.bench.trace_files.import_module", missing)
     (folder / "x.tdms").write_bytes(b"")
     with pytest.raises(InputError, match=r"npTDMS cannot be loaded.*'\.\[tdms\]'"):
         read_trace(folder / "x.tdms")

@@ -11,8 +11,7 @@ import pytest
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
-from dogshape.diagnosis.bench.nominal_errors import EXACT
-from dogshape.diagnosis.bench.stand_file import USUAL_MARGIN
+from dogshape.diagnosis.bench.stand_file import EXACT, USUAL_MARGIN
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Predicted

@@ -8,14 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from rich.console import Group
 
-from dogshape.pipeline.cli.console import columns, emit
-from dogshape.pipeline.cli.progress_bar import ProgressBar, say
-from dogshape.pipeline.cli.tables.study_tables import study_table
+from dogshape.cli.console import ProgressBar, emit, say, show
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.sim.bundled import bundled_root
+from dogshape.pipeline.record import Table
+from dogshape.sim.versions import bundled_root
+from dogshape.study_result import StudyResult
 from tests.conftest import Said
 
 Call = Callable[..., Said]
@@ -27,10 +26,8 @@ ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
 def test_tables_and_lines_print_names_as_they_are(
     name: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = columns("case", f"head {name}")
-    table.add_row(f"cell {name}", "1")
-    emit({}, False, lambda: Group(table, f"report: {name}/report.html"))
-    emit({}, False, lambda: f"wrote {name}")
+    table = Table(("case", f"head {name}"), [(f"cell {name}", "1")])
+    emit({}, False, lambda: [table, f"report: {name}/report.html", f"wrote {name}"])
     out = capsys.readouterr().out
     for words in (f"head {name}", f"cell {name}", f"report: {name}/report.html", f"wrote {name}"):
         assert words in out
@@ -72,7 +69,7 @@ def test_a_bench_has_any_name(dogshape: Call, tmp_path: Path, name: str) -> None
     table.write_text("\n".join([lines[0], lines[25]]))
     said = dogshape("validate", folder, "--angles", 3, "--jobs", 1)
     assert said.status == 0
-    assert f"{name}: root-mean-square gap" in said.out
+    assert f"data: {name}" in said.out
 
 
 def test_a_study_names_its_report(
@@ -83,7 +80,7 @@ def test_a_study_names_its_report(
     for row in result["trials"]:
         row |= {**study.prototype, **row}
     whole = result | {"failed_shifts": {"[/red] stuck": 1}}
-    emit({}, False, lambda: study_table(study, whole, report))
+    show(StudyResult(study, report.parent, whole, report), False)
     out = capsys.readouterr().out
     assert f"report: {report}" in out
     assert "[/red] stuck" in out

@@ -18,7 +18,7 @@ from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 from dogshape.pipeline.config.mechanism import PROBE
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.config.toml_text import toml_text
-from dogshape.pipeline.diagnose.effect_keys import EffectKeys
+from dogshape.pipeline.diagnose.study_keys import EffectKeys
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.setting import Setting
 from dogshape.sim.units import MM
@@ -238,7 +238,7 @@ def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
     def diagnosed(bench: str, **_: Any) -> ds.Diagnosis:
         return _found(NONE if bench == "none" else DELAY)
 
-    monkeypatch.setattr("dogshape.pipeline.cli.verbs.gap.diagnose", diagnosed)
+    monkeypatch.setattr("dogshape.cli.verbs.gap.diagnose", diagnosed)
 
 
 @pytest.mark.usefixtures("_toy")

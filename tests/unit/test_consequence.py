@@ -19,13 +19,13 @@ from dogshape.pipeline.diagnose.consequence import (
     studied,
 )
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.errors import DataError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.loads import OVERLAPS
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.versions import bundled_root
 from tests.kept import kept_folder
 
 EFFECTS = load()

@@ -32,10 +32,14 @@ DRAG = Fact("drag_torque", "drag_Nm", 0.0, 1.5, 0.1, "")
 def _bench(stiffness: float, ratio: float, start: float) -> Bench:
     """Return the stand with readings on a line: N/m at the arm, and m without force."""
     readings = tuple(
-        Calibration(None, start + force / stiffness, force, None, None)
+        Calibration(arm_displacement_mm=1e3 * (start + force / stiffness), arm_force_N=force)
         for force in (90.0, 120.0, 180.0, 250.0)
     )
-    return replace(STAND, sensor=Sensor("actuator", ratio, 0.5), calibration=readings)
+    return replace(
+        STAND,
+        sensor=Sensor(displacement_at="actuator", linkage_ratio=ratio, linkage_efficiency=0.5),
+        calibration=readings,
+    )
 
 
 def test_a_line_of_known_slope_gives_its_compliance_and_ratio() -> None:
@@ -131,7 +135,9 @@ def test_a_fact_alone_explains_its_part_of_the_gap(gap: float, part: float) -> N
 
 
 def test_results_of_direct_tests_are_facts_of_their_effects() -> None:
-    bench = replace(STAND, measured=(Measured("drag_torque", None, 1.5, 0.1),))
+    bench = replace(
+        STAND, measured=(Measured(effect="drag_torque", value=1.5, standard_error=0.1),)
+    )
     require_measured(bench, EFFECTS)
     for effects in (EFFECTS, {}):
         (fact,) = measured_facts(bench, effects)
@@ -141,9 +147,18 @@ def test_results_of_direct_tests_are_facts_of_their_effects() -> None:
 @pytest.mark.parametrize(
     ("measured", "words"),
     [
-        (Measured("drag", None, 1.0, 0.1), "'drag' in .* is no effect; did you mean 'drag_torque'"),
-        (Measured("contact_friction", None, 0.2, 0.1), "is left out, but must be one of: static_"),
-        (Measured("drag_torque", "drag", 0.2, 0.1), "is 'drag', but must be one of: "),
+        (
+            Measured(effect="drag", value=1.0, standard_error=0.1),
+            "'drag' in .* is no effect; did you mean 'drag_torque'",
+        ),
+        (
+            Measured(effect="contact_friction", value=0.2, standard_error=0.1),
+            "is left out, but must be one of: static_",
+        ),
+        (
+            Measured(effect="drag_torque", parameter="drag", value=0.2, standard_error=0.1),
+            "is 'drag', but must be one of: ",
+        ),
     ],
 )
 def test_a_result_of_no_effect_or_parameter_is_a_sentence(measured: Measured, words: str) -> None:

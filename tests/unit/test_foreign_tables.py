@@ -12,12 +12,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.near_points import NEAR, joined_values, near_points
-from dogshape.diagnosis.bench.reading import Reading
-from dogshape.diagnosis.bench.table import Row
-from dogshape.pipeline.cli.app import app
-from dogshape.pipeline.cli.verbs import init as verbs
+from dogshape.cli.app import app
+from dogshape.cli.verbs import init as verbs
+from dogshape.diagnosis.bench.bench_data import Reading, load_bench
+from dogshape.diagnosis.bench.table import NEAR, Row, joined_values, near_points
 from dogshape.sim.units import RPM
 from tests.conftest import Said
 

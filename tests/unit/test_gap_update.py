@@ -19,9 +19,9 @@ from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.terms import NONE, UNKNOWN
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.diagnose.gap_update import sentence
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 from tests.benches import GOOD
 from tests.conftest import Said
 from tests.diagnosed import EFFECTS, diagnosis_of
@@ -50,7 +50,7 @@ def _diagnosed(bench: Bench, _: Any) -> Any:
 @pytest.fixture(autouse=True)
 def _by_rule(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dogshape.gap.diagnosed", _diagnosed)
-    monkeypatch.setattr("dogshape.update.diagnosed", _diagnosed)
+    monkeypatch.setattr("dogshape.gap.diagnosed", _diagnosed)
 
 
 def _table(
@@ -130,7 +130,7 @@ def test_an_update_keeps_the_engine_of_the_diagnosis(
 
     record = {**_record(stand / "out"), "engine": engine}
     (stand / "out" / "gap.json").write_text(json.dumps(record))
-    monkeypatch.setattr("dogshape.update.diagnosed", noted)
+    monkeypatch.setattr("dogshape.gap.diagnosed", noted)
     ds.update_diagnosis(stand / "out", _table(stand / "new.csv", 2, 20))
     assert asked == [engine]
 
@@ -167,7 +167,7 @@ def test_where_it_was_stopped_the_same_command_gives_the_same(
 
     earlier = _record(stand / "out")
     with monkeypatch.context() as patch:
-        patch.setattr("dogshape.pipeline.diagnose.joined_bench.Joined.settle", killed)
+        patch.setattr("dogshape.pipeline.diagnose.gap_update.Joined.settle", killed)
         with pytest.raises(KeyboardInterrupt):
             ds.update_diagnosis(stand / "out", new)
     (stand / "out" / "data").rename(stand / "out" / "data.before")

@@ -11,22 +11,22 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from dogshape.cli.app import app
+from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
+from dogshape.diagnosis.bench.foreign_cells import SHIFTS, split_head, unit_named
+from dogshape.diagnosis.bench.foreign_columns import Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
-from dogshape.diagnosis.bench.measured_units import split_head, unit_named
-from dogshape.diagnosis.bench.record import BenchRecord
-from dogshape.drafts import CLUTCH, USE
-from dogshape.pipeline.cli.app import app
-from dogshape.pipeline.cli.verbs import init as verbs
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.config.toml_text import SOURCE, with_values
-from dogshape.pipeline.diagnose.bench_study import study_of
-from dogshape.sim.bundled import bundled_root
+from dogshape.pipeline.diagnose.study_keys import study_of
+from dogshape.pipeline.drafts.study_folder import CLUTCH, USE
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 from tests.benches import GOOD
 from tests.conftest import Said
 
@@ -169,7 +169,9 @@ def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> No
     sets = [word for one in stated for word in ("--set", f"record.{one}")]
     said = dogshape("init", "bench", "m.csv", "--out", "n", *sets, "--json")
     assert "unknown" not in " ".join(said.json["assumed"])
-    assert load_bench("n").record == BenchRecord("force", "sleeve", "failed", "known")
+    assert load_bench("n").record == BenchRecord(
+        time_zero="force", displacement_at="sleeve", empty_cells="failed", sense="known"
+    )
     assert [cell.failed for cell in load_bench("n").cells] == [0, 1]
 
 
@@ -409,7 +411,9 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     assert done.exit_code == 0, done.stderr
     bench = load_bench("m")
     assert bench.name == "stand 7"
-    assert bench.record == BenchRecord("command", "actuator", sense="known")
+    assert bench.record == BenchRecord(
+        time_zero="command", displacement_at="actuator", sense="known"
+    )
     assert bench.source.startswith("me, today; m.csv (SHA-256 ")
     assert bench.readings[0].time == pytest.approx(0.19)
     quiet = CliRunner().invoke(app, ["init", "study", "--out", "quiet", "--yes"])

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 
+from dogshape.cli.console import ProgressBar
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
-from dogshape.pipeline.cli.progress_bar import ProgressBar
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import kept_shifts, work_folder
@@ -152,14 +152,14 @@ def test_the_diagnosis_is_written_before_its_price(
     out = tmp_path / "g"
     first = json.loads((out / "gap.json").read_text(encoding="utf-8"))
     assert first["verdict"] == found.verdict.kind
-    assert 'id="choice"' not in (out / "report.html").read_text(encoding="utf-8")
+    assert 'id="design-choice"' not in (out / "report.html").read_text(encoding="utf-8")
     assert "100 finished shifts are kept in g/so-what-" in _line(stopped)
     assert "The report is written to g/report.html" in _line(stopped)
     quick.stop = None
     again = dogshape(*asked)
     assert again.status == 0, again.err
     assert quick.done == 7 * 28 * 6, "a dead time needs no shift of its own"
-    assert 'id="choice"' in (out / "report.html").read_text(encoding="utf-8")
+    assert 'id="design-choice"' in (out / "report.html").read_text(encoding="utf-8")
     assert sorted(path.name for path in out.iterdir()) == [
         ".lock", "cells.csv", "data", "gap.json", "report.html",
     ]  # fmt: skip

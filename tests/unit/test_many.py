@@ -74,8 +74,8 @@ def test_what_cannot_be_a_dog_has_a_reason_and_no_time(dogshape: Call) -> None:
     said = _asked(dogshape, "count,height_mm\n18,-3\n100000,3.7\n15,3.7\n15,3.0\n")
     assert said.status == 1
     assert "row 2 is no design: dog.height_mm is -3 mm" in said.out
-    assert "wrote designs-times.csv: 4 designs" in said.out
-    assert "2 impossible" in said.out
+    assert "wrote designs-times.csv: designs 4" in said.out
+    assert "impossible 2" in said.out
     negative, crowded, prototype, low = _answers()
     for row, reason in ((negative, "dog.height_mm is -3 mm"), (crowded, "tip width")):
         assert reason in row["reason"]

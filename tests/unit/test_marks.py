@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from dogshape.diagnosis.bench.bench_data import Reading, gather
 from dogshape.diagnosis.bench.flight_marks import (
     FORCE_FLOOR,
     FORCES,
@@ -19,7 +20,6 @@ from dogshape.diagnosis.bench.flight_marks import (
     mark_of,
     trace_marks,
 )
-from dogshape.diagnosis.bench.reading import Reading, gather
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.diagnosis.prediction.flights import fly
 from dogshape.sim.setting import Setting

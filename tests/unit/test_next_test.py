@@ -220,7 +220,7 @@ def test_traces_lead_where_unknown_does_at_the_largest_residual() -> None:
     assert (first.kind, first.cell, first.information) == ("traces", 9, None)
     assert "residual" in first.why
     assert settle(diagnosis, first, [0.1, 0.2]) == diagnosis.posterior
-    blind = replace(BENCH, tests=(TestTerms("traces", possible=False),))
+    blind = replace(BENCH, tests=(TestTerms(name="traces", possible=False),))
     diagnosis.bench = blind
     assert "traces" not in {test.kind for test in choose(diagnosis)}
 
@@ -242,10 +242,10 @@ def test_of_tests_that_settle_about_as_surely_the_cheapest_leads(
     """Shifts of 0.7 h, and a run-down that costs 0.5 h here."""
     name = EFFECTS["drag_torque"].test.name
     _worth(monkeypatch, {"shifts": (0.4, settles, 0.0), name: (0.4, 0.55, 0.0)})
-    diagnosis = _open(bench=replace(BENCH, tests=(TestTerms(name, 0.5),)))
+    diagnosis = _open(bench=replace(BENCH, tests=(TestTerms(name=name, hours=0.5),)))
     first = choose(diagnosis)[0]
     assert first.kind == kind
-    dear = replace(BENCH, tests=(TestTerms(name, 20.0),))
+    dear = replace(BENCH, tests=(TestTerms(name=name, hours=20.0),))
     assert choose(_open(bench=dear))[0].kind == "shifts"
 
 
@@ -272,7 +272,7 @@ def test_the_direct_test_of_a_named_cause_leads_where_it_costs_least(
     """Ten more shifts of 0.7 h would tell something, the direct test nothing."""
     _worth(monkeypatch, {"shifts": (0.5, 0.97, 0.0)})
     fits = {DELAY: fit_of(DELAY), DRAG: fit_of(DRAG)}
-    bench = replace(BENCH, tests=(TestTerms(FORCE, hours),))
+    bench = replace(BENCH, tests=(TestTerms(name=FORCE, hours=hours),))
     diagnosis = diagnosis_of({DELAY: 0.97, DRAG: 0.03}, fits, bench=bench)
     assert (choose(diagnosis)[0].name == FORCE) == leads
 
@@ -316,10 +316,10 @@ def test_a_question_about_the_record_settles_by_its_answers() -> None:
 
 
 def test_tests_that_are_made_or_impossible_are_not_on_the_menu() -> None:
-    measured = (Measured("actuation_delay", None, 0.1, 0.01),)
+    measured = (Measured(effect="actuation_delay", value=0.1, standard_error=0.01),)
     assert FORCE in {test.name for test in choose(_open())}
     assert FORCE not in {t.name for t in choose(_open(bench=replace(BENCH, measured=measured)))}
-    shifts = replace(BENCH, tests=(TestTerms("more shifts", possible=False),))
+    shifts = replace(BENCH, tests=(TestTerms(name="more shifts", possible=False),))
     assert {test.kind for test in choose(_open(bench=shifts))} == {"direct"}
 
 

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ndtri
 
 import dogshape as ds
-from dogshape.pipeline.config.duty_cycles import duty_cycles
+from dogshape.pipeline.config.operating import duty_cycles
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
 from dogshape.pipeline.simulate.design import exact_losses, leading, losses_of, objectives_of
 from dogshape.pipeline.simulate.evaluation import FIRST

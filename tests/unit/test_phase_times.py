@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.reading import Cell, Reading
+from dogshape.diagnosis.bench.bench_data import Cell, Reading, load_bench
 from dogshape.diagnosis.report.phase_times import (
     PHASES,
     durations,

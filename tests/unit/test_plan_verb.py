@@ -14,7 +14,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.inference.shift_plan import Field
 from dogshape.diagnosis.likelihood.observed import drift_of
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
-from dogshape.sim.bundled import bundled_root
+from dogshape.sim.versions import bundled_root
 from tests.conftest import Said
 from tests.fits import field_at
 
@@ -29,7 +29,9 @@ def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
         points = [cell.point for cell in bench.cells]
         return field_at(("actuation_delay", "moving_mass"), points)
 
-    monkeypatch.setattr("dogshape.pipeline.diagnose.planned_bench.predicted_field", predicted_field)
+    monkeypatch.setattr(
+        "dogshape.pipeline.diagnose.bank_diagnosis.predicted_field", predicted_field
+    )
 
 
 @pytest.mark.usefixtures("_toy")

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.reports.study.prices import (
+from dogshape.pipeline.reports.prices import (
     FACTORS,
     TOLERANCES,
     at_factor,
     dear,
     prices,
-    prices_figure,
     step_price,
 )
+from dogshape.pipeline.reports.study_figures import prices_figure
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.surrogate.covariance import Array
 

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import io
 from pathlib import Path
 
 import pytest
-from rich.console import Console
 
-from dogshape.pipeline.cli.progress_bar import ProgressBar
-from dogshape.pipeline.cli.tables.study_tables import study_table
+from dogshape.cli.console import ProgressBar, show
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter, about
 from dogshape.pipeline.search.confirmation import new_angles, shifts_to_confirm
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.statistics.blocks import even_blocks
-from tests.found import FORCE, LENGTH, TIME, Row, found
+from dogshape.study_result import StudyResult
+from tests.found import Row
 
 
 def test_shifts_are_announced_with_all_that_is_planned() -> None:
@@ -32,7 +30,7 @@ def test_shifts_are_announced_with_all_that_is_planned() -> None:
 def test_progress_says_an_upper_bound_as_such(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dogshape.pipeline.cli.progress_bar.LINE_EVERY", 0.0)
+    monkeypatch.setattr("dogshape.cli.console.LINE_EVERY", 0.0)
     with WorkCounter(ProgressBar(), 10, most=True) as progress:
         progress.advance(4)
         progress.rest(3)
@@ -108,70 +106,16 @@ def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:
     assert sum(counted) == 6
 
 
-def _said(study: Setup, result: Row, report: Path | None = None) -> str:
+def test_the_end_prints_what_the_report_has(
+    study: Setup, result: Row, capsys: pytest.CaptureFixture[str]
+) -> None:
     for row in result["trials"]:
         row |= {**study.prototype, **row}
-    stream = io.StringIO()
-    Console(file=stream, width=200).print(
-        study_table(study, result | {"failed_shifts": {}}, report)
-    )
-    return stream.getvalue()
-
-
-def test_the_end_table_shows_the_objectives_of_the_study(study: Setup, result: Row) -> None:
-    lines = _said(study, result | {"objectives": [TIME, LENGTH, FORCE]}).splitlines()
-    assert "Design 2" in lines[0]
-    assert "20 % faster" in lines[0]
-    for name, values in (
-        ("expected shift time, ms", "100.0 (98.8 to 101.2) 80.0 (78.8 to 81.2) 20.0 ± 1.0 ms less"),
-        ("axial length, root to root, mm", "8 7 1 mm less (12 %)"),
-        ("axial separating force, N", "8000 7000 1000 N less (12 %)"),
-        ("number of dogs N", "15 17"),
-    ):
-        (line,) = [line for line in lines if line.startswith(name)]
-        assert values in " ".join(line.split())
-    front = [" ".join(line.split()) for line in lines if line.startswith(("prototype", "2, cho"))]
-    assert "100.0 (98.0 to 102.0) 8 8000 1.0 % tip width" in front[-2]
-    assert "70.0 (68.0 to 72.0) 7 7000 3.0 % tip width" in front[-1]
-    (leads,) = [line for line in lines if line.startswith("front by")]
-    assert "in the order of the expected shift time" in leads
-    assert "report: none yet, 'dogshape report' makes it" in lines[-1]
-
-
-def test_the_end_table_where_no_design_passes(study: Setup) -> None:
-    nothing = found() | {"best": None, "front": [], "confirmation": None}
-    said = _said(study, nothing, Path("report.html"))
-    assert said.startswith("No design of this search passes every check")
-    short = [{**row, "margins": {"edge_pressure_impact": -0.3 + 0.1 * k, "tip_width": 0.5}}
-             for k, row in enumerate(nothing["trials"][1:3])]  # fmt: skip
-    said = _said(study, nothing | {"trials": short}, Path("report.html"))
-    assert "2 of 2 fail edge pressure impact, the nearest of them by 20 %. Widen" in said
-    assert "report: report.html" in said
-
-
-def test_the_prototype_alone_is_no_headline(study: Setup) -> None:
-    """Nothing of the search passes: its failures are said, and no gain of the prototype."""
-    result = found()
-    own = result["trials"][0]
-    short = [{**row, "feasible": False, "margins": {"tip_width": -0.1 * row["trial"]}}
-             for row in result["trials"][1:]]  # fmt: skip
-    said = _said(study, result | {"trials": [own, *short], "best": own, "front": [own]}, None)
-    assert said.startswith("No design that is faster than the prototype passes every check.")
-    assert "5 of 6 fail tip width, the nearest of them by 10 %" in " ".join(said.split())
-
-
-def test_a_prototype_that_does_not_engage_has_no_gain(study: Setup) -> None:
-    result = found()
-    silent = result["confirmation"]["prototype"]
-    silent |= {TIME: None, "engages": False, "estimates": {}}
-    silent["points"][0]["engaged"] = 0.25
-    result["confirmation"]["gains"] = {}
-    said = _said(study, result, None)
-    assert said.startswith("Design 2 engages in 32 of 32 shifts, the prototype in 12 of 32 shifts.")
-    assert "faster" not in said
-
-
-def test_search_and_confirmation_that_disagree_are_said(study: Setup) -> None:
-    result = found()
-    said = " ".join(_said(study, result, None).split())
-    assert "design 2 70.0 ± 1.0 and 80.0 ± 0.6 ms, 8.6 combined standard errors apart" in said
+    show(StudyResult(study, Path(), result, None), False)
+    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    assert lines[0] == "Design 2 is 20 % faster than the prototype."
+    assert "expected shift time, ms 100.0 ± 0.6 80.0 ± 0.6 20.0 ± 1.0 (20 %)" in lines
+    assert lines[-1] == "report: none yet, 'dogshape report' makes it"
+    nothing = result | {"best": None, "front": [], "confirmation": None}
+    show(StudyResult(study, Path(), nothing, None), False)
+    assert capsys.readouterr().out.startswith("No design of this search passes every check")

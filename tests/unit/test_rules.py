@@ -14,13 +14,12 @@ import typer
 from pydantic import BaseModel, ValidationError
 from typer.core import TyperGroup
 
+from dogshape.cli.app import PLAIN, VERBS
 from dogshape.diagnosis.bench.stand_file import _BenchFile
-from dogshape.pipeline.cli.app import PLAIN, VERBS
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.clutch_tables import validate
+from dogshape.sim.clutch_tables import RULES, broken_rule, validate
 from dogshape.sim.errors import DogshapeError, InputError
-from dogshape.sim.rules import RULES, broken_rule
 from tests.conftest import Said
 
 #: One of these breaks any rule that a key may have.

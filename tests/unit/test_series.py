@@ -11,16 +11,15 @@ import numpy as np
 import pytest
 
 import dogshape as ds
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
-from dogshape.pipeline.diagnose.joined_bench import asked_of, joined, keep_data
-from dogshape.sim.bundled import bundled_root
+from dogshape.pipeline.diagnose.gap_update import asked_of, joined, keep_data
 from dogshape.sim.errors import DataError
+from dogshape.sim.versions import bundled_root
 from tests.diagnosed import EFFECTS, simulated_bench
 from tests.made_up import made_up
 
@@ -154,7 +153,7 @@ def test_spreads_beside_means_are_pooled_with_those_of_single_shifts(write: Writ
     times = (0.05, 0.055, 0.061, 0.058)
     singles = [f"50,469,0.1766,1,{t}," for t in times]
     bench = load_bench(write("shift_time_sd_s", [*means, *singles]))
-    record = replace(bench.record, displacement_at="sleeve", sense="known")
+    record = bench.record.model_copy(update={"displacement_at": "sleeve", "sense": "known"})
     seen = _likelihood(replace(bench, record=record)).seen
     squares = 3 * 0.008**2 + 8 * 0.011**2 + 3 * float(np.var(times, ddof=1))
     assert seen.freedom[0] == 14

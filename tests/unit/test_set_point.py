@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.set_point import OPERATED
+from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.guide import search_space
 from dogshape.pipeline.simulate.design import design_of

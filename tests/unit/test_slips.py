@@ -10,11 +10,10 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.reading import Reading
-from dogshape.sim.bundled import bundled_root
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, load_bench
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.units import MS, RPM
+from dogshape.sim.versions import bundled_root
 from tests.benches import good_set, scale, scale_traces, swap
 
 ARM = 3.1914 * 0.80

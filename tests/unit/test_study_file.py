@@ -9,9 +9,9 @@ import pytest
 
 from dogshape.pipeline.config.schema import SearchSection
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import bundled_root
 
 
 def test_paper_study_is_the_prototype_at_the_published_points() -> None:

@@ -22,7 +22,6 @@ from dogshape.pipeline.train.training_rows import (
     stored_surrogate,
     study_mix,
 )
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.clutch_tables import MechanismSection
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
@@ -30,6 +29,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile, recorded_profile
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING
 from dogshape.sim.statistics.blocks import even_block, run_block
+from dogshape.sim.versions import bundled_root
 from dogshape.surrogate.query import require_same_physics
 from tests.conftest import Said
 

@@ -7,12 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.bench_data import Reading, load_bench
 from dogshape.diagnosis.bench.comparison import PointGap, compare
-from dogshape.diagnosis.bench.input_errors import inputs_of
-from dogshape.diagnosis.bench.nominal_errors import NominalErrors, Tolerance
-from dogshape.diagnosis.bench.reading import Reading
-from dogshape.sim.units import RPM
+from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from tests.made_up import few_cells, made_up
 from tests.toy import bench_of, points_of
 
@@ -54,14 +51,22 @@ def test_errors_of_nominal_values_join_those_of_the_gaps() -> None:
     bench = few_cells(
         load_bench("mq200_adams"), [(n, f) for n in (50, 100) for f in (235.2, 641.5)]
     )
-    size = Tolerance(force_share=0.02, mismatch=2.0 * RPM)
-    stated = replace(bench, errors=NominalErrors(systematic=size, each_point=size))
-    plain, found = (compare(one, made_up, 8).differences for one in (bench, stated))
-    inputs = inputs_of(stated)
-    assert inputs is not None
-    means = np.array([one.mean for one in plain], dtype=float)
-    slope = inputs.sensitivity(means)
-    squares = 2.0 * ((0.02 * slope.force) ** 2 + (2.0 * RPM * slope.mismatch) ** 2)
-    assert (squares > 0.0).all()
-    more = [a.standard_error**2 - b.standard_error**2 for a, b in zip(found, plain, strict=True)]
-    assert more == pytest.approx(squares)
+    size = Tolerance(force_percent=2.0, mismatch_rpm=2.0)
+    errors = {
+        "none": NominalErrors(),
+        "one": NominalErrors(systematic=size),
+        "both": NominalErrors(systematic=size, each_point=size),
+        "force": NominalErrors(each_point=Tolerance(force_percent=2.0)),
+        "mismatch": NominalErrors(each_point=Tolerance(mismatch_rpm=2.0)),
+    }
+    squares = {
+        name: np.array(
+            [d.standard_error**2 for d in compare(replace(bench, errors=e), made_up, 8).differences]
+        )
+        for name, e in errors.items()
+    }
+    more = {name: one - squares["none"] for name, one in squares.items()}
+    assert (more["force"] > 0.0).all()
+    assert (more["mismatch"] > 0.0).all()
+    assert more["one"] == pytest.approx(more["force"] + more["mismatch"])
+    assert more["both"] == pytest.approx(2.0 * more["one"])

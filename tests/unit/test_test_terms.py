@@ -30,13 +30,13 @@ def _tests(*terms: TestTerms) -> tuple[NextTest, ...]:
 
 def test_a_test_that_cannot_be_done_is_not_advised() -> None:
     assert {FORCE, RUN_DOWN} <= {test.name for test in _tests()}
-    assert FORCE not in {test.name for test in _tests(TestTerms(FORCE, possible=False))}
-    direct = _tests(TestTerms("more shifts", possible=False))
+    assert FORCE not in {test.name for test in _tests(TestTerms(name=FORCE, possible=False))}
+    direct = _tests(TestTerms(name="more shifts", possible=False))
     assert {test.kind for test in direct} == {"direct"}
 
 
 def test_hours_are_those_of_the_stand() -> None:
-    found = _tests(TestTerms(FORCE, 7.0), TestTerms("more shifts", 3.0))
+    found = _tests(TestTerms(name=FORCE, hours=7.0), TestTerms(name="more shifts", hours=3.0))
     hours = {test.name: test.hours for test in found}
     assert hours[FORCE] == 7.0
     ten = next(test for test in found if test.shifts == 10)
@@ -46,8 +46,11 @@ def test_hours_are_those_of_the_stand() -> None:
 def test_a_dear_test_yields_to_a_cheap_one() -> None:
     """Either direct test settles the cause: that of fewer hours leads."""
     assert _tests()[0].name == RUN_DOWN
-    assert _tests(TestTerms(RUN_DOWN, 3.0))[0].name == FORCE
-    assert _tests(TestTerms(RUN_DOWN, 3.0), TestTerms(FORCE, 4.0))[0].name == RUN_DOWN
+    assert _tests(TestTerms(name=RUN_DOWN, hours=3.0))[0].name == FORCE
+    assert (
+        _tests(TestTerms(name=RUN_DOWN, hours=3.0), TestTerms(name=FORCE, hours=4.0))[0].name
+        == RUN_DOWN
+    )
 
 
 def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Path) -> None:
@@ -61,8 +64,12 @@ def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Pat
         require_terms(bench, EFFECTS)
         return bench.tests
 
-    assert reads(f'name = "{FORCE}"\nhours = 5.0') == (TestTerms(FORCE, 5.0, True),)
-    assert reads('name = "traces"\npossible = false') == (TestTerms("traces", None, False),)
+    assert reads(f'name = "{FORCE}"\nhours = 5.0') == (
+        TestTerms(name=FORCE, hours=5.0, possible=True),
+    )
+    assert reads('name = "traces"\npossible = false') == (
+        TestTerms(name="traces", hours=None, possible=False),
+    )
     with pytest.raises(DataError, match=r"is no bench test; did you mean 'more shifts'"):
         reads('name = "more shift"')
     with pytest.raises(DataError, match="hours of the test 'traces' is -1 h, but"):

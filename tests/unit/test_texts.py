@@ -9,9 +9,9 @@ import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError, DogshapeError, did_you_mean
 from dogshape.sim.texts import read_table
+from dogshape.sim.versions import bundled_root
 from tests.benches import good_set
 
 Save = Callable[[str], bytes]

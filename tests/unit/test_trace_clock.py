@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.corrections import parse
 from dogshape.diagnosis.bench.flight_marks import flights_of
-from dogshape.diagnosis.bench.force_start import StartRule, find_force_start
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import BenchTrace, StartRule, find_force_start
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.shift.actuation import cubic_step
 from tests.benches import GOOD, good_set, scale, scale_traces

@@ -10,15 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import DataError
+from dogshape.sim.versions import bundled_root
 from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 from tests.made_up import made_up
 

@@ -15,7 +15,7 @@ obey, without friction,
     \sum f = F / \cos\beta
 
 and an active set finds them. What touches ends where the tips' roundings begin
-(``sim.shift.flank``), where pressure on the elastic bodies grows without bound as the mesh is
+(``sim.shift.geometry``), where pressure on the elastic bodies grows without bound as the mesh is
 refined. With their true gap :math:`g = \varrho - \sqrt{\varrho^2 - d^2}`, :math:`d` beyond
 that end, it stays finite and reaches a little onto the roundings: that is "rounded",
 against "cut". The rings are held at the angle, whatever moment that takes.
@@ -35,8 +35,7 @@ from scipy.sparse.linalg import splu
 from skfem import Basis, ElementQuad2, ElementVector, MeshQuad
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
-from dogshape.sim.shift.flank import FlankContact, flank_contact
-from dogshape.sim.shift.geometry import Dog, section
+from dogshape.sim.shift.geometry import Dog, FlankContact, flank_contact, section
 from dogshape.sim.strength.materials import POISSON, YOUNG
 from dogshape.sim.units import MM
 

@@ -29,11 +29,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.planar.engagement import engage
-from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.flank import crest_setback
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.shift.geometry import crest_setback
 from tests.verification.crests import time_on_crests
 
 Array = NDArray[np.float64]

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.units import MM, RPM
+from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.data import draws, write_case
 from dogshape.validation.blind.mujoco_model import damping_ratio, dog_corners, restitution

@@ -10,12 +10,11 @@ from scipy.integrate import cumulative_simpson
 
 from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
-from dogshape.sim.planar.engagement import engage
-from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.expected_means import expected, moments, timely
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.planar_shift import PlanarEngine
@@ -56,7 +55,7 @@ def test_with_the_same_contact_each_effect_is_that_of_the_simulation(name: str) 
     bench = load_bench(BENCH)
     cells = [k for k, c in enumerate(bench.cells) if abs(c.point.profile.force - 469.0) < 1.0]
     place = next(k for k in cells if abs(bench.cells[k].point.mismatch - POINT.mismatch) < 1e-6)
-    bench = replace(bench, sensor=Sensor("actuator"))
+    bench = replace(bench, sensor=Sensor(displacement_at="actuator"))
     setting = load(None)[name].apply(
         replace(setting_of(bench), point=bench.cells[place].point), values
     )

@@ -11,7 +11,7 @@ import pytest
 
 from dogshape.pipeline.export.cad import cad_available, ring_solid, write_step
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.part.solid import largest_root_radius, part_volume
+from dogshape.sim.part import largest_root_radius, part_volume
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.units import DEG, MM
 from tests.conftest import needed

@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.pipeline.reports.shift.story import event_facts
+from dogshape.pipeline.reports.shift_page import event_facts
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.shift.phases import face_overlap
+from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
 from tests.conftest import dog_of

@@ -10,8 +10,7 @@ import pytest
 from scipy.stats import norm
 from scipy.stats import t as student
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.reading import Reading, gather
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather
 from dogshape.diagnosis.likelihood.observed import ALIKE, DRIFT, Drift, drift_of
 from tests.diagnosed import simulated_bench, simulated_diagnosis
 from tests.toy import bench_of, points_of

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.reports.shift.story import load_facts
+from dogshape.pipeline.reports.shift_page import load_facts
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.driveline import response, torque_peak, torque_peaks
 from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.loads import response, torque_peak, torque_peaks
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.units import RPM

@@ -11,36 +11,44 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-import dogshape.sim.shift.planes
+import dogshape.sim.shift.mesh
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.part.profile import dog_corners, largest_root_radius
-from dogshape.sim.part.solid import part_volume, ring_part
+from dogshape.sim.part import dog_corners, largest_root_radius, part_volume, ring_part
 from dogshape.sim.planar import kernel
-from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import LaggedProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.flank import (
+from dogshape.sim.shift.conclusion import penetration
+from dogshape.sim.shift.geometry import (
     FLANKS,
+    LAND,
+    Dog,
     crest_loss,
     crest_setback,
     flank_contact,
     root_radius_room,
 )
-from dogshape.sim.shift.geometry import LAND, Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
-from dogshape.sim.shift.mesh import compliant_dog, dog_solid, pressure_apex, rigid_dog
-from dogshape.sim.shift.passing import penetration
-from dogshape.sim.shift.planes import DEVIATION, dog_planes, rounded_edges, touching_planes
+from dogshape.sim.shift.mesh import (
+    DEVIATION,
+    compliant_dog,
+    dog_planes,
+    dog_solid,
+    pressure_apex,
+    rigid_dog,
+    rounded_edges,
+    touching_planes,
+)
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.shift_records import clutch_record
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import demand_of
-from dogshape.sim.strength.line_contact import (
+from dogshape.sim.strength.landing import (
     LineContact,
     bed_energy,
     blow_load,
+    demand_of,
     edge_pressure,
     flat_energy,
     line_load,
@@ -147,7 +155,7 @@ def test_a_rounded_solid_is_closed_and_lacks_the_corners(prototype: Dog) -> None
 @pytest.fixture
 def _exact(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let planes stand out of an edge by a fiftieth of a micrometre, for comparison with arcs."""
-    monkeypatch.setattr(dogshape.sim.shift.planes, "DEVIATION", 2e-8)
+    monkeypatch.setattr(dogshape.sim.shift.mesh, "DEVIATION", 2e-8)
 
 
 def _pressed(clutch: Clutch, aside: float, depth: float) -> tuple[float, float]:

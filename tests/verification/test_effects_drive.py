@@ -14,9 +14,8 @@ from dogshape.sim.engines import engage
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]

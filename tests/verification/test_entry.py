@@ -11,8 +11,8 @@ from pydrake.systems.framework import Context, EventStatus
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
 
@@ -57,7 +57,7 @@ def test_kinematic_entry_without_touching(clutch: Clutch, mismatch_rpm: float) -
     dog, plant = heavy.dog, ClutchPlant(heavy)
     swept = abs(mismatch_rpm) * RPM * depth / speed
     if mismatch_rpm == 100.0:
-        simple = (dog.entry_play_angle - swept) / dog.pitch_angle
+        simple = (dog.entry_play / dog.mean_radius - swept) / dog.pitch_angle
         assert simple == pytest.approx(0.164, abs=5e-4)
     lean = math.tan(dog.traction if mismatch_rpm > 0 else dog.braking) * depth
     free = (dog.entry_play - lean) / dog.outer_radius
@@ -82,7 +82,7 @@ def test_rectangular_dogs_engage_as_often_as_in_bokas_form(
     dog, friction = flat.dog, flat.contact.dynamic_friction
     slide = flat.rings.reduced_inertia * (mismatch_rpm * RPM) ** 2
     slide /= 2.0 * friction * force * dog.mean_radius
-    exact = min(1.0, (dog.entry_play_angle + slide) / dog.pitch_angle)
+    exact = min(1.0, (dog.entry_play / dog.mean_radius + slide) / dog.pitch_angle)
     assert exact == pytest.approx(published, abs=1e-3)
     plant = ClutchPlant(flat)
     point = OperatingPoint(mismatch_rpm * RPM, ForceProfile(force, 1e-3))

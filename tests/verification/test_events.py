@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.loads import energy_lost
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
 from tests.conftest import dog_of

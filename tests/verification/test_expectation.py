@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from rich.console import Console
 
-from dogshape.pipeline.cli.tables.shift_tables import expectation_table
+from dogshape import expectation as results
+from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import (
     Expectation,
     ShiftResult,
@@ -74,19 +74,17 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
 
 
 def _printed(result: Expectation) -> str:
-    console = Console(width=200)
-    with console.capture() as said:
-        console.print(expectation_table(result))
-    return said.get()
+    parts = results.Expectation(load_study("mq200_paper"), result).parts
+    return "\n".join(part for part in parts if isinstance(part, str))
 
 
-def test_small_errors_are_printed_to_a_hundredth(point: Point) -> None:
+def test_errors_are_printed_to_a_hundredth(point: Point) -> None:
     close = expect_point(point(50, 469.0), _shifts(0.05, 0.05001, 0.05002, 0.05003), 1.0, 0.2)
-    assert "expected shift time 50.01 +- 0.01 ms" in _printed(expect([close]))
+    assert "expected shift time 50.01 ± 0.01 ms" in _printed(expect([close]))
     wide = expect_point(point(50, 469.0), _shifts(0.05, 0.07, 0.05, 0.07), 1.0, 0.2)
-    assert re.search(r"expected shift time 60\.0 \+- \d+\.\d ms", _printed(expect([wide])))
+    assert re.search(r"expected shift time 60\.00 ± \d+\.\d\d ms", _printed(expect([wide])))
     two = expect_point(point(50, 469.0), _shifts(0.05, 0.07), 1.0, 0.2)
-    assert "60.0 ms (of too few shifts" in _printed(expect([two]))
+    assert "60.00 ms (of too few shifts" in _printed(expect([two]))
 
 
 def test_failed_integrations_are_left_out(point: Point) -> None:

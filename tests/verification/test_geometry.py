@@ -13,12 +13,12 @@ from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.shift.mesh import (
     Mesh,
     compliant_dog,
+    dog_planes,
     dog_solid,
     pressure_apex,
     rigid_dog,
     ring_of,
 )
-from dogshape.sim.shift.planes import dog_planes
 from dogshape.sim.units import DEG
 from tests.conftest import dog_of
 
@@ -43,7 +43,7 @@ def test_prototype_dimensions(prototype: Dog, dimension: str, millimetres: float
 
 
 def test_prototype_entry_play_angle(prototype: Dog) -> None:
-    assert prototype.entry_play_angle / DEG == pytest.approx(5.446, abs=1e-3)
+    assert prototype.entry_play / prototype.mean_radius / DEG == pytest.approx(5.446, abs=1e-3)
 
 
 def test_edge_drop_is_where_face_and_braking_flank_meet(prototype: Dog) -> None:

@@ -13,14 +13,13 @@ from scipy.integrate import solve_ivp
 from benchmarks.impact_force import flat, with_setting
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
-from dogshape.sim.shift.phases import face_overlap
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.shift_records import landing_of, landing_record
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import hardest, landing_checks
-from dogshape.sim.strength.line_contact import edge_pressure
+from dogshape.sim.strength.landing import edge_pressure, hardest, landing_checks
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import MPA
 

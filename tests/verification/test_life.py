@@ -13,9 +13,8 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits, fatigue, root_stress, strength_checks
-from dogshape.sim.strength.life import cycles_endured, damage, reserve
 from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.materials import MATERIALS
+from dogshape.sim.strength.materials import MATERIALS, cycles_endured, damage, reserve
 from dogshape.sim.units import MPA
 
 STEEL = MATERIALS["16MnCr5"]
@@ -55,13 +54,14 @@ def test_the_reserve_of_a_spectrum_on_one_slope_is_a_power_mean() -> None:
     used = sum(n * s ** (1.0 / slope) for s, n in classes)
     factor = (3e6 / used) ** slope
     assert all(1.0 < factor * s < STEEL.static_factor for s, _ in classes)
-    assert reserve(STEEL, classes) == pytest.approx(factor, rel=1e-9)
+    strengths, cycles = zip(*classes, strict=True)
+    assert reserve(STEEL, cycles, *strengths) == pytest.approx(factor, rel=1e-9)
     assert damage(STEEL, [(factor * s, n) for s, n in classes]) == pytest.approx(1.0, rel=1e-9)
 
 
 def test_a_peak_beyond_the_static_strength_is_borne_by_none() -> None:
     assert damage(STEEL, [(2.6, 1.0)]) == math.inf
-    assert reserve(STEEL, [(2.0, 1.0)]) == pytest.approx(STEEL.static_factor / 2.0)
+    assert reserve(STEEL, [1.0], 2.0) == pytest.approx(STEEL.static_factor / 2.0)
     assert reserve(STEEL, []) == math.inf
 
 

@@ -10,8 +10,7 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.reading import Cell, Reading
+from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading
 from dogshape.diagnosis.likelihood.likelihood import (
     NODES,
     Likelihood,

@@ -11,10 +11,9 @@ from scipy.optimize import brentq
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.flank import FLANKS
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.strength.checks import Check
-from dogshape.sim.strength.dog_strength import Limits, core_stress, shear_stress, strength_checks
+from dogshape.sim.strength.dog_strength import Limits, root_of, strength_checks
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import pull_out_force, release_angle, separating_force
 from dogshape.sim.strength.manufacture import ManufacturingLimits
@@ -92,13 +91,8 @@ def test_equivalent_stress_takes_tension_and_shear_of_one_flank(
     """Traction flanks of 30 and braking ones of 5 degrees: coast moves what decides to traction."""
     steep = replace(prototype, chamfer=0.0, traction=30 * DEG, braking=5 * DEG)
     limits = Limits(load=LoadCase(coast_share=share))
-    by_flank = {
-        flank: math.hypot(
-            core_stress(steep, limits, flank),
-            math.sqrt(3.0) * shear_stress(steep, limits.load, flank),
-        )
-        for flank in FLANKS
-    }
+    roots = {flank: root_of(steep, limits, flank) for flank in FLANKS}
+    by_flank = {f: math.hypot(root.core, math.sqrt(3.0) * root.shear) for f, root in roots.items()}
     found = _by_name(steep, limits.load)["equivalent_stress"].value * MPA
     assert found == pytest.approx(max(by_flank.values()), rel=1e-12)
     assert (by_flank["braking"] > by_flank["traction"]) == (share == 1.0)

@@ -12,9 +12,8 @@ from scipy.special import logsumexp
 from scipy.stats import chi2, kstest, multivariate_t
 from scipy.stats.qmc import Sobol
 
-from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.bench_data import Bench, gather
 from dogshape.diagnosis.bench.flight_marks import WAYS, SeenFlight, flights_of
-from dogshape.diagnosis.bench.reading import gather
 from dogshape.diagnosis.likelihood.mark_density import flight_scores, log_flights, log_unknown
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.terms import Array, Hypothesis

@@ -29,7 +29,7 @@ def _diagnosed(*measured: Measured, advise: bool = False) -> Diagnosis:
 
 def test_the_evidence_is_the_integral_over_shifts_and_test_together() -> None:
     """Against a fine grid of the prior, and the neutral value where the effect is absent."""
-    told = Measured("actuation_delay", None, 0.081, 0.004)
+    told = Measured(effect="actuation_delay", value=0.081, standard_error=0.004)
     alone, both = _diagnosed(), _diagnosed(told)
     (fact,) = measured_facts(both.bench, EFFECTS)
     one = both.fits[DELAY]
@@ -47,14 +47,19 @@ def test_the_evidence_is_the_integral_over_shifts_and_test_together() -> None:
 
 def test_a_test_that_contradicts_the_shifts_is_for_unknown() -> None:
     """The shifts show 80 ms; the test shows 20 ms: nothing known is both."""
-    plain, found = _diagnosed(), _diagnosed(Measured("actuation_delay", None, 0.02, 0.0005))
+    plain, found = (
+        _diagnosed(),
+        _diagnosed(Measured(effect="actuation_delay", value=0.02, standard_error=0.0005)),
+    )
     assert plain.posterior[DELAY] > 0.8
     assert found.posterior.get(DELAY, 0.0) < 0.05
     assert found.posterior[UNKNOWN] > 10.0 * plain.posterior.get(UNKNOWN, 0.0)
 
 
 def test_what_is_measured_is_a_fact_of_the_record_and_no_advice() -> None:
-    found = _diagnosed(Measured("actuation_delay", None, 0.08, 0.003), advise=True)
+    found = _diagnosed(
+        Measured(effect="actuation_delay", value=0.08, standard_error=0.003), advise=True
+    )
     assert found.verdict.causes == DELAY
     (fact,) = [one for one in found.to_dict()["facts"] if one["effect"] == "actuation_delay"]
     assert fact["value"] == pytest.approx(0.08)
@@ -76,7 +81,7 @@ def test_results_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: P
         return bench.measured
 
     drag = 'effect = "drag_torque"\nvalue = 2.2\nstandard_error = 0.1'
-    assert reads(drag) == (Measured("drag_torque", None, 2.2, 0.1),)
+    assert reads(drag) == (Measured(effect="drag_torque", value=2.2, standard_error=0.1),)
     for given, words in (
         (drag.replace("drag_torque", "drag_torqe"), "did you mean 'drag_torque'"),
         (drag.replace("= 0.1", "= 0.0"), "the error positive"),

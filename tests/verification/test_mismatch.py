@@ -16,8 +16,8 @@ from benchmarks.common import paper_study
 from benchmarks.drawings import named_svg, picture
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
-from dogshape.sim.shift.phases import face_overlap
-from dogshape.sim.shift.planes import dog_planes
+from dogshape.sim.shift.events import face_overlap
+from dogshape.sim.shift.mesh import dog_planes
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM, RPM
 

@@ -10,15 +10,14 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.input_errors import NominalInputs, inputs_of
-from dogshape.diagnosis.bench.nominal_errors import NominalErrors, Tolerance
+from dogshape.diagnosis.bench.comparison import compare
+from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -29,7 +28,7 @@ from tests.made_up import flight, mean_time
 from tests.toy import CLUTCH, bench_of, points_of
 
 POINTS = points_of()
-BOTH = Tolerance(force_share=0.02, force=3.0, mismatch_share=0.01, mismatch=0.5 * RPM)
+BOTH = Tolerance(force_percent=2.0, force_N=3.0, mismatch_percent=1.0, mismatch_rpm=0.5)
 PLAIN = np.zeros((1, 0))
 
 
@@ -39,48 +38,25 @@ def _law(point: OperatingPoint) -> float:
     return 1.7 * flight + 0.3 - 0.05 * float(np.log(abs(point.mismatch) + RPM))
 
 
-def _inputs(points: tuple[OperatingPoint, ...], errors: NominalErrors) -> NominalInputs:
-    bench = replace(bench_of({}, np.random.default_rng(1), points=points), errors=errors)
-    found = inputs_of(bench)
-    assert found is not None
-    return found
+def test_validation_propagates_errors_by_the_derivatives_of_the_simulated_times() -> None:
+    """The closed form: a law of free flight and mismatch, simulated without scatter."""
+    bench = bench_of({}, np.random.default_rng(1), points=POINTS)
 
+    def law(blocks: Sequence[Block]) -> list[list[Record]]:
+        times = [_law(block.point) for block in blocks]
+        return [[{"outcome": "engaged", "shift_time_s": time}] * 8 for time in times]
 
-def test_slopes_are_the_derivatives_of_a_law_that_is_linear_in_their_places() -> None:
-    turned = tuple(OperatingPoint(-p.mismatch, p.profile) for p in POINTS[4:12])
-    points = (*POINTS, *turned)
-    inputs = _inputs(points, NominalErrors(systematic=BOTH))
-    found = inputs.sensitivity(np.array([_law(p) for p in points]))
-    for place, point in enumerate(points):
-        force, rise = point.profile.force, point.profile.rise
-        ends = [_law(OperatingPoint(point.mismatch, ForceProfile(force * by, rise)))
-                for by in (np.exp(-1e-4), np.exp(1e-4))]  # fmt: skip
-        assert found.force[place] == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=1e-3)
-        ends = [_law(OperatingPoint(point.mismatch + by, point.profile)) for by in (-1e-4, 1e-4)]
-        assert found.mismatch[place] == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=1e-3)
-    assert not found.lacking
-
-
-@pytest.mark.parametrize("apart", [0.001, 0.005])
-def test_slopes_of_measured_set_values_are_no_steeper_than_those_of_nominal_ones(
-    apart: float,
-) -> None:
-    """Means err by half a millisecond, and force and mismatch jitter from row to row."""
-    generator = np.random.default_rng(1)
-    off = 1.0 + apart * generator.uniform(-1.0, 1.0, (2, len(POINTS), 2))
-    points = tuple(
-        OperatingPoint(p.mismatch * n, ForceProfile(p.profile.force * f, p.profile.rise))
-        for half in off
-        for p, (n, f) in zip(POINTS, half, strict=True)
-    )
-    true, errors = _inputs(POINTS, NominalErrors(systematic=BOTH)), NominalErrors(systematic=BOTH)
-    plain = true.sensitivity(np.array([_law(p) for p in POINTS]))
-    noise = generator.normal(0.0, 0.5e-3, len(points))
-    found = _inputs(points, errors).sensitivity(np.array([_law(p) for p in points]) + noise)
-    assert not found.lacking
-    twice = np.tile(plain.force, 2), np.tile(plain.mismatch, 2)
-    assert np.abs(found.force / twice[0] - 1.0).max() < 0.2
-    assert np.abs(found.mismatch / twice[1] - 1.0).max() < 0.2
+    for size, moved in (
+        (Tolerance(force_percent=2.0), (1.0, 1.02)),
+        (Tolerance(mismatch_percent=1.0), (1.01, 1.0)),
+    ):
+        stated = replace(bench, errors=NominalErrors(systematic=size))
+        pairs = zip(*(compare(b, law, 8).differences for b in (stated, bench)), strict=True)
+        for (with_errors, without), point in zip(pairs, POINTS, strict=True):
+            found = with_errors.standard_error**2 - without.standard_error**2
+            profile = replace(point.profile, force=point.profile.force * moved[1])
+            change = _law(OperatingPoint(point.mismatch * moved[0], profile)) - _law(point)
+            assert np.sqrt(found) == pytest.approx(abs(change), rel=0.1)
 
 
 def _smooth(blocks: Sequence[Block]) -> list[list[Record]]:
@@ -134,7 +110,7 @@ def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> Non
     plain, half = simulated_bench({"force_scale": {"force_factor": 0.5}}), np.zeros((1, 1))
     gains = []
     for error in (0.0, 0.02, 0.25):
-        stated = NominalErrors(systematic=Tolerance(force_share=error))
+        stated = NominalErrors(systematic=Tolerance(force_percent=100.0 * error))
         likelihood = _likelihood(replace(plain, errors=stated))
         assert likelihood.model.space(("force_scale",)).values(half) == pytest.approx(0.5)
         parts = ((("force_scale",), half), (NONE, PLAIN))
@@ -144,20 +120,6 @@ def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> Non
     assert exact > 5.0
     assert tight == pytest.approx(exact, rel=0.05)
     assert loose < 0.7 * exact
-
-
-def test_what_one_force_or_mismatch_cannot_show_is_said() -> None:
-    alone = _inputs(points_of((469.0,)), NominalErrors(each_point=Tolerance(force_share=0.02)))
-    means = np.array([_law(p) for p in points_of((469.0,))])
-    found = alone.sensitivity(means)
-    assert found.force == pytest.approx(alone.flight_slope)
-    assert "one force only" in alone.propagated(means).sentence
-    single = tuple(p for p in POINTS if p.mismatch == POINTS[0].mismatch)
-    errors = NominalErrors(each_point=Tolerance(mismatch=RPM))
-    said = _inputs(single, errors).propagated(np.array([_law(p) for p in single]))
-    assert said.each_point == 0.0
-    assert "one mismatch only, an error of the mismatch is not propagated" in said.sentence
-    assert "one force" not in said.sentence
 
 
 @pytest.mark.parametrize(
@@ -176,8 +138,8 @@ def test_the_table_of_errors_is_read_or_refused(tmp_path: Path, table: str, word
     stated = "[errors.systematic]\nforce_percent = 2\nmismatch_rpm = 0.5\n"
     file.write_text(f"{text}\n{stated}[errors.each_point]\nforce_N = 3\n")
     errors = load_bench(folder).errors
-    assert errors.systematic == Tolerance(force_share=0.02, mismatch=0.5 * RPM)
-    assert errors.each_point == Tolerance(force=3.0)
+    assert errors.systematic == Tolerance(force_percent=2.0, mismatch_rpm=0.5)
+    assert errors.each_point == Tolerance(force_N=3.0)
     file.write_text(f"{text}\n{table}")
     with pytest.raises(DogshapeError) as refused:
         load_bench(folder)

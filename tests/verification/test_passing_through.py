@@ -9,18 +9,19 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import FINER, Engagement
-from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import pressure_apex
-from dogshape.sim.shift.outcome import Outcome
-from dogshape.sim.shift.passing import (
-    COVERED,
+from dogshape.sim.shift.conclusion import (
+    COVERED_DEPTH,
+    FINER,
+    Engagement,
+    Outcome,
     passing_through,
     path_of,
     penetration,
     require_stiff_enough,
 )
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import pressure_apex
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, RPM
 
@@ -128,5 +129,5 @@ def test_dogs_are_looked_at_between_the_steps_of_a_fast_shift() -> None:
     way, angle = path_of(clutch, found.trace)
     assert way.size > found.trace.time.size
     assert found.outcome is Outcome.ENGAGED
-    assert penetration(dog, way, angle).max() < COVERED * pressure_apex(dog)[1]
+    assert penetration(dog, way, angle).max() < COVERED_DEPTH * pressure_apex(dog)[1]
     assert found.shift_time == pytest.approx(0.0918, rel=0.05)

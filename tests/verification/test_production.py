@@ -14,6 +14,7 @@ from dogshape.pipeline.simulate.design import design_of, exact_losses, objective
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
+from dogshape.sim.strength.load_case import load_share, neighbour_share
 from dogshape.sim.strength.production import (
     DRAWS,
     kept_draws,
@@ -21,7 +22,6 @@ from dogshape.sim.strength.production import (
     standard_error,
     surely_below,
 )
-from dogshape.sim.strength.sharing import load_share, neighbour_share
 from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.units import DEG, MM
 

@@ -12,8 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.sim.shift.flank import Flank
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.strength.notch import Load, root_mises, root_tension
 from dogshape.validation.finite_elements import root_stress
 from dogshape.validation.finite_elements.root_mesh import RootShape

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.record import BenchRecord
 from dogshape.diagnosis.bench.sense import REVERSED, Sense, forward, turned
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models
@@ -53,7 +53,9 @@ def _signed(blocks: Sequence[Block]) -> list[list[Record]]:
 
 
 def _with_sense(bench: Bench, sense: Sense) -> Bench:
-    record = BenchRecord("command", "sleeve", "not_made", sense)
+    record = BenchRecord(
+        time_zero="command", displacement_at="sleeve", empty_cells="not_made", sense=sense
+    )
     return replace(bench, record=record)
 
 

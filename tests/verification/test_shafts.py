@@ -12,12 +12,11 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar import kernel
-from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.mechanism import DEEP_TWIST, SHAFT_DAMPING, Mechanism, Shaft
-from dogshape.sim.shift.outcome import Outcome
 from dogshape.sim.strength.strike import Strike, two_mass_torque
 from dogshape.sim.units import DEG, RPM
 

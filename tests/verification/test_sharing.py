@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,8 +17,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import landing_checks
-from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.sharing import landing_share, load_share, pitch_tolerance
+from dogshape.sim.strength.load_case import LoadCase, landing_share, load_share, pitch_tolerance
 
 SCATTERS = (0.05, 0.3, 1.0, 5.0)
 
@@ -113,7 +113,7 @@ def test_share_falls_with_the_number_of_dogs(
     """Springs of 100 N/um at 200 N m with 1.5 on 24 mm, as computed apart from this project."""
     load = LoadCase(pitch_sd=micron * 1e-6, dog_stiffness=100e6)
     for count, share in zip((15, 23, 31), shares, strict=True):
-        dog = Dog(**{**vars(prototype), "count": count, "height": 2.5e-3})
+        dog = replace(prototype, count=count, height=2.5e-3)
         assert load.sharing(dog, load.design_torque) == pytest.approx(share, abs=0.01)
     assert LoadCase().stiffness(prototype) == pytest.approx(100e6)
 

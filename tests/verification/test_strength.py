@@ -10,19 +10,16 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part.profile import dog_corners, largest_root_radius
-from dogshape.sim.shift.flank import FLANKS, Flank, flank_contact, root_radius_room
-from dogshape.sim.shift.geometry import LAND, Dog
+from dogshape.sim.part import dog_corners, largest_root_radius
+from dogshape.sim.shift.geometry import FLANKS, LAND, Dog, Flank, flank_contact, root_radius_room
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.dog_strength import (
     Limits,
-    core_stress,
-    flank_pressure,
     keeps_limits,
     root_load,
+    root_of,
     root_stress,
-    shear_stress,
     strength_checks,
 )
 from dogshape.sim.strength.landing import landing_checks
@@ -42,9 +39,9 @@ def test_rated_torque_on_all_dogs(prototype: Dog) -> None:
     """200 N m at 24 mm on 15 dogs: 555.6 N on 4 mm by 3.15 mm, and shear over 6.167 mm."""
     load = LoadCase(application_factor=1.0, load_sharing=1.0)
     assert load.force_per_dog(prototype) == pytest.approx(200 / (0.024 * 15))
-    pressure = flank_pressure(prototype, Limits(load=load), "traction")
-    assert pressure / MPA == pytest.approx(555.6 / (4.0 * 3.153), abs=0.05)
-    assert shear_stress(prototype, load) / MPA == pytest.approx(34, abs=0.5)
+    root = root_of(prototype, Limits(load=load), "traction")
+    assert root.pressure / MPA == pytest.approx(555.6 / (4.0 * 3.153), abs=0.05)
+    assert root.shear / MPA == pytest.approx(34, abs=0.5)
 
 
 @pytest.mark.parametrize(("flank", "height"), [("traction", 3.7), ("braking", 3.7 - 2 * 0.579)])
@@ -133,7 +130,7 @@ def test_a_case_within_the_notch_does_not_help(prototype: Dog) -> None:
     """Without a case the core sees the whole peak."""
     bare = replace(Limits(), material=replace(MATERIALS["16MnCr5"], case_depth=0.0))
     for flank in FLANKS:
-        assert core_stress(prototype, bare, flank) == pytest.approx(
+        assert root_of(prototype, bare, flank).core == pytest.approx(
             root_stress(prototype, bare, flank)
         )
 
@@ -180,7 +177,7 @@ def test_load_sharing_acts_as_the_factors_of_a_published_spline(prototype: Dog) 
     dog = dog_of(prototype, (0, 10, 10, 3, 12))
     nominal = 100.0 / (dog.mean_radius * 12)
     scale = 112_970.71 / 648e-6 / (nominal / flank_contact(dog, 0.3e-3, "traction").area)
-    pressure = flank_pressure(dog, Limits(load=load), "traction") * scale
+    pressure = root_of(dog, Limits(load=load), "traction").pressure * scale
     assert pressure / MPA == pytest.approx(538.7, abs=0.05)
 
 

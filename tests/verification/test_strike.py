@@ -14,8 +14,7 @@ from scipy.linalg import expm
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.flank import flank_contact
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, flank_contact
 from dogshape.sim.strength.dog_strength import (
     Limits,
     strength_checks,

@@ -7,8 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from dogshape.sim.shift.flank import flank_contact
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, flank_contact
 from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
 from dogshape.sim.strength.tolerance import (
     Spread,

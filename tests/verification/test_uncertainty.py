@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.outcome import Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import (
     ShiftResult,
     even_phases,

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part.profile import dog_corners, lands
-from dogshape.sim.part.solid import (
+from dogshape.sim.part import (
     chamfer_volume,
     corner_volume,
+    dog_corners,
+    lands,
     largest_root_radius,
     part_volume,
     ring_part,

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.record import Place
+from dogshape.diagnosis.bench.stand_file import Place
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import Model
@@ -33,7 +33,7 @@ def likelihood_of(folder: Path, sensor: str, model: Model | None = None) -> Like
     bank has it.
     """
     bench: Bench = load_bench(folder)
-    record = replace(bench.record, displacement_at=cast(Place, sensor))
+    record = bench.record.model_copy(update={"displacement_at": cast(Place, sensor)})
     bench = replace(bench, clutch=bench.clutch.with_engine(ENGINE), record=record)
     means = _means(0)
     if model is None:

@@ -25,9 +25,9 @@ from typing import Any
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model
-from dogshape.sim.bundled import bundled_root
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
+from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.cases import CLUTCHES, Case, case_of, field_cases
 from dogshape.validation.blind.data import bench_text, simulated, write_case
 from dogshape.validation.blind.expected_means import expected, expected_of

@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from dogshape.sim.errors import InputError
-from dogshape.sim.planar.engagement import engage
-from dogshape.sim.planar.plant import planar_clutch
+from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
 from dogshape.sim.shift.conclusion import Engagement

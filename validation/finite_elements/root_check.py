@@ -7,8 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dogshape.sim.shift.flank import FLANKS, Flank
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank
 from dogshape.sim.strength.dog_strength import Limits, root_load
 from dogshape.sim.strength.notch import Load, root_tension
 from dogshape.validation.finite_elements.root_mesh import RootShape

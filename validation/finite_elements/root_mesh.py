@@ -30,8 +30,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from dogshape.sim.errors import GeometryError, refusal, require_between
-from dogshape.sim.shift.flank import Flank, side_angle
-from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.geometry import Dog, Flank, side_angle
 from dogshape.sim.units import MM
 
 Points = NDArray[np.float64]

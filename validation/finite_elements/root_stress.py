@@ -48,7 +48,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.flank import Flank
+from dogshape.sim.shift.geometry import Flank
 from dogshape.sim.strength.materials import POISSON, YOUNG
 from dogshape.validation.finite_elements.plane_solver import PlaneSolver
 from dogshape.validation.finite_elements.root_mesh import (

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dogshape import BenchTest, Effect, Parameter
+from dogshape import Effect
+from dogshape.sim.effect import BenchTest, Parameter
 from dogshape.sim.setting import Setting
 
 

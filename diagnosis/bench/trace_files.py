@@ -1,0 +1,304 @@
+"""Files of bench traces: CSV, LabVIEW's TDMS and ASAM's MDF, brought to one time axis.
+
+Time zero is the start of the force. Other columns or channels than those of ``COLUMNS`` are not
+read. In TDMS the times of a channel are the channel ``t_s`` of its group, or else its waveform
+properties ``wf_start_time``, ``wf_start_offset`` and ``wf_increment``; a channel without these has
+the times of the displacement. In MDF each channel has the times of its master, and a unit that it
+gives must be that of its name.
+
+All channels are brought to the times of the displacement by linear interpolation, as npTDMS and
+asammdf export them, where every channel has samples. Nothing is extrapolated: samples of the
+displacement outside are cut. What was interpolated, cut or lost is said.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dogshape.diagnosis.bench.foreign_cells import unit_named
+from dogshape.diagnosis.bench.traces import BenchTrace, Series
+from dogshape.sim.errors import DataError, InputError, did_you_mean, number, number_rule
+from dogshape.sim.texts import read_table
+from dogshape.sim.units import to_si
+
+TIME = "t_s"
+LEAD = "displacement_mm"  #: the channel whose times all others get
+COLUMNS = (TIME, LEAD, "force_N", "sliding_speed_rpm", "output_speed_rpm")
+SUFFIXES = (".mf4", ".mdf", ".dat")  #: of MDF files
+LEAST = 10  #: samples that a trace must have
+#: Share of the sample step within which times are equal: float32 masters differ by less.
+ALIKE = 0.1
+HOLE = 5.0  #: sample steps without a sample from which samples count as lost
+
+
+@dataclass(frozen=True, eq=False)
+class Channel:
+    """Samples of a channel: times in s and values, each (n,), and their rows in the file."""
+
+    time: Series
+    values: Series
+    rows: Sequence[int]
+
+    @property
+    def step(self) -> float:
+        """Median time from sample to sample, s."""
+        return float(np.median(np.diff(self.time)))
+
+
+def read_trace(path: Path) -> BenchTrace:
+    """Read a trace; every mistake raises DataError with file, row or channel, and remedy.
+
+    InputError where the extra that reads the file is not installed.
+    """
+    if not path.is_file():
+        raise DataError(f"there is no trace {path}; add the file, or leave the cell trace empty")
+    suffix = path.suffix.lower()
+    read = _read_tdms if suffix == ".tdms" else _read_mdf if suffix in SUFFIXES else _read_csv
+    channels = read(path)
+    for name in (LEAD, *(name for name in channels if name != LEAD)):
+        _require_samples(path, name, channels[name])
+    lead = channels[LEAD]
+    margin = ALIKE * lead.step
+    first = max(one.time[0] for one in channels.values()) - margin
+    last = min(one.time[-1] for one in channels.values()) + margin
+    time = lead.time[(lead.time >= first) & (lead.time <= last)]
+    if time.size < LEAST:
+        spans = ", ".join(
+            f"{name} from {number(one.time[0])} to {number(one.time[-1])} s"
+            for name, one in channels.items()
+        )
+        raise DataError(
+            f"{path}: the channels have {time.size} samples of {LEAD} in common ({spans}), but a "
+            f"trace needs at least {LEAST}; correct start times or rates, or export the whole shift"
+        )
+    table = {name: np.interp(time, one.time, one.values) for name, one in channels.items()}
+    table[TIME] = time
+    notes = tuple(_notes(channels, time, margin))
+    return BenchTrace(path, *(to_si(name, 1.0) * table[name] for name in COLUMNS), notes=notes)
+
+
+def _notes(channels: Mapping[str, Channel], time: Series, margin: float) -> list[str]:
+    """List what was interpolated, cut and lost, in sentences."""
+    lead = channels[LEAD]
+    apart = [
+        f"{name} ({one.time.size} samples, every {number(1e3 * one.step)} ms)"
+        for name, one in channels.items()
+        if one.time.shape != lead.time.shape or abs(one.time - lead.time).max() > margin
+    ]
+    notes = []
+    if apart:
+        notes.append(
+            f"{', '.join(apart)} interpolated on the times of {LEAD} (every "
+            f"{number(1e3 * lead.step)} ms)"
+        )
+    if time.size < lead.time.size:
+        notes.append(
+            f"{lead.time.size - time.size} of {lead.time.size} samples of {LEAD} cut, as not all "
+            f"channels have values before {number(time[0])} or after {number(time[-1])} s"
+        )
+    for name, one in channels.items():
+        if name != LEAD and np.array_equal(one.time, lead.time):
+            continue
+        steps = np.diff(one.time)
+        place = int(np.argmax(steps))
+        if steps[place] > HOLE * one.step:
+            ends = f"{number(one.time[place])} to {number(one.time[place + 1])} s"
+            notes.append(f"{name} without a sample from {ends}")
+    return notes
+
+
+def _require_samples(path: Path, name: str, channel: Channel) -> None:
+    """Raise DataError for values that are not finite, few samples, and time that does not grow."""
+    time, rows = channel.time, channel.rows
+    clock = f"column {TIME}" if name == LEAD else f"the time of {name}"
+    for what, values in ((f"column {name}", channel.values), (clock, time)):
+        bad = ~np.isfinite(values)
+        if bad.any():
+            place = int(np.argmax(bad))
+            raise DataError(
+                f"{path}, row {rows[place]}, {what} is '{values[place]}', but it must be a finite "
+                "number; correct the cell"
+            )
+    least = LEAST if name == LEAD else 2
+    if time.size < least:
+        raise DataError(
+            f"{path} has {time.size} samples of {name}, but a trace needs at least {least}; export "
+            "the whole shift"
+        )
+    back = np.diff(time) <= 0.0
+    if back.any():
+        place = int(np.argmax(back)) + 1
+        raise DataError(
+            f"{path}, row {rows[place]}, {clock} is '{time[place]:.15g}' after "
+            f"'{time[place - 1]:.15g}', but time must grow from sample to sample; sort the trace "
+            "and leave doubled samples out"
+        )
+
+
+def _read_csv(path: Path) -> dict[str, Channel]:
+    """Read the columns of a CSV trace; a row without a value is no sample of that channel."""
+    table = read_table(path, COLUMNS, COLUMNS)
+    table.require(COLUMNS)
+    lines = [row for row, _ in table.rows]
+
+    def numbers(name: str, places: Sequence[int]) -> Series:
+        cells, values = table.column(name), []
+        for place in places:
+            try:
+                values.append(float(cells[place]))
+            except ValueError:
+                raise DataError(
+                    f"{path}, row {lines[place]}, column {name} is '{cells[place]}', but it must "
+                    f"be {number_rule(cells[place])}; correct the cell"
+                ) from None
+        return np.array(values, dtype=float)
+
+    time, found = numbers(TIME, range(len(lines))), {}
+    for name in COLUMNS[1:]:
+        places = [place for place, cell in enumerate(table.column(name)) if cell]
+        rows = [lines[place] for place in places]
+        found[name] = Channel(time[places], numbers(name, places), rows)
+    return found
+
+
+def _library(module: str, name: str, kind: str, extra: str) -> Any:
+    try:
+        return import_module(module)
+    except ImportError as error:
+        raise InputError(
+            f"{name} cannot be loaded ({error}), but {kind} trace needs it; install it with: "
+            f"pip install -c constraints.txt '.[{extra}]', or export the trace as CSV."
+        ) from error
+
+
+def _as_numbers(path: Path, name: str, samples: Any) -> Series:
+    try:
+        return np.asarray(samples, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise DataError(
+            f"{path}, channel {name} does not hold numbers ({error}); write it as numbers"
+        ) from error
+
+
+def _read_mdf(path: Path) -> dict[str, Channel]:
+    """Read the channels of an MDF file, without samples that are marked invalid."""
+    library = _library("asammdf", "asammdf", "an MDF", "mdf")
+    try:
+        file = library.MDF(str(path))
+    except Exception as error:  # what it raises for foreign bytes depends on these bytes
+        raise DataError(f"{path} is not an MDF file: {error}; export the trace again") from error
+    with file:
+        signals = {name: _signal(path, file, name) for name in COLUMNS[1:]}
+    found = {}
+    for name, signal in signals.items():
+        time, unit = np.asarray(signal.timestamps, dtype=float), unit_named(signal.unit or "")
+        if unit is not None and unit.factor != 1.0:
+            raise DataError(
+                f"{path}, channel {name} is in '{signal.unit}', but its name says another unit; "
+                "convert it or name it by its unit"
+            )
+        found[name] = Channel(time, _as_numbers(path, name, signal.samples), range(time.size))
+    return found
+
+
+def _signal(path: Path, file: Any, name: str) -> Any:
+    places = file.channels_db.get(name, ())
+    if not places:
+        hint = did_you_mean(name, file.channels_db)
+        raise DataError(
+            f"{path}: the channel '{name}' is missing; name the channels as in a CSV trace (in the "
+            f"file: {hint})"
+        )
+    if len(places) > 1:
+        raise DataError(
+            f"{path} has the channel {name} in {len(places)} groups, but a trace is one shift; "
+            "write a file for each shift"
+        )
+    group, index = places[0]
+    return file.get(name, group=group, index=index).validate()
+
+
+def _read_tdms(path: Path) -> dict[str, Channel]:
+    """Read the channels of a TDMS file."""
+    library = _library("nptdms", "npTDMS", "a TDMS", "tdms")
+    try:
+        file = library.TdmsFile.read(str(path))
+    except (ValueError, KeyError, IndexError, EOFError, OSError, struct.error) as error:
+        raise DataError(f"{path} is not a TDMS file: {error}; export the trace again") from error
+    group = _lead_group(path, file)
+    found = {}
+    for name in COLUMNS[1:]:
+        own = _group_of(path, file, group, name)
+        values = _as_numbers(path, name, own[name][:])
+        if TIME in own:
+            time = _as_numbers(path, TIME, own[TIME][:])
+        else:
+            time = _waveform(path, own[name], group[LEAD])
+        if time.size != values.size:
+            raise DataError(
+                f"{path}, channel {name} has {values.size} samples and its time {time.size}, but "
+                "both need the same; write the waveform properties of each channel"
+            )
+        found[name] = Channel(time, values, range(time.size))
+    return found
+
+
+def _lead_group(path: Path, file: Any) -> Any:
+    having = [group for group in file.groups() if LEAD in group]
+    if len(having) == 1:
+        return having[0]
+    if having:
+        names = ", ".join(f"'{group.name}'" for group in having)
+        raise DataError(
+            f"{path} has the channel {LEAD} in the groups {names}, but a trace is one shift; "
+            "write a file for each shift"
+        )
+    channels = [channel.name for group in file.groups() for channel in group.channels()]
+    raise DataError(
+        f"{path} has no channel {LEAD}; name the channels as in a CSV trace "
+        f"(in the file: {did_you_mean(LEAD, channels)})"
+    )
+
+
+def _group_of(path: Path, file: Any, group: Any, name: str) -> Any:
+    """Find the group of a channel: that of the displacement, or else the only other one."""
+    having = [group] if name in group else [one for one in file.groups() if name in one]
+    if len(having) != 1:
+        channels = [channel.name for channel in group.channels()]
+        what = f"is in {len(having)} other groups; keep one" if having else "is missing; add it"
+        raise DataError(
+            f"{path}, group '{group.name}': the channel '{name}' {what} "
+            f"(in the file: {did_you_mean(name, channels)})"
+        )
+    if (TIME in having[0]) != (TIME in group):
+        raise DataError(
+            f"{path} has a channel {TIME} in one of the groups '{group.name}' and "
+            f"'{having[0].name}' only, so that their clocks cannot be compared; write it in both"
+        )
+    return having[0]
+
+
+def _waveform(path: Path, channel: Any, lead: Any) -> Series:
+    """Return the times of a channel after the start time of the displacement, s, (n,)."""
+    own = channel if "wf_increment" in channel.properties else lead
+    starts = [one.properties.get("wf_start_time") for one in (own, lead)]
+    if (starts[0] is None) != (starts[1] is None):
+        raise DataError(
+            f"{path} has wf_start_time on one of the channels {own.name} and {LEAD} only, so that "
+            "their times cannot be compared; write it on both"
+        )
+    try:
+        late = 0.0 if starts[0] is None else (starts[0] - starts[1]) / np.timedelta64(1, "s")
+        return late + np.asarray(own.time_track(), dtype=float)
+    except KeyError as error:
+        raise DataError(
+            f"{path} has neither a channel {TIME} nor the waveform properties wf_increment and "
+            f"wf_start_offset on {own.name}; write one of them"
+        ) from error

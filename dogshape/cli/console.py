@@ -1,0 +1,159 @@
+"""Printing for people or for programs, progress, and errors turned into exit status."""
+
+from __future__ import annotations
+
+import functools
+import json
+import sys
+from collections.abc import Callable, Iterable, Sequence
+from typing import TYPE_CHECKING, Any, ParamSpec
+
+import typer
+from rich import progress as rich_progress
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from dogshape.cli.entry import CLOSED, reader_gone
+from dogshape.pipeline.progress import Count, about
+from dogshape.sim.errors import DogshapeError, EngineError
+
+if TYPE_CHECKING:
+    from dogshape.pipeline.record import Table
+    from dogshape.result import Result
+
+P = ParamSpec("P")
+LINE_EVERY = 15.0  #: s between lines of progress where standard error is no terminal
+
+
+def verb(function: Callable[P, None]) -> Callable[P, None]:
+    """Give a command the exit status of the contract.
+
+    1 where engines do not agree, 2 for bad input, 141 for a closed pipe.
+    """
+
+    @functools.wraps(function)
+    def run(*args: P.args, **kwargs: P.kwargs) -> None:
+        try:
+            function(*args, **kwargs)
+        except DogshapeError as error:
+            print(f"dogshape: {error}", file=sys.stderr)
+            raise typer.Exit(1 if isinstance(error, EngineError) else 2) from error
+        except OSError as error:
+            if isinstance(error, BrokenPipeError) and reader_gone():
+                raise typer.Exit(CLOSED) from error
+            where = f" ({error.filename})" if error.filename else ""
+            reason = error.strerror or str(error)
+            print(f"dogshape: {reason}{where}; check path, space and rights", file=sys.stderr)
+            raise typer.Exit(2) from error
+
+    return run
+
+
+def warn(notes: Iterable[str]) -> None:
+    """Print warnings on standard error."""
+    for note in notes:
+        print(f"warning: {note}", file=sys.stderr)
+
+
+def show(result: Result, as_json: bool, *more: str | Table) -> None:
+    """Print a result as JSON, or its sentences and tables for people, ``more`` after them."""
+    emit(result.to_dict(), as_json, lambda: [*result.parts, *more])
+
+
+def emit(data: dict[str, Any], as_json: bool, parts: Callable[[], Sequence[str | Table]]) -> None:
+    """Print ``data`` as JSON, or for people the sentences and tables that ``parts`` gives."""
+    if as_json:
+        print(json.dumps(data, indent=1, allow_nan=False))
+        return
+    console = terminal(width=None if sys.stdout.isatty() else 160)
+    for part in parts():
+        console.print(part if isinstance(part, str) else rich_table(part))
+
+
+def rich_table(table: Table) -> RichTable:
+    """Draw a table: words to the left, numbers to the right, groups in bold."""
+    drawn = RichTable(box=None, pad_edge=False, header_style="bold", show_header=any(table.heads))
+    for place, head in enumerate(table.heads):
+        words = place == 0 or place in table.words or not any(table.heads)
+        drawn.add_column(head, justify="left" if words else "right", overflow="fold")
+    for place, row in enumerate(table.rows):
+        drawn.add_row(*row, style="bold" if table.looks.get(place) == "group" else None)
+    return drawn
+
+
+def terminal(*, stderr: bool = False, width: int | None = None) -> Console:
+    """Make a console that prints names and paths as they are: no markup, emoji or colours.
+
+    Every console of the program comes from here; ``[v2]`` in a path is no markup.
+    """
+    return _PlainConsole(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
+
+
+class _PlainConsole(Console):
+    """Console that leaves a closed pipe to ``verb``."""
+
+    def on_broken_pipe(self) -> None:
+        """Raise the BrokenPipeError that is being handled."""
+        self.quiet = True
+        raise  # noqa: PLE0704
+
+
+class ProgressBar:
+    """Counts and sentences on standard error; the bar is cleared at the end.
+
+    The time left follows from the mean rate since the start: proposals between
+    shifts count, and a total that changes does not reset it, as it resets rich's own rate.
+    """
+
+    def __init__(self) -> None:
+        self._console = terminal(stderr=True)
+        self._bar: rich_progress.Progress | None = None
+        self._printed = self._moved = 0.0
+
+    def update(self, count: Count) -> None:
+        """Show a count: move the bar, or print a line now and then."""
+        if self._bar is None and not count.ended:
+            self._start(count)
+        if self._bar is None:
+            return
+        (task,) = self._bar.tasks
+        total = f"at most {count.total}" if count.at_most else f"{count.total}"
+        words, new = f"{count.done} of {total} {count.unit}", count.done - count.known
+        if new:
+            left = (task.elapsed or 0.0) / new * (count.total - count.done)
+            words += f", {about(left)} left"
+        moved = new > self._moved
+        self._bar.update(task.id, total=count.total, completed=count.done, description=words)
+        now = self._console.get_time()
+        if count.ended:
+            self._bar.stop()
+            self._bar = None
+        elif not self._console.is_terminal and moved and now - self._printed >= LINE_EVERY:
+            self._printed, self._moved = now, new
+            self._console.print(words, soft_wrap=True)
+
+    def _start(self, count: Count) -> None:
+        columns = (
+            rich_progress.BarColumn(),
+            rich_progress.TextColumn("{task.description}"),
+            rich_progress.TimeElapsedColumn(),
+        )
+        self._bar = rich_progress.Progress(
+            "simulating",
+            *columns,
+            console=self._console,
+            transient=True,
+            disable=not self._console.is_terminal,
+        )
+        self._bar.add_task("", total=count.total)
+        self._bar.start()
+        self._printed, self._moved = self._console.get_time(), 0
+
+    def say(self, line: str) -> None:
+        """Print a sentence above the bar."""
+        self._console.print(line, soft_wrap=True)
+
+
+def say(line: str) -> None:
+    """Print a sentence on standard error."""
+    terminal(stderr=True).print(line, soft_wrap=True)

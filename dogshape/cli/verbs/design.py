@@ -1,0 +1,227 @@
+"""``strength``, ``export``, ``compare`` and ``whatif``: designs, their checks and parts."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from dogshape.cli.console import ProgressBar, emit, show, verb, warn
+from dogshape.cli.options import (
+    Engine,
+    Jobs,
+    Json,
+    Sets,
+    StudyArg,
+    SurrogateFile,
+    with_engine,
+)
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.export.cad import require_cad, write_step
+from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.data_sheet import design_or_study
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.executor import SHIFTS
+from dogshape.pipeline.simulate.plausibility import slips_of
+from dogshape.pipeline.store.folder import require_targets
+from dogshape.running import Where
+from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.files import naming
+from dogshape.sim.part import part_volume, ring_part
+from dogshape.sim.shift.mesh import to_stl
+from dogshape.sim.strength.manufacture import require_makeable
+from dogshape.sim.units import MM, MPA
+from dogshape.strength import check_strength
+
+if TYPE_CHECKING:
+    from dogshape.validation.finite_elements.root_check import RootCheck
+
+ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
+           "--sheet": (".html", ".json")}  # fmt: skip
+
+
+@verb
+def strength(
+    study: StudyArg,
+    simulation: Annotated[
+        bool, typer.Option(help="simulate the hardest landing, dog on dog")
+    ] = True,
+    explain: Annotated[bool, typer.Option("--explain", help="formulas, sources, keys")] = False,
+    fem: Annotated[
+        bool, typer.Option("--fem", help="root stress by finite elements too; extra [fem]")
+    ] = False,
+    engine: Engine = None,
+    set_: Sets = None,
+    jobs: Jobs = 0,
+    json: Json = False,
+) -> None:
+    """Strength, self-locking and manufacturability of one design.
+
+    The hardest landing is that of the study's operating points and angles: 168 shifts for
+    the bundled study, half a minute on two cores; --no-simulation leaves it out.
+
+    Example: dogshape strength mq200 --set dog.height_mm=3.2
+    """
+    given = load_study(study, with_engine(set_, engine))
+    roots: list[dict[str, Any]] = []
+    if fem:
+        from dogshape.validation.finite_elements.root_check import root_checks  # noqa: PLC0415
+
+        roots = [root_record(root) for root in root_checks(given.clutch.dog, given.limits)]
+    found = check_strength(given, Where(jobs, None, SHIFTS, ProgressBar()), simulate=simulation)
+    if fem:
+        found = found.with_finite_elements(roots)
+
+    more = [*(found.explained if explain else ()), *([root_table(roots)] if fem else ())]
+    show(found, json, *more)
+    if not found.feasible:
+        raise typer.Exit(1)
+
+
+@verb
+def export(
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="STUDY, or FOLDER#N or STUDY#N for a design")
+    ],
+    stl: Annotated[Path | None, typer.Option(help="one ring for print; both are alike")] = None,
+    step: Annotated[Path | None, typer.Option(help="both rings for CAD; extra [cad]")] = None,
+    svg: Annotated[Path | None, typer.Option(help="dimensioned section of a dog")] = None,
+    sheet: Annotated[
+        Path | None, typer.Option(help="data sheet, a page for A4, or JSON by its ending")
+    ] = None,
+    why: Annotated[str, typer.Option(help="with --sheet: reason of a decision")] = "",
+    body_mm: Annotated[float, typer.Option(help="thickness of a ring below the slots")] = 3.0,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Geometry for CAD and print, drawing and data sheet of a design.
+
+    The data sheet has dimensions, times, margins and provenance: those of the search for
+    results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
+
+    Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
+    """
+    one = design_or_study(study, set_)
+    given = one.own_study
+    dog, radius = given.clutch.dog, given.limits.root_radius
+    if not (stl or step or svg or sheet):
+        raise InputError(
+            "export was asked for nothing; give --stl, --step, --svg or --sheet with a file"
+        )
+    if why and sheet is None:
+        raise InputError("--why is for the data sheet; give --sheet with a file")
+    require_targets({"--stl": stl, "--step": step, "--svg": svg, "--sheet": sheet}, ENDINGS)
+    require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
+    require_makeable(dog, given.limits.manufacturing)
+    if step is not None:
+        require_cad()  # before anything is written
+    design = design_of(given, {})
+    if not design.feasible:
+        warn([f"not feasible ({', '.join(design.failed)}); see dogshape strength"])
+    warn(slips_of(given))
+    body = body_mm * MM
+    if svg is not None:
+        with naming(svg):
+            svg.write_text(dimensioned_svg(dog, given.limits, one.title), encoding="utf-8")
+    if stl is not None:
+        with naming(stl):
+            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {one.title} ring"))
+    if step is not None:
+        write_step(dog, radius, body, step)
+    if sheet is not None:
+        # Figures take half a second to load that nothing else here needs.
+        from dogshape.designs import write_data_sheet  # noqa: PLC0415
+
+        write_data_sheet(one, sheet, why)
+    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
+    written = {kind: str(path) for kind, path in files.items() if path is not None}
+    volume = part_volume(dog, radius, body) / MM**3
+    words = {"svg": "drawing", "stl": "one ring, both are alike", "step": "both rings",
+             "sheet": "data sheet"}  # fmt: skip
+    emit(
+        {**written, "ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm},
+        json,
+        lambda: [
+            *(f"wrote {path} ({words[kind]})" for kind, path in written.items()),
+            f"volume of a ring {volume:.1f} mm3",
+        ],
+    )
+
+
+def root_record(root: RootCheck) -> dict[str, Any]:
+    """Return the root stress of one load by finite elements and by the closed form."""
+    return {
+        "flank": root.flank,
+        "band": root.band,
+        "lever_mm": root.lever / MM,
+        "finite_elements_MPa": root.elements / MPA,
+        "closed_form_MPa": root.formula / MPA,
+    }
+
+
+def root_table(roots: Sequence[dict[str, Any]]) -> Table:
+    """Tabulate the root stress by finite elements beside the closed form."""
+    where = {"whole": "all that touches", "tip": "top fifth of the flank",
+             "load": "at the load height, interpolated"}  # fmt: skip
+    rows = [
+        (
+            f"{one['flank']} flank, {where[one['band']]}", f"{one['lever_mm']:.2f}",
+            f"{one['finite_elements_MPa']:.0f}", f"{one['closed_form_MPa']:.0f}",
+            f"{one['closed_form_MPa'] / one['finite_elements_MPa']:.2f}",
+        )
+        for one in roots
+    ]  # fmt: skip
+    heads = (
+        "tension at the root",
+        "lever, mm",
+        "finite elements, MPa",
+        "closed form, MPa",
+        "ratio",
+    )
+    return Table(heads, rows)
+
+
+@verb
+def compare(
+    items: Annotated[
+        list[str], typer.Argument(metavar="A B ...", help="e.g. results/mq200#43, mq200")
+    ],
+    json: Json = False,
+) -> None:
+    """Compare designs, studies, folders of results or contact sets with the first one.
+
+    FOLDER#N and STUDY#N are designs. Without #N it is the chosen one, or the study's own.
+    Differences are to the first item, with the error of independent means.
+
+    Example: dogshape compare mq200#19 mq200#43 mq200#0
+    """
+    from dogshape.designs import compare as compare_items  # noqa: PLC0415
+
+    show(compare_items(*items), json)
+
+
+@verb
+def whatif(
+    study: StudyArg,
+    surrogate: SurrogateFile = None,
+    out: Annotated[Path | None, typer.Option(help="default: results/NAME/whatif.html")] = None,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Live page: move a number, and see section, expected time and all checks at once.
+
+    The page is one file that opens without a network. It has fields and sliders for the numbers of
+    the dogs, one operating point and friction, and begins with any design of the front. The study's
+    own design is simulated first, in seconds; other times are the surrogate's ('dogshape fit').
+
+    Example: dogshape whatif mq200_paper --out whatif.html
+    """
+    given = load_study(study, set_)
+    command = shlex.join([str(study), *(f"--set={one}" for one in set_ or ())])
+    from dogshape.whatif import write_what_if  # noqa: PLC0415
+
+    show(write_what_if(given, out, surrogate, command), json)

@@ -1,0 +1,208 @@
+"""Designs by their names: data sheet, and frames of several side by side."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dogshape.check import check_design
+from dogshape.pipeline.config.operating import OPERATED
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.data_sheet import (
+    NamedDesign,
+    design_record,
+    difference,
+    ms_or_dash,
+    named_design,
+    searched_checks,
+    searched_record,
+    words_of,
+    write_sheet,
+)
+from dogshape.pipeline.reports.look import Row
+from dogshape.pipeline.reports.text import axis, check_name, percent, time_text
+from dogshape.pipeline.simulate.design import weakest_within
+from dogshape.pipeline.store.folder import comparable, require_targets
+from dogshape.result import Result
+from dogshape.sim.clutch_tables import DogSection
+from dogshape.sim.errors import InputError
+from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+
+def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
+    """Record a design and its checks; a dog that was not searched is simulated as by ``check``."""
+    if one.result is not None and one.row is not None:
+        record = searched_record(one.study, one.result, one.row)
+        return record, searched_checks(one.own_study, one.result, one.row)
+    found = check_design(one.study)
+    expected = found.expected
+    record = design_record(
+        one.study,
+        one.study.prototype,
+        {check.name: check.margin for check in found.design.checks},
+        weakest_within(one.study, found.design),
+        expected_shift_time_s=None if expected is None else expected.time,
+        standard_error_s=None if expected is None else expected.error,
+        engaged=None if found.quick is None else found.quick.engaged,
+        source=found.refusal or "compiled engine",
+        engine="planar",
+    )
+    return record, found.record["checks"]
+
+
+def write_data_sheet(one: NamedDesign, path: str | Path, why: str = "") -> Path:
+    """Write the data sheet of a design: a page for A4, or JSON where the path ends in ``.json``.
+
+    ``why`` is the reason of a decision for it.
+    """
+    require_targets({"the data sheet": Path(path)})
+    write_sheet(one, *record_of(one), why.strip(), Path(path))
+    return Path(path)
+
+
+OPERATION = ("contact", "material", "operating_points", "engine")
+#: Tables of a study file that shifts do not depend on, or that the dog itself is.
+APART = ("name", "format", "dog", "variables", "search", "surrogate", "expectation")
+PARAMETERS = (
+    "static_friction", "dynamic_friction", "stiction_velocity", "stiffness", "dissipation",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, repr=False)
+class SideBySide(Result):
+    """Items side by side; the first is what the others are compared with.
+
+    Parameters
+    ----------
+    kind : ``designs`` or ``contact_sets``.
+    items : a record for each, keys with their units.
+    """
+
+    kind: str
+    items: tuple[dict[str, Any], ...]
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """Items with their times, where they have one."""
+        return {
+            item["label"]: time_text(
+                item.get("expected_shift_time_s"), item.get("standard_error_s")
+            )
+            for item in self.items
+        }
+
+    @property
+    def parts(self) -> list[str | Table]:
+        """A column for each item: shape, times, margins, and keys that differ."""
+        every = [_cells(item) for item in self.items]
+        titles = dict.fromkeys(title for cells in every for title in cells)
+        rows = [[title, *(cells.get(title, "-") for cells in every)] for title in titles]
+        return [Table(("", *(item["label"] for item in self.items)), rows)]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the kind and the items."""
+        return {"kind": self.kind, "items": list(self.items)}
+
+    def to_frame(self) -> pd.DataFrame:
+        """Give a column for each item and a row for each quantity, dotted where keys are nested."""
+        import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
+
+        return pd.DataFrame([_flat(item) for item in self.items]).set_index("label").T
+
+
+def compare(*names: str) -> SideBySide:
+    """Compare designs, studies, folders of results, or contact sets.
+
+    Of a design that was not simulated the time is that of ``check``. ``settings`` of an item are
+    the keys of the study files that differ between the items, beside dog and search.
+
+    Parameters
+    ----------
+    names : such as ``"results/mq200#43"``, ``"mq200"``, ``"results/mine"`` or
+        ``"lubricated_steel"``; the first is what the others are compared with.
+
+    Raises
+    ------
+    InputError
+        For fewer than two names, names that are nothing known, or contact sets beside others.
+    """
+    if len(names) < 2:
+        raise InputError(
+            f"compare is given {len(names)} item, but it needs two or more; name for instance "
+            "mq200#19 and mq200#43"
+        )
+    sets = _contact_sets(names)
+    if sets:
+        items = [{key: getattr(one, key) for key in ("name", *PARAMETERS)} for one in sets]
+        found = tuple({"label": item.pop("name"), **item} for item in items)
+        return SideBySide("contact_sets", found)
+    designs = [named_design(name) for name in names]
+    records = [record_of(one)[0] for one in designs]
+    settings = _differing([one.study for one in designs])
+    items = []
+    for one, record, given in zip(designs, records, settings, strict=True):
+        alike = one is not designs[0] and one.study.points == designs[0].study.points
+        value, error = (difference(records[0], record) if alike else None) or (None, None)
+        margins = record.pop("margins")
+        items.append({
+            "label": one.label, **record, "difference_s": value,
+            "difference_standard_error_s": error, "settings": given, "margins": margins,
+        })  # fmt: skip
+    return SideBySide("designs", tuple(items))
+
+
+def _contact_sets(names: Sequence[str]) -> list[ContactSet]:
+    """Return the contact sets of the names; empty where none of them is one."""
+    sets = [name for name in names if name in CONTACT_SETS and not Path(name).exists()]
+    others = [name for name in names if name not in sets]
+    if sets and others:
+        raise InputError(
+            f"'{sets[0]}' is a contact set and '{others[0]}' is none, so that they have nothing to "
+            "compare; give contact sets alone, or designs and studies alone"
+        )
+    return [CONTACT_SETS[name] for name in sets]
+
+
+def _differing(studies: Sequence[Setup]) -> list[dict[str, Any]]:
+    """Select the dotted keys of study files that differ, with the value of each study."""
+    files = [comparable(study.file) for study in studies]
+    flat = [_flat({k: v for k, v in file.items() if k not in APART}) for file in files]
+    keys = dict.fromkeys(key for one in flat for key in one)
+    values = {key: [one.get(key) for one in flat] for key in keys}
+    unlike = [k for k, every in values.items() if len(set(map(json.dumps, every))) > 1]
+    return [{key: values[key][index] for key in unlike} for index in range(len(studies))]
+
+
+def _flat(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Return nested records as one, keys joined by dots."""
+    found: dict[str, Any] = {}
+    for key, value in record.items():
+        inner = _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else None
+        found |= {f"{prefix}{key}": value} if inner is None else inner
+    return found
+
+
+def _cells(item: dict[str, Any]) -> dict[str, str]:
+    """Write an item as titles and cells."""
+    if "margins" not in item:  # a contact set
+        return {check_name(k): f"{v:.4g}" for k, v in item.items() if k != "label"}
+    apart = item["difference_s"], item["difference_standard_error_s"]
+    shape = [key for key in (*DogSection.model_fields, *OPERATED) if item.get(key) is not None]
+    return {
+        **{axis(key): f"{item[key]:.4g}" for key in shape},
+        **words_of(item),
+        "difference, ms": ms_or_dash(*apart, "+"),
+        **{check_name(key): str(item[key]) for key in OPERATION},
+        **{key: "-" if value is None else str(value) for key, value in item["settings"].items()},
+        **{
+            f"margin, {check_name(key)}": "-" if one is None else percent(one)
+            for key, one in item["margins"].items()
+        },
+    }

@@ -1,0 +1,173 @@
+"""Keys of a study for the clutch of a bench, and for what an effect of the diagnosis says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.pipeline.config.mechanism import keys_changed
+from dogshape.pipeline.config.schema import FORMAT
+from dogshape.sim import effects as registry
+from dogshape.sim.clutch_tables import DogSection
+from dogshape.sim.effect import Effect
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.setting import Setting
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.units import MM, RPM, from_si, suffix_of
+
+Data = dict[str, Any]  #: a TOML file as it is read
+CONTACT = "adams2019"  #: set that a data set's coefficients of friction replace
+#: Search ranges of angles, deg, and those of height and number over the bench's own.
+ANGLES = {"chamfer_deg": [0.0, 20.0], "traction_deg": [4.0, 30.0], "braking_deg": [4.0, 30.0]}
+SHARES = (0.45, 1.6)
+#: Keys of ``[contact]`` that replace values of a set, and of the dog, by their fields.
+OWN_CONTACT, DOG = (
+    {key.removesuffix(suffix_of(key)): key for key in keys}
+    for keys in (
+        ("static_friction", "dynamic_friction", "stiction_velocity_m_s", "stiffness_Pa_m",
+         "dissipation_s_m"),
+        DogSection.model_fields,
+    )
+)  # fmt: skip
+TABLES = ("mechanism", "contact", "sliding")
+
+
+def rounded(value: float, digits: int = 9) -> float:
+    """Round a number to so many significant digits, so that conversions of units leave no trace."""
+    return float(f"{value:.{digits}g}")
+
+
+def clutch_tables(clutch: Clutch) -> Data:
+    """Return ``[dog]``, ``[sliding]`` and ``[output]`` of a study with this clutch."""
+    dog, rings = clutch.dog, clutch.rings
+    values = {key: from_si(key, getattr(dog, field)) for field, key in DOG.items()}
+    return {
+        "dog": {
+            key: dog.count if key == "count" else rounded(value)
+            for key, value in values.items()
+            if value or key != "edge_radius_mm"
+        },
+        "sliding": {"mass_kg": rings.mass, "inertia_kgm2": rings.sliding_inertia},
+        "output": {"inertia_kgm2": rings.output_inertia},
+    }
+
+
+def study_of(bench: Bench, name: str) -> Data:
+    """Build the tables of a study file from a data set.
+
+    It has the bench's clutch, contact, time-out and operating points, all with the same weight. A
+    data set says nothing of loads, material and tolerances, which stay those of the program. The
+    rise time of a force is the mean of those that the data set has of it.
+    """
+    clutch, plain = bench.clutch, contact_set(CONTACT)
+    own = {key: getattr(clutch.contact, field) for field, key in OWN_CONTACT.items()}
+    rises: dict[float, set[float]] = {}
+    for cell in bench.cells:
+        profile = cell.point.profile
+        rises.setdefault(rounded(profile.force), set()).add(profile.rise)
+    means = {force: rounded(sum(those) / len(those)) for force, those in sorted(rises.items())}
+    points = [(cell.point.mismatch / RPM, cell.point.profile.force) for cell in bench.cells]
+    count, height = clutch.dog.count, clutch.dog.height / MM
+    return {
+        "format": FORMAT,
+        "name": name,
+        **clutch_tables(clutch),
+        "contact": {
+            "set": CONTACT,
+            **{OWN_CONTACT[f]: own[OWN_CONTACT[f]] for f in OWN_CONTACT
+               if own[OWN_CONTACT[f]] != getattr(plain, f)},
+        },
+        "shift": {
+            "timeout_s": clutch.timeout,
+            "seated_tolerance_mm": rounded(clutch.seated_tolerance / MM),
+            "rebound_mm": rounded(clutch.rebound / MM),
+        },
+        "actuation": {"force_N": list(means), "rise_s": list(means.values())},
+        "operating": operating_of([(rounded(m), rounded(force)) for m, force in points]),
+        "variables": {
+            **ANGLES,
+            "height_mm": [rounded(share * height, 3) for share in SHARES],
+            "count": [max(3, round(0.4 * count)), round(2.4 * count)],
+        },
+    }  # fmt: skip
+
+
+def operating_of(points: Sequence[tuple[float, float]]) -> Data:
+    """Return ``[operating]`` for some points: a grid where they are one, else a list."""
+    points = list(dict.fromkeys(points))
+    mismatches, forces = (list(dict.fromkeys(axis)) for axis in zip(*points, strict=True))
+    if list(product(mismatches, forces)) == points:
+        return {"mismatch_rpm": mismatches, "force_N": forces}
+    return {"points": [{"mismatch_rpm": m, "force_N": force} for m, force in points]}
+
+
+@dataclass(frozen=True)
+class EffectKeys:
+    """Keys of a study for effects.
+
+    Parameters
+    ----------
+    base : setting of the study without them, at the point where effects show what they change.
+    known : effects that the program brings, which ``[effects]`` takes by name; those of a user's
+        own become keys of the mechanism.
+    """
+
+    base: Setting
+    known: frozenset[str]
+
+    def takes(self, effect: Effect) -> bool:
+        """Decide whether a study has keys for an effect."""
+        touched = self.touched(effect)
+        tables, mine = {key.partition(".")[0] for key in touched}, touched
+        if effect.name not in self.known:
+            # A rise that an own effect sets in seconds is no factor of another study's.
+            mine = {k for k in touched if _is_dog(k) or k.startswith("mechanism.")}
+            mine -= {"mechanism.rise_factor"}
+        return bool(touched) and tables <= {*TABLES, "dog"} and touched <= mine
+
+    def touched(self, effect: Effect) -> set[str]:
+        """List the keys that an effect changes at any of some values."""
+        found: set[str] = set()
+        for share in (0.2, 0.4, 0.6, 0.8):
+            values = {p.name: p.at(share) for p in effect.parameters}
+            try:
+                found |= keys_changed(effect, values, self.base)
+            except DogshapeError:
+                continue  # values of which there is no bench
+        return found
+
+    def touched_by_name(self, name: str) -> set[str]:
+        """List the keys that an effect of the program changes; none for another name."""
+        effect = registry.load().get(name)
+        return self.touched(effect) if effect else set()
+
+    def settings(self, effect: Effect, values: Mapping[str, float]) -> dict[str, Any]:
+        """Return an effect as dotted keys of a study with their values.
+
+        Raises DogshapeError for values of which there is no such clutch.
+        """
+        touched = self.touched(effect)
+        after = effect.apply(self.base, values)
+        if any(map(_is_dog, touched)):
+            dog = {f"dog.{key}": getattr(after.clutch.dog, f) for f, key in DOG.items()
+                   if f"dog.{f}" in touched}  # fmt: skip
+            return {k: v if k == "dog.count" else rounded(from_si(k, v), 6) for k, v in dog.items()}
+        if effect.name in self.known:
+            if len(values) == 1:
+                return {f"effects.{effect.name}": rounded(next(iter(values.values())), 6)}
+            return {f"effects.{effect.name}.{name}": rounded(v, 6) for name, v in values.items()}
+        record = after.clutch.mechanism.record | {
+            "mechanism_delay_s": after.delay + after.point.profile.delay,
+            "mechanism_lag_s": getattr(after.point.profile, "lag", 0.0),
+            "mechanism_force_loss_N": after.point.profile.loss,
+            "mechanism_force_factor": after.point.profile.force / self.base.point.profile.force,
+        }
+        return {key: rounded(record.get(key.replace(".", "_"), 0.0), 6) for key in sorted(touched)}
+
+
+def _is_dog(key: str) -> bool:
+    return key != "dog.edge_radius" and key.removeprefix("dog.") in DOG and "dog." in key

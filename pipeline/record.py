@@ -1,0 +1,141 @@
+"""Declaration of results: record, table, frame, schema and reference page follow from one place.
+
+A ``Record`` declares each key once (``key``): its meaning and unit, and for people the head of its
+column, the scale from the stored to the shown value and the format. A ``Table`` is what console and
+pages print alike.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, cast, get_args, get_origin
+
+from pydantic import BaseModel, Field
+
+from dogshape.sim.clutch_tables import Section
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+SHARE = "share"  #: unit of what lies between 0 and 1
+MINUS = "\N{MINUS SIGN}"
+
+
+def key(
+    meaning: str, unit: str = "", default: Any = ..., *, head: str = "", scale: float = 1.0,
+    form: str = ".4g",
+) -> Any:  # fmt: skip
+    """Declare a key of a record; required without a default.
+
+    ``head`` is that of its column, in which a number is shown ``scale`` times as large, by the
+    format ``form``.
+    """
+    shown: dict[str, Any] = {"unit": unit, "head": head, "scale": scale, "form": form}
+    return Field(default, description=meaning, json_schema_extra=shown)
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table for console and pages.
+
+    Parameters
+    ----------
+    looks : look of a row by its place, ``best``, ``prototype`` or ``group`` (a row of one cell).
+    words : columns of text, beside the first one.
+    """
+
+    heads: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    looks: Mapping[int, str] = field(default_factory=dict)
+    words: Sequence[int] = ()
+    note: str = ""
+
+
+class Bad(str):
+    """Text of a cell that speaks against a design."""
+
+    __slots__ = ()
+
+
+class Record(Section):
+    """A result, or a row of one; unknown keys are refused."""
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record as JSON takes it; keys that were not given are absent."""
+        return self.model_dump(exclude_unset=True)
+
+    def cell(self, name: str) -> str:
+        """Print the value of a key as its column has it; a dash where it has none."""
+        value, shown = getattr(self, name), _shown(type(self), name)
+        if isinstance(value, bool):
+            return "yes" if value else "no"
+        if isinstance(value, str):
+            return value
+        if value is None or math.isnan(value):
+            return "-"
+        scaled = value if shown["scale"] == 1.0 else shown["scale"] * value
+        return f"{scaled:{shown['form']}}".replace("-", MINUS)
+
+
+def _shown(kind: type[BaseModel], name: str) -> dict[str, Any]:
+    return cast(dict[str, Any], kind.model_fields[name].json_schema_extra)
+
+
+def tabulate(kind: type[Record], rows: Sequence[Record], *names: str) -> Table:
+    """Tabulate keys of records, by default all that have a head."""
+    columns = names or [name for name in kind.model_fields if _shown(kind, name)["head"]]
+    heads = [_shown(kind, name)["head"] for name in columns]
+    return Table(heads, [[row.cell(name) for name in columns] for row in rows])
+
+
+def frame_of(rows: Sequence[Record]) -> pd.DataFrame:
+    """Give records as a frame, a column for each key."""
+    import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
+
+    return pd.DataFrame([row.to_dict() for row in rows])
+
+
+def number_or_none(value: float | None) -> float | None:
+    """Return a number that JSON can hold: None where there is none."""
+    return value if value is not None and math.isfinite(value) else None
+
+
+def key_table(kind: type[Record], name: str) -> str:
+    """Write the keys of a record and of those in it, with units and meanings, as Markdown.
+
+    ``name`` stands for the whole record.
+    """
+    places: dict[type[BaseModel], list[str]] = {}
+    _collect(kind, "", places)
+    blocks = []
+    for model, paths in places.items():
+        title = ", ".join(f"`{path}`" for path in paths if path) or f"`{name}`"
+        words = " ".join((model.__doc__ or "").split()).replace("``", "`")
+        rows = [
+            f"| `{one}` | {_shown(model, one)['unit']} | {declared.description} |"
+            for one, declared in model.model_fields.items()
+        ]
+        head = ["| key | unit | meaning |", "|---|---|---|"]
+        blocks.append("\n".join([f"{title}: {words}", "", *head, *rows, ""]))
+    return "\n".join(blocks)
+
+
+def _collect(model: type[BaseModel], path: str, places: dict[type[BaseModel], list[str]]) -> None:
+    """Note where a model stands, then the models that its keys hold."""
+    places.setdefault(model, []).append(path)
+    if len(places[model]) > 1:
+        return  # its keys are known
+    for name, declared in model.model_fields.items():
+        for inner, mark in _models(declared.annotation):
+            _collect(inner, f"{path}.{name}{mark}".removeprefix("."), places)
+
+
+def _models(annotation: Any, mark: str = "") -> Iterator[tuple[type[BaseModel], str]]:
+    """Yield the models that a type holds, with the marks of lists and dictionaries."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation, mark
+    mark += {list: "[]", dict: ".*"}.get(get_origin(annotation), "")
+    for part in get_args(annotation):
+        yield from _models(part, mark)

@@ -1,1 +1,0 @@
-"""Write the report of a diagnosis."""

@@ -1,0 +1,220 @@
+"""Report of a diagnosis as a page, with its record and its table of operating points."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from markupsafe import Markup
+
+from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.report.phase_times import PhaseGap
+from dogshape.diagnosis.report.wording import (
+    chance,
+    described,
+    headline_of,
+    ms,
+    reading_name,
+    summary,
+)
+from dogshape.diagnosis.terms import NONE, plain
+from dogshape.pipeline.diagnose.consequence import Consequence, Extras
+from dogshape.pipeline.record import Table, frame_of
+from dogshape.pipeline.reports.gap_figures import NINETY, before_figure, cells_of, gap_map_figure
+from dogshape.pipeline.reports.report import Report, link
+from dogshape.pipeline.reports.text import axis, minus, value
+from dogshape.sim.files import naming
+
+REPORT, RECORD, TABLE = "report.html", "gap.json", "cells.csv"
+MAX_ROWS = 8  #: tests, and hypotheses, in a table
+MIN_PROBABILITY = 0.005  #: from which a hypothesis, or an effect, is in a table
+
+
+def publish(found: Diagnosis, folder: Path, extras: Extras | None = None) -> Path:
+    """Write ``report.html``, ``gap.json`` and ``cells.csv`` into a folder; return the report.
+
+    The folder is made where it is missing; files of these names are replaced.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    write_page(found, folder / REPORT, extras)
+    for name, text in ((RECORD, _record(found) + "\n"), (TABLE, _cells_csv(found))):
+        with naming(folder / name):
+            (folder / name).write_text(text, encoding="utf-8")
+    return folder / REPORT
+
+
+def write_page(found: Diagnosis, path: Path, extras: Extras | None = None) -> None:
+    """Write the report alone, one HTML file that opens offline."""
+    extras, cells = extras or Extras(), cells_of(found)
+    page = Report(
+        f"{found.bench.name}: difference between bench and simulation",
+        headline_of(found.verdict, found.effects),
+    )
+    page.add("", Markup("<p>{}</p>").format(summary(found)))
+    page.add(
+        "Gap by operating point",
+        gap_map_figure(cells),
+        "Mean shift time on the bench less that of the simulation without effects, ms. Plus: the "
+        "bench is slower. Framed: two standard errors and more. In brackets: shifts that engaged, "
+        "of those made.",
+    )
+    page.add("Hypotheses", hypothesis_table(found), inclusion_table(found))
+    page.add(
+        "Residuals",
+        residual_table(found),
+        before_figure(cells),
+        "Points: bench means with 90 % intervals. Dashed: simulation without effects. Solid: "
+        "leading hypothesis, fitted to all other points. Bands: 90 % intervals of the mean.",
+    )
+    page.add("Next test", advice_table(found))
+    if extras.consequence is not None:
+        page.add("Design choice", choice_table(extras.consequence), extras.consequence.sentence)
+    page.add("Phases", duration_table(extras.phases) if extras.phases else None)
+    readings = [
+        (reading_name(one), chance(one.probability), headline_of(one.verdict, found.effects))
+        for one in found.readings
+    ]
+    page.add(
+        "Data and settings",
+        Table(("if", "probability", "answer"), readings, {}, (2,)) if readings else None,
+        Table(("", ""), list(_facts(found, extras).items())),
+        link(_record(found), "application/json", RECORD, "Record with all settings (JSON)"),
+        link(_cells_csv(found), "text/csv", TABLE, "Operating points (CSV)"),
+    )
+    page.save(path)
+
+
+def _record(found: Diagnosis) -> str:
+    return json.dumps(found.to_dict(), indent=1, allow_nan=False)
+
+
+def _cells_csv(found: Diagnosis) -> str:
+    text: str = frame_of(cells_of(found)).to_csv(index=False)
+    return text
+
+
+def hypothesis_table(found: Diagnosis) -> Table:
+    """Tabulate the most probable hypotheses and the nearest known one, with sizes and p-value."""
+    worth = [
+        h for h, p in found.posterior.items()
+        if p >= MIN_PROBABILITY or h in found.verdict.credible
+    ]  # fmt: skip
+    rows = []
+    for hypothesis in dict.fromkeys([*worth[:MAX_ROWS], found.leading]):
+        fit = found.fits.get(hypothesis)
+        parameters, p = (fit.space.parameters, fit.p) if fit else ((), None)
+        sizes = [described(one.name, fit.interval(one.name)) for one in parameters] if fit else []
+        rows.append((
+            plain(hypothesis, found.effects), chance(found.posterior.get(hypothesis, 0.0)),
+            "\n".join(sizes), "" if p is None else "< 0.001" if p < 0.001 else f"{p:.2g}",
+        ))  # fmt: skip
+    looks = {0: "best"} if found.verdict.kind == "effect" else {}
+    note = (
+        "p: probability of data as far from the hypothesis as these, if the hypothesis is true. An "
+        "effect too weak to be seen counts as absent."
+    )
+    heads = "hypothesis", "probability", "sizes (90 % interval)", "p"
+    return Table(heads, rows, looks, (2,), note)
+
+
+def inclusion_table(found: Diagnosis) -> Table:
+    """Tabulate the probability of each effect to be part of the cause; named ones are marked."""
+    named = found.verdict.causes
+    those = [(n, p) for n, p in found.inclusion.items() if p >= MIN_PROBABILITY or n in named]
+    those.sort(key=lambda one: -one[1])
+    rows = [(found.effects[name].plain, chance(p)) for name, p in those]
+    looks = {k: "best" for k, (name, _) in enumerate(those) if name in named}
+    return Table(("effect", "probability"), rows, looks, (), "Sum over all hypotheses with it.")
+
+
+def residual_table(found: Diagnosis) -> Table:
+    """Tabulate root-mean-square gaps: without effects, at held-out points, by chance."""
+    gaps = found.held_out
+    rows: list[tuple[str, float | None]] = [("no effect", gaps.baseline)]
+    if found.leading != NONE:
+        name = plain(found.leading, found.effects)
+        rows.append((f"{name}, at held-out points", gaps.held_out))
+    if gaps.rival is not None:
+        name = plain(gaps.rival, found.effects)
+        rows.append((f"best rival, {name}, at held-out points", gaps.rival_held_out))
+    rows.append(("chance alone", gaps.chance))
+    shown = [(name, ms(time)) for name, time in rows if time is not None]
+    note = (
+        "Held out: each point is predicted by a fit to all other points. Chance alone: scatter of "
+        "the shifts and errors of the simulation."
+    )
+    return Table(("root-mean-square gap", ""), shown, note=note)
+
+
+def advice_table(found: Diagnosis) -> Table:
+    """Tabulate the advised tests with the chances to settle and to mislead, and their work."""
+    rows = [
+        (test.name, *(("", "", "") if test.information is None else (
+            chance(test.settles), chance(test.misleads), f"{test.information:.2f}")),
+         f"{test.hours:.2g}")
+        for test in found.tests[:MAX_ROWS]
+    ]  # fmt: skip
+    heads = "test", "chance to settle", "to mislead", "information, nats", "work, h"
+    return Table(heads, rows, {0: "best"})
+
+
+def choice_table(found: Consequence) -> Table:
+    """Tabulate the designs chosen without the cause and with it, and the cost of ignoring it."""
+    sides = found.chosen, found.best
+
+    def shown(key: str, design: dict[str, float]) -> str:
+        return value(key, design[key]).split()[0] if key in design else ""
+
+    keys = dict.fromkeys([*sides[0].params, *sides[1].params])
+    rows = [[axis(key), *(shown(key, dict(one.params)) for one in sides)] for key in keys]
+    for words, name in (("without the cause", "without"), ("with the cause", "with_effect")):
+        times = (ms(getattr(side, name).mean) for side in sides)
+        rows.append([f"expected shift time {words}", *times])
+    rows.append(["cost of ignoring the cause", ms(found.regret), ""])
+    heads = "", "chosen without the cause", "best with the cause"
+    return Table(heads, rows, {len(rows) - 1: "best"})
+
+
+def duration_table(phases: tuple[PhaseGap, ...]) -> Table:
+    """Tabulate the mean duration of each phase on bench and in simulation, with their gap, ms."""
+    rows = [
+        (
+            one.name, f"{1e3 * one.bench_mean:.1f}", f"{1e3 * one.simulated_mean:.1f}",
+            minus(f"{1e3 * one.gap:+.1f} ± {NINETY * 1e3 * one.standard_error:.1f}"),
+        )
+        for one in phases
+    ]  # fmt: skip
+    note = "Means over all operating points with traces; ± half of the 90 % interval."
+    return Table(("phase", "bench, ms", "simulation, ms", "gap, ms"), rows, note=note)
+
+
+def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
+    """List the facts on data set, record and run."""
+    bench, record = found.bench, found.to_dict()["record"]
+    given = {
+        "data set": bench.name,
+        "source": bench.source,
+        "operating points": f"{len(bench.cells)}",
+        "timed shifts": str(sum(cell.n for cell in bench.cells)),
+        "record": "; ".join(f"{k}: {v}".replace("_", " ") for k, v in record.items()),
+        "corrections": ", ".join(f"{c.quantity}={c.way}" for c in bench.corrections),
+        "suspicious values": "; ".join(
+            f"{one.found}; this looks like {one.looks_like}" for one in bench.warnings
+        ),
+        "readings at rest and direct tests": "; ".join(fact.sentence for fact in found.facts),
+        "effects considered": ", ".join(
+            f"{effect.plain} ({name})" for name, effect in found.effects.items()
+        ),
+        "margin": ms(found.margin_s),
+        "Monte Carlo error": f"{found.noise:.2g} of the leading probability",
+        **extras.provenance,
+    }
+    return {key: words for key, words in given.items() if words}
+
+
+def examined_lines(bench: Bench) -> list[str]:
+    """List the corrections and suspicious values of a data set, a line each."""
+    made = ", ".join(str(correction) for correction in bench.corrections)
+    lines = [f"corrected as asked: {made}"] if made else []
+    return lines + [f"warning: {finding.sentence}" for finding in bench.warnings]

@@ -1,1 +1,0 @@
-"""Components that all pages share: templates, look, maps, HTML."""

@@ -1,1 +1,0 @@
-"""Write the page of one shift: animation, curves, and its story in words."""

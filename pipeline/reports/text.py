@@ -1,0 +1,98 @@
+"""Numbers, variables and checks as all pages and tables print them."""
+
+from __future__ import annotations
+
+import math
+
+from dogshape.pipeline.record import MINUS
+from dogshape.sim.units import suffix_of, unit_of
+
+LABELS = {
+    "chamfer_deg": "chamfer \N{GREEK SMALL LETTER ALPHA}",
+    "traction_deg": "traction flank \N{GREEK SMALL LETTER BETA}",
+    "braking_deg": "braking flank \N{GREEK SMALL LETTER GAMMA}",
+    "height_mm": "height h",
+    "count": "number of dogs N",
+    "outer_diameter_mm": "outer diameter",
+    "inner_diameter_mm": "inner diameter",
+    "axial_gap_mm": "axial gap",
+    "mismatch_rpm": "mismatch",
+    "force_N": "shift force",
+    "mismatch_set_rpm": "set-point of the mismatch",
+    "force_factor": "factor on the shift force",
+    "rise_factor": "factor on its rise time",
+}
+
+
+ENGINES = {"drake": "Drake", "planar": "the compiled engine"}  #: words for each engine
+#: Checks whose key is no name.
+CHECKS = {
+    "smallest_margin_worst": "smallest margin at worst-case tolerances",
+    "slower_than_reference_s": "time lost on the reference",
+    "engagement": "engagement in half of the shifts of each operating point",
+}
+
+
+def minus(words: str) -> str:
+    """Replace hyphens in numbers by minus signs."""
+    return words.replace("-", MINUS)
+
+
+def in_ms(seconds: float | None) -> str:
+    """Print a time in ms to a tenth, or a dash where there is none."""
+    return "-" if seconds is None or math.isnan(seconds) else f"{seconds * 1e3:.1f}"
+
+
+def with_error(shown: float, error: float, sign: str = "") -> str:
+    """Print a value and its standard error to a tenth, or to a hundredth where the error asks."""
+    places = 2 if 0.0 < error < 0.05 else 1
+    return minus(f"{shown:{sign}.{places}f} ± {error:.{places}f}")
+
+
+def ms_with_error(seconds: float, error: float, sign: str = "") -> str:
+    """Print a time and its standard error, both in s, in ms without the unit."""
+    return with_error(1e3 * seconds, 1e3 * error, sign)
+
+
+def percent(margin: float) -> str:
+    """Print a margin in percent, with decimals where it is small."""
+    digits = 2 if 0.0 < abs(margin) < 0.001 else (1 if abs(margin) < 0.05 else 0)
+    return minus(f"{100 * margin:.{digits}f} %")
+
+
+def place_name(mismatch_rpm: float, force_N: float) -> str:
+    """Name an operating point by mismatch and force."""
+    return minus(f"{mismatch_rpm:.4g} 1/min, {force_N:.4g} N")
+
+
+def check_name(name: str) -> str:
+    """Name a check in words, without the unit that a quantity's key ends in."""
+    return CHECKS.get(name) or name.removesuffix(suffix_of(name)).replace("_", " ")
+
+
+def label(name: str) -> str:
+    """Name a variable for people."""
+    return LABELS.get(name, name)
+
+
+def axis(name: str) -> str:
+    """Name a variable with its unit."""
+    unit = unit_of(name)
+    return f"{label(name)}, {unit}" if unit else label(name)
+
+
+def value(name: str, number: float) -> str:
+    """Print a value of a variable with its unit."""
+    return f"{number:.4g} {unit_of(name)}".strip()
+
+
+def time_text(seconds: float | None, error: float | None = None) -> str:
+    """Print a time in ms, with its standard error where it has one; a dash where there is none."""
+    if seconds is None:
+        return "-"
+    return f"{in_ms(seconds) if error is None else ms_with_error(seconds, error)} ms"
+
+
+def interval_text(time: float, low: float, high: float, share: str = "95 %") -> str:
+    """Print a time in ms with the interval that holds so much of it; all in s."""
+    return f"{time_text(time)} ({share}: {time_text(low)} to {time_text(high)})"

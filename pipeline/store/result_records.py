@@ -1,0 +1,210 @@
+"""Records that several results share: expected times, checks and gaps to bench data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from dogshape.pipeline.record import SHARE, Bad, Record, Table, key, number_or_none, tabulate
+from dogshape.sim.statistics.expectation import Expectation, PointExpectation
+from dogshape.sim.strength.checks import GROUPS, Check
+from dogshape.sim.units import RPM
+
+if TYPE_CHECKING:
+    from dogshape.diagnosis.bench.comparison import Comparison, Difference
+
+
+class PointRow(Record):
+    """An operating point of an expected shift time."""
+
+    mismatch_rpm: float = key(
+        "speed of ring against ring before the shift", "1/min", head="mismatch, 1/min"
+    )
+    force_N: float = key("final shift force", "N", head="force, N", form=".1f")
+    mean_s: float | None = key(
+        "mean shift time, retries included; null where fewer than half of the shifts engage",
+        *("s",), head="mean, ms", scale=1e3, form=".2f",
+    )  # fmt: skip
+    mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
+    standard_error_s: float | None = key(
+        "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
+    )
+    sd_s: float = key(
+        "standard deviation of the time of a shift", "s", head="sd, ms", scale=1e3, form=".1f"
+    )
+    engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form=".0%")
+    n: int = key("number of shifts", head="n", form="d")
+    held_dog_on_dog: int | None = key(
+        "shifts that friction held dog on dog; absent in earlier versions", "", None
+    )
+
+    @classmethod
+    def of(cls, p: PointExpectation) -> PointRow:
+        """Record an operating point; where too few shifts engage there is no time."""
+        return cls(
+            mismatch_rpm=p.point.mismatch / RPM,
+            force_N=p.point.profile.force,
+            mean_s=p.time,
+            mean_engaged_s=p.mean_engaged,
+            standard_error_s=number_or_none(p.standard_error if p.engages else None),
+            sd_s=p.sd,
+            engaged=p.engaged,
+            n=p.n,
+            held_dog_on_dog=p.blocked,
+        )
+
+
+class ExpectedTime(Record):
+    """Expected shift time over operating points and relative angles."""
+
+    expected_shift_time_s: float | None = key(
+        "mean shift time over the operating points; null where too few shifts engage", "s"
+    )
+    standard_error_s: float | None = key("its standard error", "s")
+    numerical_error_s: float | None = key(
+        "its numerical error by a finer integration; null where it was not computed", "s"
+    )
+    engages: bool = key("whether at least half of the shifts engage at each operating point")
+    engaged: float = key("least share of the shifts that engaged at a point", SHARE)
+    mean_engaged_s: float | None = key(
+        "mean time of the shifts that engaged; absent in earlier versions", "s", None
+    )
+    shifts: int | None = key("number of shifts; absent in earlier versions", "", None)
+    not_engaged: int | None = key(
+        "shifts that did not engage; absent in earlier versions", "", None
+    )
+    held_dog_on_dog: int | None = key(
+        "shifts that friction held dog on dog; absent in earlier versions", "", None
+    )
+    points: list[PointRow] = key("the operating points")
+
+    @classmethod
+    def of(cls, found: Expectation) -> ExpectedTime:
+        """Record an expectation; where too few shifts engage there is no time, nor its error."""
+        none = not found.engages
+        return cls(
+            expected_shift_time_s=found.time,
+            standard_error_s=None if none else number_or_none(found.standard_error),
+            numerical_error_s=None if none else number_or_none(found.numerical_error),
+            engages=found.engages,
+            engaged=found.engaged,
+            mean_engaged_s=found.mean_engaged,
+            shifts=found.shifts,
+            not_engaged=found.lost,
+            held_dog_on_dog=found.blocked,
+            points=[PointRow.of(point) for point in found.points],
+        )
+
+
+def expectation_record(expectation: Expectation) -> dict[str, Any]:
+    """Record an expectation as JSON takes it."""
+    return ExpectedTime.of(expectation).to_dict()
+
+
+class CheckRow(Record):
+    """A check of a design against its limit."""
+
+    name: str = key("name of the check", head="check")
+    value: float | None = key(
+        "value that is checked, in `unit`; null where it is infinite", head="value"
+    )
+    limit: float = key("limit, in `unit`", head="limit")
+    unit: str = key("unit of value and limit", head="unit")
+    margin: float | None = key(
+        "distance to the limit over the limit; at least 0 passes", "1", head="margin", form=".0%"
+    )
+    passed: bool = key("whether the check passes", head="passed")
+    group: str = key("kind of check: `make`, `load`, `lock`, `impact` or `tolerance`")
+    at_most: bool = key("whether the limit is an upper one")
+    meaning: str = key("what is checked", head="meaning")
+    formula: str = key("formula of the value", head="formula")
+    source: str = key("source of the limit", head="source")
+    limit_key: str = key("key of the study file that sets the limit", head="limit set by")
+    margin_worst_case: float | None = key(
+        "margin at worst-case tolerances; null without tolerances or dog", "1", None,
+        head="worst case", form=".0%",
+    )  # fmt: skip
+    margin_root_sum_square: float | None = key(
+        "margin with tolerances as root of the sum of squares", "1", None, head="rss", form=".0%"
+    )
+
+
+def check_record(check: Check) -> dict[str, Any]:
+    """Record a check as JSON takes it."""
+    rule = check.rule
+    row = CheckRow(
+        name=check.name, value=number_or_none(check.value), limit=check.limit, unit=check.unit,
+        margin=number_or_none(check.margin), passed=check.passed, group=rule.group,
+        at_most=rule.at_most, meaning=rule.meaning, formula=rule.formula, source=rule.source,
+        limit_key=rule.key,
+    )  # fmt: skip
+    return row.to_dict()
+
+
+def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
+    """Tabulate checks by group; by default with value, limit and margins."""
+    columns = names or (
+        *("name", "value", "limit", "unit"),
+        *("margin", "margin_worst_case", "margin_root_sum_square", "passed"),
+    )
+    cells, looks = list[list[str]](), dict[int, str]()
+    for group, title in GROUPS.items():
+        members = [row for row in rows if row.group == group]
+        if members:
+            looks[len(cells)] = "group"
+            cells.append([title])
+        for row in members:
+            line = [row.cell(name) for name in columns]
+            if "limit" in columns:
+                line[columns.index("limit")] = f"{'≤' if row.at_most else '≥'} {row.cell('limit')}"
+            for place, name in enumerate(columns):
+                found = getattr(row, name)
+                if (name == "passed" and not found) or ("margin" in name and (found or 0.0) < 0.0):
+                    line[place] = Bad("NO" if name == "passed" else line[place])
+            cells.append(line)
+    words = [
+        k for k, name in enumerate(columns) if name in ("unit", "meaning", "formula", "source")
+    ]
+    return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
+
+
+class BenchPoint(Record):
+    """An operating point of a bench data set beside its simulation."""
+
+    mismatch_rpm: float = key("mismatch before the shift", "1/min", head="mismatch, 1/min")
+    force_N: float = key("final shift force", "N", head="force, N", form=".1f")
+    bench_s: float | None = key(
+        "mean time on the bench", "s", head="bench, ms", scale=1e3, form=".1f"
+    )
+    simulated_s: float | None = key(
+        "mean simulated time of the shifts that engaged", "s", head="simulated, ms", scale=1e3,
+        form=".1f",
+    )  # fmt: skip
+    standard_error_s: float | None = key(
+        "standard error of the difference", "s", head="s.e., ms", scale=1e3, form=".1f"
+    )
+    z: float | None = key(
+        "bench less simulated over the standard error", "1", head="z", form="+.1f"
+    )
+    engaged: float = key("simulated share that engaged", SHARE, head="engaged", form=".0%")
+    n: int = key("simulated shifts", head="n", form="d")
+
+    @classmethod
+    def of(cls, d: Difference) -> BenchPoint:
+        """Record one operating point of a comparison."""
+        return cls(
+            mismatch_rpm=d.cell.point.mismatch / RPM,
+            force_N=d.cell.point.profile.force,
+            bench_s=d.cell.time,
+            simulated_s=d.simulated.mean_engaged,
+            standard_error_s=d.standard_error,
+            z=d.z,
+            engaged=d.simulated.engaged,
+            n=d.simulated.n,
+        )
+
+
+def engaged_record(result: Comparison) -> dict[str, Any]:
+    """Record the share of tried shifts that engaged, on the bench and in the simulation."""
+    engaged, tried, simulated = result.engaged
+    return {"engaged": engaged, "tried": tried, "simulated_share": simulated if tried else None}

@@ -1,1 +1,0 @@
-"""Build the ring as a closed solid, for printing and drawing."""

@@ -1,0 +1,104 @@
+"""One declaration: record, table, frame, schema and reference page of a result follow from it."""
+
+from __future__ import annotations
+
+import io
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from dogshape.cli.console import rich_table
+from dogshape.pipeline.record import Bad, Record, Table, frame_of, key, key_table, tabulate
+from dogshape.pipeline.reports.report import Report, table_html
+from dogshape.pipeline.store.result_records import CheckRow, check_table
+from dogshape.sim.clutch_tables import validate
+from dogshape.sim.errors import InputError
+
+
+class Point(Record):
+    """A point of a made-up result."""
+
+    speed_rpm: float = key("speed", "1/min", head="speed, 1/min")
+    time_s: float | None = key("time", "s", head="time, ms", scale=1e3, form=".1f")
+    passed: bool = key("whether it passes", head="passed")
+    spare: int | None = key("count; absent in earlier versions", "", None)
+
+
+class Whole(Record):
+    """The whole."""
+
+    points: list[Point] = key("all points")
+
+
+POINTS = [Point(speed_rpm=-50.0, time_s=0.0123, passed=True),
+          Point(speed_rpm=5.0, time_s=None, passed=False, spare=3)]  # fmt: skip
+
+
+def test_a_record_has_the_keys_that_were_given() -> None:
+    assert POINTS[0].to_dict() == {"speed_rpm": -50.0, "time_s": 0.0123, "passed": True}
+    assert Whole(points=POINTS).to_dict()["points"][1]["spare"] == 3
+    assert frame_of(POINTS)["time_s"].tolist()[0] == 0.0123
+
+
+def test_a_column_has_head_scale_and_format_of_its_key() -> None:
+    table = tabulate(Point, POINTS)
+    assert list(table.heads) == ["speed, 1/min", "time, ms", "passed"]
+    assert table.rows[0] == ["\N{MINUS SIGN}50", "12.3", "yes"]
+    assert table.rows[1][1:] == ["-", "no"]
+    assert tabulate(Point, POINTS, "time_s").rows == [["12.3"], ["-"]]
+
+
+def test_console_and_page_print_the_same_cells() -> None:
+    stream = io.StringIO()
+    Console(file=stream, width=100).print(rich_table(tabulate(Point, POINTS)))
+    page = table_html(tabulate(Point, POINTS))
+    for words in ("speed, 1/min", "\N{MINUS SIGN}50", "12.3"):
+        assert words in stream.getvalue()
+        assert words in page
+
+
+def test_the_declaration_is_the_schema() -> None:
+    given: dict[str, Any] = {"points": [{"speed_rpm": 1.0, "time_s": None, "passed": True}]}
+    assert validate(Whole, given, "it").to_dict() == given
+    with pytest.raises(InputError, match=r"'points\.0\.sped_rpm' is not a known key"):
+        validate(Whole, {"points": [{"sped_rpm": 1.0, "time_s": None, "passed": True}]}, "it")
+
+
+def test_the_reference_page_lists_every_key_once() -> None:
+    page = key_table(Whole, "made.json")
+    assert "`made.json`: The whole." in page
+    assert "`points[]`: A point of a made-up result." in page
+    assert page.count("| `time_s` | s | time |") == 1
+
+
+def _check(name: str, group: str, margin: float) -> CheckRow:
+    return CheckRow(
+        name=name, value=1.0, limit=2.0, unit="mm", margin=margin, passed=margin >= 0.0,
+        group=group, at_most=True, meaning="", formula="", source="", limit_key="",
+    )  # fmt: skip
+
+
+def test_checks_stand_in_groups_and_failed_ones_are_marked() -> None:
+    rows = [_check("b", "load", -0.5), _check("a", "make", 0.5)]
+    table = check_table(rows, "name", "limit", "margin", "passed")
+    assert [row[0] for row in table.rows] == ["can be made", "a", "carries the torque", "b"]
+    assert set(table.looks.values()) == {"group"}
+    assert table.rows[1][1:] == ["\N{LESS-THAN OR EQUAL TO} 2", "50%", "yes"]
+    assert [isinstance(cell, Bad) for cell in table.rows[3]] == [False, False, True, True]
+
+
+def test_a_report_is_built_of_sections(tmp_path: Any) -> None:
+    page = Report("rig <b>7</b>", "Found & named")
+    page.add("", Table(("", ""), [("fact", Bad("wrong"))]))
+    page.add("Front <i>", Table(("a", "b"), [("1", "2\n3")], {0: "best"}), "a caption")
+    page.add("Nothing", None, "a caption of nothing")
+    page.save(tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text()
+    for words in (
+        "rig &lt;b&gt;7&lt;/b&gt;", "Found &amp; named", '<section id="front-i">', "2<br>3",
+        '<a href="#front-i">', '<tr class="best">', '<p class="note">a caption</p>', "bad",
+    ):  # fmt: skip
+        assert words in text
+    assert "caption of nothing" not in text
+    assert text.index("wrong") < text.index("<nav>") < text.index("a caption")

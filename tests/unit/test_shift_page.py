@@ -1,0 +1,51 @@
+"""What the page of a shift says in words, and the solids it shows."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.reports.shift_page import facts, phase_table, ring_body, solids
+from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import dog_planes, dog_solid
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.units import DEG
+
+Point = Callable[[float, float], OperatingPoint]
+
+
+def test_body_of_a_ring_is_closed_and_behind_the_dogs(prototype: Dog) -> None:
+    body = ring_body(prototype, 3e-3)
+    area = math.pi * (prototype.outer_radius**2 - prototype.inner_radius**2)
+    assert body.volume == pytest.approx(3e-3 * area, rel=1e-3)
+    assert body.vertices[:, 2].max() == pytest.approx(-0.5 * prototype.height)
+
+
+def test_touching_surfaces_come_first_in_the_order_the_page_names(prototype: Dog) -> None:
+    dog, planes = dog_solid(prototype), dog_planes(prototype)
+    assert solids(prototype)["dog"]["cells"] == dog.cells.ravel().tolist()
+    for index, name in enumerate(("traction", "face", "braking")):
+        for a, b, c in dog.vertices[dog.cells[2 * index : 2 * index + 2]]:
+            normal = np.cross(b - a, c - a)
+            assert normal / np.linalg.norm(normal) == pytest.approx(planes[name].normal, abs=1e-9)
+
+
+def test_phases_have_the_names_of_the_field(plant: ClutchPlant, point: Point) -> None:
+    """People read free flight; the record keeps its key."""
+    result = engage(plant, point(0.0, 641.5), 12 * DEG)
+    assert result.phases[0].name == "free fly"
+    names = [row[0] for row in phase_table(result).rows]
+    assert "free flight" in names
+    assert "free fly" not in names
+
+
+def test_facts_list_events_and_loads(plant: ClutchPlant, point: Point) -> None:
+    listed = facts(engage(plant, point(50.0, 469.0), 10 * DEG), 12.3)
+    assert listed[0].startswith("first touch")
+    assert any(" skipped" in fact for fact in listed)
+    assert listed[-1].endswith("12.3 N m")
