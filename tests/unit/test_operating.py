@@ -9,7 +9,8 @@ from scipy.special import ndtri
 import dogshape as ds
 from dogshape.pipeline.config.operating import duty_cycles
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
-from dogshape.pipeline.simulate.design import exact_losses, leading, losses_of, objectives_of
+from dogshape.pipeline.search.state import Trial
+from dogshape.pipeline.simulate.design import exact_losses, leading, objectives_of
 from dogshape.pipeline.simulate.evaluation import FIRST
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import dataset_of, study_mix
@@ -291,7 +292,7 @@ def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     study = load_study("mq200_paper", [f"search.objectives={names}"])
     assert leading(study).name == "smallest_margin"
     assert [o.maximise for o in objectives_of(study)] == [True, False]
-    losses, errors = losses_of(study, [0.2, 8.0], {"standard_errors": {"smallest_margin": 0.0}})
+    losses, errors = Trial(0, {}, (0.2, 8.0)).losses(study)
     assert losses.tolist() == [-0.2, 8.0]
     assert errors.tolist() == [0.0, 0.0]
     exact = exact_losses(study, [study.prototype])
@@ -299,7 +300,8 @@ def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     assert exact_losses(study, []).shape == (0, 2)
     assert np.isnan(exact[0, 0])
     assert exact[0, 1] == pytest.approx(8.4)
-    rows = np.array([losses_of(study, v, {})[0] for v in ([0.2, 8.0], [0.1, 8.0], [0.1, 7.0])])
+    values = (0.2, 8.0), (0.1, 8.0), (0.1, 7.0)
+    rows = np.array([Trial(0, {}, pair).losses(study)[0] for pair in values])
     assert not_dominated(rows).tolist() == [True, False, True]
 
 
