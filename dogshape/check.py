@@ -82,10 +82,10 @@ class Checked(Result):
         """Facts of the checks: feasible or not, and the smallest margins with their checks."""
         weakest = smallest_margin(self.design.checks)
         open_ones = ", before its landing is simulated" if self.design.not_checked else ""
-        told = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
+        verdict = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
         name, worst = weakest_within(self.config, self.design)
         return {
-            "feasible": told + open_ones,
+            "feasible": verdict + open_ones,
             "smallest margin": f"{weakest.margin:.1%}, {weakest.name}",
             "at worst-case tolerances": "no dog" if math.isinf(worst) else f"{worst:.1%}, {name}",
         }
@@ -254,12 +254,11 @@ class Check(Checked):
         return [*lines, "", *self.check_parts, *self.landing_of(self.shifts, "planar")]
 
     def _surrogate_lines(self, guess: Guess) -> list[str]:
-        answer, told, q2, lines = guess.answer, guess.answer.expected, guess.validation.q2, []
+        answer, expected, q2, lines = guess.answer, guess.answer.expected, guess.validation.q2, []
         if self.quick is not None:
-            lines = [
-                f"surrogate {guess.path}: {answer.refusal if told is None else _interval(told)}"
-            ]
-            lines += [] if told is None else _retries(told)
+            time = answer.refusal if expected is None else _interval(expected)
+            lines = [f"surrogate {guess.path}: {time}"]
+            lines += [] if expected is None else _retries(expected)
         if self.missed:
             lines.append(
                 "warning: the surrogate misses the simulated time by more than its interval"
@@ -271,7 +270,7 @@ class Check(Checked):
                 f"warning: on designs that it has not seen the surrogate has Q2 {q2:.2f}; "
                 "simulate more designs before relying on it"
             )
-        if told is not None:
+        if expected is not None:
             lines.append(
                 f"within the tolerances: {1e3 * guess.spread.worst_case:.2g} ms in the worst case, "
                 f"{1e3 * guess.spread.root_sum_square:.2g} ms by root sum of squares"

@@ -273,7 +273,7 @@ def expect_draws(
     settings : further keys, for instance another dog; those of a draw give way to them.
     angles : relative angles at each operating point, at least 3; None for the study's number.
     jobs : worker processes, 0 for one a core.
-    progress : is told how many draws are done.
+    progress : receives the number of finished draws.
 
     Raises
     ------

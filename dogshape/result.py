@@ -34,8 +34,8 @@ class Result(ABC):
         return [f"{name}: {value}" for name, value in self.facts.items()]
 
     def __repr__(self) -> str:
-        told = ", ".join(f"{name} {value}" for name, value in self.facts.items())
-        return f"{type(self).__name__}({told})"
+        facts = ", ".join(f"{name} {value}" for name, value in self.facts.items())
+        return f"{type(self).__name__}({facts})"
 
     def _repr_html_(self) -> str:
         rows = "".join(

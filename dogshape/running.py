@@ -22,7 +22,7 @@ class Where:
     jobs : worker processes, 0 for one a core.
     cluster : address of a Dask scheduler, None to run here.
     keep : folder in which a run that was stopped leaves its finished shifts; None keeps none.
-    progress : is told how far the work is.
+    progress : receives the state of the work.
     """
 
     jobs: int = 0

@@ -83,15 +83,15 @@ class StudyResult(Result):
         best, lead = self.best, goals_of(self.record)[0]
         if best is None:
             return {"best": "no design passes every check", **effort}
-        told = {"best": "prototype" if best["prototype"] else f"design {best['trial']}"}
+        facts = {"best": "prototype" if best["prototype"] else f"design {best['trial']}"}
         if self.confirmation is None:
-            told[lead.label] = lead.words(lead.shown(best), lead.error(best)) + ", not confirmed"
+            facts[lead.label] = lead.words(lead.shown(best), lead.error(best)) + ", not confirmed"
         else:
-            told["result"] = headline(self.record)
+            facts["result"] = headline(self.record)
             for goal, _, chosen, gain in gained(self.record)[:1]:
-                told[goal.label] = goal.words(*chosen)
-                told["gain over the prototype"] = goal.words(*gain)
-        return told | effort
+                facts[goal.label] = goal.words(*chosen)
+                facts["gain over the prototype"] = goal.words(*gain)
+        return facts | effort
 
     @property
     def parts(self) -> list[str | Table]:

@@ -124,10 +124,10 @@ def _simulated(config: Setup, quick: Quick) -> dict[str, Any]:
 
 def _missed(answer: Answer, quick: Quick) -> list[str]:
     """Warn of a surrogate that misses the study's own design."""
-    seen, told = quick.expected, answer.expected
-    if seen is None or told is None or not misses(told, seen):
+    seen, guess = quick.expected, answer.expected
+    if seen is None or guess is None or not misses(guess, seen):
         return []
     return [
-        f"the surrogate predicted {interval_text(told.time, told.low, told.high)} for the own "
+        f"the surrogate predicted {interval_text(guess.time, guess.low, guess.high)} for the own "
         f"design, whose simulated time is {time_text(seen.time)}; others may be off as much"
     ]

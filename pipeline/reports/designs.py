@@ -262,12 +262,12 @@ def front_frame(result: Row, variables: list[str]) -> pd.DataFrame:
     """Tabulate the front: variables, objectives with standard errors, place, smallest margin."""
     import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-    told = list(dict.fromkeys([*result["objectives"], SIMULATED]))
+    estimated = list(dict.fromkeys([*result["objectives"], SIMULATED]))
     ends = {end: f"{end}_of_{result['leading']}" for end in ("low", "high")}
     best = None if result["best"] is None else result["best"]["trial"]
     columns = [
         *("trial", "prototype", "chosen", *variables),
-        *(name for one in told for name in (one, f"standard_error_of_{one}")),
+        *(name for one in estimated for name in (one, f"standard_error_of_{one}")),
         *(*ends.values(), "probability_on_front", "smallest_margin", "weakest_check"),
         *("margin_worst_case", "weakest_check_worst_case"),
     ]

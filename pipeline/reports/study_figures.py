@@ -92,11 +92,11 @@ def sure_figure(result: Row) -> go.Figure:
     rows = {row["trial"]: row for row in result["trials"]}
     shown, lead = [rows[row["trial"]] for row in reversed(result["front"])], goals_of(result)[0]
     found, figure = confirmed_designs(result), go.Figure()
-    anew = [row for row in shown if row["trial"] in found and is_measured(found[row["trial"]])]
+    repeated = [row for row in shown if row["trial"] in found and is_measured(found[row["trial"]])]
     for name, these, pairs, mark in (
         ("search", shown, [(lead.shown(row), lead.error(row)) for row in shown],
          {"color": BLUE, "size": 10, "symbol": "circle"}),
-        ("new angles", anew, [lead.estimate(found[row["trial"]]) for row in anew],
+        ("new angles", repeated, [lead.estimate(found[row["trial"]]) for row in repeated],
          {"color": "white", "size": 10, "symbol": "square", "line": {"color": INK, "width": 2}}),
     ):  # fmt: skip
         if these:

@@ -168,13 +168,13 @@ def front_table(study: Setup, result: Row) -> Table:
     for row in designs_shown(result):
         if row["prototype"] or row["trial"] == best["trial"]:
             looks[len(rows)] = "best" if row["trial"] == best["trial"] else "prototype"
-        anew = confirmation_of(result, row)
+        repeated = confirmation_of(result, row)
         cells = [goal.cell(row) for goal in goals]
         for place, goal in enumerate(goals):
-            if anew and goal.name in anew["estimates"] and is_measured(anew):
-                cells[place] += f"\n{goal.pair(*goal.estimate(anew))}"
+            if repeated and goal.name in repeated["estimates"] and is_measured(repeated):
+                cells[place] += f"\n{goal.pair(*goal.estimate(repeated))}"
         within = row["time_within_tolerances"]
-        fails = failed_words(anew)
+        fails = failed_words(repeated)
         least = margin_cell(least_margins(row["margins"])[0]) if row["margins"] else Bad("no dog")
         rows.append([
             "prototype" if row["prototype"] else str(row["trial"]),

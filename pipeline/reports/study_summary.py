@@ -235,11 +235,11 @@ def _search_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         row = rows[trial]
         if row.get(lead.name) is None or not (is_measured(row) and is_measured(one)):
             continue
-        (anew, error), before = lead.estimate(one), lead.shown(row)
+        (after, error), before = lead.estimate(one), lead.shown(row)
         both = math.hypot(error, lead.error(row))
-        if both and abs(anew - before) / both > APART:
+        if both and abs(after - before) / both > APART:
             words = (
-                f"{lead.cell(row)} and {lead.words(anew, error)}, {abs(anew - before) / both:.1f}"
+                f"{lead.cell(row)} and {lead.words(after, error)}, {abs(after - before) / both:.1f}"
             )
             yield f"search and new angles of design {trial}", Bad(f"{words} standard errors apart")
     if not best["prototype"] and (ends := ", ".join(_at_the_ends(best, study))):

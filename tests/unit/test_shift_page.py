@@ -1,4 +1,4 @@
-"""What the page of a shift says in words, and the solids it shows."""
+"""Text and solids of the page of a shift."""
 
 from __future__ import annotations
 

@@ -187,10 +187,10 @@ def _asked_columns(draft: BenchDraft) -> tuple[BenchDraft, dict[str, Any]]:
             say(fault)
         if not found["faults"] and ask_yes("is that right?", default=True):
             break
-        told = ask_text("say one, as shift_time_s=COLUMN:UNIT or decimal=, (empty: go on)", "")
-        if not told:
+        answer = ask_text("say one, as shift_time_s=COLUMN:UNIT or decimal=, (empty: go on)", "")
+        if not answer:
             break
-        name, text = _pair(told.removeprefix("--column ").removeprefix("--"))
+        name, text = _pair(answer.removeprefix("--column ").removeprefix("--"))
         if name == "decimal":
             draft = replace(draft, decimal=text)
         elif name == "rows":
