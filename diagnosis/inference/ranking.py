@@ -155,7 +155,8 @@ class _Search:
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""
         top = max(self.value(h) for h in self.samples)
-        within, promise = dict[Hypothesis, list[Sample]](), dict[Hypothesis, float]()
+        within = dict[Hypothesis, list[Sample]]()
+        promise, priors = dict[Hypothesis, float](), dict[Hypothesis, float]()
         for h in hypotheses_of(self.likelihood.model, 3):
             pairs = [tuple(n for n in h if n != name) for name in forward(h)]
             parts = [self.samples[p] for p in pairs if p in self.samples]
@@ -163,11 +164,12 @@ class _Search:
             prior = log_prior(h, self.likelihood.model, self.likelihood.settings, self.reversed_)
             best = max((one.log_evidence for one in parts), default=-np.inf)
             if best + prior > top - FOR_THIRD:
-                within[h], promise[h], self.priors[h] = parts, best + prior, prior
+                within[h], promise[h], priors[h] = parts, best + prior, prior
         chosen = sorted(promise, key=lambda h: -promise[h])[:THIRDS]
         parts_of = {h: within[h] for h in chosen}
         for one in widened(self.likelihood, parts_of, self.more, self.generator):
             self.samples[one.hypothesis] = one
+            self.priors[one.hypothesis] = priors[one.hypothesis]
         return chosen
 
 

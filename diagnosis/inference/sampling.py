@@ -172,13 +172,22 @@ def screened(
     """Sample hypotheses by their prior draws nearest to the data, some hypotheses at once."""
     for start in range(0, len(hypotheses), BATCH):
         some = hypotheses[start : start + BATCH]
-        near = [_nearest(likelihood.model, h, distance) for h in some]
-        log = likelihood.terms(Predicted.joined([p for _, p, _ in near])).log
-        ends = np.cumsum([len(shares) for shares, _, _ in near])[:-1]
-        for h, (shares, p, whole), mine in zip(some, near, np.split(log, ends), strict=True):
-            beside = mine + more(h, shares)
-            possible = likelihood.model.possible(h, shares)
-            yield Sample(h, shares, p, np.where(possible, beside, -np.inf), whole)
+        near = [(h, *_nearest(likelihood.model, h, distance), ()) for h in some]
+        yield from _sampled(likelihood, near, more)
+
+
+def _sampled(
+    likelihood: Likelihood,
+    drawn: Sequence[tuple[Hypothesis, Array, Predicted, int, tuple[Proposal, ...]]],
+    more: More,
+) -> Iterator[Sample]:
+    """Sample hypotheses at their drawn shares, the likelihood of all at once."""
+    log = likelihood.terms(Predicted.joined([p for _, _, p, _, _ in drawn])).log
+    ends = np.cumsum([len(shares) for _, shares, _, _, _ in drawn])[:-1]
+    for (h, shares, p, whole, proposals), mine in zip(drawn, np.split(log, ends), strict=True):
+        beside = mine + more(h, shares)
+        possible = likelihood.model.possible(h, shares)
+        yield Sample(h, shares, p, np.where(possible, beside, -np.inf), whole, proposals)
 
 
 def _nearest(
@@ -204,6 +213,7 @@ def widened(
 
     Effects beyond a part have their prior. A few draws of the prior stand beside.
     """
+    around = {one.hypothesis: Proposal.around(one) for parts in within.values() for one in parts}
     for start in range(0, len(within), BATCH):
         some = []
         for h, parts in list(within.items())[start : start + BATCH]:
@@ -211,7 +221,7 @@ def widened(
             size = len(space.parameters)
             proposals = tuple(
                 replace(
-                    Proposal.around(one),
+                    around[one.hypothesis],
                     columns=np.r_[tuple(space.columns(name) for name in forward(one.hypothesis))],
                     count=WIDENED,
                 )
@@ -219,13 +229,8 @@ def widened(
             )
             drawn = [one.draw(size, generator) for one in proposals]
             shares = np.vstack([generator.random((BESIDE, size)), *drawn])
-            some.append((h, shares, proposals, likelihood.model.predict(h, shares)))
-        log = likelihood.terms(Predicted.joined([p for *_, p in some])).log
-        ends = np.cumsum([len(p.mean) for *_, p in some])[:-1]
-        for (h, shares, proposals, p), mine in zip(some, np.split(log, ends), strict=True):
-            possible = likelihood.model.possible(h, shares)
-            beside = np.where(possible, mine + more(h, shares), -np.inf)
-            yield Sample(h, shares, p, beside, BESIDE, proposals)
+            some.append((h, shares, likelihood.model.predict(h, shares), BESIDE, proposals))
+        yield from _sampled(likelihood, some, more)
 
 
 def refined(

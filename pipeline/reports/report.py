@@ -145,11 +145,6 @@ def link(text: str, kind: str, name: str, words: str) -> Markup:
     return Markup('<p class="note"><a href="{}" download="{}">{}</a></p>').format(data, name, words)
 
 
-def csv_link(text: str) -> str:
-    """Write a table as a data URL, which needs no network."""
-    return "data:text/csv;charset=utf-8," + quote(text)
-
-
 def as_script_json(data: Any, *, allow_nan: bool = False) -> str:
     """Write data as JSON for a script, which would end at the first "</" wherever it stands."""
     text = json.dumps(data, separators=(",", ":"), allow_nan=allow_nan)
