@@ -42,7 +42,6 @@ from dogshape.sim.versions import engine, versions
 
 Progress = Callable[[int], None]  #: called with the number of shifts just finished
 
-KEPT = 0.05  #: s of simulation that a kill may cost
 LOOK = 1.0  #: s between looks whether the parent, or a cluster's worker, is alive
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 ALONE = 60.0  #: s that a cluster may be without any worker
@@ -175,17 +174,11 @@ class Executor:
 
 
 def _work(block: Block, path: Path) -> list[Record]:
-    """Simulate a block; the journal has its shifts, but for those of the last ``KEPT``."""
-    rows: list[Record] = []
-    written, last = 0, time.monotonic()
-    try:
-        for row in run_block(block):
-            rows.append(row)
-            if time.monotonic() - last > KEPT:
-                append(path, *rows[written:])
-                written, last = len(rows), time.monotonic()
-    finally:
-        append(path, *rows[written:])
+    """Simulate a block; the journal has each of its shifts as soon as it is finished."""
+    rows = []
+    for row in run_block(block):
+        append(path, row)
+        rows.append(row)
     return rows
 
 
