@@ -100,10 +100,12 @@ class Fitted(Result):
 
         ``mix_designs`` counts the designs that have all of the study's operating points.
         """
-        own = self.stored.surrogate.own
+        own, shifts = self.stored.surrogate.own, self.stored.surrogate.data.shifts
         return {
             **self.stored.validation.as_dict(),
             "engine": self.engine,
+            "shifts_drake": shifts if self.engine == "drake" else 0,
+            "shifts_planar": shifts if self.engine == "planar" else 0,
             "seconds": self.seconds,
             "designs": len(self.stored.surrogate.data.designs),
             "mix_designs": 0 if own is None else len(own.x),

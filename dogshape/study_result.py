@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from joblib.externals.loky import get_reusable_executor
 
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
@@ -43,12 +46,15 @@ class StudyResult(Result):
     folder : holds shifts, trials, surrogate and report (``pipeline.store.folder``).
     record : content of ``result.json``; its keys with units are in ``docs/studies.md``.
     page : the report; None where none was made.
+    seconds_cpu : processor time of search, audit and report on this machine in this call, s; None
+        for a result that was read.
     """
 
     config: Setup
     folder: Path
     record: dict[str, Any]
     page: Path | None
+    seconds_cpu: float | None = None
 
     @property
     def best(self) -> dict[str, Any] | None:
@@ -111,7 +117,8 @@ class StudyResult(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give chosen design, front, confirmation, and how much was simulated."""
         report = None if self.page is None else str(self.page)
-        return {key: self.record[key] for key in TOLD} | {"report": report}
+        own = {"seconds_cpu": self.seconds_cpu, "report": report}
+        return {key: self.record[key] for key in TOLD} | own
 
     def to_frame(self) -> pd.DataFrame:
         """Give all designs of the search (``trials``)."""
@@ -164,9 +171,11 @@ def search_study(config: Setup, how: Run) -> StudyResult:
         Where the audit of its shifts finds that the compiled engine and Drake do not agree; result
         and report are written.
     """
+    begun = sum(os.times()[:4])
     record = run_study(config, how)
+    get_reusable_executor().shutdown()  # the time of its workers counts once they have ended
     page = how.folder.report if how.report else None
-    return StudyResult(config, how.folder.root, record, page)
+    return StudyResult(config, how.folder.root, record, page, sum(os.times()[:4]) - begun)
 
 
 def load_result(folder: str | Path) -> StudyResult:

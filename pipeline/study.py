@@ -21,7 +21,7 @@ from dogshape.pipeline.search.state import (
     standings,
 )
 from dogshape.pipeline.search.tolerance_effects import smallest_within, spread_record, time_spread
-from dogshape.pipeline.simulate.agreement import Agreement, audit
+from dogshape.pipeline.simulate.agreement import Agreement, agreement_words, audit
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -97,11 +97,9 @@ def _require_agreement(study: Setup, found: Record | None) -> None:
     """Raise EngineError where the audit of a study finds that its engines do not agree."""
     if found is not None and not found["agrees"]:
         raise EngineError(
-            f"the compiled engine and Drake do not agree in the study {study.name}: of "
-            f"{found['shifts']} shifts {found['different_outcomes']} end differently, and the mean "
-            f"time differs by {found['mean_deviation']:+.2%} (s.e. {found['standard_error']:.2%}); "
-            'its result does not hold: give solver.engine = "drake" to simulate all of it in '
-            "Drake"
+            f"the compiled engine and Drake do not agree in the study {study.name}: "
+            f"{agreement_words(found)}; its result does not hold: give solver.engine = "
+            '"drake" to simulate all of it in Drake'
         )
 
 
@@ -206,7 +204,7 @@ def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Agre
     counter.rest(2 * shifts)
     counter.say(f"auditing {shifts} shifts of the search in Drake")
     found = audit(study, designs, executor, study.judging.clutch, shifts)
-    counter.say(found.words)
+    counter.say(agreement_words(found.record))
     return found
 
 

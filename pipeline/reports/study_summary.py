@@ -39,6 +39,7 @@ from dogshape.pipeline.reports.text import (
     time_text,
     value,
 )
+from dogshape.pipeline.simulate.agreement import agreement_words
 from dogshape.pipeline.simulate.design import SIMULATED, WORST
 from dogshape.pipeline.simulate.failing import failing_words
 
@@ -260,16 +261,6 @@ def _search_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         if found is not None:
             words = agreement_words(found)
             yield name, words if found["agrees"] else Bad(words)
-
-
-def agreement_words(found: Row) -> str:
-    """Write the agreement of both engines on shifts that Drake repeated."""
-    return (
-        f"{found['shifts']} shifts again in Drake: {found['different_outcomes']} end differently, "
-        f"mean time of the compiled engine {100 * found['mean_deviation']:+.2f} ± "
-        f"{100 * found['standard_error']:.2f} %, median deviation of a shift "
-        f"{100 * found['median_deviation']:.2f} %"
-    )
 
 
 def _at_the_ends(best: Row, study: Setup) -> Iterator[str]:

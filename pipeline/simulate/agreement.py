@@ -37,14 +37,15 @@ class Agreement:
     Parameters
     ----------
     shifts : number that both engines simulated; ``flips`` of them end differently.
-    median : median size of the deviation of a shift's time, over Drake's time.
+    median, worst : median and largest size of the deviation of a shift's time, over Drake's time.
     deviation : mean time of the compiled engine less Drake's, over Drake's; of shifts that engage
-        in both. ``error`` is its standard error. All three are 0 where none does.
+        in both. ``error`` is its standard error. All four are 0 where none does.
     """
 
     shifts: int
     flips: int
     median: float
+    worst: float
     deviation: float
     error: float
 
@@ -60,20 +61,23 @@ class Agreement:
         """Agreement by the names of ``result.json``."""
         return {
             "shifts": self.shifts,
-            "different_outcomes": self.flips,
+            "outcome_same": self.shifts - self.flips,
             "median_deviation": self.median,
+            "worst_deviation": self.worst,
             "mean_deviation": self.deviation,
             "standard_error": self.error,
             "agrees": self.agrees,
         }
 
-    @property
-    def words(self) -> str:
-        """Figures of the agreement for a sentence."""
-        return (
-            f"of {self.shifts} shifts {self.flips} end differently, and the compiled engine's mean "
-            f"time differs by {self.deviation:+.2%} (s.e. {self.error:.2%}) from Drake's"
-        )
+
+def agreement_words(record: dict[str, Any]) -> str:
+    """Write an agreement, given as its record, as a clause."""
+    return (
+        f"{record['outcome_same']} of {record['shifts']} shifts end as in Drake, the mean time "
+        f"deviates by {record['mean_deviation']:+.2%} ± {record['standard_error']:.2%} (s.e.), "
+        f"a shift's time by {record['median_deviation']:.2%} (median), at most "
+        f"{record['worst_deviation']:.1%}"
+    )
 
 
 def agreement_of(pairs: Sequence[tuple[Record, Record]]) -> Agreement:
@@ -88,13 +92,15 @@ def agreement_of(pairs: Sequence[tuple[Record, Record]]) -> Agreement:
         ]
     )
     if not len(times):
-        return Agreement(len(pairs), flips, 0.0, 0.0, 0.0)
+        return Agreement(len(pairs), flips, 0.0, 0.0, 0.0, 0.0)
     apart, mean = times[:, 0] - times[:, 1], float(times[:, 1].mean())
     error = float(apart.std(ddof=1)) / len(apart) ** 0.5 if len(apart) > 1 else 0.0
+    sizes = np.abs(apart) / times[:, 1]
     return Agreement(
         shifts=len(pairs),
         flips=flips,
-        median=float(np.median(np.abs(apart) / times[:, 1])),
+        median=float(np.median(sizes)),
+        worst=float(sizes.max()),
         deviation=float(apart.mean()) / mean,
         error=error / mean,
     )

@@ -144,10 +144,11 @@ class EngineAgreement(Record):
     """Shifts of the compiled engine that Drake simulated again."""
 
     shifts: int = key("shifts that both engines simulated")
-    different_outcomes: int = key("shifts that end differently")
+    outcome_same: int = key("shifts that end as in Drake")
     median_deviation: float = key(
         "median size of the deviation of a shift's time from Drake's", "1"
     )
+    worst_deviation: float = key("largest size of that deviation", "1")
     mean_deviation: float = key(
         "mean time less Drake's, over Drake's; shifts that engage in both", "1"
     )

@@ -199,7 +199,7 @@ def test_fit_of_a_study_simulates_designs_that_fill_the_space(dogshape: Call) ->
         "reference_error": 0.3,
     }
     sets = [part for key in small for part in ("--set", f"surrogate.{key}={small[key]}")]
-    said = dogshape("fit", "mq200_paper", *SETS, *sets, "--levels", 1, "--json")
+    said = dogshape("fit", "mq200_paper", *SETS, *sets, "--json")
     assert said.status == 0, said.err
     assert said.json["n"] == 3
     assert said.json["source"] == "references"

@@ -50,8 +50,8 @@ def _result(out: Path) -> dict[str, Any]:
     return result
 
 
-def _lines(out: Path) -> list[bytes]:
-    journal = out / "running.jsonl"
+def _lines(out: Path, name: str = "running.jsonl") -> list[bytes]:
+    journal = out / name
     return journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
 
 
@@ -379,4 +379,4 @@ def test_workers_that_die_again_and_again_are_said(
     executor, blocks = _broken(small_study, tmp_path, how)
     with pytest.raises(WorkerError, match="died 3 times without finishing a shift"):
         executor.run(blocks)
-    assert len(_lines(tmp_path)) == 6
+    assert len(_lines(tmp_path, "shifts.jsonl")) == 6

@@ -18,7 +18,7 @@ from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import Said
 
-PERFECT = Agreement(200, 0, 0.0, 0.0, 0.0)
+PERFECT = Agreement(200, 0, 0.0, 0.0, 0.0, 0.0)
 
 
 def _row(time: float | None) -> Record:
@@ -35,6 +35,7 @@ def test_figures_are_those_of_the_pairs() -> None:
     assert (found.shifts, found.flips) == (100, 1)
     assert found.deviation == pytest.approx(1e-3)
     assert found.median == pytest.approx(1e-3)
+    assert found.worst == pytest.approx(2e-3)
     assert found.error == pytest.approx(np.std([0.0, 1e-3, 2e-3] * 33, ddof=1) / 99**0.5)
     assert found.agrees
     assert agreement_of([(_row(None), _row(None))] * 4).agrees
@@ -95,7 +96,7 @@ def test_an_audit_simulates_the_same_shifts_in_both_engines(
 def test_engines_that_do_not_agree_end_a_study_with_a_sentence(small_study: Setup) -> None:
     _require_agreement(small_study, None)
     _require_agreement(small_study, PERFECT.record)
-    with pytest.raises(EngineError, match=r"of 200 shifts 90 end differently.*solver\.engine"):
+    with pytest.raises(EngineError, match=r"110 of 200 shifts end as in Drake.*solver\.engine"):
         _require_agreement(small_study, replace(PERFECT, flips=90).record)
 
 
