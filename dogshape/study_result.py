@@ -8,8 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from joblib.externals.loky import get_reusable_executor
-
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.pipeline.progress import SILENT, Progress
@@ -19,6 +17,7 @@ from dogshape.pipeline.reports.designs import designs_frame, front_frame, goals_
 from dogshape.pipeline.reports.study_figures import front_figure, sure_figure
 from dogshape.pipeline.reports.study_page import at_own_places, front_table, publish
 from dogshape.pipeline.reports.study_summary import gained, headline, summary_tables
+from dogshape.pipeline.simulate.executor import end_workers
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.result_schema import require_result
 from dogshape.pipeline.study import Run, run_study
@@ -173,7 +172,7 @@ def search_study(config: Setup, how: Run) -> StudyResult:
     """
     begun = sum(os.times()[:4])
     record = run_study(config, how)
-    get_reusable_executor().shutdown()  # the time of its workers counts once they have ended
+    end_workers()
     page = how.folder.report if how.report else None
     return StudyResult(config, how.folder.root, record, page, sum(os.times()[:4]) - begun)
 

@@ -30,6 +30,7 @@ from queue import Empty, SimpleQueue
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
+from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from dogshape.pipeline.progress import WorkCounter
@@ -187,6 +188,11 @@ def _work_alone(block: Block, path: Path) -> list[Record]:
     _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return _work(block, path)
+
+
+def end_workers() -> None:
+    """End this process's workers: their processor time counts as its own only then."""
+    get_reusable_executor().shutdown()
 
 
 @cache
