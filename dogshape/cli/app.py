@@ -1,12 +1,8 @@
-"""The command line ``dogshape``: all verbs of the program, each loaded when it is called.
-
-Exit status 0 done, 1 the answer is no, 2 bad input, 130 stopped by Ctrl-C, 143 by SIGTERM, 141 a
-closed pipe.
-"""
+"""The command line ``dogshape``: all verbs of the program, each loaded when it is called."""
 
 from __future__ import annotations
 
-import ast
+import re
 import textwrap
 from collections import UserDict
 from importlib import import_module
@@ -37,8 +33,9 @@ VERBS = {
     "gap": "dogshape.cli.verbs.gap",
     "gap plan": "dogshape.cli.verbs.gap",
     "gap update": "dogshape.cli.verbs.gap",
-    "blind": "dogshape.cli.verbs.blind",
 }
+#: Verbs of the project's own proof, which the help does not list and only a clone has.
+PROOF = {"blind": "dogshape.validation.blind.verbs"}
 #: Plain text for people and programs alike.
 PLAIN: dict[str, Any] = {
     "add_completion": False,
@@ -67,16 +64,11 @@ def _summary(verb: str, limit: int) -> str:
     place = find_spec(VERBS[verb])
     assert place is not None
     assert place.origin is not None
-    name, said = verb.replace(" ", "_"), ""
-    for one in ast.parse(Path(place.origin).read_text(encoding="utf-8")).body:
-        if isinstance(one, ast.FunctionDef) and one.name == name:
-            said = ast.get_docstring(one) or ""
-        if isinstance(one, ast.Assign) and isinstance(one.value, ast.Call):  # a group of verbs
-            named = [isinstance(to, ast.Name) and to.id == name for to in one.targets]
-            helps = [word.value for word in one.value.keywords if word.arg == "help"]
-            if any(named) and helps:
-                said = str(ast.literal_eval(helps[0]))
-    first = " ".join(said.partition("\n\n")[0].split()).partition(". ")[0]
+    source = Path(place.origin).read_text(encoding="utf-8")
+    name = verb.replace(" ", "_")
+    pattern = rf'^def {name}\(.*?"""(.*?)(?:\n\n|""")|^{name} = typer.*?help="(.*?)"'
+    found = re.search(pattern, source, re.DOTALL | re.MULTILINE)
+    first = " ".join((found[1] or found[2] if found else "").split()).partition(". ")[0]
     return textwrap.shorten(f"{first.removesuffix('.')}.", limit, placeholder="...")
 
 
@@ -85,7 +77,7 @@ class _Verbs(TyperGroup):
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)
-        self.commands = _Commands(VERBS)
+        self.commands = _Commands(VERBS | PROOF)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """List the verbs with what each does, read from its source: loading all takes seconds."""

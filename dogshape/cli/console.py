@@ -13,7 +13,6 @@ from rich import progress as rich_progress
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from dogshape.cli.entry import CLOSED, reader_gone
 from dogshape.pipeline.progress import Count, about
 from dogshape.sim.errors import DogshapeError, EngineError
 
@@ -26,10 +25,7 @@ LINE_EVERY = 15.0  #: s between lines of progress where standard error is no ter
 
 
 def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Give a command the exit status of the contract.
-
-    1 where engines do not agree, 2 for bad input, 141 for a closed pipe.
-    """
+    """Turn errors of a command into a sentence and status: 1 engines disagree, 2 bad input."""
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
@@ -39,8 +35,8 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             print(f"dogshape: {error}", file=sys.stderr)
             raise typer.Exit(1 if isinstance(error, EngineError) else 2) from error
         except OSError as error:
-            if isinstance(error, BrokenPipeError) and reader_gone():
-                raise typer.Exit(CLOSED) from error
+            if isinstance(error, BrokenPipeError):
+                raise
             where = f" ({error.filename})" if error.filename else ""
             reason = error.strerror or str(error)
             print(f"dogshape: {reason}{where}; check path, space and rights", file=sys.stderr)

@@ -1,83 +1,49 @@
-"""Entry of the command line: quiet when stopped, one sentence for a wrong option.
+"""Entry of the command line: exit status, and one sentence for a wrong option.
 
-Ends from outside (Ctrl-C, a signal, a closed pipe) have the exit status of shells: 128 and the
-number of the signal.
+Exit status 0 done, 1 the answer is no, 2 bad input; ends from outside have 128 and the number of
+the signal: 130 Ctrl-C, 143 SIGTERM, 141 a closed pipe.
 """
 
 from __future__ import annotations
 
 import os
-import select
 import signal
 import sys
 from types import FrameType
-from typing import TextIO
 
 #: Signals that end the program as Ctrl-C does: by ``kill``, a scheduler, a closed terminal.
 ENDING = ("SIGTERM", "SIGHUP")
 CLOSED = 128 + 13  #: status where the reader of a pipe has gone, SIGPIPE in shells
-STOPPED = 128 + signal.SIGINT  #: status of Ctrl-C, which typer gives as well
 _received = [int(signal.SIGINT)]
 
 
-def listen() -> None:
-    """Turn signals to end into KeyboardInterrupt; a signal that is ignored stays ignored."""
+def main() -> None:
+    """Load and run the command line; exits with the status of the contract."""
     for name in ENDING:
         number = getattr(signal, name, None)
         if number is not None and signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _interrupt)
+    try:
+        status = _run()
+    except (BrokenPipeError, SystemExit):  # typer exits by itself where a pipe is closed
+        status = CLOSED
+    if status == 128 + signal.SIGINT:  # of typer too
+        status = 128 + _received[-1]
+        print("dogshape: stopped", file=sys.stderr)
+    for stream in (sys.__stdout__, sys.__stderr__):
+        try:
+            if stream is not None:
+                stream.flush()
+        except BrokenPipeError:  # what is left is dropped, or Python complains of it at its end
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+            status = CLOSED
+    sys.exit(status)
 
 
 def _interrupt(number: int, _: FrameType | None) -> None:
     signal.signal(number, signal.SIG_IGN)  # once: what follows is tidying up
     _received.append(number)
     raise KeyboardInterrupt
-
-
-def stopped() -> int:
-    """Print that the program was stopped; give the exit status of the signal received."""
-    print("dogshape: stopped", file=sys.stderr)
-    return 128 + _received[-1]
-
-
-def reader_gone() -> bool:
-    """Decide whether the reader of the output or of the errors has closed its pipe."""
-    ends = select.poll()
-    for stream in _streams():
-        ends.register(stream.fileno(), 0)
-    return any(event & select.POLLERR for _, event in ends.poll(0))
-
-
-def written(status: int) -> int:
-    """Write out what is left and give the exit status, which a closed pipe changes.
-
-    What such a pipe does not take is dropped: Python would complain of it at its end.
-    """
-    for stream in _streams():
-        try:
-            stream.flush()
-        except BrokenPipeError:
-            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-            status = CLOSED
-    return status
-
-
-def _streams() -> list[TextIO]:
-    return [one for one in (sys.__stdout__, sys.__stderr__) if one is not None]
-
-
-def main() -> None:
-    """Load and run the command line; exits with the status of the contract."""
-    listen()
-    try:
-        status = _run()
-        if status == STOPPED:
-            status = stopped()
-    except BrokenPipeError:
-        if not reader_gone():
-            raise
-        status = CLOSED
-    sys.exit(written(status))
 
 
 def _run() -> int:
@@ -90,10 +56,8 @@ def _run() -> int:
             print(f"dogshape: {nothing} is given nothing; give a value", file=sys.stderr)
             return 2
         return int(app(given or ["--help"], standalone_mode=False) or 0)
-    except SystemExit as end:  # of a pipe that closed while help was printed
-        return CLOSED if reader_gone() else int(end.code or 0)
     except KeyboardInterrupt:
-        return STOPPED
+        return 128 + signal.SIGINT
     except ModuleNotFoundError as error:
         if error.name != "dogshape.validation":
             raise
@@ -111,10 +75,7 @@ def _run() -> int:
 
 
 def _given_nothing(arguments: list[str]) -> str | None:
-    """Return the option or argument whose value is empty, as an unset variable of a shell is.
-
-    An empty path would be taken for the current folder.
-    """
+    """Name the option or argument that is empty, as an unset variable of a shell is."""
     for place, text in enumerate(arguments):
         if text.startswith("--") and text.endswith("="):
             return text[:-1]
@@ -125,7 +86,7 @@ def _given_nothing(arguments: list[str]) -> str | None:
 
 
 def _sentence(error: Exception, message: str) -> str:
-    """Put a fault of an option into the project's own words, where it has some."""
+    """Put a fault of an option into the project's own words, with the study keys like it."""
     details = getattr(error.__cause__, "errors", None)
     names = getattr(getattr(error, "param", None), "opts", None)
     if details is not None and names:
@@ -133,17 +94,13 @@ def _sentence(error: Exception, message: str) -> str:
 
         return broken_rule(names[-1], details()[0])
     option = getattr(error, "option_name", None)
-    if isinstance(option, str) and (keys := _keys_like(option)):
-        return f"{message}. A key of the study is set by {' or '.join(keys)}"
-    return message
-
-
-def _keys_like(option: str) -> list[str]:
-    """Point to the keys of a study that an unknown option resembles."""
+    if not isinstance(option, str):
+        return message
     from dogshape.pipeline.config.schema import keys_like  # noqa: PLC0415
 
     given = [*sys.argv[1:], ""]
     value = given[given.index(option) + 1] if option in given else ""
     value = "VALUE" if not value or value.startswith("--") else value
-    stem = option.lstrip("-").replace("-", "_").lower()
-    return [f"--set {key}={value}" for key in keys_like(stem)]
+    keys = keys_like(option.lstrip("-").replace("-", "_").lower())
+    ways = " or ".join(f"--set {key}={value}" for key in keys)
+    return f"{message}. A key of the study is set by {ways}" if keys else message

@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from dogshape.pipeline.record import Table
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank
 from dogshape.sim.strength.dog_strength import Limits, root_load
 from dogshape.sim.strength.notch import Load, root_tension
+from dogshape.sim.units import MM, MPA
 from dogshape.validation.finite_elements.root_mesh import RootShape
 from dogshape.validation.finite_elements.root_stress import BANDS, Band, RootModel
+
+#: Words of what is pressed.
+PRESSED = {
+    "whole": "all that touches", "tip": "top fifth of the flank",
+    "load": "at the load height, interpolated",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -27,6 +36,16 @@ class RootCheck:
     lever: float
     elements: float
     formula: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record that ``strength --fem --json`` prints."""
+        return {
+            "flank": self.flank,
+            "band": self.band,
+            "lever_mm": self.lever / MM,
+            "finite_elements_MPa": self.elements / MPA,
+            "closed_form_MPa": self.formula / MPA,
+        }
 
 
 def root_checks(dog: Dog, limits: Limits) -> list[RootCheck]:
@@ -54,3 +73,19 @@ def _between(dog: Dog, limits: Limits, low: RootCheck, high: RootCheck) -> RootC
     levers, ratios = (low.lever, high.lever), [r.elements / r.formula for r in (low, high)]
     ratio = float(np.interp(load.lever, levers, ratios))
     return RootCheck(low.flank, "load", load.lever, ratio * formula, formula)
+
+
+def root_table(checks: Sequence[RootCheck]) -> Table:
+    """Tabulate the tension by finite elements beside the closed form."""
+    heads = (
+        *("tension at the root", "lever, mm", "finite elements, MPa", "closed form, MPa"), "ratio"
+    )  # fmt: skip
+    rows = [
+        (
+            f"{one.flank} flank, {PRESSED[one.band]}", f"{one.lever / MM:.2f}",
+            f"{one.elements / MPA:.0f}", f"{one.formula / MPA:.0f}",
+            f"{one.formula / one.elements:.2f}",
+        )
+        for one in checks
+    ]  # fmt: skip
+    return Table(heads, rows)

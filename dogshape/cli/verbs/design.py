@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
@@ -34,11 +33,8 @@ from dogshape.sim.files import naming
 from dogshape.sim.part import part_volume, ring_part
 from dogshape.sim.shift.mesh import to_stl
 from dogshape.sim.strength.manufacture import require_makeable
-from dogshape.sim.units import MM, MPA
+from dogshape.sim.units import MM
 from dogshape.strength import check_strength
-
-if TYPE_CHECKING:
-    from dogshape.validation.finite_elements.root_check import RootCheck
 
 ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
            "--sheet": (".html", ".json")}  # fmt: skip
@@ -67,17 +63,16 @@ def strength(
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
     given = load_study(study, with_engine(set_, engine))
-    roots: list[dict[str, Any]] = []
+    roots, more = dict[str, Any](), list[str | Table]()
     if fem:
-        from dogshape.validation.finite_elements.root_check import root_checks  # noqa: PLC0415
+        from dogshape.validation.finite_elements import root_check  # noqa: PLC0415
 
-        roots = [root_record(root) for root in root_checks(given.clutch.dog, given.limits)]
+        checks = root_check.root_checks(given.clutch.dog, given.limits)
+        roots = {"finite_elements": [one.to_dict() for one in checks]}
+        more = [root_check.root_table(checks)]
     found = check_strength(given, Where(jobs, None, SHIFTS, ProgressBar()), simulate=simulation)
-    if fem:
-        found = found.with_finite_elements(roots)
-
-    more = [*(found.explained if explain else ()), *([root_table(roots)] if fem else ())]
-    show(found, json, *more)
+    more = [*found.parts, *(found.explained if explain else ()), *more]
+    emit(found.to_dict() | roots, json, lambda: more)
     if not found.feasible:
         raise typer.Exit(1)
 
@@ -150,39 +145,6 @@ def export(
             f"volume of a ring {volume:.1f} mm3",
         ],
     )
-
-
-def root_record(root: RootCheck) -> dict[str, Any]:
-    """Return the root stress of one load by finite elements and by the closed form."""
-    return {
-        "flank": root.flank,
-        "band": root.band,
-        "lever_mm": root.lever / MM,
-        "finite_elements_MPa": root.elements / MPA,
-        "closed_form_MPa": root.formula / MPA,
-    }
-
-
-def root_table(roots: Sequence[dict[str, Any]]) -> Table:
-    """Tabulate the root stress by finite elements beside the closed form."""
-    where = {"whole": "all that touches", "tip": "top fifth of the flank",
-             "load": "at the load height, interpolated"}  # fmt: skip
-    rows = [
-        (
-            f"{one['flank']} flank, {where[one['band']]}", f"{one['lever_mm']:.2f}",
-            f"{one['finite_elements_MPa']:.0f}", f"{one['closed_form_MPa']:.0f}",
-            f"{one['closed_form_MPa'] / one['finite_elements_MPa']:.2f}",
-        )
-        for one in roots
-    ]  # fmt: skip
-    heads = (
-        "tension at the root",
-        "lever, mm",
-        "finite elements, MPa",
-        "closed form, MPa",
-        "ratio",
-    )
-    return Table(heads, rows)
 
 
 @verb

@@ -1,8 +1,7 @@
-"""``blind``: cases whose effect is withheld, their diagnosis, and its score."""
+"""Verbs ``make``, ``run`` and ``score`` of ``dogshape blind``: sealed sets and their score."""
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
@@ -10,10 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
+from dogshape.cli.app import PLAIN
 from dogshape.cli.console import ProgressBar, emit, verb
 from dogshape.cli.options import Jobs, Json
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Table
+from dogshape.pipeline.simulate.executor import workers_of
 from dogshape.validation.blind.cases import SEED
 from dogshape.validation.blind.sealed import manifest_of
 from dogshape.validation.blind.sealed import run as run_cases
@@ -25,9 +26,7 @@ blind = typer.Typer(
     name="blind",
     help="Cases whose effect is withheld: make them, diagnose them, open the key and score.",
     no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
+    **PLAIN,
 )
 
 Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the set of cases")]
@@ -50,9 +49,14 @@ def make(
     cases = field_set.cases_of(seed, small=small)
     with WorkCounter(ProgressBar(), len(cases), unit="cases") as progress:
         manifest = field_set.make_field(
-            folder, cases, _diagnosis().likelihood_of, _processes(jobs), progress.advance
+            folder, cases, _diagnosis().likelihood_of, workers_of(jobs), progress.advance
         )
-    emit(manifest, json, lambda: made_lines(folder, manifest))
+    lines = [
+        f"{len(manifest['cases'])} cases in {folder / 'cases'}",
+        f"key sealed with SHA-256 {manifest['key_sha256']}",
+        f"go on with: dogshape blind run {folder}",
+    ]
+    emit(manifest, json, lambda: lines)
 
 
 @blind.command()
@@ -65,7 +69,7 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     total = len(manifest_of(folder)["cases"])
     diagnose = _diagnosis().diagnose_folder
     with WorkCounter(ProgressBar(), total, unit="cases") as progress:
-        found = run_cases(folder, diagnose, _processes(jobs), progress.advance)
+        found = run_cases(folder, diagnose, workers_of(jobs), progress.advance)
     emit({"cases": found}, json, lambda: run_table(found))
 
 
@@ -84,19 +88,6 @@ def score(folder: Folder, json: Json = False) -> None:
 def _diagnosis() -> Any:
     """Load what diagnoses a case, with the simulation."""
     return import_module("dogshape.validation.blind.case_diagnosis")
-
-
-def _processes(jobs: int) -> int:
-    return jobs or os.cpu_count() or 1
-
-
-def made_lines(folder: Path, manifest: Record) -> Parts:
-    """Write the number of cases that were made and the hash of their key."""
-    return [
-        f"{len(manifest['cases'])} cases in {folder / 'cases'}",
-        f"key sealed with SHA-256 {manifest['key_sha256']}",
-        f"go on with: dogshape blind run {folder}",
-    ]
 
 
 def run_table(results: Mapping[str, Record]) -> Parts:
