@@ -25,12 +25,11 @@ from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
 from dogshape.result import Result
 from dogshape.running import Where, angles_text, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import even_blocks, listed_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.statistics.expectation import Expectation as Mean
 from dogshape.sim.strength.manufacture import require_makeable
-from dogshape.sim.texts import TextTable, read_table
+from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG
 
 if TYPE_CHECKING:
@@ -129,23 +128,10 @@ def simulate_mean(
     angles: int | Sequence[float] | None = None,
     precision: float | None = None,
 ) -> Expectation:
-    """Simulate the expected shift time: in the compiled engine, unless the study names another.
-
-    Parameters
-    ----------
-    mismatch_rpm, force_N : one operating point, 1/min and N; neither for all of the study's.
-    force_rise_s : rise time of the force at that point, s.
-    angles : how many evenly spaced relative angles, or the angles themselves, deg; None for the
-        study's number.
-    precision : wanted relative standard error, which finds the number of angles.
-
-    Raises
-    ------
-    InputError, GeometryError
-        For one half of an operating point, a precision out of range, a dog that cannot be made.
-    """
+    """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
     config = config.working
-    require_makeable(config.clutch.dog, config.limits.manufacturing)
+    clutch, settings, unsure = config.clutch, config.file.expectation, config.uncertainty
+    require_makeable(clutch.dog, config.limits.manufacturing)
     require_angles(angles)
     if force_rise_s is not None and force_N is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
@@ -153,37 +139,25 @@ def simulate_mean(
     if precision is not None and angles is not None:
         raise InputError("--precision finds the number of angles itself; leave out --angles")
     asked = config.config_hash, mismatch_rpm, force_N, force_rise_s, angles_text(angles), precision
-    if precision is None:
-        return Expectation(config, _at_angles(config, where, points, angles, asked))
-    require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
-    with where.executor("expect", asked, FIRST * len(points)) as running:
-        found = expect_to(config, points, precision, running.executor, running.counter)
-        error = numerical_error(found.blocks, found.rows, running.executor.run)
-    return Expectation(config, replace(found.expectation, numerical_error=error))
-
-
-def _at_angles(
-    config: Setup,
-    where: Where,
-    points: tuple[OperatingPoint, ...],
-    angles: int | Sequence[float] | None,
-    asked: tuple[Any, ...],
-) -> Mean:
-    """Simulate evenly spaced angles, or those that are listed, deg."""
-    settings, unsure = config.file.expectation, config.uncertainty
+    if precision is not None:
+        require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
+        with where.executor("expect", asked, FIRST * len(points)) as running:
+            found = expect_to(config, points, precision, running.executor, running.counter)
+            error = numerical_error(found.blocks, found.rows, running.executor.run)
+        return Expectation(config, replace(found.expectation, numerical_error=error))
     even = angles is None or isinstance(angles, int)
     if angles is None or isinstance(angles, int):
         count = settings.angles if angles is None else angles
-        blocks = even_blocks(config.clutch, points, count, settings.seed, uncertainty=unsure)
+        blocks = even_blocks(clutch, points, count, settings.seed, uncertainty=unsure)
     else:
         listed = tuple(angle * DEG for angle in angles)
-        blocks = listed_blocks(config.clutch, points, listed, settings.seed, unsure)
+        blocks = listed_blocks(clutch, points, listed, settings.seed, unsure)
     shifts = sum(len(block.angles) for block in blocks)
     with where.executor("expect", asked, shifts + repeated(shifts)) as running:
         rows = running.executor.run(blocks)
         error = numerical_error(blocks, rows, running.executor.run)
-    found = expectation_of(config, points, rows, even=even)
-    return replace(found, numerical_error=error)
+    mean = expectation_of(config, points, rows, even=even)
+    return Expectation(config, replace(mean, numerical_error=error))
 
 
 @dataclass(frozen=True, repr=False)
@@ -194,8 +168,7 @@ class DrawnExpectation(Result):
     ----------
     studies : of each draw.
     times, errors : expected shift time and its standard error, s, (draws,); NaN of a draw in which
-        too few shifts engage to have one. All draws have the same relative angles, so they err
-        alike, and differences between two designs at the same draws are surer than each.
+        too few shifts engage. All draws have the same relative angles, and so a common error.
     """
 
     studies: tuple[Setup, ...]
@@ -209,7 +182,7 @@ class DrawnExpectation(Result):
 
     @property
     def interval_s(self) -> tuple[float, float]:
-        """Interval that holds 90 % of the draws with what all of them err by, s."""
+        """Interval that holds 90 % of the draws, their common error included, s."""
         low, high = np.quantile(self.times[:, None] + self.error_s * COMMON, TAILS)
         return float(low), float(high)
 
@@ -235,14 +208,14 @@ class DrawnExpectation(Result):
         """Give mean, interval, and the time of each draw."""
         low, high = self.interval_s
         sd = float(self.times.std(ddof=1)) if len(self.times) > 1 else 0.0
+        times = {
+            "expected_shift_time_s": float(self.times.mean()), "low_s": low, "high_s": high,
+            "sd_s": sd, "standard_error_of_one_s": self.error_s,
+        }  # fmt: skip
         return {
             "engine": self.studies[0].clutch.solver.engine,
             "draws": len(self.times),
-            "expected_shift_time_s": number_or_none(float(self.times.mean())),
-            "low_s": number_or_none(low),
-            "high_s": number_or_none(high),
-            "sd_s": number_or_none(sd),
-            "standard_error_of_one_s": number_or_none(self.error_s),
+            **{key: number_or_none(time) for key, time in times.items()},
             "times_s": [number_or_none(time) for time in self.times.tolist()],
         }
 
@@ -285,10 +258,22 @@ def expect_draws(
             f"angles is {angles}, but must be at least {MIN_ANGLES}: of fewer the error is not "
             "known, which all draws have in common"
         )
-    table = _table(Path(draws))
-    own = settings.items() if isinstance(settings, Mapping) else settings
+    path, own = Path(draws), settings.items() if isinstance(settings, Mapping) else settings
+    try:
+        table = read_table(path, ())
+    except FileNotFoundError as error:
+        raise DataError(f"there is no {path}; name a table whose columns are keys") from error
+    if not table.rows or set(table.head) <= set(LABELS):
+        raise DataError(f"{path} has no draws; give a row for each, columns named like keys")
     more = [one if isinstance(one, str) else f"{one[0]}={one[1]}" for one in own]
-    studies = [_study(study, table, row, cells, more) for row, cells in table.rows]
+    studies = []
+    for row, cells in table.rows:
+        pairs = zip(table.head, cells, strict=True)
+        keys = [f"{key}={cell}" for key, cell in pairs if key not in LABELS and cell]
+        try:
+            studies.append(load_study(study, [*keys, *more]))
+        except DogshapeError as error:
+            raise type(error)(f"{path}, row {row}: {error}") from error
     means = []
     with WorkCounter(progress, len(studies), unit="draws") as counter:
         for one in studies:
@@ -297,24 +282,3 @@ def expect_draws(
     times = [math.nan if mean.time_s is None else mean.time_s for mean in means]
     errors = np.array([mean.standard_error_s for mean in means])
     return DrawnExpectation(tuple(mean.config for mean in means), np.array(times), errors)
-
-
-def _table(path: Path) -> TextTable:
-    try:
-        table = read_table(path, ())
-    except FileNotFoundError as error:
-        raise DataError(f"there is no {path}; name a table whose columns are keys") from error
-    if not table.rows or set(table.head) <= set(LABELS):
-        raise DataError(f"{path} has no draws; give a row for each, columns named like keys")
-    return table
-
-
-def _study(
-    study: str | Path, table: TextTable, row: int, cells: tuple[str, ...], more: list[str]
-) -> Setup:
-    pairs = zip(table.head, cells, strict=True)
-    keys = [f"{key}={cell}" for key, cell in pairs if key not in LABELS and cell]
-    try:
-        return load_study(study, [*keys, *more])
-    except DogshapeError as error:
-        raise type(error)(f"{table.path}, row {row}: {error}") from error

@@ -17,12 +17,8 @@ from dogshape.sim.errors import InputError, refusal
 class Where:
     """Where shifts run, and where finished ones are kept until all of the work is done.
 
-    Parameters
-    ----------
-    jobs : worker processes, 0 for one a core.
-    cluster : address of a Dask scheduler, None to run here.
-    keep : folder in which a run that was stopped leaves its finished shifts; None keeps none.
-    progress : receives the state of the work.
+    ``jobs`` is 0 for one worker a core, ``cluster`` the address of a Dask scheduler, ``keep`` the
+    folder in which a run that was stopped leaves its finished shifts.
     """
 
     jobs: int = 0

@@ -18,8 +18,8 @@ from dogshape.pipeline.reports.shift_page import (
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
 from dogshape.result import Result
+from dogshape.running import require_angles
 from dogshape.sim.engines import engage
-from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.loads import TorquePeaks
 from dogshape.sim.statistics.blocks import events_record, loads_record, shaft_record
@@ -42,8 +42,7 @@ class Shift(Result):
 
     Parameters
     ----------
-    config : the study that was asked.
-    engagement : what the simulation gave, with clutch, operating point and relative angle.
+    engagement : result of the simulation, with clutch, operating point and relative angle.
     torque_peaks : of the driveline, N m; None where the study does not know its stiffness.
     refined : the same shift with finer steps; None where it neither skipped a slot nor bounced.
     """
@@ -127,7 +126,7 @@ class Shift(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give outcome, time, phases, events, loads and solver, in the edge's units."""
         result, peaks, finer = self.engagement, self.torque_peaks, self.refined
-        solver = result.clutch.solver
+        solver, mechanism = result.clutch.solver, self.config.mechanism
         return {
             "engine": solver.engine,
             "outcome": result.outcome.value,
@@ -138,7 +137,7 @@ class Shift(Result):
             "loads": {
                 **loads_record(result),
                 **shaft_record(result.trace),
-                "torque_peak_Nm": None if peaks is None else peaks.whole,
+                "torque_peak_Nm": self.torque_peak,
                 "torque_peak_strike_Nm": None if peaks is None else peaks.strike,
                 "torque_peak_closing_Nm": None if peaks is None else peaks.closing,
             },
@@ -156,7 +155,7 @@ class Shift(Result):
                 "dogs": result.clutch.dog.count if solver.all_dogs else 1,
                 "contact_set": result.clutch.contact.name,
             },
-            **({"mechanism": self.config.mechanism} if self.config.mechanism else {}),
+            **({"mechanism": mechanism} if mechanism else {}),
         }
 
     def to_frame(self) -> pd.DataFrame:
@@ -182,28 +181,11 @@ def simulate_shift(
     *,
     all_dogs: bool = False,
 ) -> Shift:
-    """Simulate one shift of a study; with finer steps again where it skips a slot or bounces.
-
-    Parameters
-    ----------
-    mismatch_rpm : speed of ring against ring before the shift, 1/min; positive runs the traction
-        flanks together (docs/mismatch.md).
-    force_N : final shift force, N.
-    angle_deg : lead of the output ring over dogs facing dogs, deg.
-    force_rise_s : rise time of the force, s; None for that of the study's table.
-    all_dogs : whether to model every dog instead of one pair with the symmetry of all.
-
-    Raises
-    ------
-    InputError, GeometryError
-        For a dog that cannot be made, a force without a rise time, an angle that is no number.
-    """
+    """Simulate one shift as ``Study.shift`` does, for a study that is read."""
     require_makeable(config.clutch.dog, config.limits.manufacturing)
     clutch = replace(config.clutch, solver=replace(config.clutch.solver, all_dogs=all_dogs))
     point = point_of(config, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
-    if not abs(angle_deg) <= 1e6:
-        rule, remedy = "it must be a finite angle", "give an angle in degrees"
-        raise InputError(refusal("relative angle", angle_deg, "deg", rule, remedy))
+    require_angles([angle_deg])
     result = engage(clutch, point, angle_deg * DEG)
     chaotic = result.events.slots_skipped > 0 or result.events.face_contacts > 1
     refined = engage(clutch.refined(), point, angle_deg * DEG) if chaotic else None

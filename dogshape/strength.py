@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from dogshape.check import Checked
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Table
-from dogshape.pipeline.simulate.design import Design, design_of, margins_within
+from dogshape.pipeline.simulate.design import design_of, margins_within
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.store.result_records import check_table
 from dogshape.running import Where
@@ -21,15 +20,8 @@ from dogshape.sim.units import MPA, RPM
 
 @dataclass(frozen=True, repr=False)
 class Strength(Checked):
-    """Every check of one design, under its load and, where it was simulated, its landing.
+    """Every check of one design under its load, and its landing in ``shifts``, 0 without."""
 
-    Parameters
-    ----------
-    finite_elements : records of the root stress by finite elements; None where not asked for.
-    shifts : simulated for the landing, 0 without.
-    """
-
-    finite_elements: tuple[Mapping[str, Any], ...] | None = None
     shifts: int = 0
 
     @property
@@ -88,14 +80,14 @@ class Strength(Checked):
     def to_dict(self) -> dict[str, Any]:
         """Give every check, the load and the material's limits, in the edge's units."""
         limits, dog = self.config.limits, self.config.clutch.dog
-        scattered = self.load_sharing is not None
-        record = {
+        sharing = {} if self.load_sharing is None else {"load_sharing": self.load_sharing}
+        return {
             "engine": self.config.clutch.solver.engine,
             **self.record,
             "warnings": list(self.notes),
             "load": {
                 **self.config.file.load.model_dump(),
-                **({"load_sharing": self.load_sharing} if scattered else {}),
+                **sharing,
                 "force_per_dog_N": limits.load.force_per_dog(dog),
                 "blocking_force_N": self.blocking_force_N,
             },
@@ -105,16 +97,8 @@ class Strength(Checked):
                 "allowable_stress_MPa": limits.allowable_stress / MPA,
                 "fatigue_stress_MPa": limits.fatigue_stress / MPA,
             },
+            **({"strikes": self.strikes} if self.strikes else {}),
         }
-        if self.strikes:
-            record["strikes"] = self.strikes
-        if self.finite_elements is not None:
-            record["finite_elements"] = [dict(one) for one in self.finite_elements]
-        return record
-
-    def with_finite_elements(self, records: Sequence[Mapping[str, Any]]) -> Strength:
-        """Add the root stress by finite elements, which the proof of the project computes."""
-        return replace(self, finite_elements=tuple(records))
 
 
 def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Strength:
@@ -127,20 +111,12 @@ def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Str
         and angles; a dog that cannot be made is not simulated.
     """
     config = config.working
-    design = _landed(config, where) if simulate else design_of(config, {})
-    shifts = _shifts(config) if simulate else 0
-    return Strength(config, design, margins_within(config, design), shifts=shifts)
-
-
-def _shifts(config: Setup) -> int:
-    return len(config.points) * config.file.expectation.angles
-
-
-def _landed(config: Setup, where: Where) -> Design:
-    """Work out the design with the checks of its landing, where it can be made at all."""
     dog, settings = config.clutch.dog, config.file.expectation
-    if not feasible(manufacturing_checks(dog, config.limits.manufacturing)):
-        return design_of(config, {})
-    with where.executor("strength", (config.config_hash,), _shifts(config)) as running:
-        (found,) = evaluate(config, [{}], running.executor, settings.angles, settings.seed)
-    return design_of(config, {}, found.measured)
+    shifts = len(config.points) * settings.angles if simulate else 0
+    measured = None
+    if simulate and feasible(manufacturing_checks(dog, config.limits.manufacturing)):
+        with where.executor("strength", (config.config_hash,), shifts) as running:
+            (found,) = evaluate(config, [{}], running.executor, settings.angles, settings.seed)
+        measured = found.measured
+    design = design_of(config, {}, measured)
+    return Strength(config, design, margins_within(config, design), shifts)

@@ -75,7 +75,22 @@ class Study:
         force_rise_s: float | None = None,
         all_dogs: bool = False,
     ) -> Shift:
-        """Simulate one shift (``dogshape.shift.simulate_shift``)."""
+        """Simulate one shift; with finer steps again where it skips a slot or bounces.
+
+        Parameters
+        ----------
+        mismatch_rpm : speed of ring against ring before the shift, 1/min; positive runs the
+            traction flanks together (docs/mismatch.md).
+        force_N : final shift force, N.
+        angle_deg : lead of the output ring over dogs facing dogs, deg.
+        force_rise_s : rise time of the force, s; None for that of the study's table.
+        all_dogs : whether to model every dog instead of one pair with the symmetry of all.
+
+        Raises
+        ------
+        InputError, GeometryError
+            For a dog that cannot be made, a force without a rise time, an angle that is no number.
+        """
         from dogshape.shift import simulate_shift  # noqa: PLC0415
 
         return simulate_shift(
@@ -95,9 +110,22 @@ class Study:
         keep: str | Path | None = None,
         progress: Progress = SILENT,
     ) -> Expectation:
-        """Simulate the expected shift time (``dogshape.expectation.simulate_mean``).
+        """Simulate the expected shift time: in the compiled engine, unless the study names another.
 
-        ``keep`` is a folder in which a run that was stopped leaves its finished shifts.
+        Parameters
+        ----------
+        mismatch_rpm, force_N : one operating point, 1/min and N; neither for all of the study's.
+        force_rise_s : rise time of the force at that point, s.
+        angles : how many evenly spaced relative angles, or the angles themselves, deg; None for the
+            study's number.
+        precision : wanted relative standard error, which finds the number of angles.
+        jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
+        keep : folder in which a run that was stopped leaves its finished shifts.
+
+        Raises
+        ------
+        InputError, GeometryError
+            For half an operating point, a precision out of range, a dog that cannot be made.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
         from dogshape.running import Where  # noqa: PLC0415
@@ -173,7 +201,7 @@ class Study:
         keep: str | Path | None = None,
         progress: Progress = SILENT,
     ) -> Strength:
-        """Check the strength with the hardest landing (``dogshape.strength.check_strength``).
+        """Check strength, self-locking and manufacturability, and simulate the hardest landing.
 
         ``keep`` is a folder in which a run that was stopped leaves its finished shifts.
         """

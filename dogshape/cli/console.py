@@ -82,16 +82,7 @@ def terminal(*, stderr: bool = False, width: int | None = None) -> Console:
 
     Every console of the program comes from here; ``[v2]`` in a path is no markup.
     """
-    return _PlainConsole(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
-
-
-class _PlainConsole(Console):
-    """Console that leaves a closed pipe to ``verb``."""
-
-    def on_broken_pipe(self) -> None:
-        """Raise the BrokenPipeError that is being handled."""
-        self.quiet = True
-        raise  # noqa: PLE0704
+    return Console(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
 
 
 class ProgressBar:
@@ -108,10 +99,17 @@ class ProgressBar:
 
     def update(self, count: Count) -> None:
         """Show a count: move the bar, or print a line now and then."""
-        if self._bar is None and not count.ended:
-            self._start(count)
         if self._bar is None:
-            return
+            if count.ended:
+                return
+            columns = rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}")
+            self._bar = rich_progress.Progress(
+                "simulating", *columns, rich_progress.TimeElapsedColumn(), console=self._console,
+                transient=True, disable=not self._console.is_terminal,
+            )  # fmt: skip
+            self._bar.add_task("", total=count.total)
+            self._bar.start()
+            self._printed, self._moved = self._console.get_time(), 0
         (task,) = self._bar.tasks
         total = f"at most {count.total}" if count.at_most else f"{count.total}"
         words, new = f"{count.done} of {total} {count.unit}", count.done - count.known
@@ -127,23 +125,6 @@ class ProgressBar:
         elif not self._console.is_terminal and moved and now - self._printed >= LINE_EVERY:
             self._printed, self._moved = now, new
             self._console.print(words, soft_wrap=True)
-
-    def _start(self, count: Count) -> None:
-        columns = (
-            rich_progress.BarColumn(),
-            rich_progress.TextColumn("{task.description}"),
-            rich_progress.TimeElapsedColumn(),
-        )
-        self._bar = rich_progress.Progress(
-            "simulating",
-            *columns,
-            console=self._console,
-            transient=True,
-            disable=not self._console.is_terminal,
-        )
-        self._bar.add_task("", total=count.total)
-        self._bar.start()
-        self._printed, self._moved = self._console.get_time(), 0
 
     def say(self, line: str) -> None:
         """Print a sentence above the bar."""

@@ -86,18 +86,8 @@ def test_expect_one_point(dogshape: Call) -> None:
 
 def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> None:
     point = ("--mismatch-rpm", 100, "--force-N", 469)
-    said = dogshape(
-        "expect",
-        "mq200_paper",
-        *point,
-        "--angles",
-        "0,12",
-        "--engine",
-        "drake",
-        "--jobs",
-        1,
-        "--json",
-    )
+    how = ("--angles", "0,12", "--engine", "drake", "--jobs", 1, "--json")
+    said = dogshape("expect", "mq200_paper", *point, *how)
     times = [
         dogshape("shift", "mq200_paper", *point, "--relative-angle-deg", a, "--json").json[
             "shift_time_s"

@@ -202,12 +202,6 @@ def test_strength_has_its_landing_in_table_and_figure(strength: ds.Strength) -> 
         strength.design = None  # type: ignore[assignment,misc]
 
 
-def test_finite_elements_are_added_to_a_result(strength: ds.Strength) -> None:
-    assert "finite_elements" not in strength.to_dict()
-    added = strength.with_finite_elements([{"flank": "traction"}])
-    assert added.to_dict() == strength.to_dict() | {"finite_elements": [{"flank": "traction"}]}
-
-
 def test_strength_without_simulation(dogshape: Dogshape) -> None:
     found = ds.Study("mq200_paper").strength(simulate=False)
     said = dogshape("strength", "mq200_paper", "--no-simulation", "--json")
