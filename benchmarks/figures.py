@@ -124,14 +124,6 @@ def gain(setting: str, design: str = "chosen") -> str:
     return f"{plus_minus((value, error))} ({share:.0f} %)"
 
 
-def slower() -> str:
-    """Write by how much the best design of the paper's study is slower where it is."""
-    both = result(PAPER)["confirmation"]
-    pairs = zip(both["prototype"]["points"], both["best"]["points"], strict=True)
-    found = sorted(1e3 * (b["mean_s"] - a["mean_s"]) for a, b in pairs)
-    return " and ".join(f"{one:.0f}" for one in found if one > 0.0) + " ms"
-
-
 def size(effect: str, name: str, digits: int = 0, scale: float = 1.0) -> str:
     """Write the 90 % interval of a size on the stand over all plausible hypotheses."""
     found = gap("stand")["sizes"][effect][name]
@@ -191,84 +183,28 @@ def shares(sampler: str) -> list[float]:
 
 def found() -> str:
     """Write what README.md says was found."""
-    gearbox, paper = result("mq200")["best"], result(PAPER)["best"]
-    adams = ("as published", "all angles, as published", "shifts of the compiled engine that skip")
-    ten, every, short = (numbers("adams", label) for label in adams)
-    pulled = numbers("gearbox_loads", "toothing 0.1:", "chosen", "pulled out with")[0]
-    released = numbers("contact_sets", "friction above", "chosen")[0]
+    every = numbers("adams", "all angles, as published")
+    times = [confirmed("mq200", who) for who in ("best", "prototype")]
     rows = [
-        ("Which dogs engage fastest? (28 operating points, new angles; with the mechanism and "
-         "uncertain contact)",
-         f"{confirmed('mq200', 'best')} long, instead of {confirmed('mq200', 'prototype')}; no "
-         "operating point slower",
-         f"smallest margin {percent(gearbox['margin_worst_case'], 1)} at worst-case tolerances"),
-        (f"And as the paper asks? (`{PAPER}`: no mechanism, nominal parts)",
-         f"{confirmed(PAPER, 'best', 2)}, instead of {confirmed(PAPER, 'prototype', 2)}",
-         f"slower by {slower()} at two points of 249 1/min; smallest margin "
-         f"{percent(paper['smallest_margin'], 1)}, at worst-case tolerances "
-         f"{percent(paper['margin_worst_case'])}; {pulled:.0f} N to pull it out under torque, "
-         "where the actuator has 641.5 N"),
-        ("Does that gain survive other contact?",
-         f"gain {gain('lubricated_steel')} at other angles",
-         f"{gain('friction 0.080')} with a third less friction; {gain('toothing;')} with friction "
-         f"in the toothing; {gain('dissipation 1 s/m')} with dry-steel restitution; self-locks "
-         f"above a friction of {released:.3f}"),
-        ("Is the search good?",
-         f"{shares(OWN)[3]:.2f} of the best hypervolume known in 0.8 minutes of one core, the best "
-         f"of four samplers of Optuna {max(shares(name)[3] for name in OPTUNA):.2f}",
-         f"in 0.4 minutes {shares(OWN)[0]:.2f} and {max(shares(name)[0] for name in OPTUNA):.2f}"),
-        ("Is the surrogate, which `dogshape fit` makes in minutes for a new clutch?",
-         f"Q\u00b2 {each_clutch(4, 3)} on three clutches, at a single point {each_clutch(6, 3)}",
-         f"rank correlation in the best tenth {each_clutch(8, 2)}; 95 % intervals hold "
-         f"{each_clutch(5, 0)} %"),
-        ("Does it agree with the published Adams model?",
-         f"root-mean-square deviation {ten[0]:.1f} % at the ten published angles, {every[0]:.1f} % "
-         "over all angles",
-         f"fast shifts that skip no slot take {short[-2]:.2f} of the published times; the end of a "
-         "shift is not published"),
-        ("Why is the stand slower by a tenth of a second?", *_stand()),
-        (f"Is the diagnosis right? ({field('processor time of a decision, s').split()[-1]} "
-         "cases of two engines, one of them foreign, and three clutches)", *_diagnosis()),
+        ("fastest dogs, 28 operating points, with mechanism and uncertain contact",
+         f"{times[0]}, instead of {times[1]} of the prototype"),
+        ("search, share of the best hypervolume known in 0.8 minutes of one core",
+         f"{shares(OWN)[3]:.2f}; the best of four samplers of Optuna "
+         f"{max(shares(name)[3] for name in OPTUNA):.2f}"),
+        ("surrogate of three clutches, on designs that it never saw",
+         f"Q\u00b2 {each_clutch(4, 3)}"),
+        ("published Adams model, all relative angles",
+         f"root-mean-square deviation {every[0]:.1f} %"),
+        ("blind diagnosis, share of named causes that are the whole truth",
+         f"{field('named: the whole truth')} cases; a clear cause is named in "
+         f"{field('clear cause: named', counted=False)}"),
     ]  # fmt: skip
-    return markdown(("question", "found", "but"), rows)
-
-
-def _stand() -> tuple[str, str]:
-    found, test = gap("stand"), gap("stand")["next_test"]
-    delay = size("actuation_delay", "delay_s", scale=1e3)
-    return (
-        f"{' and '.join(found['causes']) or 'no cause'} is named; dead time of the actuation "
-        f"{delay} ms and drag {size('drag_torque', 'drag_Nm', 1)} N m are part of it with "
-        f"{part('actuation_delay')} and {part('drag_torque')}; gap {rms('stand', 'baseline')}, "
-        f"{rms('stand', 'heldout')} at held-out points, {rms('stand', 'floor')} by chance alone",
-        f"open beside: elastic linkage with its mass {part('linkage_compliance')}, mass "
-        f"{part('moving_mass')}, dry friction {part('sleeve_friction')}, *unknown* "
-        f"{part('unknown')}; the drag is {ordinary_drags()} times that of bearings and seals; "
-        f"{test['name']} are expected to settle it with {percent(test['chance_to_settle'])}",
-    )
+    return markdown(("result", "figure"), rows)
 
 
 def ordinary_drags() -> str:
     """Write the stand's drag in multiples of that of bearings and seals."""
     return summary(r"Drag of [\d.]+ N m is ([\d.]+) times")
-
-
-def _diagnosis() -> tuple[str, str]:
-    return (
-        f"what is named is the whole truth in {field('named: the whole truth')} cases; above 0.95 "
-        f"wrong, but for causes that data cannot show, {field('named above 0.95: wrong')}; an "
-        f"effect is named in {field('no effect: one is named')} cases without any",
-        f"a clear cause is named in {field('clear cause: named')} and leads in "
-        f"{field('clear cause: leads', counted=False)}; *unknown* is said in "
-        f"{field('clear, outside the list: unknown said')} outside the list, *none* in "
-        f"{field('no effect, and data can show it: none said')} that can show it; of pairs "
-        f"{field('pairs: probability said less share right', counted=False)} more is said than "
-        "is right; the 90 % set holds the truth, but for such causes, in "
-        f"{field('90 % set holds the truth', counted=False)}, 90 % intervals the sizes in "
-        f"{field('90 % intervals hold the sizes', counted=False)}; the advised test settles "
-        f"{field('cause open: the advised test settles it')} open cases and misleads in "
-        f"{field('cause open: the advised test misleads', counted=False)}",
-    )
 
 
 def paper_design() -> str:

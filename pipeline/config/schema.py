@@ -380,7 +380,7 @@ class SolverSection(Section):
 
         Forces of a mechanism with two coefficients of friction are the compiled engine's, unless
         the section names another: Drake's ``cenic`` takes a thousand times the processor time for
-        them and is off its limit by percents (``docs/planar.md``).
+        them and is off its limit by percents (``docs/simulation.md``).
         """
         solver, engine = solver_for(contact, mechanism), self.engine
         if mechanism.has_forces and solver.scheme == "cenic" and engine is None:

@@ -59,7 +59,7 @@ class Solver:
     contact and the steps spent on coming back cost more than was saved.
     ``cenic`` is needed where static and dynamic friction differ much; it wants an
     accuracy of 1e-7 (position error of a step in m and rad), and of 1e-9 with forces of a
-    mechanism, which move single shifts by tens of percent at 1e-7 (``docs/planar.md``).
+    mechanism, which move single shifts by tens of percent at 1e-7 (``docs/simulation.md``).
 
     A shift takes some hundred steps and a fifth of a second. One that takes more than
     ``max_steps``, or more than ``time_limit`` in s, counts as diverged. The first limit makes
