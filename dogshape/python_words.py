@@ -5,10 +5,14 @@ from __future__ import annotations
 import inspect
 import re
 from collections.abc import Callable
+from contextvars import ContextVar
 from functools import wraps
 from typing import Any, ParamSpec, TypeVar
 
 from dogshape.sim.errors import DogshapeError, InputError
+
+#: Whether errors keep the options of the command line, which asks by the same verbs.
+KEEPS_OPTIONS: ContextVar[bool] = ContextVar("KEEPS_OPTIONS", default=False)
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -47,6 +51,8 @@ def in_python(verb: Callable[P, R]) -> Callable[P, R]:
                 _require_number(name, value, taken)
             return verb(*args, **kwargs)
         except DogshapeError as error:
+            if KEEPS_OPTIONS.get():
+                raise
             error.args = (python_words(str(error)), *error.args[1:])
             raise
 

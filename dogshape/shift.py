@@ -15,6 +15,7 @@ from dogshape.pipeline.reports.shift_page import (
     phase_table,
     trace_frame,
     write_animation,
+    write_trace,
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
 from dogshape.result import Result
@@ -165,6 +166,11 @@ class Shift(Result):
     def plot(self) -> go.Figure:
         """Draw displacement, speeds and forces over time, with the phases behind them."""
         return curves(self.engagement)
+
+    def write_trace(self, path: str | Path) -> Path:
+        """Write the time series as CSV, columns as in bench traces; give its path."""
+        write_trace(self.engagement, Path(path))
+        return Path(path)
 
     def report(self, path: str | Path) -> Path:
         """Write the animated page of the shift, which opens offline; give its path."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
 from pathlib import Path
@@ -32,7 +32,8 @@ class Study:
     Parameters
     ----------
     where : TOML file, folder with ``study.toml``, or name of a study that the package brings.
-    settings : keys of the study file with their values, ``{"contact.set": "adams2019"}``.
+    settings : keys of the study file with their values, ``{"contact.set": "adams2019"}``, or as
+        the command line has them, ``["contact.set=adams2019"]``.
     dog : keys of the dog, ``chamfer_deg=11, count=18``.
 
     Raises
@@ -49,10 +50,18 @@ class Study:
     config: Setup
 
     def __init__(
-        self, where: str | Path, settings: Mapping[str, Any] | None = None, /, **dog: float
+        self,
+        where: str | Path,
+        settings: Mapping[str, Any] | Iterable[str] | None = None,
+        /,
+        **dog: float,
     ) -> None:
-        changed = {**(settings or {}), **{f"dog.{key}": value for key, value in dog.items()}}
-        object.__setattr__(self, "config", load_study(where, changed))
+        own, shape = settings or {}, {f"dog.{key}": value for key, value in dog.items()}
+        if isinstance(own, Mapping):
+            config = load_study(where, {**own, **shape})
+        else:
+            config = load_study(where, [*own, *(f"{key}={value}" for key, value in shape.items())])
+        object.__setattr__(self, "config", config)
 
     @property
     def name(self) -> str:

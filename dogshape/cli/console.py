@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from dogshape.pipeline.progress import Count, about
+from dogshape.python_words import KEEPS_OPTIONS
 from dogshape.sim.errors import DogshapeError, EngineError
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
 
     @functools.wraps(function)
     def run(*args: P.args, **kwargs: P.kwargs) -> None:
+        asked = KEEPS_OPTIONS.set(True)
         try:
             function(*args, **kwargs)
         except DogshapeError as error:
@@ -41,6 +43,8 @@ def verb(function: Callable[P, None]) -> Callable[P, None]:
             reason = error.strerror or str(error)
             print(f"dogshape: {reason}{where}; check path, space and rights", file=sys.stderr)
             raise typer.Exit(2) from error
+        finally:
+            KEEPS_OPTIONS.reset(asked)
 
     return run
 

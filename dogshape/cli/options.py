@@ -45,9 +45,11 @@ Corrections = Annotated[
     list[str] | None,
     typer.Option("--correct", metavar="QUANTITY=WAY", help="take a column so, e.g. time=ms"),
 ]
+Angles = Annotated[
+    str | None,
+    typer.Option(help="how many evenly spaced ones, or relative angles in degrees: A,B,C"),
+]
 Jobs = Annotated[int, typer.Option("--jobs", min=0, help="worker processes, 0: one a core")]
-
-
 SurrogateFile = Annotated[
     Path | None, typer.Option(help="default: of results/NAME, or the package's")
 ]

@@ -1,80 +1,36 @@
-"""``strength``, ``export``, ``compare`` and ``whatif``: designs, their checks and parts."""
+"""``export`` and ``whatif``: files for workshop and meeting."""
 
 from __future__ import annotations
 
 import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
-from dogshape.cli.console import ProgressBar, emit, show, verb, warn
+from dogshape.cli.console import emit, show, verb, warn
 from dogshape.cli.options import (
-    Engine,
-    Jobs,
     Json,
     Sets,
     StudyArg,
     SurrogateFile,
-    with_engine,
 )
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.cad import require_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.data_sheet import design_or_study
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.simulate.executor import SHIFTS
 from dogshape.pipeline.simulate.plausibility import slips_of
 from dogshape.pipeline.store.folder import require_targets
-from dogshape.running import Where
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
 from dogshape.sim.part import part_volume, ring_part
 from dogshape.sim.shift.mesh import to_stl
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import MM
-from dogshape.strength import check_strength
 
 ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
            "--sheet": (".html", ".json")}  # fmt: skip
-
-
-@verb
-def strength(
-    study: StudyArg,
-    simulation: Annotated[
-        bool, typer.Option(help="simulate the hardest landing, dog on dog")
-    ] = True,
-    explain: Annotated[bool, typer.Option("--explain", help="formulas, sources, keys")] = False,
-    fem: Annotated[
-        bool, typer.Option("--fem", help="root stress by finite elements too; extra [fem]")
-    ] = False,
-    engine: Engine = None,
-    set_: Sets = None,
-    jobs: Jobs = 0,
-    json: Json = False,
-) -> None:
-    """Strength, self-locking and manufacturability of one design.
-
-    The hardest landing is that of the study's operating points and angles: 168 shifts for
-    the bundled study, half a minute on two cores; --no-simulation leaves it out.
-
-    Example: dogshape strength mq200 --set dog.height_mm=3.2
-    """
-    given = load_study(study, with_engine(set_, engine))
-    roots, more = dict[str, Any](), list[str | Table]()
-    if fem:
-        from dogshape.validation.finite_elements import root_check  # noqa: PLC0415
-
-        checks = root_check.root_checks(given.clutch.dog, given.limits)
-        roots = {"finite_elements": [one.to_dict() for one in checks]}
-        more = [root_check.root_table(checks)]
-    found = check_strength(given, Where(jobs, None, SHIFTS, ProgressBar()), simulate=simulation)
-    more = [*found.parts, *(found.explained if explain else ()), *more]
-    emit(found.to_dict() | roots, json, lambda: more)
-    if not found.feasible:
-        raise typer.Exit(1)
 
 
 @verb
@@ -145,25 +101,6 @@ def export(
             f"volume of a ring {volume:.1f} mm3",
         ],
     )
-
-
-@verb
-def compare(
-    items: Annotated[
-        list[str], typer.Argument(metavar="A B ...", help="e.g. results/mq200#43, mq200")
-    ],
-    json: Json = False,
-) -> None:
-    """Compare designs, studies, folders of results or contact sets with the first one.
-
-    FOLDER#N and STUDY#N are designs. Without #N it is the chosen one, or the study's own.
-    Differences are to the first item, with the error of independent means.
-
-    Example: dogshape compare mq200#19 mq200#43 mq200#0
-    """
-    from dogshape.designs import compare as compare_items  # noqa: PLC0415
-
-    show(compare_items(*items), json)
 
 
 @verb
