@@ -30,10 +30,9 @@ def main() -> None:
     if status == 128 + signal.SIGINT:  # of typer too
         status = 128 + _received[-1]
         print("dogshape: stopped", file=sys.stderr)
-    for stream in (sys.__stdout__, sys.__stderr__):
+    for stream in filter(None, (sys.__stdout__, sys.__stderr__)):
         try:
-            if stream is not None:
-                stream.flush()
+            stream.flush()
         except BrokenPipeError:  # what is left is dropped, or Python complains of it at its end
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
             status = CLOSED

@@ -164,8 +164,8 @@ def strength(
 ) -> None:
     """Strength, self-locking and manufacturability of one design.
 
-    The hardest landing is that of the study's operating points and angles: 168 shifts for
-    the bundled study, half a minute on two cores; --no-simulation leaves it out.
+    The hardest landing is that of the study's operating points and angles, simulated in seconds by
+    the compiled engine; --no-simulation leaves it out.
 
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
