@@ -1,7 +1,7 @@
 """Progress of long work, for a library that prints nothing.
 
 Work counts into a ``WorkCounter``, which informs a ``Progress``: the command line's bar
-(``dogshape.cli.progress_bar``), a notebook's, or ``SILENT``.
+(``dogshape.cli.console.ProgressBar``), a notebook's, or ``SILENT``.
 """
 
 from __future__ import annotations
