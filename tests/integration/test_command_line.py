@@ -105,7 +105,7 @@ def test_expect_to_a_precision(dogshape: Call) -> None:
         found: Any = said.json
         assert found["standard_error_s"] <= goal * found["expected_shift_time_s"]
         assert 0.0 <= found["numerical_error_s"] < 1e-5
-        assert found["engine"] == "drake"
+        assert found["engine"] == "planar"
     assert wide.json["shifts"] < fine.json["shifts"]
     assert abs(wide.json["expected_shift_time_s"] - fine.json["expected_shift_time_s"]) < 0.02
 
@@ -179,35 +179,6 @@ def test_study_then_report_fit_and_check(
     again = dogshape("study", "mq200_paper", *SETS)
     assert again.status == 2
     assert "add --resume" in again.sentence
-
-
-def test_fit_of_a_study_simulates_designs_that_fill_the_space(dogshape: Call) -> None:
-    small = {
-        "designs": 11,
-        "points": 2,
-        "angles": 3,
-        "references": 3,
-        "reference_angles": 3,
-        "best_references": 2,
-        "reference_error": 0.3,
-    }
-    sets = [part for key in small for part in ("--set", f"surrogate.{key}={small[key]}")]
-    said = dogshape("fit", "mq200_paper", *SETS, *sets, "--json")
-    assert said.status == 0, said.err
-    assert said.json["n"] == 3
-    assert said.json["source"] == "references"
-    own = 2 * 12  # shifts of the study's own dog, which it simulates first
-    assert said.json["designs"] == 12
-    assert said.json["shifts"] == said.json["shifts_drake"] == 66 + own
-    assert said.json["levels"] == {}
-    table = pd.read_csv("results/mq200_paper-space/points.csv")
-    assert len(table) == 22 + 2
-    assert table["shifts"].value_counts().to_dict() == {3: 22, 12: 2}
-    checked = dogshape("check", "mq200_paper", *SETS, "--json")
-    assert checked.json["surrogate"] == said.json["file"]
-    again = dogshape("fit", "results/mq200_paper-space", "--json")
-    same = {"file": "results/mq200_paper-space/surrogate.json", "seconds": again.json["seconds"]}
-    assert again.json == {**said.json, **same}
 
 
 def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
@@ -297,7 +268,6 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     (("check", "mq200_paper", "--surrogate", "none.json"), "there is no surrogate at"),
     (("check", "mq200_paper", "--designs", "none.csv"), "there is no table of designs at none.csv"),
     (("check", "mq200_paper", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
-    (("fit", "mq200_paper", "--question", "bst"), "did you mean 'best'?"),
     (("validate", "mq200_adams", "--correct", "tiem=ms"), "did you mean 'time'?"),
     (("validate", "mq200_stand", "--correct", "force=arm"), "a force referred to the sleeve twice"),
     (("validate", "nowhere"), "there is no data set at nowhere"),
