@@ -14,7 +14,6 @@ from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import PointGap
-from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.inference.fit import Fit, Interval, fit
 from dogshape.diagnosis.inference.held_out import HeldOut, held_out
 from dogshape.diagnosis.inference.next_test import NextTest, choose
@@ -35,7 +34,7 @@ from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.settings import USUAL, Settings
-from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+from dogshape.diagnosis.terms import NONE, REVERSED, UNKNOWN, Array, Hypothesis
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM

@@ -120,7 +120,7 @@ class Bench:
         data = self.data
         shifts = sum(reading.n for reading in data.readings)
         counts = f"{shifts} shifts at {len(data.cells)} operating points"
-        return f"Bench({', '.join([f'{data.name}: {counts}', *map(str, data.corrections)])})"
+        return f"Bench({', '.join([f'{data.name}: {counts}', *data.corrections])})"
 
     def _repr_html_(self) -> str:
         return f"<code>{escape(repr(self))}</code>"

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
-from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -85,4 +84,4 @@ def bench_of(
         for n, time in groups:
             readings.append(Reading(len(readings) + 2, point, n, float(time), True))
     cells = gather(readings)
-    return Bench("toy", "closed form", CLUTCH, cells, None, Sensor())
+    return Bench(name="toy", source="closed form", clutch=CLUTCH, cells=cells)

@@ -14,29 +14,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.corrections import Correction, Finding, corrected, parse
-from dogshape.diagnosis.bench.sense import Sense
+from dogshape.diagnosis.bench.corrections import Finding, corrected, parse
 from dogshape.diagnosis.bench.slips import examine, found_step, impossible, require_no_slip
-from dogshape.diagnosis.bench.stand_file import (
-    EXACT,
-    UNSAID,
-    USUAL_MARGIN,
-    BenchRecord,
-    Calibration,
-    Margin,
-    Measured,
-    NominalErrors,
-    Sensor,
-    Stand,
-    TestTerms,
-    load_stand,
-)
+from dogshape.diagnosis.bench.stand_file import Stand, load_stand
 from dogshape.diagnosis.bench.table import Sheet, bad_cell, load_sheet
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 
@@ -125,40 +111,17 @@ def gather(readings: Sequence[Reading]) -> tuple[Cell, ...]:
     return tuple(Cell(point, tuple(those)) for point, those in found.items())
 
 
-@dataclass(frozen=True)
-class Bench:
-    """A data set: the clutch as the bench knows it, and its operating points.
+@dataclass(frozen=True, kw_only=True)
+class Bench(Stand):
+    """A data set: its stand, and its operating points.
 
-    ``relative_angles`` are those of the bench in rad, where it says them. ``corrections`` are
-    those that were asked for and made, ``warnings`` what looks odd in the corrected data.
-    ``record`` says time zero, place of the sensor, reading of empty cells, and sense of rotation.
-    ``folder`` is where it was read from, None for one that was made otherwise. ``tests`` has what
-    tests cost at this stand, and which it cannot do, ``margin`` the gap that needs nothing done,
-    ``errors`` those of nominal force and mismatch, ``measured`` has results of direct tests.
-    ``clock_step`` is the step in s of which all times are multiples, 0 where there is none.
+    ``corrections`` are those that were made, ``warnings`` what looks odd in the corrected data.
+    ``folder`` is where it was read from, None for one that was made otherwise.
     """
 
-    name: str
-    source: str
-    clutch: Clutch
     cells: tuple[Cell, ...]
-    relative_angles: tuple[float, ...] | None
-    sensor: Sensor
-    calibration: tuple[Calibration, ...] = ()
-    corrections: tuple[Correction, ...] = ()
     warnings: tuple[Finding, ...] = ()
-    record: BenchRecord = UNSAID
     folder: Path | None = None
-    tests: tuple[TestTerms, ...] = ()
-    margin: Margin = USUAL_MARGIN
-    errors: NominalErrors = EXACT
-    measured: tuple[Measured, ...] = ()
-    clock_step: float = 0.0
-
-    @property
-    def mismatch_sense(self) -> Sense:
-        """Sense of rotation, known or unknown."""
-        return self.record.sense
 
     @property
     def readings(self) -> tuple[Reading, ...]:
@@ -197,19 +160,17 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
     sheet, asked = corrected_sheet(stand, folder / "shifts.csv", corrections)
     findings = examine(stand, sheet, asked)
     require_no_slip(str(sheet.path), findings)
-    return Bench(**{
-        **vars(stand),
-        "cells": gather(readings_of(stand, sheet, asked)),
-        "corrections": asked,
-        "warnings": findings,
-        "folder": folder,
+    own = {
+        **vars(stand), "corrections": asked,
         "clock_step": found_step(sheet) if stand.clock_step is None else stand.clock_step,
-    })  # fmt: skip
+    }  # fmt: skip
+    cells = gather(readings_of(stand, sheet, asked))
+    return Bench(**own, cells=cells, warnings=findings, folder=folder)
 
 
 def corrected_sheet(
     stand: Stand, path: Path, corrections: Iterable[str]
-) -> tuple[Sheet, tuple[Correction, ...]]:
+) -> tuple[Sheet, tuple[str, ...]]:
     """Read a table and make the corrections of its data set, which are given back."""
     asked = parse((*stand.corrections, *corrections))
     sheet = load_sheet(path)
@@ -238,7 +199,7 @@ def require_times(bench: Bench) -> None:
         )
 
 
-def readings_of(stand: Stand, sheet: Sheet, asked: tuple[Correction, ...]) -> list[Reading]:
+def readings_of(stand: Stand, sheet: Sheet, asked: tuple[str, ...]) -> list[Reading]:
     """Return the rows of a table as readings; numbers that cannot be true raise DataError."""
     found = []
     for row in sheet.rows:
@@ -259,5 +220,5 @@ def readings_of(stand: Stand, sheet: Sheet, asked: tuple[Correction, ...]) -> li
 
 def setting_of(bench: Bench) -> Setting:
     """Return the first operating point of a bench, without effects."""
-    sensor = "actuator" if bench.sensor.displacement_at == "actuator" else "sleeve"
+    sensor = "actuator" if bench.record.displacement_at == "actuator" else "sleeve"
     return Setting(bench.clutch, bench.cells[0].point, sensor=sensor)  # type: ignore[arg-type]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.bench.table import Row, Sheet, joined_values
+from dogshape.diagnosis.bench.table import Row, Sheet, joined_rows
 from dogshape.diagnosis.bench.traces import BenchTrace, ForceStart, find_force_start
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 from dogshape.sim.units import MM, MS, RPM
@@ -20,39 +20,20 @@ from dogshape.sim.units import MM, MS, RPM
 GIVEN = "given"
 ZEROS = ("from_force", "zeroed")  #: ways that move a zero and change no unit
 
-Change = Callable[[Sheet, Sensor], Sheet]
-SPEEDS = ("sliding_speed", "output_speed")
-
-
-@dataclass(frozen=True)
-class Correction:
-    """Correction of one quantity, and its way."""
-
-    quantity: str
-    way: str
-
-    def __str__(self) -> str:
-        """Write the correction as a user does."""
-        return f"{self.quantity}={self.way}"
-
-
-def _rows(change: Callable[[Row, Sensor], Row]) -> Change:
-    return lambda sheet, sensor: sheet.with_rows(tuple(change(row, sensor) for row in sheet.rows))
-
-
-def _traces(change: Callable[[BenchTrace, Row, Sensor], BenchTrace]) -> Change:
-    """Return the change of the traces of rows that have one."""
-    return _rows(
-        lambda row, sensor: (
-            row if row.trace is None else replace(row, trace=change(row.trace, row, sensor))
-        )
-    )
+Change = Callable[[Row, Sensor], Row]
 
 
 def _scaled(one: Any, by: float, *names: str) -> Any:
     """Multiply fields of a row or a trace, where they have a value."""
     values = {name: getattr(one, name) for name in names}
     return replace(one, **{name: v * by for name, v in values.items() if v is not None})
+
+
+def _trace(change: Callable[[BenchTrace, Row, Sensor], BenchTrace]) -> Change:
+    """Give the change of the trace of a row that has one."""
+    return lambda row, sensor: (
+        row if row.trace is None else replace(row, trace=change(row.trace, row, sensor))
+    )
 
 
 def _start(trace: BenchTrace, row: Row) -> ForceStart:
@@ -79,89 +60,76 @@ def _factor(sensor: Sensor, quantity: str) -> float:
     return factor
 
 
-def _joined(sheet: Sheet, _: Sensor) -> Sheet:
-    """Return a sheet in which rows with nearly the same set values have the same."""
-    values = zip(sheet.rows, joined_values(sheet.rows), strict=True)
-    return sheet.with_rows(
-        tuple(replace(r, mismatch=n, force=force, rise=rise) for r, (n, force, rise) in values)
-    )
+def _from_force(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
+    start = _start(trace, row)
+    return replace(trace, time=trace.time - start.time, start_error=start.error)
 
 
-#: What can be taken otherwise, in the order in which it is changed.
-WAYS: dict[str, dict[str, Change]] = {
-    "axes": {"swapped": _rows(lambda r, _: replace(r, mismatch=r.force, force=r.mismatch))},
-    "time": {"ms": _rows(lambda r, _: _scaled(r, MS, "time", "sd"))},
-    "rise": {"ms": _rows(lambda r, _: _scaled(r, MS, "rise"))},
-    "force": {
-        "kN": _rows(lambda r, _: _scaled(r, 1e3, "force")),
-        "arm": _rows(lambda r, s: _scaled(r, _factor(s, "force"), "force")),
-    },
-    "mismatch": {
-        "rad_s": _rows(lambda r, _: _scaled(r, 1.0 / RPM, "mismatch")),
-        "reversed": _rows(lambda r, _: _scaled(r, -1.0, "mismatch")),
-    },
-    "displacement": {
-        "m": _traces(lambda t, _, s: _scaled(t, 1.0 / MM, "displacement")),
-        "arm": _traces(lambda t, _, s: _scaled(t, _factor(s, "displacement"), "displacement")),
-        "zeroed": _traces(
-            lambda t, r, _: replace(t, displacement=t.displacement - _start(t, r).displacement)
-        ),
-    },
-    "trace_time": {
-        "ms": _traces(lambda t, _, s: _scaled(t, MS, "time")),
-        "from_force": _traces(
-            lambda t, r, _: replace(
-                t, time=t.time - (start := _start(t, r)).time, start_error=start.error
-            )
-        ),
-    },
-    "trace_force": {
-        "kN": _traces(lambda t, _, s: _scaled(t, 1e3, "force")),
-        "arm": _traces(lambda t, _, s: _scaled(t, _factor(s, "force"), "force")),
-        "zeroed": _traces(lambda t, r, _: replace(t, force=t.force - _start(t, r).force)),
-    },
-    "speeds": {"rad_s": _traces(lambda t, _, s: _scaled(t, 1.0 / RPM, *SPEEDS))},
-    "points": {"joined": _joined},
+#: Corrections, in the order in which they are made.
+WAYS: dict[str, Change] = {
+    "axes=swapped": lambda r, _: replace(r, mismatch=r.force, force=r.mismatch),
+    "time=ms": lambda r, _: _scaled(r, MS, "time", "sd"),
+    "rise=ms": lambda r, _: _scaled(r, MS, "rise"),
+    "force=kN": lambda r, _: _scaled(r, 1e3, "force"),
+    "force=arm": lambda r, s: _scaled(r, _factor(s, "force"), "force"),
+    "mismatch=rad_s": lambda r, _: _scaled(r, 1.0 / RPM, "mismatch"),
+    "mismatch=reversed": lambda r, _: _scaled(r, -1.0, "mismatch"),
+    "displacement=m": _trace(lambda t, _, s: _scaled(t, 1.0 / MM, "displacement")),
+    "displacement=arm": _trace(
+        lambda t, _, s: _scaled(t, _factor(s, "displacement"), "displacement")
+    ),
+    "displacement=zeroed": _trace(
+        lambda t, r, _: replace(t, displacement=t.displacement - _start(t, r).displacement)
+    ),
+    "trace_time=ms": _trace(lambda t, _, s: _scaled(t, MS, "time")),
+    "trace_time=from_force": _trace(_from_force),
+    "trace_force=kN": _trace(lambda t, _, s: _scaled(t, 1e3, "force")),
+    "trace_force=arm": _trace(lambda t, _, s: _scaled(t, _factor(s, "force"), "force")),
+    "trace_force=zeroed": _trace(lambda t, r, _: replace(t, force=t.force - _start(t, r).force)),
+    "speeds=rad_s": _trace(lambda t, _, s: _scaled(t, 1.0 / RPM, "sliding_speed", "output_speed")),
+    "points=joined": lambda r, _: r,  # of all rows at once
 }
 
 
-def contradict(one: Correction, other: Correction) -> bool:
+def contradict(one: str, other: str) -> bool:
     """Test that two corrections of one quantity cannot both be made."""
-    if one.quantity != other.quantity or one.way == other.way:
+    (quantity, _, way), (second, _, instead) = one.partition("="), other.partition("=")
+    if quantity != second or way == instead:
         return False
-    return GIVEN in (one.way, other.way) or (one.way in ZEROS) == (other.way in ZEROS)
+    return GIVEN in (way, instead) or (way in ZEROS) == (instead in ZEROS)
 
 
-def parse(texts: Iterable[str]) -> tuple[Correction, ...]:
+def parse(texts: Iterable[str]) -> tuple[str, ...]:
     """Read corrections such as ``time=ms``; one that is wrong or contradicts raises InputError.
 
-    They come in the order in which they are made.
+    They come once each, in the order in which they are made.
     """
-    found: list[Correction] = []
+    quantities = dict.fromkeys(key.partition("=")[0] for key in WAYS)
+    every = [*WAYS, *(f"{quantity}={GIVEN}" for quantity in quantities)]
+    found: list[str] = []
     for text in texts:
-        quantity, _, way = text.partition("=")
-        if quantity not in WAYS:
-            hint = did_you_mean(quantity, WAYS)
+        quantity = text.partition("=")[0]
+        if quantity not in quantities:
+            hint = did_you_mean(quantity, quantities)
             raise InputError(f"the correction '{text}' is of no known quantity; {hint}")
-        if way != GIVEN and way not in WAYS[quantity]:
-            valid = ", ".join(f"{quantity}={known}" for known in (*WAYS[quantity], GIVEN))
+        if text not in every:
+            valid = ", ".join(known for known in every if known.partition("=")[0] == quantity)
             raise InputError(f"the correction '{text}' is not known; valid are {valid}")
-        one = Correction(quantity, way)
         for other in found:
-            if contradict(one, other):
+            if contradict(text, other):
                 raise InputError(
-                    f"the corrections {other} and {one} contradict each other; give one"
+                    f"the corrections {other} and {text} contradict each other; give one"
                 )
-        if one not in found:
-            found.append(one)
-    every = [Correction(quantity, way) for quantity in WAYS for way in (*WAYS[quantity], GIVEN)]
-    return tuple(sorted(found, key=every.index))
+        found.append(text)
+    return tuple(sorted(set(found), key=every.index))
 
 
-def corrected(sheet: Sheet, correction: Correction, sensor: Sensor) -> Sheet:
+def corrected(sheet: Sheet, correction: str, sensor: Sensor) -> Sheet:
     """Make one correction in all rows of a sheet; ``given`` changes none."""
-    change = WAYS[correction.quantity].get(correction.way)
-    return sheet if change is None else change(sheet, sensor)
+    if correction == "points=joined":
+        return replace(sheet, rows=joined_rows(sheet.rows))
+    change = WAYS.get(correction, lambda row, _: row)
+    return replace(sheet, rows=tuple(change(row, sensor) for row in sheet.rows))
 
 
 @dataclass(frozen=True)
@@ -185,7 +153,7 @@ class Finding:
 
     @property
     def correction(self) -> str | None:
-        """The correction as it is written, such as ``time=ms``."""
+        """The correction, such as ``time=ms``."""
         return None if self.way is None else f"{self.quantity}={self.way}"
 
     @property

@@ -1,7 +1,7 @@
-"""Tables as people and loggers write them: words, units, numbers and dates.
+"""Cells of tables as people and loggers write them: numbers, units and dates.
 
 A file has one decimal sign. ``1,200`` is 1200 or 1.2, which other numbers of the file decide, or a
-statement of the file or of the user; otherwise it is a question. Columns are read as a whole.
+statement of the file or of the user; otherwise it is a question.
 """
 
 from __future__ import annotations
@@ -11,8 +11,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from itertools import compress
-from typing import Any
 
 import numpy as np
 
@@ -24,38 +22,35 @@ _SAME = str.maketrans({
     **dict.fromkeys("\N{RIGHT SINGLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}`\N{PRIME}", "'"),
     **dict.fromkeys("\N{MINUS SIGN}\N{EN DASH}\N{HYPHEN}\N{NON-BREAKING HYPHEN}", "-"),
 })  # fmt: skip
-_APART = re.compile(r"(?m)^([+-])[ \t]+(?=[\d.,])")
-_NUMBER = (
+_NUMBER = re.compile(
     r"[+-]?(?:(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?"
-    r"|\d{1,3}([ ,.'])\d{3}(?:\2\d{3})*(?:(?!\2)[.,]\d+)?)"
+    r"|\d{1,3}([ ,.'])\d{3}(?:\1\d{3})*(?:(?!\1)[.,]\d+)?)"
 )
-_LINE = re.compile(rf"(?m)^(?:({_NUMBER})$|.*$)")
-_EITHER = re.compile(r"(?m)^[+-]?[1-9]\d{0,2}([.,])\d{3}$")
-_BARE = re.compile(r"(?m)^0*[1-9]\d*$")
+_EITHER = re.compile(r"[+-]?[1-9]\d{0,2}[.,]\d{3}")  # thousands or three decimals
 NAMES = {".": "point", ",": "comma"}
 OTHER = {".": ",", ",": "."}
-#: Numbers that show their decimal sign beyond doubt.
-_SURE = {
-    sign: re.compile(
-        rf"(?m)^[+-]?(?![1-9]\d{{0,2}}[{sign}]\d{{3}}$)"
-        rf"(?:(?:\d+[{sign}]\d*|[{sign}]\d+)(?:[eE][+-]?\d+)?"
-        rf"|\d{{1,3}}(?:([ '{other}])\d{{3}}(?:\1\d{{3}})*[{sign}]\d+|(?:[{other}]\d{{3}}){{2,}}))$"
-    )
-    for sign, other in OTHER.items()
-}
 
 
-def plain(cells: Sequence[str]) -> str:
-    """Write cells as lines, with ordinary minus sign and blank, signs beside their digits."""
-    lines = "\n".join(cells)
-    if lines.count("\n") >= len(cells):  # a cell of several lines
-        lines = "\n".join(cell.replace("\n", " ") for cell in cells)
-    return _APART.sub(r"\1", lines.translate(_SAME))
+def plain(cell: str) -> str:
+    """Write a cell with ordinary minus sign and blank, the sign beside its digits."""
+    text = cell.translate(_SAME)
+    return text[0] + text[1:].lstrip() if text[:1] in ("+", "-") else text
 
 
-def are_numbers(cells: Sequence[str]) -> list[bool]:
-    """Test which cells are numbers, whatever their decimal sign."""
-    return [bool(found[0]) for found in _LINE.findall(plain(cells))] if cells else []
+def is_number(cell: str) -> bool:
+    """Test that a cell is a number, whatever its decimal sign."""
+    return bool(_NUMBER.fullmatch(plain(cell)))
+
+
+def _shown_sign(cell: str) -> tuple[str | None, bool]:
+    """Give the decimal sign that a number shows, and whether it may be one of thousands as well."""
+    text = plain(cell)
+    marks = re.findall("[.,]", text)
+    if not marks or not _NUMBER.fullmatch(text):
+        return None, False
+    if marks.count(marks[-1]) > 1:
+        return OTHER[marks[-1]], False
+    return marks[-1], bool(_EITHER.fullmatch(text))
 
 
 @dataclass(frozen=True)
@@ -67,19 +62,17 @@ class Decimals:
 
     def values(self, cells: Sequence[str]) -> Array:
         """Convert cells, NaN where one is no number, (cells,)."""
-        text, known = plain(cells), np.array(are_numbers(cells), dtype=bool)
-        if self.sign is None and len(cells) > 1 and "," in text and "." in text:
-            return np.concatenate([self.values([cell]) for cell in cells])
+        return np.array([self._value(plain(cell)) for cell in cells], dtype=float)
+
+    def _value(self, text: str) -> float:
+        if not _NUMBER.fullmatch(text):
+            return math.nan
         sign = self.sign or ("," if "," in text and "." not in text else ".")
-        bare = text.translate({ord(mark): None for mark in " '" + OTHER[sign]}).replace(sign, ".")
-        values = np.full(len(cells), np.nan)
-        values[known] = np.array(list(compress(bare.split("\n"), known)), dtype=float)
-        return values
+        return float(re.sub(f"[ '{OTHER[sign]}]", "", text).replace(sign, "."))
 
     def step(self, cell: str) -> float:
         """Give the value of the last digit of a number."""
-        digits = re.split(r"[eE]", plain([cell]))[0].partition(self.sign or ".")[2]
-        return float(10.0 ** -len(digits))
+        return float(10.0 ** -len(re.split("[eE]", plain(cell))[0].partition(self.sign or ".")[2]))
 
     def named(self, cells: Sequence[str]) -> str | None:
         """Name the decimal sign of cells, None where none of them has one."""
@@ -93,12 +86,12 @@ def decimals_of(
 
     ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both.
     """
-    texts = {head: plain(cells) for head, cells in columns.items()}
+    shown = {head: [_shown_sign(cell) for cell in cells] for head, cells in columns.items()}
     sure: dict[str, str] = {}
-    for mark, pattern in _SURE.items():
-        if found := next(filter(None, map(pattern.search, texts.values())), None):
-            row = rows[found.string.count("\n", 0, found.start())]
-            sure[mark] = f"a {NAMES[mark]} ('{found[0]}', row {row})"
+    for head, signs in shown.items():
+        for (sign, open_), cell, row in zip(signs, columns[head], rows, strict=True):
+            if sign and not open_ and sign not in sure:
+                sure[sign] = f"a {NAMES[sign]} ('{cell}', row {row})"
     if len(sure) > 1 or (stated and OTHER[stated] in sure):
         both = " and with ".join(sure[mark] for mark in sorted(sure))
         says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
@@ -107,24 +100,23 @@ def decimals_of(
         )
     if stated:
         return Decimals(stated)
-    sign = next(iter(sure), None)
-    asked = []
-    for head, text in texts.items():
-        either = _EITHER.search(text)
-        signs = set(_EITHER.findall(text))
-        if not either or (len(signs) == 1 and sign and sign not in signs):
+    sign, asked = next(iter(sure), None), []
+    for head, signs in shown.items():
+        marks = {mark for mark, open_ in signs if mark and open_}
+        if not marks or (len(marks) == 1 and sign and sign not in marks):
             continue  # thousands, as the other sign is that of decimals
-        if sign and sign in signs and _SURE[sign].search(text):
+        if sign in marks and (sign, False) in signs:
             continue
-        one, row = min(signs), rows[text.count("\n", 0, either.start())]
-        decimal = sign == one or (separator == "," and one == ".")
-        if len(signs) == 1 and decimal and not _BARE.search(text):
+        cells, place = columns[head], next(k for k, (_, open_) in enumerate(signs) if open_)
+        one, bare = min(marks), any(re.fullmatch(r"0*[1-9]\d*", plain(cell)) for cell in cells)
+        if len(marks) == 1 and not bare and (sign == one or (separator == "," and one == ".")):
             sign = one
             continue
-        cell, mark = either.group(), either[1]
+        cell, mark = plain(cells[place]), str(signs[place][0])
         asked.append(
-            f"column '{head}', row {row}: '{cell}' can be read as {cell.replace(mark, '')}, "
-            f"--decimal {OTHER[mark]}, or as {cell.replace(mark, '.')}, --decimal {mark}"
+            f"column '{head}', row {rows[place]}: '{cell}' can be read as "
+            f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
+            f"{cell.replace(mark, '.')}, --decimal {mark}"
         )
     return Decimals(sign, tuple(asked))
 
@@ -169,8 +161,8 @@ _LAST = re.compile(r"^(.+?)(?:\s+in\s+|\s*/\s*|[\s_,.]+)([^\s_]+)$")
 
 def unit_named(text: str) -> Unit | None:
     """Find the unit of a spelling, None where it is none that is known."""
-    plain = re.sub(r"\s+", "", text).translate(_UNIT_SIGNS)
-    found = UNITS.get(plain if plain in ("N", "n") else plain.lower())
+    bare = re.sub(r"\s+", "", text).translate(_UNIT_SIGNS)
+    found = UNITS.get(bare if bare in ("N", "n") else bare.lower())
     return None if found is None else replace(found, text=text.strip())
 
 
@@ -196,24 +188,13 @@ def split_head(text: str) -> tuple[str, Unit | None, str | None]:
     return text, None, None
 
 
-DATES = ("d/m/y", "m/d/y", "excel")  #: words in place of a unit, for dates that two readings have
-DAY = 86_400.0  #: s
+DATES = ("d/m/y", "m/d/y")  #: words in place of a unit, for dates that two readings have
 SAMPLE = 200  #: cells by which a column is known as dates
 _ORDER = re.compile(r"^(\d{1,2})([./-])(\d{1,2})[./-]\d{2,4}")
-_MONTH = r"(?:jan|feb|mar|mär|mrz|apr|may|mai|jun|jul|aug|sep|oct|okt|nov|dec|dez)[a-zä]*"
-_ENGLISH = {"mai": "may", "okt": "oct", "dez": "dec", "mär": "mar", "mrz": "mar"}
+_MONTH = r"(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"
 _DAY = re.compile(rf"(?i)\d[./-]\d{{1,2}}[./-]\d|\d[. -]*{_MONTH}|{_MONTH}[. -]+\d")
 _CLOCK = re.compile(r"\b\d{1,2}:\d{2}")
 _WORDS = re.compile(rf"(?i){_MONTH}|[ap]\.?m\.?|utc")
-
-
-def is_plain(text: str) -> bool:
-    """Test that a text is a number."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def seconds_of(text: str) -> float:
@@ -225,6 +206,15 @@ def seconds_of(text: str) -> float:
         return float(text)
     moment = datetime.fromisoformat(text)
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def is_plain(text: str) -> bool:
+    """Test that a text is a number as programs write it."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
 
 
 def has_day(cells: Sequence[str]) -> bool:
@@ -240,161 +230,34 @@ def is_dated(cells: Sequence[str]) -> bool:
     return 2 * sum(map(bool, dated)) > len(known)
 
 
-def stamps_of(cells: Sequence[Any], factor: float | None, option: str) -> tuple[list[str], str]:
-    """Convert dates to ISO 8601, clocks without a date and numbers to s; also how they are read.
+def stamps_of(cells: Sequence[str], option: str) -> tuple[list[str], str]:
+    """Convert dates to ISO 8601, and clocks without a date to s; also tell how they are read.
 
-    ``factor`` is the unit of numbers in s, None where none is said; ``option`` one of ``DATES``.
-    Raises DataError for other cells, InputError for those that can be read in two ways.
+    ``option`` is one of ``DATES`` or empty. Raises DataError for other cells, InputError for those
+    that can be read in two ways.
     """
     import pandas as pd  # noqa: PLC0415  # slow to load, and most tables have no dates
 
-    whole = pd.Series(cells)
-    if not isinstance(cells[0], str):
-        # A spreadsheet counts days from 30 December 1899; shifts are less than a day apart.
-        if option != "excel" and (factor or not whole.between(25_569, 73_050).all()):
-            return [f"{(factor or 1.0) * v:.12g}" for v in cells], "seconds"
-        if option != "excel" and (whole.diff().abs() >= 1.0).any():
-            raise InputError(
-                "it may be seconds, or dates as a spreadsheet counts them; say which behind the "
-                "column: --column timestamp=COLUMN:s or COLUMN:excel"
-            )
-        found = pd.to_datetime(whole, unit="D", origin="1899-12-30", utc=True)
-        return [one.isoformat() for one in found.dt.round("ms")], "dates of a spreadsheet"
-    days = {bool(_DAY.search(cell)) for cell in cells}
-    if len(days) > 1:
+    if len(days := {bool(_DAY.search(cell)) for cell in cells}) > 1:
         raise DataError("some cells have a date and others have none")
-    first, way = _day_first(cells, option)
-    whole = whole.str.replace(rf"(?i)\.?[ -]*({_MONTH})\.?", _in_english, regex=True)
-    whole = whole.str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
-    whole = whole if True in days else "2000-01-01 " + whole
-    try:
-        found = pd.to_datetime(whole, format="mixed", dayfirst=first, utc=True)
-    except (ValueError, OverflowError) as error:
-        raise DataError(f"not all cells are dates ({str(error).splitlines()[0]})") from error
-    if True in days:
-        return [one.isoformat() for one in found], f"dates{way}"
-    seconds = (found - found.dt.normalize()).dt.total_seconds()
-    seconds += DAY * (seconds.diff() < -DAY / 2.0).cumsum()
-    return [f"{one:.12g}" for one in seconds], "clock without a date"
-
-
-def _in_english(month: re.Match[str]) -> str:
-    short = month[1][:3].lower()
-    return f" {_ENGLISH.get(short, short)} "
-
-
-def _day_first(cells: Sequence[str], option: str) -> tuple[bool, str]:
-    """Decide whether the day stands before the month; InputError where it may be either."""
     orders = [found for cell in cells if (found := _ORDER.match(cell))]
-    if not orders:
-        return False, ""
     day, month = (any(int(found[k]) > 12 for found in orders) for k in (1, 3))
-    dotted = all(found[2] == "." for found in orders)
-    if not (dotted or option or day or month) and len({found[0] for found in orders}) > 1:
+    first = any(found[2] == "." for found in orders) or option == "d/m/y"
+    if len({found[0] for found in orders}) > 1 and not (first or option or day or month):
         raise InputError(
             f"'{cells[0]}' has its day or its month first; say which behind the column: --column "
             "timestamp=COLUMN:d/m/y or COLUMN:m/d/y"
         )
-    first = dotted or option == "d/m/y" or (option != "m/d/y" and not month)
-    return first, f", {'day' if first else 'month'} first"
-
-
-NOTHING = frozenset(("", "-", "--", "n/a", "na", "nan", "#n/a", "none", "null", "k.a.", "#nv"))
-YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engaged", "y", "j", "oui",
-       "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔")  # fmt: skip
-NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
-      "non", "ne", "nie", "✗", "✘")  # fmt: skip
-ANSWERS = {**dict.fromkeys(NOTHING), "unknown": None, **dict.fromkeys(YES, True),
-           **dict.fromkeys(NO, False)}  # fmt: skip
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """A quantity that is looked for: name, kind, words for it and against it, parted by strokes.
-
-    ``loose`` words may also mean something else; ``needed`` says that a table is of no use without
-    the quantity. ``also`` is a kind that its numbers may have though it needs none.
-    """
-
-    name: str
-    dimension: str | None
-    words: str
-    loose: str = ""
-    against: str = ""
-    needed: bool = False
-    also: str | None = None
-
-    @property
-    def units(self) -> str:
-        """Spellings of units that it may have."""
-        return ", ".join(text for text, one in UNITS.items() if one.dimension == self.dimension)
-
-
-_SPREAD = "|std|sd|sigma|streuung|abweichung|min|max|deviation|stdev"
-_FORCE = (
-    "shift force|schaltkraft|stellkraft|aktorkraft|axialkraft|f shift|f axial|f act|f schalt|f ax"
-)
-SHIFTS = (
-    Quantity(
-        "mismatch_rpm", SPEED,
-        "mismatch|drehzahldifferenz|differenzdrehzahl|relativdrehzahl|delta n|delta omega|dn|d n|"
-        "n diff|diff n|speed difference|relative speed|schlupfdrehzahl|delta speed|delta rpm",
-        "slip|schlupf|rpm|drehzahl|n",
-        "output|abtrieb|antrieb|input|in|out|shaft|welle" + _SPREAD, needed=True,
-    ),
-    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", "rise|anstieg|time|zeit" + _SPREAD,
-             needed=True),
-    Quantity(
-        "force_rise_s", TIME,
-        "force rise|rise time|anstiegszeit|kraftanstieg|t rise|t anstieg|t ramp|t an|t anst",
-        "rise|anstieg|ramp|rampe", _SPREAD[1:],
-    ),
-    Quantity("n_shifts", None,
-             "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
-             "shifts|count|anzahl|number|schaltungen|samples|n"),
-    Quantity(
-        "shift_time_s", TIME,
-        "shift time|schaltzeit|schaltdauer|t shift|t schalt|mean shift time|mittlere schaltzeit",
-        "mean time|t mean|time|zeit|dauer|duration|t",
-        "rise|anstieg|ramp|rampe|stamp|stempel|timeout|datum|delay" + _SPREAD, needed=True,
-    ),
-    Quantity(
-        "engaged", None, "engaged|eingelegt|geschaltet|eingerueckt|eingespurt",
-        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status",
-        "not|nicht|no|n|fail|failed|failure|fehler|error",
-    ),
-    Quantity("trace", None, "trace|trace file|messdatei|measurement file",
-             "file|datei|dateiname|filename"),
-    Quantity(
-        "shift_time_sd_s", TIME,
-        "std|sd|stdev|stddev|sigma|streuung|standardabweichung|standard deviation|"
-        "standard abweichung|std dev",
-        "", "f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error",
-    ),
-    Quantity(
-        "order", None,
-        "order|run order|reihenfolge|lfd nr|lfd|laufende nummer|laufnummer|sequence|sequenz|"
-        "run number|run no|versuchsnummer|shift number",
-    ),
-    Quantity("timestamp", None,
-             "timestamp|time stamp|zeitstempel|datum|date|date time|datum uhrzeit", also=TIME),
-)  # fmt: skip
-TRACE = (
-    Quantity("t_s", TIME, "", "t|time|zeit", needed=True),
-    Quantity("displacement_mm", LENGTH,
-             "displacement|schaltweg|s sleeve|sleeve position|muffenweg", "weg|travel|position|x|s",
-             needed=True),
-    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", needed=True),
-    Quantity(
-        "sliding_speed_rpm", SPEED,
-        "sliding speed|speed sliding|n sleeve|n muffe|drehzahl muffe|sleeve speed|muffendrehzahl|"
-        "n sliding",
-        "n antrieb|antriebsdrehzahl|input speed|n in", needed=True,
-    ),
-    Quantity(
-        "output_speed_rpm", SPEED,
-        "output speed|speed output|n rad|n gear|drehzahl rad|gear speed|raddrehzahl|n output|"
-        "n abtrieb|abtriebsdrehzahl",
-        "n out", needed=True,
-    ),
-)  # fmt: skip
+    first = first or (option != "m/d/y" and not month)
+    whole = pd.Series(cells).str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
+    whole = whole if True in days else "2000-01-01 " + whole
+    try:
+        found = pd.to_datetime(whole, format="mixed", dayfirst=first and bool(orders), utc=True)
+    except (ValueError, OverflowError) as error:
+        raise DataError(f"not all cells are dates ({str(error).splitlines()[0]})") from error
+    if True in days:
+        way = f", {'day' if first else 'month'} first" if orders else ""
+        return [one.isoformat() for one in found], f"dates{way}"
+    seconds = (found - found.dt.normalize()).dt.total_seconds()
+    seconds += 86_400.0 * (seconds.diff() < -43_200.0).cumsum()  # after midnight
+    return [f"{one:.12g}" for one in seconds], "clock without a date"

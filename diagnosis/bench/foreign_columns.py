@@ -1,4 +1,4 @@
-"""Columns of a foreign table: which of them are which quantities, and in which units.
+"""Columns of a foreign table: which of them are which quantities, and their values.
 
 Names are compared with words that benches use, in English and German; a unit in the head and the
 kind of cells must fit the quantity. What fits in two ways becomes a question with its option.
@@ -18,19 +18,18 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.foreign_cells import (
-    ANSWERS,
     DATES,
     FORCE,
-    NOTHING,
+    LENGTH,
     SPEED,
     TIME,
+    UNITS,
     Decimals,
-    Quantity,
     Unit,
-    are_numbers,
     decimals_of,
     has_day,
     is_dated,
+    is_number,
     stamps_of,
     unit_named,
 )
@@ -43,35 +42,131 @@ LEAST = 20.0  #: score from which a column is taken for a quantity
 FITS = 20.0  #: what a unit of the right kind adds
 #: Quantities of which loose words settle nothing between columns of the right kind.
 UNDECIDED = ("mismatch_rpm", "shift_time_s")
+NOTHING = frozenset(("", "-", "--", "n/a", "na", "nan", "#n/a", "none", "null", "k.a.", "#nv"))
+YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engaged", "y", "j", "oui",
+       "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔")  # fmt: skip
+NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
+      "non", "ne", "nie", "✗", "✘")  # fmt: skip
+ANSWERS = {**dict.fromkeys(NOTHING), "unknown": None, **dict.fromkeys(YES, True),
+           **dict.fromkeys(NO, False)}  # fmt: skip
 
 
 @dataclass(frozen=True)
-class Term:
-    """A column in a formula, with the unit in which its numbers are taken."""
+class Quantity:
+    """A quantity that is looked for: name, kind, words for it and against it, parted by strokes.
 
-    column: Column
-    unit: Unit | None
+    ``loose`` words may also mean something else; ``needed`` says that a table is of no use without
+    the quantity. ``also`` is a kind that its numbers may have though it needs none.
+    """
+
+    name: str
+    dimension: str | None
+    words: str
+    loose: str = ""
+    against: str = ""
+    needed: bool = False
+    also: str | None = None
+
+    @property
+    def units(self) -> str:
+        """Spellings of units that it may have."""
+        return ", ".join(text for text, one in UNITS.items() if one.dimension == self.dimension)
+
+
+_SPREAD = "|std|sd|sigma|streuung|abweichung|min|max|deviation|stdev"
+_FORCE = (
+    "shift force|schaltkraft|stellkraft|aktorkraft|axialkraft|f shift|f axial|f act|f schalt|f ax"
+)
+SHIFTS = (
+    Quantity(
+        "mismatch_rpm", SPEED,
+        "mismatch|drehzahldifferenz|differenzdrehzahl|relativdrehzahl|delta n|delta omega|dn|d n|"
+        "n diff|diff n|speed difference|relative speed|schlupfdrehzahl|delta speed|delta rpm",
+        "slip|schlupf|rpm|drehzahl|n",
+        "output|abtrieb|antrieb|input|in|out|shaft|welle" + _SPREAD, needed=True,
+    ),
+    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", "rise|anstieg|time|zeit" + _SPREAD,
+             needed=True),
+    Quantity(
+        "force_rise_s", TIME,
+        "force rise|rise time|anstiegszeit|kraftanstieg|t rise|t anstieg|t ramp|t an|t anst",
+        "rise|anstieg|ramp|rampe", _SPREAD[1:],
+    ),
+    Quantity("n_shifts", None,
+             "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
+             "shifts|count|anzahl|number|schaltungen|samples|n"),
+    Quantity(
+        "shift_time_s", TIME,
+        "shift time|schaltzeit|schaltdauer|t shift|t schalt|mean shift time|mittlere schaltzeit",
+        "mean time|t mean|time|zeit|dauer|duration|t",
+        "rise|anstieg|ramp|rampe|stamp|stempel|timeout|datum|delay" + _SPREAD, needed=True,
+    ),
+    Quantity(
+        "engaged", None, "engaged|eingelegt|geschaltet|eingerueckt|eingespurt",
+        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status",
+        "not|nicht|no|n|fail|failed|failure|fehler|error",
+    ),
+    Quantity("trace", None, "trace|trace file|messdatei|measurement file",
+             "file|datei|dateiname|filename"),
+    Quantity(
+        "shift_time_sd_s", TIME,
+        "std|sd|stdev|stddev|sigma|streuung|standardabweichung|standard deviation|"
+        "standard abweichung|std dev",
+        "", "f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error",
+    ),
+    Quantity(
+        "order", None,
+        "order|run order|reihenfolge|lfd nr|lfd|laufende nummer|laufnummer|sequence|sequenz|"
+        "run number|run no|versuchsnummer|shift number",
+    ),
+    Quantity("timestamp", None,
+             "timestamp|time stamp|zeitstempel|datum|date|date time|datum uhrzeit", also=TIME),
+)  # fmt: skip
+TRACE = (
+    Quantity("t_s", TIME, "", "t|time|zeit", needed=True),
+    Quantity("displacement_mm", LENGTH,
+             "displacement|schaltweg|s sleeve|sleeve position|muffenweg", "weg|travel|position|x|s",
+             needed=True),
+    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", needed=True),
+    Quantity(
+        "sliding_speed_rpm", SPEED,
+        "sliding speed|speed sliding|n sleeve|n muffe|drehzahl muffe|sleeve speed|muffendrehzahl|"
+        "n sliding",
+        "n antrieb|antriebsdrehzahl|input speed|n in", needed=True,
+    ),
+    Quantity(
+        "output_speed_rpm", SPEED,
+        "output speed|speed output|n rad|n gear|drehzahl rad|gear speed|raddrehzahl|n output|"
+        "n abtrieb|abtriebsdrehzahl",
+        "n out", needed=True,
+    ),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Match:
-    """Columns that are taken for a quantity, and the reason.
+    """Columns that are taken for a quantity, each with its unit, and the reason.
 
-    ``formula`` joins the columns as ``c0``, ``c1`` and so on, None for a single one. ``option`` is
-    what stands behind the colon of a column option.
+    ``formula`` joins the columns as ``c0``, ``c1`` and so on. ``option`` is what stands behind the
+    colon of a column option.
     """
 
     quantity: Quantity
-    terms: tuple[Term, ...]
+    terms: tuple[tuple[Column, Unit | None], ...]
     why: str
-    formula: str | None = None
+    formula: str = "c0"
     option: str = ""
     given: bool = False
 
     @property
+    def columns(self) -> list[Column]:
+        """Columns that it takes."""
+        return [column for column, _ in self.terms]
+
+    @property
     def head(self) -> str:
         """Heads of its columns."""
-        return " and ".join(term.column.head for term in self.terms)
+        return " and ".join(column.head for column in self.columns)
 
 
 def plain_words(name: str) -> str:
@@ -125,7 +220,7 @@ def _is_strong(quantity: Quantity, column: Column) -> bool:
 def grows(column: Column) -> bool:
     """Test that numbers of a column grow from row to row, as a clock does."""
     steps = np.diff(column.values[np.isfinite(column.values)])
-    return bool(steps.size >= 2 and (steps > 0).mean() >= 0.9)
+    return bool(steps.size >= 3 and (steps > 0).mean() >= 0.9)
 
 
 def counts_up(column: Column) -> bool:
@@ -153,39 +248,37 @@ def matched(
             found.append(said_match(columns, quantities, name, text))
         except InputError as error:
             faults.append(str(error))
-    taken = {term.column.place for one in found for term in one.terms}
-    scores = {(q.name, c.place): score(q, c) for q in quantities for c in columns}
-    time = next((q for q in quantities if q.name == "shift_time_s"), None)
-    # A column of times that grows is a clock, where another, as good by its kind, does not grow.
-    still = [c for c in columns if time and scores[time.name, c.place] >= LEAST and not grows(c)]
-    clocks = [c.place for c in columns
-              if time and still and not _is_strong(time, c) and grows(c)]  # fmt: skip
+    taken = {column.place for one in found for column in one.columns}
     open_ = [q for q in quantities if q.name not in said]
+    scores = {(q.name, c.place): score(q, c) for q in open_ for c in columns}
+    clocks = []  # a column of times that grows is no shift time
+    for q in open_:
+        clocks += [
+            c for c in columns if q.name == "shift_time_s" and c.place not in taken
+            and scores[q.name, c.place] >= LEAST and not _is_strong(q, c) and grows(c)
+        ]  # fmt: skip
+        scores |= {(q.name, c.place): 0.0 for c in clocks if q.name == "shift_time_s"}
     while open_:
-        ranked = [
-            (scores[q.name, c.place], q, c)
-            for q in open_
-            for c in columns
-            if c.place not in taken and not (q.name == "shift_time_s" and c.place in clocks)
-        ]
+        ranked = [(scores[q.name, c.place], q, c)
+                  for q in open_ for c in columns if c.place not in taken]  # fmt: skip
         best, quantity, column = max(ranked, key=lambda row: row[0], default=(0.0, None, None))
         if quantity is None or column is None or best < LEAST:
             break
         open_.remove(quantity)
-        rivals = [(s, c) for s, q, c in ranked if q is quantity and s >= LEAST]
         loose = quantity.name in UNDECIDED and not _is_strong(quantity, column)
+        rivals = [(s, c) for s, q, c in ranked if q is quantity and s >= LEAST]
         equal = [c for s, c in rivals if loose or s == best]
-        terms = [Term(column, column.unit)]
+        terms = [(column, column.unit)]
         days = {has_day(c.cells): c for _, c in rivals if is_dated(c.cells)}
         if quantity.name == "timestamp" and len(rivals) == len(days) == 2:
-            equal, terms = [column], [Term(days[k], None) for k in (True, False)]
+            equal, terms = [column], [(days[k], None) for k in (True, False)]
         if fault := _question(quantity, column, equal, columns):
             faults.append(fault)
             continue
-        taken |= {term.column.place for term in terms}
+        taken |= {column.place for column, _ in terms}
         found.append(Match(quantity, tuple(terms), "name and unit" if column.unit else "name"))
     left = [c for c in columns if c.place not in taken]
-    return found, faults + [_missing(one, left) for one in open_ if one.needed]
+    return found, faults + [_missing(one, left, clocks) for one in open_ if one.needed]
 
 
 def _question(
@@ -208,12 +301,6 @@ def _question(
             f"'{first.head}', or --column n_shifts='{first.head}' where each row is the mean of so "
             "many shifts"
         )
-    few = len(first.cells) < 4  # which grow by chance
-    if name == "shift_time_s" and not (few or _is_strong(quantity, first)) and grows(first):
-        return (
-            f"'{first.head}' grows from row to row as a clock does ({', '.join(first.cells[:3])} "
-            f"...); say --column {name}='{first.head}' where it is the shift time"
-        )
     return ""
 
 
@@ -226,10 +313,16 @@ def _difference(speeds: Sequence[Column]) -> str:
     )
 
 
-def _missing(quantity: Quantity, left: Sequence[Column]) -> str:
+def _missing(quantity: Quantity, left: Sequence[Column], clocks: Sequence[Column]) -> str:
     speeds = [c for c in left if c.unit and c.unit.dimension == SPEED]
     if quantity.name == "mismatch_rpm" and len(speeds) > 1:
         return _difference(speeds)
+    if quantity.name == "shift_time_s" and clocks:
+        head, cells = clocks[0].head, clocks[0].cells
+        return (
+            f"'{head}' grows from row to row as a clock does ({', '.join(cells[:3])} ...); say "
+            f"--column {quantity.name}='{head}' where it is the shift time"
+        )
     return (
         f"no column looks like {quantity.name}; say which one it is: --column {quantity.name}="
         f"COLUMN or COLUMN:UNIT (columns left: {', '.join(repr(c.head) for c in left) or 'none'})"
@@ -251,7 +344,7 @@ def said_match(
     for names in ([c.name for c in columns], [c.head for c in columns]):
         labels |= {n: c for n, c in zip(names, columns, strict=True) if names.count(n) == 1}
     head, _, option = (text, "", "") if text in labels else text.rpartition(":")
-    formula, terms = None, []
+    formula, terms = "c0", []
     if head in labels:
         terms = [_term(quantity, labels[head], option)]
     else:
@@ -270,22 +363,24 @@ def said_match(
     why = [f"--column {text}"]
     if len(terms) > 1:
         why.append("its sign is that of the formula, positive where traction flanks meet")
-    for unit, own in ((term.unit, term.column.unit) for term in terms):
-        why += [f"the head says {own.text}"] if own and unit and unit.factor != own.factor else []
+    for column, unit in terms:
+        if column.unit and unit and unit.factor != column.unit.factor:
+            why.append(f"the head says {column.unit.text}")
     return Match(quantity, tuple(terms), "; ".join(why), formula, option, given=True)
 
 
-def _term(quantity: Quantity, column: Column, asked: str) -> Term:
+def _term(quantity: Quantity, column: Column, asked: str) -> tuple[Column, Unit | None]:
+    """Give the unit that an option or the head names; InputError where the quantity has others."""
     unit = unit_named(asked) if asked else column.unit
     if quantity.name == "engaged" or (quantity.also and asked in DATES):
-        return Term(column, None)
+        return column, None
     if (asked and not unit) or (unit and unit.dimension not in (quantity.dimension, quantity.also)):
         wrong = asked or (unit.text if unit else "")
         raise InputError(
             f"the unit of {quantity.name} is '{wrong}', but it must be one of: "
             f"{quantity.units or 'none, a number without one'}"
         )
-    return Term(column, unit)
+    return column, unit
 
 
 MOST = 12  #: faults of one kind that are listed one by one
@@ -324,14 +419,14 @@ class TableReader:
     ) -> TableReader:  # fmt: skip
         """Match the columns of a table and decide on its decimal sign."""
         found, faults = matched(table.columns, quantities, said)
-        used = {t.column.place: t.column for m in found for t in m.terms}
+        used = {c.place: c for m in found for c in m.columns}
         # A word among numbers that are read anyway is a fault of their column.
-        read = {t.column.place for m in found for t in m.terms if m.quantity.name != "order"}
+        read = {c.place for m in found for c in m.columns if m.quantity.name != "order"}
         faults = [text for place, text in table.questions if place not in read] + faults
-        decimals, stated = Decimals(decimal), decimal or table.stated
+        decimals = Decimals(decimal)
         cells = {c.head: c.cells for c in used.values() if not is_dated(c.cells)}
         try:
-            decimals = decimals_of(cells, table.rows, stated, table.separator)
+            decimals = decimals_of(cells, table.rows, decimal or table.stated, table.separator)
         except DataError as error:
             faults.append(str(error))
         file = str(table.path)
@@ -355,7 +450,7 @@ class TableReader:
     def _record(self, match: Match, values: Values, why: str, unit: str | None = None) -> None:
         """Record how a quantity was read: first, least and largest of known ``values``."""
         numbers = [rounded(v) for v in values if isinstance(v, float)]
-        cells = [cell for t in match.terms for cell in t.column.cells] if numbers else []
+        cells = [cell for c in match.columns for cell in c.cells] if numbers else []
         self.report.readings.append({
             "file": str(self.table.path), "quantity": match.quantity.name, "column": match.head,
             "unit": unit, "decimals": self.decimals.named(cells),
@@ -370,19 +465,19 @@ class TableReader:
         """
         whole: dict[str, Any] = {}
         units, whys = [], [match.why]
-        for place, term in enumerate(match.terms):
-            values = self._cells(match, term.column.cells, needed)
-            unit, why = self._unit(match, term, values[np.isfinite(values)])
+        for place, column in enumerate(match.columns):
+            values = self._cells(match, column.cells, needed)
+            unit, why = self._unit(match, place, values[np.isfinite(values)])
             whole[f"c{place}"] = values * (1.0 if unit is None else unit.factor)
             units += [unit.text] if unit else []
             whys += [why] if why else []
         try:
             with np.errstate(all="ignore"):
-                values = eval(match.formula or "c0", {"__builtins__": {}}, whole)
+                values = eval(match.formula, {"__builtins__": {}}, whole)
         except (SyntaxError, TypeError):
             values = whole["c0"] * np.nan
         known = values[np.isfinite(values)]
-        if match.formula and not known.size:
+        if match.formula != "c0" and not known.size:
             self._fault(match, f"is no formula ({match.why}); write for instance 'n_out - n_in'")
         ends = [*known[:1].tolist(), known.min(), known.max()] if known.size else []
         self._record(match, ends, "; ".join(whys), ", ".join(dict.fromkeys(units)) or None)
@@ -398,10 +493,8 @@ class TableReader:
     def _cells(self, match: Match, cells: Sequence[str], needed: bool) -> Array:
         """Read the numbers of a column, NaN where there is none, (rows,)."""
         values = self.decimals.values(cells)
-        if np.isfinite(values).all():
-            return values
         empty = [cell.lower() in NOTHING for cell in cells]
-        bad = [not (known or none) for known, none in zip(are_numbers(cells), empty, strict=True)]
+        bad = [not none and math.isnan(v) for v, none in zip(values, empty, strict=True)]
         if any(bad):
             listed = self._rows(cells, bad)
             self._fault(match, f"must hold numbers, but {listed}; correct or empty the cells")
@@ -410,9 +503,9 @@ class TableReader:
             self._fault(match, f"is empty in row {rows}; fill the cells or remove the rows")
         return values
 
-    def _unit(self, match: Match, term: Term, values: Array) -> tuple[Unit | None, str]:
+    def _unit(self, match: Match, place: int, values: Array) -> tuple[Unit | None, str]:
         """Give the unit of a column, and the reason where its head has none, or ask for it."""
-        quantity, column, unit = match.quantity, term.column, term.unit
+        quantity, (column, unit) = match.quantity, match.terms[place]
         option = f"--column {quantity.name}='{column.head}:"
         if (unit is not None and not np.isnan(unit.factor)) or quantity.dimension is None:
             return unit, ""
@@ -457,7 +550,7 @@ class TableReader:
         match = self.matches.get(name)
         if match is None:
             return [""] * len(self.table.rows)
-        cells = match.terms[0].column.cells
+        cells = match.columns[0].cells
         self._record(match, list(filter(None, cells)), match.why)
         return list(cells)
 
@@ -469,9 +562,9 @@ class TableReader:
         match = self.matches.get("engaged")
         if match is None:
             return [None] * len(self.table.rows)
-        column = match.terms[0].column
-        option = f"--column engaged='{column.head}:"
-        cells = ["empty" if c.lower() in NOTHING else c.lower() for c in column.cells]
+        head = match.columns[0].head
+        option = f"--column engaged='{head}:"
+        cells = ["empty" if c.lower() in NOTHING else c.lower() for c in match.columns[0].cells]
         often = Counter(cells)
         said = dict(pair.lower().split("=", 1) for pair in match.option.split(",") if "=" in pair)
         words = {word: said.get(word, "" if word == "empty" else word) for word in often}
@@ -480,7 +573,7 @@ class TableReader:
         if strange and not match.given and set(values.values()) <= {None}:
             why = f"its words are neither yes nor no; {option}{strange[0]}=yes' says so"
             self.report.left_out.append(
-                {"file": str(self.table.path), "column": column.head, "reason": why}
+                {"file": str(self.table.path), "column": head, "reason": why}
             )
             return [None] * len(cells)
         if strange:
@@ -502,18 +595,26 @@ class TableReader:
         return done
 
     def stamps(self) -> Values:
-        """Read time stamps: seconds as numbers, dates as ISO 8601; others raise DataError."""
+        """Read time stamps: numbers with a unit in s, dates as ISO 8601; others raise DataError."""
         match = self.matches["timestamp"]
-        unit, columns = match.terms[0].unit, [t.column.cells for t in match.terms]
+        unit, columns = match.terms[0][1], [c.cells for c in match.columns]
         cells = [" ".join(row) for row in zip(*columns, strict=True)]
         known = [cell for cell in cells if cell.lower() not in NOTHING]
-        numbers = are_numbers(known)
-        if not known or len(set(numbers)) > 1:
+        numbers = sum(map(is_number, known))
+        if not known or 0 < numbers < len(known):
             raise DataError(
                 "it has dates and plain numbers" if known else "all its cells are empty"
             )
-        values: Sequence[Any] = self.decimals.values(known).tolist() if all(numbers) else known
-        found, way = stamps_of(values, unit.factor if unit and all(numbers) else None, match.option)
+        if not numbers:
+            found, way = stamps_of(known, match.option)
+        elif unit is None:
+            raise DataError(
+                f"its numbers have no unit; --column timestamp='{match.head}:s' takes them as "
+                "seconds, and dates of a spreadsheet have to be saved as dates"
+            )
+        else:
+            way = "seconds"
+            found = [f"{v:.12g}" for v in unit.factor * self.decimals.values(known)]
         left = iter(found)
         self._record(match, found, f"{match.why}; {way}", unit.text if unit else None)
         return [None if cell.lower() in NOTHING else next(left) for cell in cells]

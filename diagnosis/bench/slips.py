@@ -19,7 +19,6 @@ import numpy as np
 
 from dogshape.diagnosis.bench.corrections import (
     GIVEN,
-    Correction,
     Finding,
     Findings,
     contradict,
@@ -45,7 +44,6 @@ from dogshape.sim.units import MS
 
 SURE = 0.5  #: share of the free flight below which no force, mass or time zero off nominal reaches
 ODD = 0.9  #: share below which a time is odd
-CLOSE = 0.01  #: relative difference within which two values are the same one
 WRITTEN = 1e-3  #: s, resolution that times are written with where no clock is coarser
 #: Least step in written resolutions: half of it is half the least margin of a diagnosis, 2 ms.
 COARSE = 2
@@ -65,17 +63,17 @@ SWAPPED = "the columns mismatch_rpm and force_N swapped"
 LEAST_FORCE = 100.0  #: N, median of forces below which they may be kilonewtons
 
 
-def examine(stand: Stand, sheet: Sheet, asked: Sequence[Correction] = ()) -> tuple[Finding, ...]:
+def examine(stand: Stand, sheet: Sheet, asked: Sequence[str] = ()) -> tuple[Finding, ...]:
     """Find probable slips in a sheet whose corrections have been made.
 
     ``asked`` are these corrections; quantities that are to be taken as given, or that have
     been swapped already, are not questioned.
     """
-    settled = [one for one in asked if one.way == GIVEN or one.quantity == "axes"]
+    settled = [one for one in asked if one.endswith(GIVEN) or one.startswith("axes=")]
     found: list[Finding] = []
     for check in CHECKS:
         for finding in list(check(stand, sheet)):
-            taken = Correction(finding.quantity, finding.way or GIVEN)
+            taken = f"{finding.quantity}={finding.way or GIVEN}"
             if taken in settled or any(contradict(taken, one) for one in settled):
                 continue
             found.append(finding)
@@ -96,12 +94,12 @@ def require_no_slip(where: str, findings: Sequence[Finding], remedy: str | None 
         raise DataError(f"{where}: " + ". Also: ".join(certain))
 
 
-def impossible(stand: Stand, row: Row, asked: Sequence[Correction] = ()) -> str | None:
+def impossible(stand: Stand, row: Row, asked: Sequence[str] = ()) -> str | None:
     """Give the rule that the time of a row breaks, None where it may be true."""
     limit = stand.clutch.timeout
     if row.time is not None and not 0.0 < row.time <= limit:
         return f"a time in s, above 0 and at most the time-out of {number(limit)} s"
-    if not _too_early(stand, row) or Correction("time", GIVEN) in asked:
+    if not _too_early(stand, row) or "time=given" in asked:
         return None
     return (
         f"a time in s not far below {number(_free_flight(stand, row))} s, which the free flight "
@@ -170,37 +168,11 @@ def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
         if off and _are_impossible(stand, sheet):
             found = f"{column} {_span(values)}, but {rule.format(number(limit))}"
             yield Finding(name, found, unit, way, certain=True, arguable=False)
-            sheet = corrected(sheet, Correction(name, way), stand.sensor)
+            sheet = corrected(sheet, f"{name}={way}", stand.sensor)
     forces, speeds = _column(sheet, "force"), abs(_column(sheet, "mismatch"))
     if np.median(speeds) >= 2.0 * np.median(forces) and _are_impossible(stand, sheet):
         found = f"force_N {_span(forces)}, which could not have ended shifts in their times"
         yield Finding("axes", found, SWAPPED, "swapped", certain=True)
-
-
-def force_by_calibration(stand: Stand, sheet: Sheet) -> Findings:
-    """Find forces that are the arm's of the calibration and not the sleeve's."""
-    both = np.array([(c.arm_force_N, c.sleeve_force_N) for c in stand.calibration
-                     if c.arm_force_N and c.sleeve_force_N])  # fmt: skip
-    forces, factor = _column(sheet, "force"), stand.sensor.force_factor
-    if not both.size:
-        return
-
-    def among(values: Array) -> list[bool]:
-        apart = abs(values[:, None, None] / both - 1.0).min(axis=1)
-        return list((apart < CLOSE).all(axis=0))
-
-    if factor is not None and factor > 1.05 and among(forces / factor)[1]:
-        times = f"{number(factor)} times sleeve_force_N of the table actuator_calibration"
-        looks = "a force referred to the sleeve twice"
-        yield Finding("force", f"force_N {_span(forces)}, {times}", looks, certain=True)
-    elif among(forces) == [True, False]:
-        found = (
-            f"force_N {_span(forces)}, the values of arm_force_N in the table actuator_calibration "
-            "and not those of sleeve_force_N"
-        )
-        looks = "the force at the robot arm instead of that at the sleeve"
-        looks += f", which is {number(factor)} times as large" if factor else ""
-        yield Finding("force", found, looks, "arm" if factor else None, certain=True)
 
 
 def early_times(stand: Stand, sheet: Sheet) -> Findings:
@@ -220,16 +192,17 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
     repeats; of means and of traces one is enough.
     """
     first: dict[object, int] = {}
-    found: dict[bool, list[tuple[int, int]]] = {True: [], False: []}
+    copies: list[tuple[int, int, bool]] = []
     timed = [row for row in sheet.rows if row.time is not None]
-    lone = [row.n == 1 and row.trace is None for row in timed]
-    for row, single in zip(timed, lone, strict=True):
+    for row in timed:
         numbers = (row.mismatch, row.force, row.rise, row.n, row.time)
-        what = numbers if row.trace is None else row.trace.path
+        what = row.trace.path if row.trace else numbers
         if what in first:
-            found[single].append((row.row, first[what]))
+            copies.append((row.row, first[what], row.n == 1 and row.trace is None))
         first.setdefault(what, row.row)
-    copies = found[False] + (found[True] if 2 * len(found[True]) >= max(4, sum(lone)) else [])
+    lone = sum(row.n == 1 and row.trace is None for row in timed)
+    if 2 * sum(single for *_, single in copies) < max(4, lone):
+        copies = [one for one in copies if not one[2]]
     if copies:
         many = f"{len(copies)} rows repeat earlier ones"
         many = many if len(copies) > 1 else "a row is there twice"
@@ -301,7 +274,7 @@ def table_clock(stand: Stand, sheet: Sheet) -> Findings:
 
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Callable[[Stand, Sheet], Findings], ...] = (
-    axes_by_rise, physical_ranges, force_by_calibration, early_times, trace_notes, DURATION.check,
+    axes_by_rise, physical_ranges, early_times, trace_notes, DURATION.check,
     trace_clock, trace_travel, SPEED.check, FORCE.check, SETTLED_FORCE.check, trace_rest,
     repeated_rows, nearly_same_points, short_traces, table_clock,
 )  # fmt: skip

@@ -15,8 +15,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Field
 
-from dogshape.diagnosis.bench.sense import Sense
-from dogshape.diagnosis.terms import Array
+from dogshape.diagnosis.terms import Array, Sense
 from dogshape.sim.clutch_tables import (
     DogSection,
     OutputSection,
@@ -36,16 +35,25 @@ TimeZero = Literal["command", "force", "unknown"]
 Place = Literal["sleeve", "actuator", "unknown"]
 EmptyCells = Literal["not_made", "failed", "unknown"]
 
-#: Keys of earlier versions by their path, with the key of ``[record]`` that has their place.
-MOVED = {("mismatch_sense",): "sense", ("sensor", "displacement_at"): "displacement_at"}
-#: Largest uncertainty of each key, with its unit: beyond, a linear law would say nothing.
-MOST = {
-    "force_percent": (30.0, "%"),
-    "force_N": (1e4, "N"),
-    "mismatch_percent": (30.0, "%"),
-    "mismatch_rpm": (1e3, "1/min"),
-}
-MOST_STEP = 100.0  #: ms, largest step of a clock: beyond, times are counts of two or three steps
+LINKAGE = "correct it; the ratio is actuator travel over sleeve travel"
+MARGIN = "give the gap of a mean shift time below which nothing needs doing"
+CYCLE = "give the cycle of the controller that took the times, 0 for none"
+DEVIATION = "give a standard uncertainty, half the width of what holds 95 %"
+#: Ranges of numbers by dotted key, the unit, and what to give. Beyond those of ``[errors]`` a
+#: linear law would say nothing, and times in steps of 100 ms are counts of two or three steps.
+RANGES: dict[str, tuple[float, float, str, str]] = {
+    "sensor.linkage_ratio": (0.01, 100.0, "", LINKAGE),
+    "sensor.linkage_efficiency": (0.01, 1.0, "", LINKAGE),
+    "margin_percent": (0.0, 100.0, "%", MARGIN),
+    "margin_ms": (0.0, 1e3, "ms", MARGIN),
+    "errors.clock_step_ms": (0.0, 100.0, "ms", CYCLE),
+    **{
+        f"errors.{kind}.{name}": (0.0, most, unit, DEVIATION)
+        for kind in ("systematic", "each_point")
+        for name, most, unit in (("force_percent", 30.0, "%"), ("force_N", 1e4, "N"),
+                                 ("mismatch_percent", 30.0, "%"), ("mismatch_rpm", 1e3, "1/min"))
+    },
+}  # fmt: skip
 
 
 class BenchRecord(Section):
@@ -106,13 +114,12 @@ class _Contact(Section):
 
 
 class Sensor(Section):
-    """Sensors of the stand: place that is simulated, and linkage to the sleeve.
+    """Linkage of the stand's sensors to the sleeve.
 
     ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
     of its force that arrives; None where the data set does not say.
     """
 
-    displacement_at: str = "sleeve"  # as [record] has it
     linkage_ratio: float | None = None
     linkage_efficiency: float | None = None
 
@@ -122,6 +129,9 @@ class Sensor(Section):
         if self.linkage_ratio is None or self.linkage_efficiency is None:
             return None
         return self.linkage_ratio * self.linkage_efficiency
+
+
+DIRECT = Sensor()
 
 
 class Calibration(Section):
@@ -190,14 +200,14 @@ class _BenchFile(Section):
     shift_travel_mm: float
     relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
     corrections: list[str] = Field(default_factory=list)
-    margin_percent: float | None = None
-    margin_ms: float | None = None
+    margin_percent: float = 5.0
+    margin_ms: float = 2.0
     dog: DogSection
     sliding: SlidingSection
     output: OutputSection
     contact: _Contact
     record: BenchRecord = UNSAID
-    sensor: Sensor = Sensor()
+    sensor: Sensor = DIRECT
     actuator_calibration: list[Calibration] = Field(default_factory=list)
     tests: list[TestTerms] = Field(default_factory=list)
     measured: list[Measured] = Field(default_factory=list)
@@ -226,27 +236,30 @@ class Margin:
 USUAL_MARGIN = Margin()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Stand:
-    """A data set without its shifts; ``relative_angles`` in rad, where it says them.
+    """A data set without its shifts: the clutch as the bench knows it, and what is stated of it.
 
-    ``corrections`` are those that the data set itself asks for, such as ``time=ms``.
-    ``clock_step`` is the stated step of the clock in s, None where nothing is stated.
+    ``relative_angles`` are those of the bench in rad, where it says them, and ``corrections`` those
+    to make, such as ``time=ms``. ``tests`` has what tests cost at this stand, and which it cannot
+    do, ``margin`` the gap that needs nothing done, ``errors`` those of nominal force and mismatch,
+    ``measured`` results of direct tests. ``clock_step`` is the step in s of which all times are
+    multiples, 0 where there is none, None where nothing is stated.
     """
 
     name: str
     source: str
     clutch: Clutch
-    relative_angles: tuple[float, ...] | None
-    sensor: Sensor
-    calibration: tuple[Calibration, ...]
-    corrections: tuple[str, ...]
-    record: BenchRecord
-    tests: tuple[TestTerms, ...]
-    margin: Margin
-    errors: NominalErrors
-    measured: tuple[Measured, ...]
-    clock_step: float | None
+    relative_angles: tuple[float, ...] | None = None
+    sensor: Sensor = DIRECT
+    calibration: tuple[Calibration, ...] = ()
+    corrections: tuple[str, ...] = ()
+    record: BenchRecord = UNSAID
+    tests: tuple[TestTerms, ...] = ()
+    margin: Margin = USUAL_MARGIN
+    errors: NominalErrors = EXACT
+    measured: tuple[Measured, ...] = ()
+    clock_step: float | None = 0.0
 
 
 def load_stand(path: Path) -> Stand:
@@ -265,48 +278,25 @@ def load_stand(path: Path) -> Stand:
         raise DataError(
             f"{path} cannot be read: {error.strerror}; check path and rights"
         ) from error
-    file = validate(_BenchFile, _with_record(path, data), str(path))
+    file = validate(_BenchFile, data, str(path))
     clutch = _clutch(file)
     _require_plausible(path, file)
-    angles, usual = file.relative_angles_deg, USUAL_MARGIN
-    place = "actuator" if file.record.displacement_at == "actuator" else "sleeve"
-    step = file.errors.clock_step_ms
+    angles, step = file.relative_angles_deg, file.errors.clock_step_ms
     return Stand(
         name=file.name,
         source=file.source,
         clutch=clutch,
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
-        sensor=file.sensor.model_copy(update={"displacement_at": place}),
+        sensor=file.sensor,
         calibration=tuple(file.actuator_calibration),
         corrections=tuple(file.corrections),
         record=file.record,
         tests=tuple(file.tests),
-        margin=Margin(
-            usual.share if file.margin_percent is None else 0.01 * file.margin_percent,
-            usual.least if file.margin_ms is None else 1e-3 * file.margin_ms,
-        ),
+        margin=Margin(0.01 * file.margin_percent, 1e-3 * file.margin_ms),
         errors=file.errors,
         measured=tuple(file.measured),
         clock_step=None if step is None else MS * step,
     )
-
-
-def _with_record(path: Path, data: dict[str, Any]) -> dict[str, Any]:
-    """Move keys of earlier versions into ``[record]``; DataError where both are there."""
-    data = {k: dict(v) if isinstance(v, dict) else v for k, v in data.items()}
-    for (*tables, key), name in MOVED.items():
-        table = data.get(tables[0], {}) if tables else data
-        if not isinstance(table, dict) or key not in table:
-            continue
-        record = data.setdefault("record", {})
-        if isinstance(record, dict) and name in record:
-            old = ".".join((*tables, key))
-            raise DataError(
-                f"{path}: '{old}' is '{table[key]}' and 'record.{name}' is '{record[name]}', two "
-                f"keys for one thing; leave out '{old}'"
-            )
-        record[name] = table.pop(key)
-    return data
 
 
 def _clutch(file: _BenchFile) -> Clutch:
@@ -325,23 +315,13 @@ def _clutch(file: _BenchFile) -> Clutch:
 
 def _require_plausible(path: Path, file: _BenchFile) -> None:
     """Raise DataError for a number out of its range."""
-    linkage = "correct it; the ratio is actuator travel over sleeve travel"
-    margin = "give the gap of a mean shift time below which nothing needs doing"
-    cycle = "give the cycle of the controller that took the times, 0 for none"
-    deviation = "give a standard uncertainty, half the width of what holds 95 %"
-    ranges: list[tuple[str, float | None, float, float, str, str]] = [
-        ("sensor.linkage_ratio", file.sensor.linkage_ratio, 0.01, 100.0, "", linkage),
-        ("sensor.linkage_efficiency", file.sensor.linkage_efficiency, 0.01, 1.0, "", linkage),
-        ("margin_percent", file.margin_percent, 0.0, 100.0, "%", margin),
-        ("margin_ms", file.margin_ms, 0.0, 1e3, "ms", margin),
-        *((f"errors.{kind}.{name}", getattr(getattr(file.errors, kind), name), 0.0, *most,
-           deviation) for kind in ("systematic", "each_point") for name, most in MOST.items()),
-        ("errors.clock_step_ms", file.errors.clock_step_ms, 0.0, MOST_STEP, "ms", cycle),
-    ]  # fmt: skip
-    for name, value, low, high, unit, remedy in ranges:
+    for key, (low, high, unit, remedy) in RANGES.items():
+        value: Any = file
+        for name in key.split("."):
+            value = getattr(value, name)
         if value is not None and not low <= value <= high:
             rule = f"it must lie between {low:g} and {high:g} {unit}".rstrip()
-            raise DataError(refusal(f"{path}: {name}", value, unit, rule, remedy))
+            raise DataError(refusal(f"{path}: {key}", value, unit, rule, remedy))
     for test in file.tests:
         if test.hours is not None and not 0.0 < test.hours <= 1e4:
             rule, remedy = "it must be positive and at most 10000 h", "give the work in hours"

@@ -70,10 +70,6 @@ class Sheet:
     path: Path
     rows: tuple[Row, ...]
 
-    def with_rows(self, rows: tuple[Row, ...]) -> Sheet:
-        """Return the same sheet with other rows."""
-        return replace(self, rows=rows)
-
 
 def load_sheet(path: Path) -> Sheet:
     """Read the table and its traces; a mistake raises DataError with file, row and column."""
@@ -84,54 +80,28 @@ def load_sheet(path: Path) -> Sheet:
     table.require(NEEDED, COLUMNS)
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
-    records = [
-        _Record(path, row, dict(zip(table.head, cells, strict=True))) for row, cells in table.rows
-    ]
-    rows = tuple(record.read() for record in records)
+    cells = [_Cells(path, row, dict(zip(table.head, those, strict=True)))
+             for row, those in table.rows]  # fmt: skip
+    rows = tuple(map(_read_row, cells))
     timed = [row for row in rows if row.time is not None]
     for column in ("order", "timestamp"):
         empty = [row.row for row in timed if getattr(row, column) is None]
         if empty and len(empty) < len(timed):
             rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"
             raise bad_cell(path, empty[0], column, "", rule)
-    kinds = {is_plain(text): one for one in records if (text := one.text("timestamp"))}
+    kinds = {is_plain(text): one for one in cells if (text := one.text("timestamp"))}
     if len(kinds) > 1:
         raise kinds[True].bad("timestamp", "a date and time as in the other rows")
     return Sheet(path, rows)
 
 
 @dataclass(frozen=True)
-class _Record:
+class _Cells:
     """Cells of a row by the names of their columns."""
 
     path: Path
     row: int
     cells: dict[str, str]
-
-    def read(self) -> Row:
-        """Read a row; a mistake raises DataError."""
-        mismatch, force, rise = (self.number(column) for column in COLUMNS[:3])
-        count = float(self.text("n_shifts")) if is_plain(self.text("n_shifts")) else 0.0
-        if not 1 <= count < np.inf or count != int(count):
-            rule = "a whole number of at least 1, the shifts that its time is the mean of: 1 for a "
-            raise self.bad("n_shifts", f"{rule}single shift")
-        if count > MOST:
-            rule = f"at most {MOST}: shifts that a stand has made, not a count of samples"
-            raise self.bad("n_shifts", rule)
-        said = self.text("engaged").lower()
-        if said not in ENGAGED:
-            raise self.bad("engaged", "true, false or empty")
-        engaged = ENGAGED[said]
-        time = self.number("shift_time_s") if self.text("shift_time_s") else None
-        if time is not None and engaged is False:
-            rule = "true where shift_time_s has a time, or else that cell must be empty"
-            raise bad_cell(self.path, self.row, "engaged", "false", rule)
-        return Row(
-            self.row, mismatch, force, rise, int(count), time,
-            True if time is not None else engaged, self._trace(int(count)),
-            self._spread(int(count), time),
-            self.number("order") if self.text("order") else None, self._stamp(),
-        )  # fmt: skip
 
     def text(self, column: str) -> str:
         return self.cells.get(column, "")
@@ -149,46 +119,61 @@ class _Record:
             raise self.bad(column, "a finite number")
         return value
 
-    def _spread(self, count: int, time: float | None) -> float | None:
-        """Read the standard deviation of the times that a mean is of, s."""
-        if not self.text("shift_time_sd_s"):
-            return None
-        if count < 2 or time is None:
-            rule = "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"
-            raise self.bad("shift_time_sd_s", rule)
-        value = self.number("shift_time_sd_s")
-        # So large is it where one shift took all the time and the others none.
-        most = time * count**0.5
-        if not 0.0 <= value <= most:
-            rule = f"between 0 and {most:.4g}: times above 0 of this mean cannot scatter by more"
-            raise self.bad("shift_time_sd_s", rule)
-        return value
+    def maybe(self, column: str) -> float | None:
+        """Read a finite number, None for an empty cell."""
+        return self.number(column) if self.text(column) else None
 
-    def _stamp(self) -> float | None:
-        """Read a time stamp in s: a date and time as ISO 8601 has it (UTC without a zone), or s."""
-        if not self.text("timestamp"):
-            return None
-        try:
-            value = seconds_of(self.text("timestamp"))
-        except ValueError:
-            rule = "a date and time such as 2024-05-31T14:05:09, or seconds"
-            raise self.bad("timestamp", rule) from None
-        if not np.isfinite(value):
-            raise self.bad("timestamp", "finite")
-        return value
 
-    def _trace(self, count: int) -> BenchTrace | None:
-        given = Path(self.text("trace"))
-        if not self.text("trace"):
-            return None
-        if count != 1:
-            raise self.bad("trace", "empty where n_shifts is not 1: it is one shift's")
-        if given.is_absolute() or ".." in given.parts:
-            raise self.bad("trace", "a path inside the folder of the data set")
-        try:
-            return read_trace(self.path.parent / given)
-        except DataError as error:
-            raise DataError(f"{self.path}, row {self.row}, column trace: {error}") from error
+def _read_row(cells: _Cells) -> Row:
+    """Read a row; a mistake raises DataError."""
+    mismatch, force, rise = (cells.number(column) for column in COLUMNS[:3])
+    count = float(cells.text("n_shifts")) if is_plain(cells.text("n_shifts")) else 0.0
+    if not 1 <= count < np.inf or count != int(count):
+        rule = "a whole number of at least 1, the shifts that its time is the mean of: 1 for a "
+        raise cells.bad("n_shifts", f"{rule}single shift")
+    if count > MOST:
+        rule = f"at most {MOST}: shifts that a stand has made, not a count of samples"
+        raise cells.bad("n_shifts", rule)
+    said = cells.text("engaged").lower()
+    if said not in ENGAGED:
+        raise cells.bad("engaged", "true, false or empty")
+    engaged, time = ENGAGED[said], cells.maybe("shift_time_s")
+    if time is not None and engaged is False:
+        rule = "true where shift_time_s has a time, or else that cell must be empty"
+        raise bad_cell(cells.path, cells.row, "engaged", "false", rule)
+    if cells.text("shift_time_sd_s") and (count < 2 or time is None):
+        rule = "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"
+        raise cells.bad("shift_time_sd_s", rule)
+    # So large is a spread where one shift took all the time and the others none.
+    sd, most = cells.maybe("shift_time_sd_s"), (time or 0.0) * count**0.5
+    if sd is not None and not 0.0 <= sd <= most:
+        rule = f"between 0 and {most:.4g}: times above 0 of this mean cannot scatter by more"
+        raise cells.bad("shift_time_sd_s", rule)
+    try:
+        stamp = seconds_of(cells.text("timestamp")) if cells.text("timestamp") else None
+    except ValueError:
+        rule = "a date and time such as 2024-05-31T14:05:09, or seconds"
+        raise cells.bad("timestamp", rule) from None
+    if stamp is not None and not np.isfinite(stamp):
+        raise cells.bad("timestamp", "finite")
+    return Row(
+        cells.row, mismatch, force, rise, int(count), time, True if time is not None else engaged,
+        _trace(cells, int(count)), sd, cells.maybe("order"), stamp,
+    )  # fmt: skip
+
+
+def _trace(cells: _Cells, count: int) -> BenchTrace | None:
+    given = Path(cells.text("trace"))
+    if not cells.text("trace"):
+        return None
+    if count != 1:
+        raise cells.bad("trace", "empty where n_shifts is not 1: it is one shift's")
+    if given.is_absolute() or ".." in given.parts:
+        raise cells.bad("trace", "a path inside the folder of the data set")
+    try:
+        return read_trace(cells.path.parent / given)
+    except DataError as error:
+        raise DataError(f"{cells.path}, row {cells.row}, column trace: {error}") from error
 
 
 def bad_cell(path: Path, row: int, column: str, value: str, rule: str) -> DataError:
@@ -236,10 +221,10 @@ def near_points(rows: Sequence[Row]) -> dict[int, int]:
     return found
 
 
-def joined_values(rows: Sequence[Row]) -> list[tuple[float, float, float]]:
-    """Compute mismatch, force and rise time of each row, the mean of its operating point's shifts.
+def joined_rows(rows: Sequence[Row]) -> tuple[Row, ...]:
+    """Give rows with nearly the same set values the mean of their shifts.
 
-    Rows with nearly the same set values are one point, as are points with nearly the same means.
+    Points with nearly the same means are one point as well.
     """
     values = _set_values(rows)
     weights = np.array([row.n for row in rows], dtype=float)
@@ -250,7 +235,10 @@ def joined_values(rows: Sequence[Row]) -> list[tuple[float, float, float]]:
             if (values[mine] != values[mine][0]).any():
                 values[mine] = np.average(values[mine], axis=0, weights=weights[mine])
         before, groups = count, _groups(values)
-    return [(float(n), float(force), float(rise)) for n, force, rise in values]
+    return tuple(
+        replace(row, mismatch=n, force=force, rise=rise)
+        for row, (n, force, rise) in zip(rows, values.tolist(), strict=True)
+    )
 
 
 def set_values(

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.bench.corrections import (
-    Correction,
     Finding,
     Findings,
     corrected,
@@ -27,7 +26,6 @@ from dogshape.sim.units import MM, MS, RPM
 
 SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
 SETTLED = 0.25  #: s after the rise from which any delay of the force is over
-CLOSER = 0.5  #: share of the scatter about a constant below which that about a ratio explains more
 CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margin of a diagnosis
 REST = 0.02  #: of axial gap or nominal force, least reading at rest that is said
 MOVED = 0.005  #: of the travel, least way of the first samples of a record that begins in motion
@@ -108,7 +106,7 @@ def _begins_in_motion(trace: BenchTrace) -> bool:
 
 
 def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
-    """Find traces of another time zero or rate than the table has, or of another end."""
+    """Find traces of another time zero than the table has, or of another end."""
     traced = _traced(sheet)
     if not traced:
         return
@@ -116,20 +114,32 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
     took = np.array([row.time or np.nan for row, _ in traced])
     late = end - took
     # Times of the table, and the travel at which a stand ends a shift, scatter as well.
-    between = CLOCK + float(np.median(least))
+    between, middle = CLOCK + float(np.median(least)), _median(late)
     over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
-    if ratio := _rate(end, took, between):
-        found = f"the travel of the traces ends at {ratio:.3g} times shift_time_s of their rows"
-        looks = "a recorder whose sample rate is not that of t_s, or a table whose clock runs wrong"
-        yield Finding("trace_time", f"{found} (median)", looks)
-        return
     off = abs(start) > least
     # A single start that the travel does not confirm is scatter of the fit.
     off &= (2 * off.sum() >= off.size) | (abs(late) > between) | over
-    middle = _median(late)
     if off.any():
-        found, looks, way = _other_zero(stand, start, late, off, between)
-        yield Finding("trace_time", found, looks, way, bool((off & over).any()))
+        low, high = (f"{one:.4f}" for one in (start[off].min(), start[off].max()))
+        found = (
+            f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
+            f"{low if low == high else f'{low} to {high}'} s"
+        )
+        looks, way = (
+            "the recorder's clock, or a record that begins before its trigger",
+            "from_force",
+        )
+        if seen := np.isfinite(late[off]).any():
+            found += f"; {_ends(_median(late[off]))}"
+        if seen and abs(_median(late[off])) <= between:
+            looks = "a dead time or slow rise of the force, or a zero that table and traces share"
+            looks, way = f"{looks}, which a diagnosis weighs", ""
+            if stand.record.time_zero == "force":
+                looks = BEFORE_FORCE["force"]
+        elif np.isnan(start).any():
+            found += f"; in {np.isnan(start).sum()} traces no rise of the force is seen at all"
+            way = ""
+        yield Finding("trace_time", found, looks, way or None, bool((off & over).any()))
     elif np.isnan(start).all():
         found = "no rise of force_N stands out from its noise in the traces, so that t_s = 0 cannot"
         found += " be compared with the start of the force"
@@ -139,21 +149,6 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
     elif abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
         looks = BEFORE_FORCE[stand.record.time_zero if middle < 0.0 else "unknown"]
         yield Finding("trace_time", _ends(middle), f"{looks}, or to another travel")
-
-
-def _rate(end: Array, took: Array, between: float) -> float | None:
-    """Return the ratio of the traces' times to the table's, None where a constant parts them.
-
-    ``end`` and ``took``, (traces,) in s; ``between`` is the least difference that is seen, s.
-    """
-    known = np.isfinite(end) & np.isfinite(took)
-    end, took = end[known], took[known]
-    ratio = _median(end / took)
-    if abs(ratio - 1.0) * _median(took) <= between:
-        return None
-    late = end - took
-    proportional, constant = abs(end - ratio * took), abs(late - _median(late))
-    return ratio if _median(proportional) < CLOSER * _median(constant) else None
 
 
 def _clock(stand: Stand, row: Row, trace: BenchTrace) -> tuple[float, float, float]:
@@ -167,35 +162,6 @@ def _clock(stand: Stand, row: Row, trace: BenchTrace) -> tuple[float, float, flo
     end = float(np.interp(travel, way, trace.time)) if way[-1] >= travel else np.nan
     least = max(CLOCK, 3.0 * trace.step, 4.0 * (start.error if start else 0.0))
     return (start.time if start else np.nan), end, least
-
-
-def _other_zero(
-    stand: Stand, start: Array, late: Array, off: np.ndarray, least: float
-) -> tuple[str, str, str | None]:
-    """Describe traces with another time zero: what was found, probable cause, and correction.
-
-    ``late`` is the end of travel in the traces less the time of their shifts, s.
-    """
-    low, high = (f"{one:.4f}" for one in (start[off].min(), start[off].max()))
-    found = (
-        f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
-        f"{low if low == high else f'{low} to {high}'} s"
-    )
-    looks, way = "the recorder's clock, or a record that begins before its trigger", "from_force"
-    if np.isfinite(late[off]).any():
-        found += f"; {_ends(_median(late[off]))}"
-        if abs(_median(late[off])) <= least:
-            looks = "a dead time or slow rise of the force, or a zero that table and traces share"
-            looks = f"{looks}, which a diagnosis weighs"
-            if stand.record.time_zero == "force":
-                looks = BEFORE_FORCE["force"]
-            return found, looks, None
-        if abs(_median((late - start)[off])) > least:
-            looks = "the recorder's clock, and shift times that count from another instant"
-    if np.isnan(start).any():
-        unseen = np.isnan(start).sum()
-        return f"{found}; in {unseen} traces no rise of the force is seen at all", looks, None
-    return found, looks, way
 
 
 def _ends(late: float) -> str:
@@ -282,7 +248,7 @@ class Range:
         found = self.found(stand, middle)
         for quantity, way, looks in self.ways:
             try:
-                other = corrected(sheet, Correction(quantity, way), stand.sensor)
+                other = corrected(sheet, f"{quantity}={way}", stand.sensor)
             except InputError:  # the stand does not say by how much
                 continue
             if self.low <= self.median(stand, other) <= self.high:

@@ -16,12 +16,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.bench.sense import REVERSED, forward, turned
 from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened, widened
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import UNKNOWN, Array, Hypothesis
+from dogshape.diagnosis.terms import REVERSED, UNKNOWN, Array, Hypothesis, forward, turned
 
 #: Steps of refinement: nats below the best, hypotheses at most, and rounds of each. Prior draws
 #: miss narrow posteriors by many nats, so the first step takes many hypotheses.

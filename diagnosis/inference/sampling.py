@@ -17,10 +17,9 @@ from scipy.spatial.distance import cdist
 from scipy.special import gammaln, logsumexp
 from scipy.stats import qmc
 
-from dogshape.diagnosis.bench.sense import forward
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import Array, Hypothesis, forward
 
 PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters
 MANY = 2048  #: of more parameters

@@ -6,12 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from dogshape.diagnosis.bench.sense import REVERSED, forward
 from dogshape.diagnosis.bench.stand_file import Margin
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
+from dogshape.diagnosis.terms import NONE, REVERSED, UNKNOWN, Hypothesis, forward
 
 Kind = Literal["effect", "none", "unknown", "ambiguous"]
 

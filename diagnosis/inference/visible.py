@@ -10,11 +10,10 @@ from collections.abc import Collection, Mapping
 
 import numpy as np
 
-from dogshape.diagnosis.bench.sense import forward
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
 from dogshape.diagnosis.prediction.model import Predicted
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import Array, Hypothesis, forward
 
 Probabilities = dict[Hypothesis, float]
 

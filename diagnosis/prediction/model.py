@@ -27,7 +27,6 @@ from scipy.interpolate import PchipInterpolator, RBFInterpolator
 from scipy.special import expit, logit
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.sense import DELAY, REVERSED, forward
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
     Simulated,
@@ -38,7 +37,7 @@ from dogshape.diagnosis.prediction.simulations import (
     with_wide_range,
 )
 from dogshape.diagnosis.settings import Settings
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import DELAY, REVERSED, Array, Hypothesis, forward
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Sensor, Setting, angle_weights

@@ -251,6 +251,6 @@ def findings_record(bench: Bench) -> dict[str, Any]:
     """List the corrections of a data set and its suspicious values, as records."""
     keys = ("quantity", "found", "looks_like", "correction", "sentence")
     return {
-        "corrections": [str(correction) for correction in bench.corrections],
+        "corrections": list(bench.corrections),
         "warnings": [{key: getattr(one, key) for key in keys} for one in bench.warnings],
     }

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, require_times
-from dogshape.diagnosis.bench.stand_file import BenchRecord, Sensor
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.next_test import require_terms
@@ -192,7 +192,7 @@ def points_from(where: str | Path) -> Bench:
         study = load_study(where)
         rows = [Reading(k, point, 1, None, None) for k, point in enumerate(study.points, start=2)]
         return Bench(
-            study.name, f"study {where}", study.clutch, gather(rows), None, Sensor(),
+            name=study.name, source=f"study {where}", clutch=study.clutch, cells=gather(rows),
             record=BenchRecord(displacement_at="sleeve"),
         )  # fmt: skip
     sets = sorted(p.name for p in root.iterdir() if p.is_dir())

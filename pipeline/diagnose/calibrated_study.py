@@ -19,11 +19,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.report.wording import chance, described, headline_of
-from dogshape.diagnosis.terms import UNKNOWN, Array, Hypothesis, plain
+from dogshape.diagnosis.terms import REVERSED, UNKNOWN, Array, Hypothesis, plain
 from dogshape.pipeline.config.mechanism import PROBE
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study, load_study

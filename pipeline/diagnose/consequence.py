@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.sense import forward
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.phase_times import PhaseGap, phase_gaps
-from dogshape.diagnosis.terms import NONE, UNKNOWN
+from dogshape.diagnosis.terms import NONE, UNKNOWN, forward
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.progress import WorkCounter

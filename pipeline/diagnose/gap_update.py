@@ -101,7 +101,7 @@ def keep_data(bench: Bench, folder: Path, effects: Path | None) -> None:
         (fresh / name).parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(bench.folder / name, fresh / name)
     where = None if effects is None else str(effects.resolve())
-    Asked(tuple(map(str, bench.corrections)), where).write(fresh)
+    Asked(bench.corrections, where).write(fresh)
     _settle(fresh)
 
 

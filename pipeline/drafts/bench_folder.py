@@ -12,28 +12,18 @@ import shutil
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from math import ceil
 from pathlib import Path
-from statistics import fmean
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.corrections import corrected, parse
-from dogshape.diagnosis.bench.foreign_cells import SHIFTS, TRACE
-from dogshape.diagnosis.bench.foreign_columns import Report, TableReader
+from dogshape.diagnosis.bench.foreign_columns import SHIFTS, TRACE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
-from dogshape.diagnosis.bench.slips import SCALED, examine, impossible
-from dogshape.diagnosis.bench.stand_file import load_stand
-from dogshape.diagnosis.bench.table import COLUMNS, Sheet, set_values
-from dogshape.diagnosis.bench.table import Row as SheetRow
+from dogshape.diagnosis.bench.table import COLUMNS, set_values
 from dogshape.diagnosis.bench.trace_files import SUFFIXES
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.sources import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
-from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.texts import text_of
-from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 
 Row = dict[str, Any]  #: a table of a TOML file
@@ -90,7 +80,7 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
     Raises
     ------
     DataError
-        For all faults of tables, rows and traces at once.
+        For all faults of tables and traces at once, or for what cannot be true in their rows.
     StorageError
         For a folder that holds files, without ``force``.
     """
@@ -105,18 +95,16 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
                 _copy_trace(row, draft, report, folder / "traces")
         report.require(where)
         values = _values(draft, source, rows, out, report)
+        report.require(where)
         text = with_values(text_of(bundled_root() / TEMPLATE), values)
         (folder / "bench.toml").write_text(text, encoding="utf-8")
         table = pd.DataFrame([_cells(row) for row in rows], columns=[*COLUMNS], dtype=object)
         empty = [name for name in COLUMNS[7:] if table[name].isna().all()]
         table.drop(columns=empty).to_csv(folder / "shifts.csv", index=False, lineterminator="\n")
-        _examine(folder, rows, report)
-        report.require(where)
         try:
             bench = load_bench(folder)
         except DogshapeError as error:
-            said = re.sub(r"--correct (\S+)", r"""--set 'corrections=["\1"]'""", str(error))
-            raise type(error)(said.replace(str(folder), str(out))) from error
+            raise type(error)(_fault_of(str(error), folder, out, rows)) from error
         for path in draft.tables:
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
@@ -127,6 +115,20 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
         "assumed": list(dict.fromkeys(report.assumed)),
         "warnings": [finding.sentence for finding in bench.warnings],
     }  # fmt: skip
+
+
+def _fault_of(text: str, folder: Path, out: Path, rows: list[Row]) -> str:
+    """Write the fault of a draft with the rows of its tables and the options of its verb."""
+
+    def given(found: re.Match[str]) -> str:
+        row = rows[int(found[1]) - 2]
+        return f"{row['file']}, row {row['row']}"
+
+    text = re.sub(rf"{re.escape(str(folder / 'shifts.csv'))}, row (\d+)", given, text)
+    text = re.sub(r"--correct (\S+)", r"""--set 'corrections=["\1"]'""", text)
+    longer = ", or say --set timeout_s=... where the stand gives up later"
+    text += longer if "at most the time-out" in text else ""
+    return text.replace(str(folder), str(out))
 
 
 def _cells(row: Row) -> Row:
@@ -214,9 +216,16 @@ def _add_series(name: str, reader: TableReader, rows: list[Row]) -> None:
     own = replace(reader, report=Report())
     head, values, report = own.matches[name].head, [], reader.report
     where = {"file": str(reader.table.path), "column": head}
+    timed = [row["row"] for row in rows if row["time"] is not None]
     try:
         values = own.stamps() if name == "timestamp" else own.numbers(name)
-        reason = own.report.faults[0] if own.report.faults else _gap(name, rows, values)
+        placed = {r["row"]: v for r, v in zip(rows, values, strict=True) if r["row"] in timed}
+        lacking = [row for row, value in placed.items() if value is None]
+        reason = next(iter(own.report.faults), "")
+        if not reason and name != "shift_time_sd_s" and lacking:
+            reason = f"it is empty in row {lacking[0]}, but every shift with a time needs its place"
+        elif not reason and name == "order" and len(set(placed.values())) < len(placed):
+            reason = "a number is there twice, so it is no place in the whole series"
     except DataError as error:
         reason = str(error)
     except InputError as question:
@@ -240,45 +249,30 @@ def _add_series(name: str, reader: TableReader, rows: list[Row]) -> None:
         )
 
 
-def _gap(name: str, rows: list[Row], values: list[Any]) -> str:
-    """Give the reason why a column does not place all shifts in a series, empty where it does."""
-    timed = {r["row"]: v for r, v in zip(rows, values, strict=True) if r["time"] is not None}
-    lacking = [row for row, value in timed.items() if value is None]
-    if name != "shift_time_sd_s" and lacking:
-        return f"it is empty in row {lacking[0]}, but every shift with a time needs its place"
-    twice = name == "order" and len(set(timed.values())) < len(timed)
-    return "a number is there twice, so it is no place in the whole series" if twice else ""
-
-
 def _group_set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> Row:
-    """Group measured mismatches and forces at set values, and give their scatter as errors."""
-    if any(one.quantity == "points" for one in parse(draft.values.get("corrections", ()))):
+    """Group measured set values, and give the scatter of mismatches and forces as errors."""
+    if any(text.startswith("points=") for text in draft.values.get("corrections", ())):
         return {}
     errors: Row = {}
     both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
-    for name, key, known in (("mismatch", "mismatch_rpm", both),
-                             ("force", "force_percent", source.forces)):  # fmt: skip
-        found = set_values([row[name] for row in rows], known)
+    for name, key, known in (
+        ("mismatch", "mismatch_rpm", both), ("force", "force_percent", source.forces),
+        ("rise", "", []),
+    ):  # fmt: skip
+        measured = [row[name] for row in rows if row[name] is not None]
+        found = set_values(measured, known) if len(measured) == len(rows) else None
         if found is None:
             continue
         values, size, share = found
         for row, value in zip(rows, values.tolist(), strict=True):
             row[name] = value
-        error = f"errors.each_point.{key}"
-        errors[error] = float(f"{size if name == 'mismatch' else 100.0 * share:.2g}")
         levels = ", ".join(map(number, sorted(set(values.tolist()))))
-        report.assumed.append(
-            f"{name} is measured: {len(rows)} values are grouped at {levels}, with their scatter "
-            f"as {error} = {errors[error]:g}; --set 'corrections=[\"points=given\"]' keeps each"
-        )
-    groups: dict[tuple[float, float], list[Row]] = {}
-    for row in rows if errors else []:
-        groups.setdefault((row["mismatch"], row["force"]), []).append(row)
-    for those in groups.values():
-        rises = {row["rise"] for row in those} - {None}
-        if len(rises) > 1 and max(rises) < 1.2 * min(rises):
-            for row in those:
-                row["rise"] = float(f"{fmean(rises):.4g}")
+        said = f"{name} is measured: {len(rows)} values are grouped at {levels}"
+        if key:
+            error = f"errors.each_point.{key}"
+            errors[error] = float(f"{size if name == 'mismatch' else 100.0 * share:.2g}")
+            said += f", with their scatter as {error} = {errors[error]:g}"
+        report.assumed.append(f"{said}; --set 'corrections=[\"points=given\"]' keeps each")
     return errors
 
 
@@ -298,10 +292,8 @@ def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: 
         return
     often = Counter(row["time"] for row in open_)
     most = max(often, default=0.0)
-    others = {time: n for time, n in often.items() if time < most}
-    piled = others and often[most] > 1 and most >= 1.5 * max(others)
-    mode = others and often[most] > max(2, *others.values())
-    if piled or mode or abs(most / source.clutch.timeout - 1.0) < 1e-6:
+    piled = often[most] > max((n for time, n in often.items() if time < most), default=often[most])
+    if piled or abs(most / source.clutch.timeout - 1.0) < 1e-6:
         report.faults.append(
             f"the largest time, {number(most)} s, is there {often[most]} times (row "
             f"{next(row['row'] for row in open_ if row['time'] == most)}), as where a stand gives "
@@ -403,45 +395,3 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
         travel = float(whole["dog.height_mm"]) + float(whole["dog.axial_gap_mm"])
         values["shift_travel_mm"] = float(f"{travel - tolerance:.9g}")
     return values | given
-
-
-def _examine(folder: Path, rows: list[Row], report: Report) -> None:
-    """Add what cannot be true to the faults: slips of whole columns, or else single rows."""
-    try:
-        stand = load_stand(folder / "bench.toml")
-        asked = parse(stand.corrections)
-    except DogshapeError as error:
-        report.faults.append(str(error).replace(str(folder / "bench.toml"), "bench.toml"))
-        return
-    names = ("row", "mismatch", "force", "rise", "n", "time", "engaged")
-    sheet = Sheet(folder, tuple(SheetRow(*(row[name] for name in names)) for row in rows))
-    for correction in asked:
-        sheet = corrected(sheet, correction, stand.sensor)
-    certain = [f for f in examine(stand, sheet, asked) if f.certain]
-    heads = {reading["quantity"]: reading["column"] for reading in report.readings}
-    for finding in certain:
-        name = SCALED.get(finding.quantity, ("",))[0]
-        option = f"--column {name}='{heads.get(name)}:{finding.way}'"
-        if name not in heads:
-            option = f"--set 'corrections=[\"{finding.correction}\"]'"
-        report.faults.append(finding.with_remedy(f"{option} takes it as that"))
-    longest = max((row.time for row in sheet.rows if row.time is not None), default=0.0)
-    limit = stand.clutch.timeout
-    if certain:
-        return
-    if longest > limit and not report.faults:
-        report.faults.append(
-            f"the longest time is {number(longest)} s, beyond the time-out of {number(limit)} s in "
-            "bench.toml; say after which time the stand gives up, such as --set timeout_s="
-            f"{ceil(longest)}"
-        )
-    for given, row in zip(rows, sheet.rows if longest <= limit else (), strict=False):
-        try:
-            OperatingPoint(row.mismatch * RPM, ForceProfile(row.force, row.rise))
-            rule = impossible(stand, row) or ""
-            rule = rule and f"the shift time is {number(row.time or 0.0)} s, but it must be {rule}"
-        except InputError as error:
-            rule = str(error).rstrip(".")
-        if rule:
-            rule = rule.partition(" (--correct")[0]
-            report.faults.append(f"{given['file']}, row {given['row']}: {rule}; correct the row")

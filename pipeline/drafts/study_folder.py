@@ -1,14 +1,8 @@
 """A study folder to begin with: the commented study file with values of one's own.
 
-A study begins as a copy of another one. Values that hold for the other clutch alone are computed
-from the new one where a rule does so, and left out where none does:
-
-- toothing of the ring at its default share of the inner radius
-- moving mass as given, with nothing added
-- force that the blocking mechanism holds, as torque over mean radius
-- height of the dogs, with other diameters, as mean diameter over count: the same shape
-- height range as the height; other search ranges as they are, widened until they hold the own dog
-- forces with which it shifts, as those of the actuator
+A study begins as a copy of another one. Values that hold for the other clutch alone are left out,
+but for the height of the dogs, which keeps their shape (mean diameter over count), forces with
+which it shifts, which are those of the actuator, and search ranges, which hold the own dog.
 """
 
 from __future__ import annotations
@@ -84,6 +78,7 @@ BOUND = {
     "driveline.stiffness_Nm_rad": (*DIAMETERS, *INERTIAS),
     "strike": (*DIAMETERS, *INERTIAS, TORQUE),
     "load.pull_out_force_limit_N": (ACTUATOR,),
+    "load.separating_force_limit_N": (*DIAMETERS, TORQUE),
     "load.abuse_torque_Nm": (TORQUE,),
     "search.reference": DIAMETERS,
     "search.within_s": (*DIAMETERS, *INERTIAS, MASS, ACTUATOR),
@@ -163,11 +158,6 @@ def use_of(origin: str, values: Mapping[str, Any]) -> Values:
     found = {key: value_at(tables, key) for key in USE}
     found = {key: absent.get(key) if value is None else value for key, value in found.items()}
     return {key: value for key, value in found.items() if askable(value)}
-
-
-def searched_keys(origin: str) -> list[str]:
-    """List the keys that the search of a draft may change."""
-    return list(tomllib.loads(_begun(origin)[0]).get("variables", {}))
 
 
 def askable(value: Any) -> bool:
@@ -261,82 +251,52 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     sentences. Given values stay.
     """
     origin, own = tomllib.loads(text), _with(given, text)
-    numbers = [value_at(own, key) for key in ("dog.count", HEIGHT, *DIAMETERS)]
-    for one in (value_at(own, key) for key in (ACTUATOR, OPERATING)):
+    count, height, outer, inner = (value_at(own, key) for key in ("dog.count", HEIGHT, *DIAMETERS))
+    has, wants = (value_at(own, key) for key in (ACTUATOR, OPERATING))
+    numbers = [count, height, outer, inner]
+    for one in (has, wants):
         numbers += one if isinstance(one, list) else []
     if not all(isinstance(one, (int, float)) and one > 0 for one in numbers):
         return {}, []  # what is wrong is said by the study
-    changed = {key for key in ANY if value_at(origin, key) != value_at(own, key)}
     limits = value_at(origin, "search.limits") or {}
     bound = BOUND | {f"search.limits.{name}": ANY for name in limits if name.endswith(UNITS)}
-    left = [key for key, by in bound.items() if changed & set(by)]
-    if MASS in given:  # also where all that moves is what the ring alone was
-        left = list(dict.fromkeys([*left, ADDED]))
+    changed = {key for by in bound.values() for key in by
+               if value_at(origin, key) != value_at(own, key)}  # fmt: skip
+    changed |= {MASS} & set(given)  # also where all that moves is what the ring alone was
     found: Values = {}
     if changed & set(DIAMETERS) and HEIGHT not in given:
-        found[HEIGHT] = rounded(value_at(own, HEIGHT) * _module(own) / _module(origin), 3)
-        own = {**own, "dog": {**own["dog"], "height_mm": found[HEIGHT]}}
-    found |= dict.fromkeys(key for key in left if value_at(origin, key) is not None)
-    found |= _scaled(origin, own) | _ranges(origin, own)
+        before = sum(value_at(origin, key) for key in DIAMETERS) / value_at(origin, "dog.count")
+        found[HEIGHT] = height = rounded(height * (outer + inner) / count / before, 3)
+    found |= {key: None for key, by in bound.items()
+              if changed & set(by) and value_at(origin, key) is not None}  # fmt: skip
+    lists = has and wants and isinstance(has, list) and isinstance(wants, list)
+    if lists and not min(has) <= min(wants) <= max(wants) <= max(has):
+        found[OPERATING] = has
+    found |= _ranges(origin, {**own["dog"], "height_mm": height})
     found = {key: value for key, value in found.items() if not _is_given(key, given)}
     computed = [f"{key} {_text(value)}" for key, value in found.items() if value is not None]
     absent = [key for key, value in found.items() if value is None]
-    replaced = [f"{key} ({INSTEAD[key]})" for key in absent if key in INSTEAD]
-    unjudged = [key for key in absent if key not in INSTEAD]
     said = {
         "follows from your clutch": computed,
-        "left out, with what holds instead": replaced,
-        "left out, so not judged; give your own": unjudged,
+        "left out, with what holds instead": [
+            f"{k} ({INSTEAD[k]})" for k in absent if k in INSTEAD
+        ],
+        "left out, so not judged; give your own": [key for key in absent if key not in INSTEAD],
     }
     return found, [f"{what}: {', '.join(those)}" for what, those in said.items() if those]
 
 
-def _scaled(origin: Values, own: Values) -> Values:
-    """Compute the values that a rule gives."""
-    found: Values = {}
-    held, gap, rebound = "load.separating_force_limit_N", "dog.axial_gap_mm", "shift.rebound_mm"
-    limit, ratio = value_at(origin, held), _pull(own) / _pull(origin)
-    if limit is not None and ratio != 1.0:
-        found[held] = rounded(limit * ratio, 3)
-    new = value_at(own, gap)
-    if new and new != value_at(origin, gap) == value_at(origin, rebound):
-        found[rebound] = new
-    has, wants = (value_at(own, key) for key in (ACTUATOR, OPERATING))
-    lists = isinstance(has, list) and isinstance(wants, list) and has and wants
-    if lists and not min(has) <= min(wants) <= max(wants) <= max(has):
-        found[OPERATING] = has
-    return found
-
-
-def _pull(tables: Values) -> float:
-    """Compute torque over mean radius, in a unit that cancels; 1 without a torque."""
-    torque, outer, inner = (value_at(tables, key) for key in (TORQUE, *DIAMETERS))
-    there = isinstance(torque, (int, float)) and torque > 0
-    return float(torque / (outer + inner)) if there else 1.0
-
-
-def _module(tables: Values) -> float:
-    """Compute twice the mean diameter over the number of dogs, mm."""
-    outer, inner = (value_at(tables, key) for key in DIAMETERS)
-    return float((outer + inner) / value_at(tables, "dog.count"))
-
-
-def _ranges(origin: Values, own: Values) -> Values:
-    """Compute the search ranges that change: each holds the own dog."""
+def _ranges(origin: Values, dog: Values) -> Values:
+    """Widen the search ranges that do not hold the own dog."""
     found: Values = {}
     for key, (low, high) in (value_at(origin, "variables") or {}).items():
-        value, before = (value_at(tables, f"dog.{key}") for tables in (own, origin))
-        if not isinstance(value, (int, float)) or value == before:
+        value = dog.get(key)
+        if not isinstance(value, (int, float)) or low <= value <= high:
             continue
-        ends = [low, high]
-        if key == "height_mm":
-            ends = [rounded(end * value / before, 3) for end in ends]
-        if not ends[0] <= value <= ends[1]:
-            ends = [min(ends[0], 0.5 * value), max(ends[1], 1.5 * value)]
+        ends = [min(low, 0.5 * value), max(high, 1.5 * value)]
         if key == "count":
             ends = [max(2, math.floor(ends[0])), math.ceil(ends[1])]
         if key.endswith("_deg"):
             ends[1] = min(ends[1], max(LAST_ANGLE, value))
-        if ends != [low, high]:
-            found[f"variables.{key}"] = ends
+        found[f"variables.{key}"] = ends
     return found

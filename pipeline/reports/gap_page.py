@@ -198,7 +198,7 @@ def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
         "operating points": f"{len(bench.cells)}",
         "timed shifts": str(sum(cell.n for cell in bench.cells)),
         "record": "; ".join(f"{k}: {v}".replace("_", " ") for k, v in record.items()),
-        "corrections": ", ".join(f"{c.quantity}={c.way}" for c in bench.corrections),
+        "corrections": ", ".join(bench.corrections),
         "suspicious values": "; ".join(
             f"{one.found}; this looks like {one.looks_like}" for one in bench.warnings
         ),
@@ -215,6 +215,6 @@ def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
 
 def examined_lines(bench: Bench) -> list[str]:
     """List the corrections and suspicious values of a data set, a line each."""
-    made = ", ".join(str(correction) for correction in bench.corrections)
+    made = ", ".join(bench.corrections)
     lines = [f"corrected as asked: {made}"] if made else []
     return lines + [f"warning: {finding.sentence}" for finding in bench.warnings]

@@ -37,7 +37,7 @@ def _bench(stiffness: float, ratio: float, start: float) -> Bench:
     )
     return replace(
         STAND,
-        sensor=Sensor(displacement_at="actuator", linkage_ratio=ratio, linkage_efficiency=0.5),
+        sensor=Sensor(linkage_ratio=ratio, linkage_efficiency=0.5),
         calibration=readings,
     )
 

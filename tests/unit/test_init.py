@@ -14,8 +14,8 @@ from typer.testing import CliRunner
 from dogshape.cli.app import app
 from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_cells import SHIFTS, split_head, unit_named
-from dogshape.diagnosis.bench.foreign_columns import Match, matched
+from dogshape.diagnosis.bench.foreign_cells import split_head, unit_named
+from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.pipeline.config.schema import StudyFile
@@ -49,7 +49,7 @@ def columns_of(*heads: str) -> list[Column]:
 
 
 def heads_of(found: list[Match]) -> dict[str, str]:
-    return {one.quantity.name: one.terms[0].column.head for one in found}
+    return {one.quantity.name: one.head for one in found}
 
 
 @pytest.mark.parametrize(
@@ -131,7 +131,7 @@ def test_a_unit_of_the_option_goes_before_that_of_the_head(
 ) -> None:
     found, faults = matched(columns_of(head, "dn", "F"), SHIFTS, {"shift_time_s": said})
     assert not faults
-    taken = found[0].terms[0].unit
+    taken = found[0].terms[0][1]
     assert taken is not None
     assert taken.text == unit
     assert ("; the head says" in found[0].why) == other

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import cumulative_simpson
 
 from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
-from dogshape.diagnosis.bench.stand_file import Sensor
+from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar.engagement import engage, planar_clutch
@@ -55,7 +55,7 @@ def test_with_the_same_contact_each_effect_is_that_of_the_simulation(name: str) 
     bench = load_bench(BENCH)
     cells = [k for k, c in enumerate(bench.cells) if abs(c.point.profile.force - 469.0) < 1.0]
     place = next(k for k in cells if abs(bench.cells[k].point.mismatch - POINT.mismatch) < 1e-6)
-    bench = replace(bench, sensor=Sensor(displacement_at="actuator"))
+    bench = replace(bench, record=BenchRecord(displacement_at="actuator"))
     setting = load(None)[name].apply(
         replace(setting_of(bench), point=bench.cells[place].point), values
     )

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.sense import REVERSED, Sense, forward, turned
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL
-from dogshape.diagnosis.terms import NONE
+from dogshape.diagnosis.terms import NONE, REVERSED, Sense, forward, turned
 from dogshape.sim.effect import BenchTest, Effect, Values
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting

@@ -28,10 +28,9 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import qmc
 
-from dogshape.diagnosis.bench.sense import REVERSED
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
 from dogshape.diagnosis.prediction.model import Predicted
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis
 from dogshape.validation.blind.expected_means import Expected
 
 NONE: Hypothesis = ()

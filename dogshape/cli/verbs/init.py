@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
@@ -20,7 +20,6 @@ from dogshape.pipeline.drafts.study_folder import (
     HEIGHT,
     USE,
     askable,
-    searched_keys,
     use_of,
     write_study,
 )
@@ -78,43 +77,21 @@ def study(
 
 def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
     """Ask about clutch and use until they make a study; what was answered is the next default."""
-    origin = ask_text("begin from (a study, or the folder of a bench)", origin)
+    origin = ask("begin from (a study, or the folder of a bench)", origin)
     before = source_of(origin).dog_values
     before |= {key: value for key, value in values.items() if key in CLUTCH and askable(value)}
     answers = ask_values(before, CLUTCH)
     # What follows from the clutch is the default of the other questions.
     use = use_of(origin, values | changed(answers, before))
     before, answers = before | use, answers | ask_values(use, USE)
-    searched = _asked_search(searched_keys(origin))
     while True:
         height = {HEIGHT: answers[HEIGHT]}  # as answered, also where it is the default
-        given = values | changed(answers, before) | height | searched
         try:
-            return write_study(out, origin, given, force=force)
+            return write_study(out, origin, values | changed(answers, before) | height, force=force)
         except InputError as error:
             say(str(error))
-            say("nothing is written yet; your other answers are kept")
-            answers = answers | ask_values(_named(answers, str(error)), CLUTCH | USE)
-
-
-def _asked_search(names: list[str]) -> dict[str, None]:
-    """Ask which keys of the dog a search may change; give the others, to be taken out."""
-    while names:
-        said = ask_text("what the search may change, with blanks between", " ".join(names)).split()
-        if said and set(said) <= set(names):
-            return {f"variables.{name}": None for name in names if name not in said}
-        say(f"a search may change {', '.join(names)}; give some of them")
-    return {}
-
-
-def _named(answers: dict[str, Any], fault: str) -> dict[str, Any]:
-    """Return the answers that a fault names, all of them where it names none.
-
-    Forces stand in two tables, which have to agree.
-    """
-    forces = {key for key in answers if key.endswith("force_N") and "force" in fault}
-    found = {key: answers[key] for key in answers if key in fault or key in forces}
-    return found or answers
+            say("nothing is written yet; your answers are kept")
+            answers = ask_values(answers, CLUTCH | USE)
 
 
 @init.command()
@@ -176,8 +153,8 @@ def _pair(text: str) -> tuple[str, str]:
     return name.strip(), column
 
 
-def _asked_columns(draft: BenchDraft) -> tuple[BenchDraft, dict[str, Any]]:
-    """Ask about the columns of the tables; give what is read of them with the draft."""
+def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
+    """Ask about columns, clutch and stand."""
     found = guessed(draft)
     while draft.tables:
         for part in reading_text(found):
@@ -185,37 +162,31 @@ def _asked_columns(draft: BenchDraft) -> tuple[BenchDraft, dict[str, Any]]:
             terminal(stderr=True).print(shown)
         for fault in found["faults"]:
             say(fault)
-        if not found["faults"] and ask_yes("is that right?", default=True):
+        if not found["faults"] and ask("is that right?", True):
             break
-        answer = ask_text("say one, as shift_time_s=COLUMN:UNIT or decimal=, (empty: go on)", "")
+        answer = ask("say one, as shift_time_s=COLUMN:UNIT or decimal=, (empty: go on)", "")
         if not answer:
             break
         name, text = _pair(answer.removeprefix("--column ").removeprefix("--"))
-        if name == "decimal":
-            draft = replace(draft, decimal=text)
-        elif name == "rows":
-            draft = replace(draft, rows=text)
-        else:
-            draft = replace(draft, columns={**draft.columns, name: text.strip("'")})
+        own = (
+            {name: text}
+            if name in ("decimal", "rows")
+            else {"columns": {**draft.columns, name: text.strip("'")}}
+        )
+        draft = replace(draft, **own)
         found = guessed(draft)
-    return draft, found
-
-
-def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
-    """Ask about columns, clutch and stand."""
-    draft, found = _asked_columns(draft)
     values = dict(draft.values)
-    values = {"name": ask_text("name of the data set", target.name)} | values
-    values = {"source": ask_text("who measured it, and when", "not said")} | values
-    origin = ask_text("clutch of the stand, as in (study or bench)", draft.origin)
-    if not ask_yes(f"is the clutch exactly that of '{origin}'?", default=True):
+    values = {"name": ask("name of the data set", target.name)} | values
+    values = {"source": ask("who measured it, and when", "not said")} | values
+    origin = ask("clutch of the stand, as in (study or bench)", draft.origin)
+    if not ask(f"is the clutch exactly that of '{origin}'?", True):
         before = source_of(origin).dog_values
         values = changed(ask_values(before, CLUTCH), before) | values
     for key, (question, choices) in RECORD.items():
         if key not in values and (key != EMPTY or found["empty"]):
-            values[key] = ask_choice(question, choices, "unknown")
-    if "timeout_s" not in values and ask_yes("has the stand a time-out of its own?", default=False):
-        values["timeout_s"] = ask_number("time-out, s", 1.0)
+            values[key] = ask(f"{question}: {', '.join(choices)}", "unknown", choices)
+    if "timeout_s" not in values and ask("has the stand a time-out of its own?", False):
+        values["timeout_s"] = ask("time-out, s", 1.0)
     return replace(draft, origin=origin, values=values)
 
 
@@ -224,61 +195,41 @@ def may_ask(yes: bool) -> bool:
     return not yes and sys.stdin.isatty()
 
 
-def ask_text(question: str, default: str) -> str:
-    """Ask for words; the end of the input stops the program as Ctrl-C does."""
+def ask(question: str, default: Any, choices: Sequence[str] = ()) -> Any:
+    """Ask for a value of the kind of the default: yes or no, a number, numbers, or words.
+
+    A decimal comma is taken as a point. An answer of another kind is asked about again; the end of
+    the input stops the program as Ctrl-C does.
+    """
+
+    def value_of(text: Any) -> Any:
+        if not isinstance(text, str) or isinstance(default, str):
+            if choices and text not in choices:
+                raise typer.BadParameter(f"give one of {', '.join(choices)}")
+            return text.strip() if isinstance(text, str) else text
+        numbers = [meant_number(word.rstrip(";")) for word in text.split()]
+        if not numbers or None in numbers or (not many and len(numbers) > 1):
+            raise typer.BadParameter(
+                "give " + ("numbers with blanks between" if many else "a number")
+            )
+        if isinstance(default, int) and numbers[0] != round(numbers[0] or 0.0):
+            raise typer.BadParameter("give a whole number")
+        return numbers if many else type(default)(numbers[0])
+
+    many = isinstance(default, (list, tuple))
     try:
-        found: str = typer.prompt(question, default=default, err=True)
+        if isinstance(default, bool):
+            return typer.confirm(question, default=default, err=True)
+        shown = " ".join(f"{one:g}" for one in default) if many else default
+        shown = f"{shown:g}" if isinstance(shown, float) else str(shown)
+        return typer.prompt(question, default=shown, err=True, value_proc=value_of)
     except typer.Abort:
         raise KeyboardInterrupt from None
-    return found.strip()
-
-
-def ask_yes(question: str, *, default: bool) -> bool:
-    """Ask for yes or no; the end of the input stops the program as Ctrl-C does."""
-    try:
-        return typer.confirm(question, default=default, err=True)
-    except typer.Abort:
-        raise KeyboardInterrupt from None
-
-
-def ask_choice(question: str, choices: Sequence[str], default: str) -> str:
-    """Ask for one of some words."""
-    while True:
-        found = ask_text(f"{question}: {', '.join(choices)}", default)
-        if found in choices:
-            return found
-        say(f"give one of {', '.join(choices)}")
-
-
-def ask_number(question: str, default: Any) -> Any:
-    """Ask for a number, whole where the default is; a decimal comma is taken as a point."""
-    while True:
-        found = meant_number(ask_text(question, f"{default:g}"))
-        if found is not None and (not isinstance(default, int) or found == round(found)):
-            return round(found) if isinstance(default, int) else found
-        say("that is no " + ("whole number" if isinstance(default, int) else "number"))
-
-
-def ask_numbers(question: str, default: Sequence[float]) -> list[float]:
-    """Ask for one number and more, with blanks between them."""
-    while True:
-        words = ask_text(question, " ".join(f"{one:g}" for one in default)).split()
-        found = [meant_number(word.rstrip(";")) for word in words]
-        numbers = [one for one in found if one is not None]
-        if numbers and len(numbers) == len(found):
-            return numbers
-        say("that are no numbers with blanks between them")
 
 
 def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
-    """Ask for values by their keys: a number, a list or a word, as the default."""
-    found = {}
-    for key, value in values.items():
-        ask: Callable[[str, Any], Any] = ask_text
-        if not isinstance(value, str):
-            ask = ask_numbers if isinstance(value, (list, tuple)) else ask_number
-        found[key] = ask(words.get(key, key), value)
-    return found
+    """Ask for values by their keys."""
+    return {key: ask(words.get(key, key), value) for key, value in values.items()}
 
 
 def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
