@@ -28,14 +28,7 @@ if TYPE_CHECKING:
     import pandas as pd
     import plotly.graph_objects as go
 
-    from dogshape.diagnosis.bench.bench_data import Reading
     from dogshape.gap import Diagnosis
-
-
-def _series(reading: Reading) -> dict[str, float]:
-    """Return spread and place in the series of a row, as far as it has them."""
-    known = {"shift_time_sd_s": reading.sd, "place": reading.place}
-    return {name: value for name, value in known.items() if value is not None}
 
 
 @dataclass(frozen=True, init=False, repr=False)
@@ -76,8 +69,10 @@ class Bench:
         """
         import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
 
-        rows = [
-            {
+        rows = []
+        for reading in self.data.readings:
+            series = {"shift_time_sd_s": reading.sd, "place": reading.place}
+            rows.append({
                 "mismatch_rpm": reading.point.mismatch / RPM,
                 "force_N": reading.point.profile.force,
                 "force_rise_s": reading.point.profile.rise,
@@ -85,10 +80,8 @@ class Bench:
                 "shift_time_s": reading.time,
                 "engaged": reading.engaged,
                 "trace": None if reading.trace is None else str(reading.trace.path),
-                **_series(reading),
-            }
-            for reading in self.data.readings
-        ]
+                **{name: value for name, value in series.items() if value is not None},
+            })  # fmt: skip
         index = pd.Index([reading.row for reading in self.data.readings], name="row")
         return pd.DataFrame(rows, index=index)
 
@@ -105,8 +98,6 @@ class Bench:
 
         ``keep`` is a folder in which a run that was stopped leaves its finished shifts.
         """
-        from dogshape.running import Where  # noqa: PLC0415
-
         where = Where(jobs, None, None if keep is None else Path(keep), progress)
         return simulate_bench(self.data, where, angles, engine)
 
@@ -128,6 +119,11 @@ class Bench:
 
 MIN_ANGLES = 3  #: of a comparison, of which a spread can be known
 FLIPPED = 1e-3  #: s, numerical error that the steps of the solver alone do not make
+FLIP = (
+    "so large a numerical error is a shift that flipped: of those repeated with a finer tolerance "
+    "one or more came into another slot, or did not engage; with more --angles one such shift "
+    "counts less"
+)
 
 
 @dataclass(frozen=True, repr=False)
@@ -165,18 +161,13 @@ class Comparison(Result):
         """Operating points, the gap over all of them, and what looks odd in the set."""
         from dogshape.pipeline.reports.gap_page import examined_lines  # noqa: PLC0415  # plotly
 
-        result = self.compared
+        error = self.compared.numerical_error
         lines = ["z: bench less simulated, over s.e."]
         lines += [f"{name}: {value}" for name, value in self.facts.items()]
-        if result.numerical_error is not None:
-            lines.append(f"numerical error of the mean: {result.numerical_error * 1e3:.2g} ms")
-            if result.numerical_error > FLIPPED:
-                lines.append(
-                    "so large a numerical error is a shift that flipped: of those repeated with a "
-                    "finer tolerance one or more came into another slot, or did not engage; with "
-                    "more --angles one such shift counts less"
-                )
-        return [tabulate(BenchPoint, self.rows), *lines, *examined_lines(result.bench)]
+        if error is not None:
+            lines.append(f"numerical error of the mean: {error * 1e3:.2g} ms")
+            lines += [FLIP] if error > FLIPPED else []
+        return [tabulate(BenchPoint, self.rows), *lines, *examined_lines(self.compared.bench)]
 
     @property
     def rows(self) -> list[BenchPoint]:
@@ -232,18 +223,19 @@ def simulate_bench(
     require_angles(angles)
     chosen: int | tuple[float, ...] | None
     if angles is None or isinstance(angles, int):
-        chosen, given = angles, ANGLES if angles is None else angles
+        chosen, count = angles, ANGLES if angles is None else angles
     else:
-        chosen, given = tuple(angle * DEG for angle in angles), len(angles)
-    if given < MIN_ANGLES:
+        chosen, count = tuple(angle * DEG for angle in angles), len(angles)
+    if count < MIN_ANGLES:
         raise InputError(
             f"--angles is '{angles_text(angles)}', but a comparison needs at least three; give more"
         )
     require_something(bench)
     if engine is not None:
         bench = replace(bench, clutch=bench.clutch.with_engine(engine))
-    own = bench.relative_angles if angles is None else None
-    shifts = len(bench.cells) * (len(own) if own else given)
+    if angles is None and bench.relative_angles:
+        count = len(bench.relative_angles)
+    shifts = len(bench.cells) * count
     asked = bench.name, clutch_record(bench.clutch), angles_text(angles)
     propagated = 4 * shifts if bench.errors else 0  # at most: either side of force and mismatch
     with where.executor("validate", asked, shifts + propagated + repeated(shifts)) as running:

@@ -59,6 +59,9 @@ class Cell:
     point: OperatingPoint
     readings: tuple[Reading, ...]
 
+    def _count(self, engaged: bool | None) -> int:
+        return sum(r.n for r in self.readings if r.engaged is engaged)
+
     @property
     def n(self) -> int:
         """Number of shifts that have a time, alone or within a mean."""
@@ -67,9 +70,8 @@ class Cell:
     @property
     def time(self) -> float | None:
         """Mean shift time over these, s, None where there is none."""
-        total = self.n
         whole = sum(r.time * r.n for r in self.readings if r.time is not None)
-        return whole / total if total else None
+        return whole / self.n if self.n else None
 
     @property
     def times(self) -> NDArray[np.float64]:
@@ -80,17 +82,17 @@ class Cell:
     @property
     def engaged(self) -> int:
         """Number of shifts known to have engaged."""
-        return sum(r.n for r in self.readings if r.engaged)
+        return self._count(True)
 
     @property
     def failed(self) -> int:
         """Number of shifts that were tried and did not engage."""
-        return sum(r.n for r in self.readings if r.engaged is False)
+        return self._count(False)
 
     @property
     def unknown(self) -> int:
         """Number of shifts of which nothing is known: not tried, or not engaged."""
-        return sum(r.n for r in self.readings if r.engaged is None)
+        return self._count(None)
 
     @property
     def tried(self) -> int:
@@ -131,13 +133,9 @@ class Bench(Stand):
 
 
 def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
-    """Read a data set.
+    """Read a data set, a folder or a bundled name.
 
-    Parameters
-    ----------
-    where : a folder, or the name of a bundled set.
-    corrections : such as ``time=ms`` (``diagnosis.bench.corrections``), beside those that
-        ``bench.toml`` asks for.
+    ``corrections`` are made beside those that ``bench.toml`` asks for, such as ``time=ms``.
 
     Raises
     ------

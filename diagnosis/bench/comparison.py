@@ -14,15 +14,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, Cell
-from dogshape.diagnosis.terms import Array
 from dogshape.sim.statistics.blocks import Block, Runner, even_blocks, numerical_error
 from dogshape.sim.statistics.expectation import PointExpectation, expect_point
-from dogshape.sim.statistics.shift_records import Record, result_of
+from dogshape.sim.statistics.shift_records import result_of
 
 LEAST = 3  #: single readings that say something of their scatter
 ANGLES = 16  #: evenly spaced angles where neither data set nor caller says any
@@ -81,12 +79,8 @@ class Comparison:
     @property
     def relative_rms(self) -> float | None:
         """Root-mean-square of simulation over bench less one; None without a gap."""
-        ratios = [
-            -d.gap / d.cell.time
-            for d in self.differences
-            if d.gap is not None and d.cell.time is not None
-        ]
-        return _rms(ratios)
+        gaps = [(d.gap, d.cell.time) for d in self.differences]
+        return _rms([-gap / time for gap, time in gaps if gap is not None and time])
 
     @property
     def engaged(self) -> tuple[int, int, float]:
@@ -122,34 +116,26 @@ def compare(
     given = angles if isinstance(angles, tuple) else None
     if angles is None:
         given = bench.relative_angles
-    count = angles if isinstance(angles, int) else ANGLES
     points = [cell.point for cell in bench.cells]
     if given is None:
+        count = angles if isinstance(angles, int) else ANGLES
         blocks = even_blocks(bench.clutch, points, count, seed)
     else:
         blocks = [Block(bench.clutch, point, given) for point in points]
     rows = run(blocks)
-    pairs = zip(bench.cells, rows, strict=True)
-    found = [_difference(bench, c, r, given is None) for c, r in pairs]
-    if bench.errors:
-        added = _input_errors(bench, blocks, run)
-        found = [
-            replace(one, standard_error=math.hypot(one.standard_error, error))
-            for one, error in zip(found, added, strict=True)
-        ]
-    differences = tuple(found)
-    error = numerical_error(blocks, rows, run) if checked else None
-    return Comparison(bench, differences, error)
-
-
-def _difference(bench: Bench, cell: Cell, rows: list[Record], even: bool) -> Difference:
-    results = [result_of(row) for row in rows]
-    simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even=even)
-    error = simulated.sd / math.sqrt(max(1, simulated.n))
-    if even:
-        sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
-        error = math.hypot(simulated.standard_error, sampled)
-    return Difference(cell, simulated.mean_engaged, max(error, 1e-6), simulated)
+    added = _input_errors(bench, blocks, run) if bench.errors else [0.0] * len(blocks)
+    found = []
+    for cell, records, own in zip(bench.cells, rows, added, strict=True):
+        results = [result_of(record) for record in records]
+        simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even=given is None)
+        error = simulated.sd / math.sqrt(max(1, simulated.n))
+        if given is None:
+            sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
+            error = math.hypot(simulated.standard_error, sampled)
+        error = math.hypot(max(error, 1e-6), own)
+        found.append(Difference(cell, simulated.mean_engaged, error, simulated))
+    repeated = numerical_error(blocks, rows, run) if checked else None
+    return Comparison(bench, tuple(found), repeated)
 
 
 def _scatter(cell: Cell) -> float:
@@ -158,42 +144,36 @@ def _scatter(cell: Cell) -> float:
     That of single ones is pooled with those that come beside means.
     """
     times = cell.times
-    told = [(r.n - 1.0, r.sd**2) for r in cell.readings if r.sd is not None]
+    known = [(r.n - 1.0, r.sd**2) for r in cell.readings if r.sd is not None]
     if len(times) >= LEAST:
-        told.append((len(times) - 1.0, float(times.var(ddof=1))))
-    whole = sum(freedom for freedom, _ in told)
+        known.append((len(times) - 1.0, float(times.var(ddof=1))))
+    whole = sum(freedom for freedom, _ in known)
     if whole < LEAST - 1.0:
         return 0.0
-    return math.sqrt(sum(freedom * variance for freedom, variance in told) / whole)
+    return math.sqrt(sum(freedom * variance for freedom, variance in known) / whole)
 
 
 def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[float]:
     """Propagate stated errors of nominal force and mismatch to the simulated means, s."""
-
-    def changes(name: str, values: Array) -> Array:
-        """Differentiate the means by the logarithm of a quantity, s, (cells,)."""
-        ends: list[list[float]] = []
+    squares = np.zeros(len(blocks))
+    points = [block.point for block in blocks]
+    sizes = (bench.errors.systematic, bench.errors.each_point)
+    for name, key in (("force", "force_N"), ("mismatch", "mismatch")):
+        values = np.array([p.profile.force if name == "force" else p.mismatch for p in points])
+        parts = [getattr(size, f"{name}_share") + 0.0 * values for size in sizes]
+        parts += [getattr(size, key) / np.maximum(abs(values), 1e-9) for size in sizes]
+        if not np.any(parts):
+            continue
+        ends = []
         for by in (1.0 - STEP, 1.0 + STEP):
-            moved = []
-            for block, value in zip(blocks, (by * values).tolist(), strict=True):
-                own: dict[str, Any] = {"mismatch": value}
-                if name == "force":
-                    own = {"profile": replace(block.point.profile, force=value)}
-                moved.append(replace(block, point=replace(block.point, **own)))
+            moved = [
+                replace(block, point=replace(p, profile=replace(p.profile, force=by * value))
+                        if name == "force" else replace(p, mismatch=by * value))
+                for block, p, value in zip(blocks, points, values.tolist(), strict=True)
+            ]  # fmt: skip
             times = [[result_of(row).shift_time for row in rows] for rows in run(moved)]
             known = [[time for time in those if time is not None] for those in times]
             ends.append([sum(those) / len(those) if those else np.nan for those in known])
-        less, more = np.array(ends)
-        return np.asarray((more - less) / (2.0 * STEP))
-
-    squares = np.zeros(len(blocks))
-    force = np.array([block.point.profile.force for block in blocks])
-    mismatch = np.array([block.point.mismatch for block in blocks])
-    sizes = (bench.errors.systematic, bench.errors.each_point)
-    for name, values in (("force", force), ("mismatch", mismatch)):
-        absolute = "force_N" if name == "force" else "mismatch"
-        parts = [getattr(size, f"{name}_share") + 0.0 * values for size in sizes]
-        parts += [getattr(size, absolute) / np.maximum(abs(values), 1e-9) for size in sizes]
-        if np.any(parts):
-            squares += changes(name, values) ** 2 * np.sum(np.square(parts), axis=0)
+        less, more = np.array(ends)  # s, by the logarithm of the quantity
+        squares += ((more - less) / (2.0 * STEP)) ** 2 * np.sum(np.square(parts), axis=0)
     return list(np.sqrt(np.nan_to_num(squares)).tolist())

@@ -30,7 +30,6 @@ def _scaled(one: Any, by: float, *names: str) -> Any:
 
 
 def _trace(change: Callable[[BenchTrace, Row, Sensor], BenchTrace]) -> Change:
-    """Give the change of the trace of a row that has one."""
     return lambda row, sensor: (
         row if row.trace is None else replace(row, trace=change(row.trace, row, sensor))
     )

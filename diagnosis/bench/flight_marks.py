@@ -1,15 +1,10 @@
 r"""Marks of the flight in bench traces: when displacement and force pass given values.
 
 Until the first touch the motion of the ring depends on no relative angle, so all traces of one
-force profile show the same flight. Its marks are the times at which the displacement passes shares
-of the nominal axial gap, and the force shares of its nominal final value.
-
-A mark is the root of a parabola through the samples around it. The samples run from a part of the
-value to somewhat above; none is from after the gap is closed. With the scatter :math:`\sigma` of
-the samples, from their third differences or from what the parabola leaves, its standard error is
-:math:`\sigma_{fit}/|\dot x|`. Values below four scatters have no mark, nor has a force that the
-trace does not pass. Traces whose mark lies far from the others' (a first touch before its time) are
-left out, the rest averaged.
+force profile show the same flight. A mark is the root of a parabola through the samples around the
+value. With the scatter :math:`\sigma` of the samples, from their third differences or from what the
+parabola leaves, its standard error is :math:`\sigma_{fit}/|\dot x|`. Values below four scatters
+have no mark. Traces whose mark lies far from the others' are left out, the rest averaged.
 
 All marks of a profile err together: by the start of each trace within its sampling step, or by the
 error with which it was found from the force; by the gain of the sensor
@@ -73,26 +68,26 @@ class SeenFlight:
 
 def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
     """Gather the marks of the flight from the traces of a data set, by force profile."""
-    found: dict[ForceProfile, list[int]] = {}
+    places: dict[ForceProfile, list[int]] = {}
     for place, cell in enumerate(bench.cells):
         if cell.traces:
-            found.setdefault(cell.point.profile, []).append(place)
-    flights = [_flight(bench, profile, cells) for profile, cells in found.items()]
-    return tuple(flight for flight in flights if flight.places.size)
-
-
-def _flight(bench: Bench, profile: ForceProfile, cells: Sequence[int]) -> SeenFlight:
-    traces = [trace for place in cells for trace in bench.cells[place].traces]
-    joined = joined_marks(traces, profile, bench.clutch.dog.axial_gap)
-    places = np.array([k for k, one in enumerate(joined) if one is not None], dtype=np.int64)
-    known = [one for one in joined if one is not None]
-    times = np.array([one.time for one in known])
-    start = float(np.mean([trace.step**2 / 12.0 + trace.start_error**2 for trace in traces]))
-    covariance = np.diag([one.error**2 for one in known]) + model_covariance(
-        places, times, np.array([one.reach for one in known])
-    )
-    covariance = covariance + start / len(traces)
-    return SeenFlight(profile, tuple(cells), places, times, covariance, len(traces))
+            places.setdefault(cell.point.profile, []).append(place)
+    found = []
+    for profile, cells in places.items():
+        traces = [trace for place in cells for trace in bench.cells[place].traces]
+        joined = joined_marks(traces, profile, bench.clutch.dog.axial_gap)
+        known = np.array([k for k, one in enumerate(joined) if one is not None], dtype=np.int64)
+        if not known.size:
+            continue
+        marks = [one for one in joined if one is not None]
+        times = np.array([one.time for one in marks])
+        start = float(np.mean([trace.step**2 / 12.0 + trace.start_error**2 for trace in traces]))
+        covariance = np.diag([one.error**2 for one in marks]) + model_covariance(
+            known, times, np.array([one.reach for one in marks])
+        )
+        covariance = covariance + start / len(traces)
+        found.append(SeenFlight(profile, tuple(cells), known, times, covariance, len(traces)))
+    return tuple(found)
 
 
 def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
@@ -117,7 +112,6 @@ def joined_marks(
 
 
 def _joined(marks: Sequence[Mark | None]) -> Mark | None:
-    """Return the mean of the marks of several traces, without those far from the others."""
     known = [mark for mark in marks if mark is not None]
     if 2 * len(known) < len(marks) or not known:
         return None
@@ -162,30 +156,20 @@ def mark_of(time: Array, values: Array, level: float, around: tuple[float, float
     if level < CLEAR * noise or not above.any() or above[0] or values.size < 3:
         return None
     # Noise passes a level too early and too late alike: the middle is between first and last.
-    first = int(np.argmax(above))
-    last = first
+    first = last = int(np.argmax(above))
     near = np.flatnonzero(~above[first:] & (smooth[first:] > level - CLEAR * noise))
     if near.size and near[0] < SAMPLES:
         last = first + int(near[near < 2 * SAMPLES][-1]) + 1
-    low, high = _window(smooth, first, last, level, around)
-    return _fitted(time[low:high], values[low:high], level, noise)
-
-
-def _window(
-    smooth: Array, first: int, last: int, level: float, around: tuple[float, float]
-) -> tuple[int, int]:
-    """Return the samples to fit, from one place up to another."""
     below = np.flatnonzero(smooth[:first] < around[0] * level)
-    low = int(below[-1]) if below.size else 0
     over = np.flatnonzero(smooth[last:] > around[1] * level)
+    low = int(below[-1]) if below.size else 0
     high = last + int(over[0]) + 1 if over.size else smooth.size
     while high - low < SAMPLES and (low > 0 or high < smooth.size):
         low, high = max(0, low - 1), min(smooth.size, high + 1)
-    return low, high
+    return _fitted(time[low:high], values[low:high], level, noise)
 
 
 def _fitted(time: Array, values: Array, level: float, noise: float) -> Mark | None:
-    """Find the upward crossing of a level by a parabola through samples."""
     degree = 2 if time.size >= 4 else 1
     centre, scale = float(time.mean()), float(np.ptp(time)) or 1.0
     matrix = np.vander((time - centre) / scale, degree + 1)

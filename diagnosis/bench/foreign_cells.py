@@ -15,7 +15,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from dogshape.diagnosis.terms import Array
-from dogshape.sim.errors import DataError, InputError
+from dogshape.sim.errors import DataError
 
 _SAME = str.maketrans({
     **dict.fromkeys("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}", " "),
@@ -43,7 +43,6 @@ def is_number(cell: str) -> bool:
 
 
 def _shown_sign(cell: str) -> tuple[str | None, bool]:
-    """Give the decimal sign that a number shows, and whether it may be one of thousands as well."""
     text = plain(cell)
     marks = re.findall("[.,]", text)
     if not marks or not _NUMBER.fullmatch(text):
@@ -233,20 +232,20 @@ def is_dated(cells: Sequence[str]) -> bool:
 def stamps_of(cells: Sequence[str], option: str) -> tuple[list[str], str]:
     """Convert dates to ISO 8601, and clocks without a date to s; also tell how they are read.
 
-    ``option`` is one of ``DATES`` or empty. Raises DataError for other cells, InputError for those
-    that can be read in two ways.
+    ``option`` is one of ``DATES`` or empty. Raises DataError for other cells, and for those that
+    can be read in two ways.
     """
     import pandas as pd  # noqa: PLC0415  # slow to load, and most tables have no dates
 
     if len(days := {bool(_DAY.search(cell)) for cell in cells}) > 1:
-        raise DataError("some cells have a date and others have none")
+        raise DataError("has a date in some cells and none in others")
     orders = [found for cell in cells if (found := _ORDER.match(cell))]
     day, month = (any(int(found[k]) > 12 for found in orders) for k in (1, 3))
     first = any(found[2] == "." for found in orders) or option == "d/m/y"
     if len({found[0] for found in orders}) > 1 and not (first or option or day or month):
-        raise InputError(
-            f"'{cells[0]}' has its day or its month first; say which behind the column: --column "
-            "timestamp=COLUMN:d/m/y or COLUMN:m/d/y"
+        raise DataError(
+            f"may have its day or its month first ('{cells[0]}'); say which behind the column: "
+            "--column timestamp=COLUMN:d/m/y or COLUMN:m/d/y"
         )
     first = first or (option != "m/d/y" and not month)
     whole = pd.Series(cells).str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
@@ -254,7 +253,7 @@ def stamps_of(cells: Sequence[str], option: str) -> tuple[list[str], str]:
     try:
         found = pd.to_datetime(whole, format="mixed", dayfirst=first and bool(orders), utc=True)
     except (ValueError, OverflowError) as error:
-        raise DataError(f"not all cells are dates ({str(error).splitlines()[0]})") from error
+        raise DataError(f"has cells that are no dates ({str(error).splitlines()[0]})") from error
     if True in days:
         way = f", {'day' if first else 'month'} first" if orders else ""
         return [one.isoformat() for one in found], f"dates{way}"

@@ -38,6 +38,7 @@ from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, did_you_mean, number
 from dogshape.sim.texts import listed
 
+NONE = "-"  #: column option of a quantity that is not to be read
 LEAST = 20.0  #: score from which a column is taken for a quantity
 FITS = 20.0  #: what a unit of the right kind adds
 #: Quantities of which loose words settle nothing between columns of the right kind.
@@ -190,6 +191,8 @@ def score(quantity: Quantity, column: Column) -> float:
         or (quantity.dimension and any(column.cells) and not np.isfinite(column.values).any())
     ):
         return 0.0
+    if quantity.name == "shift_time_s" and _is_clock(quantity, column):
+        return 0.0
     if quantity.name == "timestamp" and kind is None and is_dated(column.cells):
         return 90.0
     best = max(_alike(quantity.words, words), 0.6 * _alike(quantity.loose, words))
@@ -213,7 +216,6 @@ def _alike(phrases: str, words: Sequence[str]) -> float:
 
 
 def _is_strong(quantity: Quantity, column: Column) -> bool:
-    """Test that the name of a column has words that mean nothing but the quantity."""
     return _alike(quantity.words, plain_words(column.name).split()) > 20.0
 
 
@@ -224,14 +226,12 @@ def grows(column: Column) -> bool:
 
 
 def counts_up(column: Column) -> bool:
-    """Test that a column numbers its rows: whole numbers one apart, rows left out aside."""
+    """Test that a column numbers its rows: whole numbers, most of them one apart."""
     cells = [cell for cell in column.cells if cell]
     if len(cells) < 2 or not all(cell.isdecimal() for cell in cells):
         return False
-    values = np.array(cells, dtype=int)
-    steps, again = np.diff(values), values[1:] == values[0]
-    most = max(int(((steps == by) | again).sum()) for by in (1, -1))
-    return bool(most >= 0.6 * steps.size and 2 * again.sum() <= steps.size and (steps != 0).all())
+    steps = np.diff(np.array(cells, dtype=int))
+    return bool(max((steps == 1).mean(), (steps == -1).mean()) >= 0.6 and (steps != 0).all())
 
 
 def matched(
@@ -239,25 +239,18 @@ def matched(
 ) -> tuple[list[Match], list[str]]:
     """Match columns with quantities, best first: matches, and questions on what is not decided.
 
-    ``said`` maps quantities to column options (``said_match``), which come first.
+    ``said`` maps quantities to column options (``said_match``), which come first, or to ``NONE``.
     """
     found: list[Match] = []
     faults: list[str] = []
     for name, text in said.items():
         try:
-            found.append(said_match(columns, quantities, name, text))
+            found += [said_match(columns, quantities, name, text)] if text != NONE else []
         except InputError as error:
             faults.append(str(error))
     taken = {column.place for one in found for column in one.columns}
     open_ = [q for q in quantities if q.name not in said]
     scores = {(q.name, c.place): score(q, c) for q in open_ for c in columns}
-    clocks = []  # a column of times that grows is no shift time
-    for q in open_:
-        clocks += [
-            c for c in columns if q.name == "shift_time_s" and c.place not in taken
-            and scores[q.name, c.place] >= LEAST and not _is_strong(q, c) and grows(c)
-        ]  # fmt: skip
-        scores |= {(q.name, c.place): 0.0 for c in clocks if q.name == "shift_time_s"}
     while open_:
         ranked = [(scores[q.name, c.place], q, c)
                   for q in open_ for c in columns if c.place not in taken]  # fmt: skip
@@ -267,66 +260,61 @@ def matched(
         open_.remove(quantity)
         loose = quantity.name in UNDECIDED and not _is_strong(quantity, column)
         rivals = [(s, c) for s, q, c in ranked if q is quantity and s >= LEAST]
-        equal = [c for s, c in rivals if loose or s == best]
+        equal = [c for s, c in rivals if loose or s == best or c.head == column.head]
         terms = [(column, column.unit)]
         days = {has_day(c.cells): c for _, c in rivals if is_dated(c.cells)}
         if quantity.name == "timestamp" and len(rivals) == len(days) == 2:
             equal, terms = [column], [(days[k], None) for k in (True, False)]
-        if fault := _question(quantity, column, equal, columns):
-            faults.append(fault)
-            continue
-        taken |= {column.place for column, _ in terms}
-        found.append(Match(quantity, tuple(terms), "name and unit" if column.unit else "name"))
+        if len(equal) > 1:
+            faults.append(_which(quantity.name, equal))
+        elif quantity.name == "n_shifts" and counts_up(column):
+            faults.append(
+                f"'{column.head}' numbers the rows and is no count of shifts; say --column order="
+                f"'{column.head}', or --column n_shifts='{column.head}' where each row is the mean "
+                "of so many shifts"
+            )
+        else:
+            taken |= {column.place for column, _ in terms}
+            found.append(Match(quantity, tuple(terms), "name and unit" if column.unit else "name"))
     left = [c for c in columns if c.place not in taken]
-    return found, faults + [_missing(one, left, clocks) for one in open_ if one.needed]
+    return found, faults + [_missing(one, left) for one in open_ if one.needed]
 
 
-def _question(
-    quantity: Quantity, first: Column, equal: Sequence[Column], columns: Sequence[Column]
-) -> str:
-    """Ask which column a quantity is, an empty text where there is nothing to ask."""
-    name, heads = quantity.name, [c.head for c in columns]
-    if name == "mismatch_rpm" and len({c.head for c in equal}) > 1:
-        return _difference(equal)
-    twice = [c for c in columns if c.head == first.head and heads.count(c.head) > 1] or equal
-    if len(twice) > 1:
-        named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in twice]
+def _which(name: str, equal: Sequence[Column]) -> str:
+    heads = [c.head for c in equal]
+    if name == "mismatch_rpm" and len(set(heads)) > 1:
+        one, other = equal[0].name, equal[1].name
         return (
-            f"{name} may be the column {' or '.join(repr(c.head) for c in twice)}; say which: "
-            + " or ".join(f"--column {name}='{one}'" for one in named)
+            f"mismatch_rpm may be {' or '.join(map(repr, heads))}, or their difference; say "
+            f"--column mismatch_rpm='{other} - {one}' or '{one} - {other}', positive where it runs "
+            "the traction flanks together (docs/mismatch.md), or the column itself"
         )
-    if name == "n_shifts" and counts_up(first):
-        return (
-            f"'{first.head}' numbers the rows and is no count of shifts; say --column order="
-            f"'{first.head}', or --column n_shifts='{first.head}' where each row is the mean of so "
-            "many shifts"
-        )
-    return ""
+    named = [f"column {c.place}" if heads.count(c.head) > 1 else c.head for c in equal]
+    ways = " or ".join(f"--column {name}='{one}'" for one in named)
+    return f"{name} may be the column {' or '.join(map(repr, heads))}; say which: {ways}"
 
 
-def _difference(speeds: Sequence[Column]) -> str:
-    one, other = speeds[0].name, speeds[1].name
-    return (
-        f"mismatch_rpm may be {' or '.join(repr(c.head) for c in speeds)}, or their difference; "
-        f"say --column mismatch_rpm='{other} - {one}' or '{one} - {other}', positive where it runs "
-        "the traction flanks together (docs/mismatch.md), or the column itself"
-    )
-
-
-def _missing(quantity: Quantity, left: Sequence[Column], clocks: Sequence[Column]) -> str:
+def _missing(quantity: Quantity, left: Sequence[Column]) -> str:
     speeds = [c for c in left if c.unit and c.unit.dimension == SPEED]
     if quantity.name == "mismatch_rpm" and len(speeds) > 1:
-        return _difference(speeds)
-    if quantity.name == "shift_time_s" and clocks:
-        head, cells = clocks[0].head, clocks[0].cells
-        return (
-            f"'{head}' grows from row to row as a clock does ({', '.join(cells[:3])} ...); say "
-            f"--column {quantity.name}='{head}' where it is the shift time"
-        )
+        return _which(quantity.name, speeds)
+    for column in left:
+        if quantity.name == "shift_time_s" and _is_clock(quantity, column):
+            return (
+                f"'{column.head}' grows from row to row as a clock does "
+                f"({', '.join(column.cells[:3])} ...); say --column {quantity.name}="
+                f"'{column.head}' where it is the shift time"
+            )
     return (
         f"no column looks like {quantity.name}; say which one it is: --column {quantity.name}="
         f"COLUMN or COLUMN:UNIT (columns left: {', '.join(repr(c.head) for c in left) or 'none'})"
     )
+
+
+def _is_clock(quantity: Quantity, column: Column) -> bool:
+    words = plain_words(column.name).split()
+    time = _alike(quantity.loose, words) or (column.unit and column.unit.dimension == TIME)
+    return bool(time) and not _is_strong(quantity, column) and grows(column)
 
 
 def said_match(
@@ -441,14 +429,12 @@ class TableReader:
         self.report.faults.append(f"{where} {text}")
 
     def _rows(self, cells: Sequence[Any], wrong: Sequence[bool]) -> str:
-        """List cells that are wrong with their rows, the first of many."""
         bad = [f"row {n}: '{cell}'" for n, cell in
                compress(zip(self.table.rows, cells, strict=True), wrong)]  # fmt: skip
         more = f" and {len(bad) - MOST} more" if len(bad) > MOST else ""
         return ", ".join(bad[:MOST]) + more
 
     def _record(self, match: Match, values: Values, why: str, unit: str | None = None) -> None:
-        """Record how a quantity was read: first, least and largest of known ``values``."""
         numbers = [rounded(v) for v in values if isinstance(v, float)]
         cells = [cell for c in match.columns for cell in c.cells] if numbers else []
         self.report.readings.append({
@@ -509,16 +495,15 @@ class TableReader:
         option = f"--column {quantity.name}='{column.head}:"
         if (unit is not None and not np.isnan(unit.factor)) or quantity.dimension is None:
             return unit, ""
-        angular = re.search(r"omega|angular|winkel", plain_words(column.name))
-        if unit or (quantity.dimension == SPEED and angular and not column.strange):
-            text = f"in '{unit.text}'" if unit else "without a unit"
+        angular = (
+            quantity.dimension == SPEED
+            and not column.strange
+            and re.search("omega|angular|winkel", plain_words(column.name))
+        )
+        if unit or angular or column.strange:
+            text = f"the unit '{unit.text if unit else column.strange or ''}', which is"
             self._fault(
-                match, f"is a speed {text}, in revolutions or radians; say {option}1/min', "
-                f"{option}rev/s' or {option}rad/s'",
-            )  # fmt: skip
-        elif column.strange:
-            self._fault(
-                match, f"has the unit '{column.strange}', which is not known; say {option}UNIT' "
+                match, f"has {text} unknown, or revolutions as well as radians; say {option}UNIT' "
                 f"with one of {quantity.units}",
             )  # fmt: skip
         elif values.size:
@@ -562,25 +547,17 @@ class TableReader:
         match = self.matches.get("engaged")
         if match is None:
             return [None] * len(self.table.rows)
-        head = match.columns[0].head
-        option = f"--column engaged='{head}:"
+        option = f"--column engaged='{match.head}:"
         cells = ["empty" if c.lower() in NOTHING else c.lower() for c in match.columns[0].cells]
-        often = Counter(cells)
         said = dict(pair.lower().split("=", 1) for pair in match.option.split(",") if "=" in pair)
+        often = Counter(cells)
         words = {word: said.get(word, "" if word == "empty" else word) for word in often}
         values = {word: ANSWERS[other] for word, other in words.items() if other in ANSWERS}
-        strange = [word for word in often if word not in values]
-        if strange and not match.given and set(values.values()) <= {None}:
-            why = f"its words are neither yes nor no; {option}{strange[0]}=yes' says so"
-            self.report.left_out.append(
-                {"file": str(self.table.path), "column": head, "reason": why}
-            )
-            return [None] * len(cells)
-        if strange:
+        if strange := [word for word in often if word not in values]:
             bad = self._rows(cells, [cell in strange for cell in cells])
             self._fault(
                 match, f"must be yes, no or empty, but {bad}; write true or false, or say "
-                f"{option}{strange[0]}=yes'",
+                f"{option}{strange[0]}=yes', or --column engaged={NONE} to leave it out",
             )  # fmt: skip
         if "empty" not in said and set(values.values()) == {True, None}:
             self._fault(
@@ -595,26 +572,27 @@ class TableReader:
         return done
 
     def stamps(self) -> Values:
-        """Read time stamps: numbers with a unit in s, dates as ISO 8601; others raise DataError."""
-        match = self.matches["timestamp"]
-        unit, columns = match.terms[0][1], [c.cells for c in match.columns]
-        cells = [" ".join(row) for row in zip(*columns, strict=True)]
+        """Read time stamps: numbers with a unit in s, dates as ISO 8601; others are a fault."""
+        match = self.matches.get("timestamp")
+        if match is None:
+            return [None] * len(self.table.rows)
+        unit = match.terms[0][1]
+        cells = [" ".join(row) for row in zip(*(c.cells for c in match.columns), strict=True)]
         known = [cell for cell in cells if cell.lower() not in NOTHING]
-        numbers = sum(map(is_number, known))
-        if not known or 0 < numbers < len(known):
-            raise DataError(
-                "it has dates and plain numbers" if known else "all its cells are empty"
-            )
-        if not numbers:
-            found, way = stamps_of(known, match.option)
-        elif unit is None:
-            raise DataError(
-                f"its numbers have no unit; --column timestamp='{match.head}:s' takes them as "
-                "seconds, and dates of a spreadsheet have to be saved as dates"
-            )
-        else:
-            way = "seconds"
-            found = [f"{v:.12g}" for v in unit.factor * self.decimals.values(known)]
+        try:
+            if not any(map(is_number, known)):
+                found, way = stamps_of(known, match.option)
+            elif unit is not None and all(map(is_number, known)):
+                way = "seconds"
+                found = [f"{v:.12g}" for v in unit.factor * self.decimals.values(known)]
+            else:
+                raise DataError(
+                    f"has numbers that are no dates; --column timestamp='{match.head}:s' takes "
+                    "them as seconds"
+                )
+        except DataError as error:
+            self._fault(match, f"{error}, or say --column timestamp={NONE} to leave it out")
+            return [None] * len(cells)
         left = iter(found)
         self._record(match, found, f"{match.why}; {way}", unit.text if unit else None)
         return [None if cell.lower() in NOTHING else next(left) for cell in cells]
@@ -626,7 +604,6 @@ def rounded(value: float) -> float:
 
 
 def _reason(column: Column) -> str:
-    """Give the reason why a column is not used."""
     cells = [cell for cell in column.cells if cell]
     if not cells:
         return "empty"

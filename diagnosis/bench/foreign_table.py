@@ -260,7 +260,6 @@ def _head(grid: _Grid, first: int) -> tuple[list[str], list[str], list[int]]:
 
 
 def _are_units(row: Cells, above: Cells) -> bool:
-    """Test that a row holds units, some cells aside, of the names above it."""
     known = [k for k, cell in enumerate(row) if unit_named(cell.strip("[]() "))]
     others = [c for k, c in enumerate(row) if k not in known and c.strip("[]()-1 ")]
     again = sum(bool(unit_named(cell)) for cell in above)

@@ -44,6 +44,7 @@ from dogshape.sim.units import MS
 
 SURE = 0.5  #: share of the free flight below which no force, mass or time zero off nominal reaches
 ODD = 0.9  #: share below which a time is odd
+CLOSE = 0.01  #: relative difference within which two values are the same one
 WRITTEN = 1e-3  #: s, resolution that times are written with where no clock is coarser
 #: Least step in written resolutions: half of it is half the least margin of a diagnosis, 2 ms.
 COARSE = 2
@@ -108,7 +109,6 @@ def impossible(stand: Stand, row: Row, asked: Sequence[str] = ()) -> str | None:
 
 
 def _free_flight(stand: Stand, row: Row) -> float:
-    """Compute the time in s of the free flight over the shift's travel, inf without a force."""
     try:
         profile = ForceProfile(row.force, row.rise)
     except InputError:
@@ -121,7 +121,6 @@ def _too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
 
 
 def _are_impossible(stand: Stand, sheet: Sheet) -> bool:
-    """Test that no shift can have half of the rows."""
     count = sum(
         np.isinf(free := _free_flight(stand, row))
         or (row.time is not None and not max(0.0, SURE * free) <= row.time <= stand.clutch.timeout)
@@ -175,6 +174,24 @@ def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
         yield Finding("axes", found, SWAPPED, "swapped", certain=True)
 
 
+def force_by_calibration(stand: Stand, sheet: Sheet) -> Findings:
+    """Find forces that are the arm's of the calibration and not the sleeve's."""
+    both = np.array([(c.arm_force_N, c.sleeve_force_N) for c in stand.calibration
+                     if c.arm_force_N and c.sleeve_force_N])  # fmt: skip
+    forces, factor = _column(sheet, "force"), stand.sensor.force_factor
+    if not both.size:
+        return
+    near = abs(forces[:, None, None] / both - 1.0) < CLOSE
+    if near.any(axis=1).all(axis=0).tolist() == [True, False]:
+        found = (
+            f"force_N {_span(forces)}, the values of arm_force_N in the table actuator_calibration "
+            "and not those of sleeve_force_N"
+        )
+        looks = "the force at the robot arm instead of that at the sleeve"
+        looks += f", which is {number(factor)} times as large" if factor else ""
+        yield Finding("force", found, looks, "arm" if factor else None, certain=True)
+
+
 def early_times(stand: Stand, sheet: Sheet) -> Findings:
     """Find times that are shorter than the free flight, though not impossibly so."""
     early = sum(_too_early(stand, row, ODD) for row in sheet.rows)
@@ -215,19 +232,18 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
 
 def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
     """Find rows whose set values are nearly, but not just, those of others."""
-    near = near_points(sheet.rows)
-    if not near:
-        return
-    many = f"{len(near)} rows have" if len(near) > 1 else "a row has"
-    one, other = (
-        f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
-        for row in (sheet.rows[place] for place in min(near.items()))
-    )
-    found = (
-        f"{many} nearly the set values of others: {one} and {other} differ by at most {NEAR:.0%}"
-    )
-    looks = "measured in place of set values, each of which would be an operating point of its own"
-    yield Finding("points", found, f"{looks}, with errors of its own", "joined", certain=True)
+    if near := near_points(sheet.rows):
+        one, other = (
+            f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
+            for row in (sheet.rows[place] for place in min(near.items()))
+        )
+        found = (
+            f"{f'{len(near)} rows have' if len(near) > 1 else 'a row has'} nearly the set values "
+            f"of others: {one} and {other} differ by at most {NEAR:.0%}"
+        )
+        looks = "measured in place of set values, each of which would be an operating point of its"
+        looks += " own, with errors of its own"
+        yield Finding("points", found, looks, "joined", certain=True)
 
 
 def found_step(sheet: Sheet) -> float:
@@ -274,7 +290,7 @@ def table_clock(stand: Stand, sheet: Sheet) -> Findings:
 
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Callable[[Stand, Sheet], Findings], ...] = (
-    axes_by_rise, physical_ranges, early_times, trace_notes, DURATION.check,
+    axes_by_rise, physical_ranges, force_by_calibration, early_times, trace_notes, DURATION.check,
     trace_clock, trace_travel, SPEED.check, FORCE.check, SETTLED_FORCE.check, trace_rest,
     repeated_rows, nearly_same_points, short_traces, table_clock,
 )  # fmt: skip

@@ -146,8 +146,7 @@ class Calibration(Section):
     @property
     def arm_displacement(self) -> float | None:
         """Displacement of the arm, m; None where it has none."""
-        given = self.arm_displacement_mm
-        return None if given is None else given * MM
+        return None if self.arm_displacement_mm is None else self.arm_displacement_mm * MM
 
 
 class Tolerance(Section):
@@ -267,12 +266,11 @@ def load_stand(path: Path) -> Stand:
     try:
         data = read_toml(path)
     except FileNotFoundError as error:
-        hint = ""
-        if (path.parent / "study.toml").is_file():
-            hint = (
-                f"; {path.parent} is a study, from which 'dogshape init bench TABLE --from "
-                f"{path.parent}' makes a data set of measured times"
-            )
+        hint = (
+            f"; {path.parent} is a study, from which 'dogshape init bench TABLE --from "
+            f"{path.parent}' makes a data set of measured times"
+        )
+        hint = hint if (path.parent / "study.toml").is_file() else ""
         raise DataError(f"there is no {path}; a data set needs bench.toml{hint}") from error
     except OSError as error:
         raise DataError(
@@ -283,17 +281,13 @@ def load_stand(path: Path) -> Stand:
     _require_plausible(path, file)
     angles, step = file.relative_angles_deg, file.errors.clock_step_ms
     return Stand(
-        name=file.name,
-        source=file.source,
+        **{name: getattr(file, name) for name in ("name", "source", "sensor", "record", "errors")},
         clutch=clutch,
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
-        sensor=file.sensor,
         calibration=tuple(file.actuator_calibration),
         corrections=tuple(file.corrections),
-        record=file.record,
         tests=tuple(file.tests),
         margin=Margin(0.01 * file.margin_percent, 1e-3 * file.margin_ms),
-        errors=file.errors,
         measured=tuple(file.measured),
         clock_step=None if step is None else MS * step,
     )
@@ -328,10 +322,9 @@ def _require_plausible(path: Path, file: _BenchFile) -> None:
             where = f"{path}: hours of the test '{test.name}'"
             raise DataError(refusal(where, test.hours, "h", rule, remedy))
     for one in file.measured:
-        error = one.standard_error
-        if not 0.0 < error < np.inf or not np.isfinite(one.value):
+        if not (0.0 < one.standard_error < np.inf and np.isfinite(one.value)):
             raise DataError(
                 f"{path}: the measured {one.effect} is {one.value:g} with a standard error of "
-                f"{error:g}, but must be finite, and the error positive; give what the test can "
-                "tell"
+                f"{one.standard_error:g}, but must be finite, and the error positive; give what "
+                "the test can tell"
             )

@@ -188,7 +188,6 @@ def _set_values(rows: Sequence[Row]) -> Array:
 
 
 def _groups(values: Array) -> Array:
-    """Number the groups of rows of which each is near another one, (rows,)."""
     from scipy.sparse import coo_array  # noqa: PLC0415  # slow to load, and few tables need it
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
     from scipy.spatial import KDTree  # noqa: PLC0415
@@ -273,7 +272,6 @@ def set_values(
 
 
 def _level(values: Array, known: Sequence[float]) -> float:
-    """Give the set value of a group: the known one that its mean agrees with, or the mean."""
     mean, error = float(values.mean()), float(values.std() / values.size**0.5)
     near = min(known, key=lambda one: abs(one - mean), default=np.inf)
     return near if abs(near - mean) <= 0.02 * abs(mean) + 3.0 * error else float(f"{mean:.4g}")

@@ -2,19 +2,16 @@
 
 Time zero is the start of the force. Other columns or channels than those of ``COLUMNS`` are not
 read. In TDMS the times of a channel are the channel ``t_s`` of its group, or else its waveform
-properties ``wf_start_time``, ``wf_start_offset`` and ``wf_increment``; a channel without these has
-the times of the displacement. In MDF each channel has the times of its master, and a unit that it
-gives must be that of its name.
+properties ``wf_start_time``, ``wf_start_offset`` and ``wf_increment``. In MDF each channel has the
+times of its master, and a unit that it gives must be that of its name.
 
-All channels are brought to the times of the displacement by linear interpolation, as npTDMS and
-asammdf export them, where every channel has samples. Nothing is extrapolated: samples of the
-displacement outside are cut. What was interpolated, cut or lost is said.
+All channels are brought to the times of the displacement by linear interpolation where every
+channel has samples. What was interpolated, cut or lost is said.
 """
 
 from __future__ import annotations
 
-import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -92,25 +89,19 @@ def _notes(channels: Mapping[str, Channel], time: Series, margin: float) -> list
         for name, one in channels.items()
         if one.time.shape != lead.time.shape or abs(one.time - lead.time).max() > margin
     ]
-    notes = []
-    if apart:
-        notes.append(
-            f"{', '.join(apart)} interpolated on the times of {LEAD} (every "
-            f"{number(1e3 * lead.step)} ms)"
-        )
+    notes = [f"{', '.join(apart)} interpolated on the times of {LEAD} (every "
+             f"{number(1e3 * lead.step)} ms)"] if apart else []  # fmt: skip
     if time.size < lead.time.size:
         notes.append(
             f"{lead.time.size - time.size} of {lead.time.size} samples of {LEAD} cut, as not all "
             f"channels have values before {number(time[0])} or after {number(time[-1])} s"
         )
     for name, one in channels.items():
-        if name != LEAD and np.array_equal(one.time, lead.time):
-            continue
-        steps = np.diff(one.time)
-        place = int(np.argmax(steps))
-        if steps[place] > HOLE * one.step:
-            ends = f"{number(one.time[place])} to {number(one.time[place + 1])} s"
-            notes.append(f"{name} without a sample from {ends}")
+        place = int(np.argmax(np.diff(one.time)))
+        low, high = one.time[place : place + 2]
+        own = name == LEAD or not np.array_equal(one.time, lead.time)
+        if own and high - low > HOLE * one.step:
+            notes.append(f"{name} without a sample from {number(low)} to {number(high)} s")
     return notes
 
 
@@ -119,21 +110,18 @@ def _require_samples(path: Path, name: str, channel: Channel) -> None:
     time, rows = channel.time, channel.rows
     clock = f"column {TIME}" if name == LEAD else f"the time of {name}"
     for what, values in ((f"column {name}", channel.values), (clock, time)):
-        bad = ~np.isfinite(values)
-        if bad.any():
+        if (bad := ~np.isfinite(values)).any():
             place = int(np.argmax(bad))
             raise DataError(
                 f"{path}, row {rows[place]}, {what} is '{values[place]}', but it must be a finite "
                 "number; correct the cell"
             )
-    least = LEAST if name == LEAD else 2
-    if time.size < least:
+    if time.size < (least := LEAST if name == LEAD else 2):
         raise DataError(
             f"{path} has {time.size} samples of {name}, but a trace needs at least {least}; export "
             "the whole shift"
         )
-    back = np.diff(time) <= 0.0
-    if back.any():
+    if (back := np.diff(time) <= 0.0).any():
         place = int(np.argmax(back)) + 1
         raise DataError(
             f"{path}, row {rows[place]}, {clock} is '{time[place]:.15g}' after "
@@ -148,34 +136,57 @@ def _read_csv(path: Path) -> dict[str, Channel]:
     table.require(COLUMNS)
     lines = [row for row, _ in table.rows]
 
+    def value(name: str, cell: str, row: int) -> float:
+        try:
+            return float(cell)
+        except ValueError:
+            raise DataError(
+                f"{path}, row {row}, column {name} is '{cell}', but it must "
+                f"be {number_rule(cell)}; correct the cell"
+            ) from None
+
+    columns = {name: table.column(name) for name in COLUMNS}
+
     def numbers(name: str, places: Sequence[int]) -> Series:
-        cells, values = table.column(name), []
-        for place in places:
-            try:
-                values.append(float(cells[place]))
-            except ValueError:
-                raise DataError(
-                    f"{path}, row {lines[place]}, column {name} is '{cells[place]}', but it must "
-                    f"be {number_rule(cells[place])}; correct the cell"
-                ) from None
-        return np.array(values, dtype=float)
+        return np.array([value(name, columns[name][k], lines[k]) for k in places], dtype=float)
 
     time, found = numbers(TIME, range(len(lines))), {}
     for name in COLUMNS[1:]:
-        places = [place for place, cell in enumerate(table.column(name)) if cell]
-        rows = [lines[place] for place in places]
-        found[name] = Channel(time[places], numbers(name, places), rows)
+        places = [place for place, cell in enumerate(columns[name]) if cell]
+        found[name] = Channel(time[places], numbers(name, places), [lines[k] for k in places])
     return found
 
 
-def _library(module: str, name: str, kind: str, extra: str) -> Any:
+def _open(path: Path, module: str, reader: str, kind: str) -> Any:
+    library, extra = {"asammdf": ("asammdf", "mdf"), "nptdms": ("npTDMS", "tdms")}[module]
     try:
-        return import_module(module)
+        read = import_module(module)
     except ImportError as error:
         raise InputError(
-            f"{name} cannot be loaded ({error}), but {kind} trace needs it; install it with: "
+            f"{library} cannot be loaded ({error}), but {kind} trace needs it; install it with: "
             f"pip install -c constraints.txt '.[{extra}]', or export the trace as CSV."
         ) from error
+    for name in reader.split("."):
+        read = getattr(read, name)
+    try:
+        return read(str(path))
+    except Exception as error:  # what it raises for foreign bytes depends on these bytes
+        raise DataError(f"{path} is not {kind} file: {error}; export the trace again") from error
+
+
+def _only(path: Path, name: str, groups: Sequence[Any], known: Iterable[str]) -> Any:
+    """Give the only group that has a channel; else raise DataError."""
+    if not groups:
+        raise DataError(
+            f"{path}: the channel '{name}' is missing; name the channels as in a CSV trace (in the "
+            f"file: {did_you_mean(name, known)})"
+        )
+    if len(groups) > 1:
+        raise DataError(
+            f"{path} has the channel {name} in {len(groups)} groups, but a trace is one shift; "
+            "write a file for each shift"
+        )
+    return groups[0]
 
 
 def _as_numbers(path: Path, name: str, samples: Any) -> Series:
@@ -188,59 +199,44 @@ def _as_numbers(path: Path, name: str, samples: Any) -> Series:
 
 
 def _read_mdf(path: Path) -> dict[str, Channel]:
-    """Read the channels of an MDF file, without samples that are marked invalid."""
-    library = _library("asammdf", "asammdf", "an MDF", "mdf")
-    try:
-        file = library.MDF(str(path))
-    except Exception as error:  # what it raises for foreign bytes depends on these bytes
-        raise DataError(f"{path} is not an MDF file: {error}; export the trace again") from error
-    with file:
-        signals = {name: _signal(path, file, name) for name in COLUMNS[1:]}
     found = {}
-    for name, signal in signals.items():
-        time, unit = np.asarray(signal.timestamps, dtype=float), unit_named(signal.unit or "")
-        if unit is not None and unit.factor != 1.0:
-            raise DataError(
-                f"{path}, channel {name} is in '{signal.unit}', but its name says another unit; "
-                "convert it or name it by its unit"
-            )
-        found[name] = Channel(time, _as_numbers(path, name, signal.samples), range(time.size))
+    with _open(path, "asammdf", "MDF", "an MDF") as file:
+        for name in COLUMNS[1:]:
+            places = file.channels_db.get(name, ())
+            group, index = _only(path, name, places, file.channels_db)
+            signal = file.get(name, group=group, index=index).validate()
+            unit = unit_named(signal.unit or "")
+            if unit is not None and unit.factor != 1.0:
+                raise DataError(
+                    f"{path}, channel {name} is in '{signal.unit}', but its name says another "
+                    "unit; convert it or name it by its unit"
+                )
+            time = np.asarray(signal.timestamps, dtype=float)
+            found[name] = Channel(time, _as_numbers(path, name, signal.samples), range(time.size))
     return found
-
-
-def _signal(path: Path, file: Any, name: str) -> Any:
-    places = file.channels_db.get(name, ())
-    if not places:
-        hint = did_you_mean(name, file.channels_db)
-        raise DataError(
-            f"{path}: the channel '{name}' is missing; name the channels as in a CSV trace (in the "
-            f"file: {hint})"
-        )
-    if len(places) > 1:
-        raise DataError(
-            f"{path} has the channel {name} in {len(places)} groups, but a trace is one shift; "
-            "write a file for each shift"
-        )
-    group, index = places[0]
-    return file.get(name, group=group, index=index).validate()
 
 
 def _read_tdms(path: Path) -> dict[str, Channel]:
     """Read the channels of a TDMS file."""
-    library = _library("nptdms", "npTDMS", "a TDMS", "tdms")
-    try:
-        file = library.TdmsFile.read(str(path))
-    except (ValueError, KeyError, IndexError, EOFError, OSError, struct.error) as error:
-        raise DataError(f"{path} is not a TDMS file: {error}; export the trace again") from error
-    group = _lead_group(path, file)
+    file = _open(path, "nptdms", "TdmsFile.read", "a TDMS")
+    known = [channel.name for group in file.groups() for channel in group.channels()]
+    groups = {
+        name: _only(path, name, [group for group in file.groups() if name in group], known)
+        for name in COLUMNS[1:]
+    }
     found = {}
-    for name in COLUMNS[1:]:
-        own = _group_of(path, file, group, name)
-        values = _as_numbers(path, name, own[name][:])
-        if TIME in own:
-            time = _as_numbers(path, TIME, own[TIME][:])
+    for name, group in groups.items():
+        lead = groups[LEAD]
+        if (TIME in group) != (TIME in lead):
+            raise DataError(
+                f"{path} has a channel {TIME} in one of the groups '{lead.name}' and "
+                f"'{group.name}' only, so that their clocks cannot be compared; write it in both"
+            )
+        values = _as_numbers(path, name, group[name][:])
+        if TIME in group:
+            time = _as_numbers(path, TIME, group[TIME][:])
         else:
-            time = _waveform(path, own[name], group[LEAD])
+            time = _waveform(path, group[name], lead[LEAD])
         if time.size != values.size:
             raise DataError(
                 f"{path}, channel {name} has {values.size} samples and its time {time.size}, but "
@@ -250,55 +246,19 @@ def _read_tdms(path: Path) -> dict[str, Channel]:
     return found
 
 
-def _lead_group(path: Path, file: Any) -> Any:
-    having = [group for group in file.groups() if LEAD in group]
-    if len(having) == 1:
-        return having[0]
-    if having:
-        names = ", ".join(f"'{group.name}'" for group in having)
-        raise DataError(
-            f"{path} has the channel {LEAD} in the groups {names}, but a trace is one shift; "
-            "write a file for each shift"
-        )
-    channels = [channel.name for group in file.groups() for channel in group.channels()]
-    raise DataError(
-        f"{path} has no channel {LEAD}; name the channels as in a CSV trace "
-        f"(in the file: {did_you_mean(LEAD, channels)})"
-    )
-
-
-def _group_of(path: Path, file: Any, group: Any, name: str) -> Any:
-    """Find the group of a channel: that of the displacement, or else the only other one."""
-    having = [group] if name in group else [one for one in file.groups() if name in one]
-    if len(having) != 1:
-        channels = [channel.name for channel in group.channels()]
-        what = f"is in {len(having)} other groups; keep one" if having else "is missing; add it"
-        raise DataError(
-            f"{path}, group '{group.name}': the channel '{name}' {what} "
-            f"(in the file: {did_you_mean(name, channels)})"
-        )
-    if (TIME in having[0]) != (TIME in group):
-        raise DataError(
-            f"{path} has a channel {TIME} in one of the groups '{group.name}' and "
-            f"'{having[0].name}' only, so that their clocks cannot be compared; write it in both"
-        )
-    return having[0]
-
-
 def _waveform(path: Path, channel: Any, lead: Any) -> Series:
     """Return the times of a channel after the start time of the displacement, s, (n,)."""
-    own = channel if "wf_increment" in channel.properties else lead
-    starts = [one.properties.get("wf_start_time") for one in (own, lead)]
+    starts = [one.properties.get("wf_start_time") for one in (channel, lead)]
     if (starts[0] is None) != (starts[1] is None):
         raise DataError(
-            f"{path} has wf_start_time on one of the channels {own.name} and {LEAD} only, so that "
-            "their times cannot be compared; write it on both"
+            f"{path} has wf_start_time on one of the channels {channel.name} and {LEAD} only, so "
+            "that their times cannot be compared; write it on both"
         )
     try:
         late = 0.0 if starts[0] is None else (starts[0] - starts[1]) / np.timedelta64(1, "s")
-        return late + np.asarray(own.time_track(), dtype=float)
+        return late + np.asarray(channel.time_track(), dtype=float)
     except KeyError as error:
         raise DataError(
             f"{path} has neither a channel {TIME} nor the waveform properties wf_increment and "
-            f"wf_start_offset on {own.name}; write one of them"
+            f"wf_start_offset on {channel.name}; write one of them"
         ) from error

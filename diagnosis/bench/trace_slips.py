@@ -11,11 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dogshape.diagnosis.bench.corrections import (
-    Finding,
-    Findings,
-    corrected,
-)
+from dogshape.diagnosis.bench.corrections import Finding, Findings, corrected
 from dogshape.diagnosis.bench.stand_file import Stand, TimeZero
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.diagnosis.bench.traces import FIRST, BenchTrace, find_force_start, scatter, smoothed
@@ -63,8 +59,7 @@ def short_traces(stand: Stand, sheet: Sheet) -> Findings:
         f"{many} before the shift is over: that of row {row.row} by "
         f"{((row.time or 0.0) - trace.time[-1]) / MS:.3g} ms, so that it is used up to there"
     )
-    flying = sum(one.displacement.max() < stand.clutch.dog.axial_gap for _, one in short)
-    if flying:
+    if flying := sum(one.displacement.max() < stand.clutch.dog.axial_gap for _, one in short):
         found += (
             f"; {flying} of {len(short)} end before the first touch and tell its beginning only, "
             "if they are of these shifts at all"
@@ -73,7 +68,6 @@ def short_traces(stand: Stand, sheet: Sheet) -> Findings:
 
 
 def _ends_early(stand: Stand, row: Row, trace: BenchTrace) -> bool:
-    """Test that a trace ends before its shift does, in time and in travel."""
     if row.time is None or trace.time[-1] >= row.time - 2.0 * trace.step:
         return False
     return bool(trace.displacement.max() < stand.clutch.shift_travel)
@@ -81,12 +75,18 @@ def _ends_early(stand: Stand, row: Row, trace: BenchTrace) -> bool:
 
 def trace_notes(_: Stand, sheet: Sheet) -> Findings:
     """Find traces with channels that were interpolated, cut, or have samples lost."""
-    noted = [trace for _, trace in _traced(sheet) if trace.notes]
-    if noted:
+    if noted := [trace for _, trace in _traced(sheet) if trace.notes]:
         more = f", and {len(noted) - 1} more traces alike" if len(noted) > 1 else ""
         found = f"{noted[0].path.name}: {'; '.join(noted[0].notes)}{more}"
         looks = "channels with start times or rates of their own, or with lost samples"
         yield Finding("traces", found, looks, arguable=False)
+
+
+def _begins_in_motion(trace: BenchTrace) -> bool:
+    way = smoothed(trace.displacement)
+    first, second = way[FIRST - 1] - way[0], way[2 * FIRST - 1] - way[FIRST]
+    seen = first > max(MOVED * np.ptp(way), CLEAR * scatter(trace.displacement))
+    return bool(seen and first > 0.4 * second)  # from rest it is at most 0.3: way grows as t^2
 
 
 def _rest(row: Row, trace: BenchTrace) -> float:
@@ -95,14 +95,6 @@ def _rest(row: Row, trace: BenchTrace) -> float:
     if _begins_in_motion(trace) or (start and start.time < trace.time[0]):
         return 0.0
     return start.displacement if start else float(np.median(trace.displacement[:FIRST]))
-
-
-def _begins_in_motion(trace: BenchTrace) -> bool:
-    """Test that the first samples move at a speed that is no start from rest."""
-    way = smoothed(trace.displacement)
-    first, second = way[FIRST - 1] - way[0], way[2 * FIRST - 1] - way[FIRST]
-    seen = first > max(MOVED * np.ptp(way), CLEAR * scatter(trace.displacement))
-    return bool(seen and first > 0.4 * second)  # from rest it is at most 0.3: way grows as t^2
 
 
 def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
@@ -120,25 +112,23 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
     # A single start that the travel does not confirm is scatter of the fit.
     off &= (2 * off.sum() >= off.size) | (abs(late) > between) | over
     if off.any():
-        low, high = (f"{one:.4f}" for one in (start[off].min(), start[off].max()))
+        ends = sorted({f"{one:.4f}" for one in (start[off].min(), start[off].max())}, key=float)
         found = (
             f"the force of {off.sum()} of {off.size} traces does not begin at t_s = 0 but at "
-            f"{low if low == high else f'{low} to {high}'} s"
+            f"{' to '.join(ends)} s"
         )
-        looks, way = (
-            "the recorder's clock, or a record that begins before its trigger",
-            "from_force",
-        )
-        if seen := np.isfinite(late[off]).any():
-            found += f"; {_ends(_median(late[off]))}"
+        looks, way = "the recorder's clock, or a record that begins before its trigger", ""
+        seen = np.isfinite(late[off]).any()
+        found += f"; {_ends(_median(late[off]))}" if seen else ""
         if seen and abs(_median(late[off])) <= between:
             looks = "a dead time or slow rise of the force, or a zero that table and traces share"
-            looks, way = f"{looks}, which a diagnosis weighs", ""
+            looks = f"{looks}, which a diagnosis weighs"
             if stand.record.time_zero == "force":
                 looks = BEFORE_FORCE["force"]
         elif np.isnan(start).any():
             found += f"; in {np.isnan(start).sum()} traces no rise of the force is seen at all"
-            way = ""
+        else:
+            way = "from_force"
         yield Finding("trace_time", found, looks, way or None, bool((off & over).any()))
     elif np.isnan(start).all():
         found = "no rise of force_N stands out from its noise in the traces, so that t_s = 0 cannot"
@@ -170,27 +160,19 @@ def _ends(late: float) -> str:
     return f"the travel of the traces ends {size} {when} shift_time_s of their rows (median)"
 
 
-Measure = Callable[[Stand, Row, BenchTrace], float | None]
-
-
 def _speed(_: Stand, row: Row, trace: BenchTrace) -> float | None:
-    """Return the first mismatch of a trace over that of its row."""
-    samples = max(FIRST, trace.time.size // 32)
-    speed = float(np.median(trace.relative_speed[:samples])) / RPM
+    speed = float(np.median(trace.relative_speed[: max(FIRST, trace.time.size // 32)])) / RPM
     return speed / row.mismatch if row.mismatch else None
 
 
 def _travel(stand: Stand, row: Row, trace: BenchTrace) -> float | None:
-    """Return the displacement at the end of a finished shift over the travel of the sleeve."""
     whole = row.time and not _ends_early(stand, row, trace)
     most = trace.displacement.max() - _rest(row, trace)
     return float(most / stand.clutch.dog.travel) if whole else None
 
 
 def _duration(stand: Stand, row: Row, trace: BenchTrace) -> float:
-    """Return the time of nine tenths of the travel over that of the shift, where it is beyond
-    the time-out.
-    """
+    """Return nine tenths of the travel's time over the shift's, where it is beyond the time-out."""
     start, timeout = find_force_start(trace, row.rise), stand.clutch.timeout
     way = trace.displacement - _rest(row, trace)
     end = trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
@@ -219,16 +201,17 @@ def _settled_force(stand: Stand, row: Row, trace: BenchTrace) -> float | None:
 class Range:
     """Range of a ratio of traces to their rows.
 
-    Of ``ways`` (quantity, correction, unit in words) the first that brings the median ratio into
-    the range is the slip, which is refused. Without one the cause is ``other``, which is refused
-    beyond ``possible``.
+    ``found`` is a sentence with the ratio as {0}, travel and ratio in mm as {1} and {2}. Of
+    ``ways`` (quantity, correction, unit in words) the first that brings the median ratio into the
+    range is the slip, which is refused. Without one the cause is ``other``, which is refused beyond
+    ``possible``.
     """
 
     quantity: str
-    measure: Measure
+    measure: Callable[[Stand, Row, BenchTrace], float | None]
     low: float
     high: float
-    found: Callable[[Stand, float], str]
+    found: str
     ways: tuple[tuple[str, str, str], ...]
     other: str
     possible: tuple[float, float] = (-np.inf, np.inf)
@@ -242,10 +225,10 @@ class Range:
 
     def check(self, stand: Stand, sheet: Sheet) -> Findings:
         """Find a ratio out of the range."""
-        middle = self.median(stand, sheet)
+        middle, travel = self.median(stand, sheet), stand.clutch.dog.travel / MM
         if self.low <= middle <= self.high:
             return
-        found = self.found(stand, middle)
+        found = self.found.format(_short(middle), number(travel), _short(middle * travel))
         for quantity, way, looks in self.ways:
             try:
                 other = corrected(sheet, f"{quantity}={way}", stand.sensor)
@@ -261,32 +244,23 @@ class Range:
 
 DURATION = Range(
     "trace_time", _duration, 0.0, 100.0,
-    lambda _, middle: (
-        f"by t_s the travel of the traces takes {_short(middle)} times the time of the shift"
-    ),
+    "by t_s the travel of the traces takes {0} times the time of the shift",
     (("trace_time", "ms", "milliseconds"),),
     "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False,
 )  # fmt: skip
 #: Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
 TRAVEL = Range(
     "displacement", _travel, 0.9, 1.15,
-    lambda stand, middle: (
-        f"displacement_mm of finished shifts ends at "
-        f"{_short(middle * stand.clutch.dog.travel / MM)}, but the sleeve's travel is "
-        f"{number(stand.clutch.dog.travel / MM)} mm"
-    ),
+    "displacement_mm of finished shifts ends at {2}, but the sleeve's travel is {1} mm",
     (("displacement", "m", "metres"),
      ("displacement", "arm", "the robot arm's, {} times the sleeve's")),
     "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in the "
     "table [sensor])", possible=(0.5, 2.0),
 )  # fmt: skip
-ACTUATOR_TRAVEL = replace(TRAVEL, high=1.8)
 SPEED = Range(
     "mismatch", _speed, 1.0 / SAME, SAME,
-    lambda _, middle: (
-        f"the traces begin with {_short(middle)} times the mismatch_rpm of their rows "
-        "(output_speed_rpm less sliding_speed_rpm)"
-    ),
+    "the traces begin with {0} times the mismatch_rpm of their rows "
+    "(output_speed_rpm less sliding_speed_rpm)",
     (("mismatch", "rad_s", "mismatch_rpm in radians a second"),
      ("speeds", "rad_s", "the speeds of the traces in radians a second"),
      ("mismatch", "reversed", "a mismatch_rpm of sliding less output speed")),
@@ -294,9 +268,7 @@ SPEED = Range(
 )  # fmt: skip
 FORCE = Range(
     "trace_force", _last_force, 0.01, np.inf,
-    lambda _, middle: (
-        f"force_N of the traces ends at {_short(middle)} of what force_N of the table makes it"
-    ),
+    "force_N of the traces ends at {0} of what force_N of the table makes it",
     (("trace_force", "kN", "kilonewtons"),), "a sensor with a wrong scale",
 )  # fmt: skip
 SETTLED_FORCE = replace(
@@ -309,22 +281,21 @@ SETTLED_FORCE = replace(
 def trace_travel(stand: Stand, sheet: Sheet) -> Findings:
     """Find a displacement that does not end near the travel of the sleeve."""
     soft = stand.record.displacement_at == "actuator"
-    return (ACTUATOR_TRAVEL if soft else TRAVEL).check(stand, sheet)
+    return replace(TRAVEL, high=1.8 if soft else TRAVEL.high).check(stand, sheet)
 
 
 def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
     """Find displacements and forces that are not zero before the force begins."""
-    traced, gap = _traced(sheet), stand.clutch.dog.axial_gap
-    moving, way, force = 0, [], []
+    traced, way, force = _traced(sheet), [], []
     for row, trace in traced:
-        start = find_force_start(trace, row.rise)
-        moving += _begins_in_motion(trace)
-        least = max(REST * gap, CLEAR * scatter(trace.displacement) / np.sqrt(FIRST))
-        if abs(rest := _rest(row, trace)) > least:
+        start, rest = find_force_start(trace, row.rise), _rest(row, trace)
+        noise = CLEAR / np.sqrt(FIRST)
+        if abs(rest) > max(REST * stand.clutch.dog.axial_gap, noise * scatter(trace.displacement)):
             way.append(rest / MM)
-        least = max(REST * row.force, CLEAR * scatter(trace.force) / np.sqrt(FIRST))
-        if start and start.time >= trace.time[0] and abs(start.force) > least:
-            force.append(start.force)
+        if start and start.time >= trace.time[0]:
+            least = max(REST * row.force, noise * scatter(trace.force))
+            force += [start.force] if abs(start.force) > least else []
+    moving = sum(_begins_in_motion(trace) for _, trace in traced)
     if 2 * moving > max(1, len(traced)):
         found = f"the sleeve moves already at the first samples of {moving} of {len(traced)} traces"
         yield Finding("displacement", found, "records that begin after the force")

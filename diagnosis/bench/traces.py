@@ -152,7 +152,6 @@ def find_force_start(trace: BenchTrace, rise: float, rule: StartRule = USUAL) ->
 def _fit_start(
     time: Array, force: Array, place: int, rise: float, rule: StartRule
 ) -> tuple[float, float, float]:
-    """Fit the shapes to a force that rises from ``place`` on: start, its error, force at rest."""
     span = float(time[-1] - time[place])
     # Times in lengths of the fitted rise keep the fit well conditioned.
     scaled, full = (time - time[place]) / span, max(rise / span, 1.0 / time.size)

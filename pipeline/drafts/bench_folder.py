@@ -11,12 +11,12 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_columns import SHIFTS, TRACE, Report, TableReader
+from dogshape.diagnosis.bench.foreign_columns import NONE, SHIFTS, TRACE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
 from dogshape.diagnosis.bench.table import COLUMNS, set_values
 from dogshape.diagnosis.bench.trace_files import SUFFIXES
@@ -118,7 +118,6 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
 
 
 def _fault_of(text: str, folder: Path, out: Path, rows: list[Row]) -> str:
-    """Write the fault of a draft with the rows of its tables and the options of its verb."""
 
     def given(found: re.Match[str]) -> str:
         row = rows[int(found[1]) - 2]
@@ -180,20 +179,31 @@ def _table_rows(reader: TableReader) -> list[Row]:
         "row": reader.table.rows, "mismatch": reader.numbers("mismatch_rpm", needed=True),
         "force": reader.numbers("force_N", needed=True), "rise": reader.numbers("force_rise_s"),
         "time": reader.numbers("shift_time_s"), "n": reader.counts(), "engaged": reader.answers(),
-        "trace": reader.texts("trace"),
+        "trace": reader.texts("trace"), "shift_time_sd_s": reader.numbers("shift_time_sd_s"),
+        "order": reader.numbers("order"), "timestamp": reader.stamps(),
     }  # fmt: skip
     rows = [{"file": str(path), **dict(zip(columns, values, strict=True))}
             for values in zip(*columns.values(), strict=True)]  # fmt: skip
-    for name in ("shift_time_sd_s", "order", "timestamp"):
-        if name in reader.matches:
-            _add_series(name, reader, rows)
     late = [row for row in rows if row["engaged"] is False and row["time"] is not None]
     if late:
         report.assumed.append(
             f"{path}: times of shifts that did not engage are left out (row {_places(late)})"
         )
-    for one in late:
-        one["time"] = None
+    for row in rows:
+        row["time"] = None if row["engaged"] is False else row["time"]
+        if row["n"] < 2 or row["time"] is None:
+            row["shift_time_sd_s"] = None
+    placed = [row["order"] for row in rows if row["time"] is not None and row["order"] is not None]
+    if len(set(placed)) < len(placed):
+        report.faults.append(
+            f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in the "
+            f"whole series; --column order={NONE} leaves it out"
+        )
+    for name in sorted(reader.matches.keys() & {"order", "timestamp"}):
+        report.assumed.append(
+            f"{path}: '{reader.matches[name].head}' is the order of the shifts, so a diagnosis "
+            f"looks for a drift; --column {name}={NONE} leaves it out"
+        )
     if silent := _empty(rows):
         report.assumed.append(
             f"{path}: nothing is known of rows without a time ({silent}); record.empty_cells says "
@@ -203,50 +213,11 @@ def _table_rows(reader: TableReader) -> list[Row]:
 
 
 def _empty(rows: list[Row]) -> int:
-    """Count the rows with neither a time nor an outcome."""
     return sum(row["time"] is None and row["engaged"] is None for row in rows)
 
 
 def _places(rows: list[Row]) -> str:
     return ", ".join(str(row["row"]) for row in rows)
-
-
-def _add_series(name: str, reader: TableReader, rows: list[Row]) -> None:
-    """Add spreads, order or time stamps; a column that cannot be read is left out."""
-    own = replace(reader, report=Report())
-    head, values, report = own.matches[name].head, [], reader.report
-    where = {"file": str(reader.table.path), "column": head}
-    timed = [row["row"] for row in rows if row["time"] is not None]
-    try:
-        values = own.stamps() if name == "timestamp" else own.numbers(name)
-        placed = {r["row"]: v for r, v in zip(rows, values, strict=True) if r["row"] in timed}
-        lacking = [row for row, value in placed.items() if value is None]
-        reason = next(iter(own.report.faults), "")
-        if not reason and name != "shift_time_sd_s" and lacking:
-            reason = f"it is empty in row {lacking[0]}, but every shift with a time needs its place"
-        elif not reason and name == "order" and len(set(placed.values())) < len(placed):
-            reason = "a number is there twice, so it is no place in the whole series"
-    except DataError as error:
-        reason = str(error)
-    except InputError as question:
-        report.faults.append(f"{reader.table.path}, column '{head}': {question}")
-        return
-    if reason:
-        report.left_out.append({**where, "reason": f"{name}: {reason}"})
-        return
-    report.readings += own.report.readings
-    report.assumed += own.report.assumed
-    for row, value in zip(rows, values, strict=True):
-        row[name] = value
-        if name == "shift_time_sd_s" and value and (row["n"] < 2 or row["time"] is None):
-            row[name] = None
-            reason = f"row {row['row']}: {name} without a mean of several shifts"
-            report.left_out.append({**where, "reason": reason})
-    if name != "shift_time_sd_s":
-        report.assumed.append(
-            f"{reader.table.path}: '{head}' is the order of the shifts, so a diagnosis looks for a "
-            "drift"
-        )
 
 
 def _group_set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> Row:
@@ -311,12 +282,11 @@ def _fill_rises(rows: list[Row], draft: BenchDraft, source: Source, report: Repo
         report.assumed.append(f"the force rises in {number(draft.rise_s)} s where no row says it")
     elif lacking:
         times = [rise for rise, _ in found.values()]
-        beyond = [force for force, (_, within) in found.items() if not within]
-        far = f"; {number(min(beyond, default=0.0))} to {number(max(beyond, default=0.0))} N lie "
+        beyond = [number(force) for force, (_, within) in sorted(found.items()) if not within]
         report.assumed.append(
             f"the force rises in {number(min(times))} to {number(max(times))} s, by its size as in "
             f"'{source.name}'; --rise-s says another time"
-            + (f"{far}beyond its forces" if beyond else "")
+            + (f"; {beyond[0]} to {beyond[-1]} N lie beyond its forces" if beyond else "")
         )
 
 
@@ -365,20 +335,17 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
     if any(row["trace"] for row in rows):
         said.append("the traces' displacement and force are referred to the sleeve")
-    said += [
-        f"{what} is unknown: --set record.{key}={one}, or {other}, states it"
-        for key, what, one, other in (
-            ("time_zero", "the event at which the times start", "command", "force"),
-            ("displacement_at", "the place of the displacement sensor", "sleeve", "actuator"),
-        )
-        if f"record.{key}" not in given
-    ]
-    if not any(key.startswith(("dog.", "sliding.", "output.")) for key in given):
-        said.append(f"dogs, masses and inertias are those of '{source.name}': check bench.toml")
-    if not any(key.startswith("contact.") for key in given):
-        said.append(f"the contact is that of '{source.name}'")
-    moved = "" if "sliding.mass_kg" in given else source.moved_along
-    said += filter(None, (moved, source.left_out))
+    for key, what, ways in (
+        ("time_zero", "the event at which the times start", "command, or force"),
+        ("displacement_at", "the place of the displacement sensor", "sleeve, or actuator"),
+    ):
+        if f"record.{key}" not in given:
+            said.append(f"{what} is unknown: --set record.{key}={ways}, states it")
+    tables = ("dog", "sliding", "output", "contact")
+    own = [name for name in tables if not any(key.startswith(f"{name}.") for key in given)]
+    if own:
+        said.append(f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml")
+    said += source.mechanism_notes
     if "timeout_s" not in given:
         said.append(f"the stand gives up after {number(values['timeout_s'])} s")
     if "record.sense" not in given:

@@ -22,8 +22,6 @@ from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
 Values = dict[str, Any]  #: values by dotted key
-#: Parts of a mechanism that no effect looks for.
-SHAFTS = ("ring_inertia", "input_stiffness", "backlash", "wheel_inertia", "output_stiffness")
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 
 
@@ -84,25 +82,15 @@ class Source:
         }
 
     @property
-    def left_out(self) -> str:
-        """Describe the parts of a mechanism that a bench has no key for; empty where all is there.
-
-        Parts of a mechanism are what a diagnosis looks for, from none of them on; shafts are none.
-        """
-        mechanism = self.clutch.mechanism
-        plain = replace(mechanism, added_mass=0.0, **dict.fromkeys(SHAFTS, 0.0))
-        parts = []
-        if plain != NOTHING:
-            parts.append("friction, drag and linkage are left for the diagnosis to find")
-        if any(getattr(mechanism, name) for name in SHAFTS):
-            parts.append("shafts that give way are left out")
-        return f"of the [mechanism] of '{self.name}' {' and '.join(parts)}" if parts else ""
-
-    @property
-    def moved_along(self) -> str:
-        """Describe what the mass of the ring has of the mechanism; empty where that is nothing."""
-        mass = self.clutch.mechanism.added_mass
-        return f"{mass:g} kg of the [mechanism] of '{self.name}' move with the ring" if mass else ""
+    def mechanism_notes(self) -> list[str]:
+        """Describe what a bench takes of the mechanism, and what it has no key for."""
+        mechanism, of = self.clutch.mechanism, f"of the [mechanism] of '{self.name}'"
+        mass = mechanism.added_mass
+        notes = [f"{mass:g} kg {of} move with the ring"] if mass else []
+        if replace(mechanism, added_mass=0.0) != NOTHING:
+            notes.append(f"{of} friction, drag and linkage are left for the diagnosis to find, and "
+                         "shafts that give way are left out")  # fmt: skip
+        return notes
 
 
 def source_of(where: str) -> Source:

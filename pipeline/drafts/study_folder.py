@@ -17,12 +17,11 @@ from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study, override
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import rounded
-from dogshape.pipeline.drafts.sources import Source, Values, draft_folder, source_of
+from dogshape.pipeline.drafts.sources import Values, draft_folder, source_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.texts import text_of
 from dogshape.sim.versions import bundled_root
 
@@ -86,14 +85,6 @@ BOUND = {
 #: Limits of a search in units of their own are void with any of these.
 ANY = (*DIAMETERS, *INERTIAS, MASS, TORQUE, ACTUATOR)
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
-#: What is said of a key that is left out, where it is not simply not judged.
-INSTEAD = {
-    "mechanism.spline_radius_mm": f"{SPLINE:g} of the inner radius",
-    ADDED: f"{MASS} is all that moves",
-    "mechanism.drag_torque_Nm": "no drag",
-    "load.pull_out_force_limit_N": "the largest shift force",
-    "search.reference": "the study's own dog",
-}
 
 
 def write_study(
@@ -120,7 +111,7 @@ def write_study(
             f"--out ends in '{name}', but a study's name has letters, digits, '_', '.' and '-' "
             "alone; name the folder so"
         )
-    text, taken, whence, base = _begun(origin)
+    text, taken, whence = _begun(origin)
     given = {**taken, **(values or {})}
     follows, said = _following(text, given)
     lines = text.splitlines()  # comments above the first key are about the study that is copied
@@ -137,7 +128,11 @@ def write_study(
         "name": name,
         "from": whence,
         "set": given,
-        "assumed": [*_kept(text, {**follows, **given}, base), *said],
+        "assumed": [
+            "what was not given is as in the file that was copied: check [load], [material], "
+            "[manufacturing] and [tolerance] above all",
+            *said,
+        ],
         "warnings": _doubts(study),
         "operating_points": len(study.points),
         "dogs": study.clutch.dog.count,
@@ -146,17 +141,10 @@ def write_study(
 
 def use_of(origin: str, values: Mapping[str, Any]) -> Values:
     """List the askable values that a draft with ``values`` would have at the keys of ``USE``."""
-    text, taken, _, _ = _begun(origin)
+    text, taken, _ = _begun(origin)
     given = {**taken, **values}
     tables = _with({**_following(text, given)[0], **given}, text)
-    spline = value_at(tables, "dog.inner_diameter_mm")
-    absent = {
-        "mechanism.spline_friction": 0.0,
-        "mechanism.spline_radius_mm": round(0.5 * SPLINE * spline, 3),
-        "mechanism.drag_torque_Nm": 0.0,
-    }
     found = {key: value_at(tables, key) for key in USE}
-    found = {key: absent.get(key) if value is None else value for key, value in found.items()}
     return {key: value for key, value in found.items() if askable(value)}
 
 
@@ -175,32 +163,26 @@ def value_at(tables: Mapping[str, Any], key: str) -> Any:
 
 
 def _with(values: Mapping[str, Any], text: str) -> Values:
-    """Return the tables of a study file with other values."""
     tables = tomllib.loads(text)
     for key, value in values.items():
         override(tables, key, value)
     return tables
 
 
-def _begun(origin: str) -> tuple[str, Values, str, str]:
-    """Return the text to begin with, values to put into it, where they and the text are from."""
+def _begun(origin: str) -> tuple[str, Values, str]:
+    """Return the text to begin with, values to put into it, and where they are from."""
     path = Path(origin)
     file = path / "study.toml" if path.is_dir() else path
     if file.name == "bench.toml" or not file.is_file():
         file = bundled_root() / origin / "study.toml"
     if file.is_file():
         load_study(file)  # refuses what is no study, with its mistakes
-        return text_of(file), {}, f"the study '{origin}'", f"the study '{origin}'"
+        return text_of(file), {}, f"the study '{origin}'"
     source = source_of(origin)
-    text = text_of(bundled_root() / COMMENTED / "study.toml")
-    return text, _of_bench(source), f"the bench data of '{source.name}'", f"the study '{COMMENTED}'"
-
-
-def _of_bench(source: Source) -> Values:
     contact, rises = source.clutch.contact, sorted(dict(source.rises).items())
     if len(rises) == 1:  # a table needs two forces to lie between
         rises.append((rises[0][0] * 1.01, rises[0][1]))
-    return {
+    values = {
         **source.dog_values,
         "contact.static_friction": contact.static_friction,
         "contact.dynamic_friction": contact.dynamic_friction,
@@ -209,30 +191,11 @@ def _of_bench(source: Source) -> Values:
         "operating.mismatch_rpm": source.mismatches,
         OPERATING: source.forces,
     }
-
-
-def _is_given(key: str, given: Mapping[str, Any]) -> bool:
-    return any(key == one or key.startswith(f"{one}.") for one in given)
-
-
-def _kept(text: str, done: Mapping[str, Any], base: str) -> list[str]:
-    """List the values of clutch and use that stay those of the origin."""
-    tables = tomllib.loads(text)
-    kept = {key: value_at(tables, key) for key in (*CLUTCH, *USE) if not _is_given(key, done)}
-    listed = ", ".join(f"{key} {_text(value)}" for key, value in kept.items() if value is not None)
-    return [
-        *([f"not given, so as in {base}: {listed}"] if listed else []),
-        f"[load], [material], [manufacturing] and [tolerance] are those of {base} but for what "
-        "was given: check safety factors, workshop and tolerances",
-    ]
-
-
-def _text(value: Any) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    text = text_of(bundled_root() / COMMENTED / "study.toml")
+    return text, values, f"the bench data of '{source.name}'"
 
 
 def _doubts(study: Setup) -> list[str]:
-    """List what the study's own dog does not pass, and its values whose unit is in doubt."""
     failed = [check for check in design_of(study, {}).checks if not check.passed]
     outside = [
         f"variables.{key} is [{low:g}, {high:g}], which does not hold your own {own:g}: no search "
@@ -273,21 +236,18 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     if lists and not min(has) <= min(wants) <= max(wants) <= max(has):
         found[OPERATING] = has
     found |= _ranges(origin, {**own["dog"], "height_mm": height})
-    found = {key: value for key, value in found.items() if not _is_given(key, given)}
-    computed = [f"{key} {_text(value)}" for key, value in found.items() if value is not None]
-    absent = [key for key, value in found.items() if value is None]
+    found = {key: value for key, value in found.items()
+             if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip
     said = {
-        "follows from your clutch": computed,
-        "left out, with what holds instead": [
-            f"{k} ({INSTEAD[k]})" for k in absent if k in INSTEAD
+        "follows from your clutch": [f"{k} {v}" for k, v in found.items() if v is not None],
+        "left out with its default instead, limits not judged; give your own": [
+            k for k, v in found.items() if v is None
         ],
-        "left out, so not judged; give your own": [key for key in absent if key not in INSTEAD],
     }
     return found, [f"{what}: {', '.join(those)}" for what, those in said.items() if those]
 
 
 def _ranges(origin: Values, dog: Values) -> Values:
-    """Widen the search ranges that do not hold the own dog."""
     found: Values = {}
     for key, (low, high) in (value_at(origin, "variables") or {}).items():
         value = dog.get(key)

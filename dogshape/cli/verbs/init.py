@@ -76,7 +76,6 @@ def study(
 
 
 def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
-    """Ask about clutch and use until they make a study; what was answered is the next default."""
     origin = ask("begin from (a study, or the folder of a bench)", origin)
     before = source_of(origin).dog_values
     before |= {key: value for key, value in values.items() if key in CLUTCH and askable(value)}
