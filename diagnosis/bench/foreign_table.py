@@ -232,7 +232,7 @@ def _head(grid: _Grid, first: int) -> tuple[list[str], list[str], list[int]]:
     """Read names and units above the first row of numbers, with the places of their rows.
 
     Comments are no names, unless all lines above the numbers are comments. An empty name is that of
-    the line above, and a name that is there twice has it in front.
+    the line above.
     """
     filled = grid.filled
     near = takewhile(
@@ -246,12 +246,7 @@ def _head(grid: _Grid, first: int) -> tuple[list[str], list[str], list[int]]:
     if len(rows) > 1 and _are_units(rows[-1], rows[-2]):
         units, used = rows.pop(), zone[-2:]
     names = rows.pop() if rows else [""] * filled.shape[1]
-    known = list(filter(None, names))
-    if rows and len(set(known)) < len(known):
-        groups = [next(filter(None, rows[-1][k::-1]), "") for k in range(len(names))]
-        names = [f"{a} {b}".strip() for a, b in zip(groups, names, strict=True)]
-        used = [zone[len(rows) - 1], *used]
-    elif rows and not all(names):
+    if rows and not all(names):
         more = [b or a for a, b in zip(rows[-1], names, strict=True)]
         used = [zone[len(rows) - 1], *used] if more != names else used
         names = more

@@ -276,6 +276,8 @@ def load_stand(path: Path) -> Stand:
         raise DataError(
             f"{path} cannot be read: {error.strerror}; check path and rights"
         ) from error
+    if "mismatch_sense" in data:  # where earlier versions had record.sense
+        data["record"] = {"sense": data.pop("mismatch_sense"), **data.get("record", {})}
     file = validate(_BenchFile, data, str(path))
     clutch = _clutch(file)
     _require_plausible(path, file)

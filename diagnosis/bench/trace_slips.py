@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dogshape.diagnosis.bench.corrections import Finding, Findings, corrected
-from dogshape.diagnosis.bench.stand_file import Stand, TimeZero
+from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.diagnosis.bench.traces import FIRST, BenchTrace, find_force_start, scatter, smoothed
 from dogshape.diagnosis.terms import Array
@@ -26,12 +26,12 @@ CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margi
 REST = 0.02  #: of axial gap or nominal force, least reading at rest that is said
 MOVED = 0.005  #: of the travel, least way of the first samples of a record that begins in motion
 CLEAR = 5.0  #: scatters of a median that a value at rest exceeds, four times 1.25 standard errors
-#: Explanations of times that begin before the force, by what the record says of their zero.
-BEFORE_FORCE: dict[TimeZero, str] = {
-    "unknown": "shift times that count from another instant than the force",
-    "command": "a dead time between command and force",
-    "force": "times that begin before the force, against record.time_zero = 'force'",
-}
+ANOTHER = "shift times that count from another instant than the force"
+COMMAND = "a dead time between command and force"
+DEAD = (
+    "a dead time or slow rise of the force, or a zero that table and traces share, which a "
+    "diagnosis weighs"
+)
 
 
 def _traced(sheet: Sheet) -> list[tuple[Row, BenchTrace]]:
@@ -121,10 +121,7 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
         seen = np.isfinite(late[off]).any()
         found += f"; {_ends(_median(late[off]))}" if seen else ""
         if seen and abs(_median(late[off])) <= between:
-            looks = "a dead time or slow rise of the force, or a zero that table and traces share"
-            looks = f"{looks}, which a diagnosis weighs"
-            if stand.record.time_zero == "force":
-                looks = BEFORE_FORCE["force"]
+            looks = ANOTHER if stand.record.time_zero == "force" else DEAD
         elif np.isnan(start).any():
             found += f"; in {np.isnan(start).sum()} traces no rise of the force is seen at all"
         else:
@@ -137,7 +134,7 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
         looks = "a sensor that is not connected or of the opposite sign, or a force that is there "
         yield Finding("trace_time", found, looks + "from the first sample")
     elif abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
-        looks = BEFORE_FORCE[stand.record.time_zero if middle < 0.0 else "unknown"]
+        looks = COMMAND if stand.record.time_zero == "command" and middle < 0.0 else ANOTHER
         yield Finding("trace_time", _ends(middle), f"{looks}, or to another travel")
 
 

@@ -166,7 +166,7 @@ def _empty_rows(source: Source, report: Report) -> list[Row]:
         "shift or mean"
     )
     return [
-        {"file": "", "row": 0, "mismatch": m, "force": f, "rise": source.rise(f)[0], "n": 10,
+        {"file": "", "row": 0, "mismatch": m, "force": f, "rise": source.rise(f), "n": 10,
          "time": None, "engaged": None, "trace": ""}
         for m in source.mismatches for f in source.forces
     ]  # fmt: skip
@@ -196,8 +196,8 @@ def _table_rows(reader: TableReader) -> list[Row]:
     placed = [row["order"] for row in rows if row["time"] is not None and row["order"] is not None]
     if len(set(placed)) < len(placed):
         report.faults.append(
-            f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in the "
-            f"whole series; --column order={NONE} leaves it out"
+            f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "
+            f"the whole series; --column order={NONE} leaves it out"
         )
     for name in sorted(reader.matches.keys() & {"order", "timestamp"}):
         report.assumed.append(
@@ -275,18 +275,17 @@ def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: 
 
 def _fill_rises(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
     lacking = [row for row in rows if row["rise"] is None and row["force"] is not None]
-    found = {row["force"]: source.rise(row["force"]) for row in lacking}
     for row in lacking:
-        row["rise"] = round(found[row["force"]][0], 6) if draft.rise_s is None else draft.rise_s
+        own = round(source.rise(row["force"]), 6)
+        row["rise"] = own if draft.rise_s is None else draft.rise_s
+    times = [row["rise"] for row in lacking]
     if lacking and draft.rise_s is not None:
         report.assumed.append(f"the force rises in {number(draft.rise_s)} s where no row says it")
     elif lacking:
-        times = [rise for rise, _ in found.values()]
-        beyond = [number(force) for force, (_, within) in sorted(found.items()) if not within]
         report.assumed.append(
             f"the force rises in {number(min(times))} to {number(max(times))} s, by its size as in "
-            f"'{source.name}'; --rise-s says another time"
-            + (f"; {beyond[0]} to {beyond[-1]} N lie beyond its forces" if beyond else "")
+            f"'{source.name}' ({number(source.forces[0])} to {number(source.forces[-1])} N); "
+            "--rise-s says another time"
         )
 
 

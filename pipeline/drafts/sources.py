@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, clutch_tables, rounded
 from dogshape.sim.errors import InputError, StorageError
@@ -29,14 +29,13 @@ PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 class Source:
     """A clutch with its contact and operating points, and the rise of its force, from ``name``.
 
-    ``rises`` are pairs of force in N and rise time in s; ``bench`` is the data set that it is.
+    ``rises`` are pairs of force in N and rise time in s.
     """
 
     name: str
     clutch: Clutch
     rises: tuple[tuple[float, float], ...]
     points: tuple[OperatingPoint, ...]
-    bench: Bench | None = None
 
     @property
     def mismatches(self) -> list[float]:
@@ -48,15 +47,10 @@ class Source:
         """Shift forces in N, each once."""
         return sorted({rounded(point.profile.force) for point in self.points})
 
-    def rise(self, force: float) -> tuple[float, bool]:
-        """Give the rise time in s of a force in N, linear in between; and whether it lies within.
-
-        Beyond the ends it is that of the nearest force.
-        """
-        table = sorted(dict(self.rises).items())
-        forces, times = zip(*table, strict=True)
-        within = forces[0] * (1.0 - 1e-3) <= force <= forces[-1] * (1.0 + 1e-3)
-        return float(np.interp(force, forces, times)), within
+    def rise(self, force: float) -> float:
+        """Give the rise time in s of a force in N, linear in between and constant beyond."""
+        forces, times = zip(*sorted(dict(self.rises).items()), strict=True)
+        return float(np.interp(force, forces, times))
 
     @property
     def dog_values(self) -> Values:
@@ -105,7 +99,7 @@ def source_of(where: str) -> Source:
         bench = load_bench(folder if here else where)
         points = tuple(cell.point for cell in bench.cells)
         rises = tuple((p.profile.force, p.profile.rise) for p in points)
-        return Source(bench.name, bench.clutch, rises, points, bench)
+        return Source(bench.name, bench.clutch, rises, points)
     try:
         study = load_study(where)
     except InputError as error:

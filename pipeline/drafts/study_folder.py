@@ -1,13 +1,12 @@
 """A study folder to begin with: the commented study file with values of one's own.
 
 A study begins as a copy of another one. Values that hold for the other clutch alone are left out,
-but for the height of the dogs, which keeps their shape (mean diameter over count), forces with
-which it shifts, which are those of the actuator, and search ranges, which hold the own dog.
+but for the height of the dogs, which keeps their shape (mean diameter over count), and forces with
+which it shifts, which are those of the actuator.
 """
 
 from __future__ import annotations
 
-import math
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -35,7 +34,6 @@ INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
 HEIGHT = "dog.height_mm"
 MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
 ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
-LAST_ANGLE = 59.0  #: deg, of a search range
 #: Words for the keys of a clutch that are worth a question.
 CLUTCH = {
     "dog.count": "number of dogs",
@@ -199,7 +197,7 @@ def _doubts(study: Setup) -> list[str]:
     failed = [check for check in design_of(study, {}).checks if not check.passed]
     outside = [
         f"variables.{key} is [{low:g}, {high:g}], which does not hold your own {own:g}: no search "
-        "can propose it"
+        "can propose it; widen the range"
         for key, (low, high) in study.variables.items()
         if key in study.shape_keys and not low <= (own := study.prototype[key]) <= high
     ]
@@ -229,13 +227,12 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     found: Values = {}
     if changed & set(DIAMETERS) and HEIGHT not in given:
         before = sum(value_at(origin, key) for key in DIAMETERS) / value_at(origin, "dog.count")
-        found[HEIGHT] = height = rounded(height * (outer + inner) / count / before, 3)
+        found[HEIGHT] = rounded(height * (outer + inner) / count / before, 3)
     found |= {key: None for key, by in bound.items()
               if changed & set(by) and value_at(origin, key) is not None}  # fmt: skip
     lists = has and wants and isinstance(has, list) and isinstance(wants, list)
     if lists and not min(has) <= min(wants) <= max(wants) <= max(has):
         found[OPERATING] = has
-    found |= _ranges(origin, {**own["dog"], "height_mm": height})
     found = {key: value for key, value in found.items()
              if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip
     said = {
@@ -245,18 +242,3 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
         ],
     }
     return found, [f"{what}: {', '.join(those)}" for what, those in said.items() if those]
-
-
-def _ranges(origin: Values, dog: Values) -> Values:
-    found: Values = {}
-    for key, (low, high) in (value_at(origin, "variables") or {}).items():
-        value = dog.get(key)
-        if not isinstance(value, (int, float)) or low <= value <= high:
-            continue
-        ends = [min(low, 0.5 * value), max(high, 1.5 * value)]
-        if key == "count":
-            ends = [max(2, math.floor(ends[0])), math.ceil(ends[1])]
-        if key.endswith("_deg"):
-            ends[1] = min(ends[1], max(LAST_ANGLE, value))
-        found[f"variables.{key}"] = ends
-    return found

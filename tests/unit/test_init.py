@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from dogshape.cli.app import app
 from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_cells import split_head, unit_named
+from dogshape.diagnosis.bench.foreign_cells import split_head
 from dogshape.diagnosis.bench.foreign_columns import SHIFTS, Match, matched
 from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.stand_file import BenchRecord
@@ -53,42 +53,25 @@ def heads_of(found: list[Match]) -> dict[str, str]:
 
 
 @pytest.mark.parametrize(
-    ("text", "kind", "factor"),
+    ("head", "name", "unit", "factor"),
     [
-        ("1/min", "speed", 1.0),
-        ("min⁻¹", "speed", 1.0),
-        ("rad/s", "speed", 9.549297),
-        ("Hz", "speed", 60.0),
-        ("ot/min", "speed", 1.0),
-        ("kN", "force", 1e3),
-        ("N", "force", 1.0),
-        ("ms", "time", 1e-3),
-        ("µs", "time", 1e-6),
+        ("Drehzahldifferenz [min⁻¹]", "Drehzahldifferenz", "min⁻¹", 1.0),
+        ("dn [rad/s]", "dn", "rad/s", 9.549297),
+        ("F_shift (kN)", "F_shift", "kN", 1e3),
+        ("t_mean_ms", "t_mean", "ms", 1e-3),
+        ("t [µs]", "t", "µs", 1e-6),
+        ("F/kN", "F", "kN", 1e3),
+        ("n/min^-1", "n", "min^-1", 1.0),
+        ("Schaltkraft in N", "Schaltkraft", "N", 1.0),
+        ("shift time (mean)", "shift time mean", None, None),
     ],
 )
-def test_units_lead_to_the_projects_own(text: str, kind: str, factor: float) -> None:
-    unit = unit_named(text)
-    assert unit is not None
-    assert (unit.dimension, unit.factor) == (kind, pytest.approx(factor))
-
-
-@pytest.mark.parametrize(
-    ("head", "name", "unit"),
-    [
-        ("Drehzahldifferenz [1/min]", "Drehzahldifferenz", "1/min"),
-        ("F_shift (kN)", "F_shift", "kN"),
-        ("t_shift ms", "t_shift", "ms"),
-        ("t_mean_ms", "t_mean", "ms"),
-        ("F/kN", "F", "kN"),
-        ("n/min^-1", "n", "min^-1"),
-        ("Schaltkraft in N", "Schaltkraft", "N"),
-        ("n", "n", None),
-        ("shift time (mean)", "shift time mean", None),
-    ],
-)
-def test_a_head_is_name_and_unit(head: str, name: str, unit: str | None) -> None:
+def test_a_head_is_name_and_unit(
+    head: str, name: str, unit: str | None, factor: float | None
+) -> None:
     found = split_head(head)
     assert (found[0], found[1].text if found[1] else None) == (name, unit)
+    assert (found[1].factor if found[1] else None) == (factor and pytest.approx(factor))
 
 
 @pytest.mark.parametrize(
@@ -108,22 +91,12 @@ def test_columns_are_guessed_by_name_and_unit(heads: tuple[str, ...]) -> None:
     assert [taken[name] for name in wanted] == list(heads[:4])
 
 
-def test_a_rise_and_an_engagement_are_found_by_their_german_names() -> None:
-    heads = ("Δn [1/min]", "Schaltkraft [N]", "t_an [ms]", "Schaltzeit [ms]", "eingerückt")
-    found, faults = matched(columns_of(*heads), SHIFTS, {})
-    taken = heads_of(found)
-    assert not faults
-    assert (taken["force_rise_s"], taken["engaged"]) == ("t_an [ms]", "eingerückt")
-    assert taken["shift_time_s"] == "Schaltzeit [ms]"
-
-
 @pytest.mark.parametrize(
     ("head", "said", "unit", "other"),
     [
-        ("Zeit [ms]", "Zeit [ms]:ms", "ms", False),
         ("Zeit [ms]", "Zeit:s", "s", True),
         ("shift_time_s", "shift_time_s:ms", "ms", True),
-        ("shift_time_s", "shift_time_s", "s", False),
+        ("Zeit [ms]", "Zeit [ms]", "ms", False),
     ],
 )
 def test_a_unit_of_the_option_goes_before_that_of_the_head(
@@ -135,26 +108,6 @@ def test_a_unit_of_the_option_goes_before_that_of_the_head(
     assert taken is not None
     assert taken.text == unit
     assert ("; the head says" in found[0].why) == other
-
-
-def test_what_fits_twice_is_asked_about() -> None:
-    heads = ("delta n [1/min]", "F [N]", "Schaltkraft [N]", "t [s]", "Schaltzeit [ms]")
-    found, faults = matched(columns_of(*heads), SHIFTS, {})
-    assert faults == []  # a word is stronger than a letter
-    assert {"Schaltkraft [N]", "Schaltzeit [ms]"} <= set(heads_of(found).values())
-    twins = columns_of("dn", "F", "Schaltzeit [s]", "Schaltdauer [s]")
-    _, faults = matched(twins, SHIFTS, {})
-    assert len(faults) == 1
-    assert "'Schaltzeit [s]' or 'Schaltdauer [s]'" in faults[0]
-    _, faults = matched(twins, SHIFTS, {"shift_time_s": "Schaltdauer [s]"})
-    assert faults == []
-
-
-@pytest.mark.parametrize("what", ["study", "bench"])
-def test_help_has_an_example(dogshape: Call, what: str) -> None:
-    said = dogshape("init", what, "--help")
-    assert said.status == 0
-    assert f"Example: dogshape init {what}" in said.out
 
 
 def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> None:
@@ -173,14 +126,6 @@ def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> No
         time_zero="force", displacement_at="sleeve", empty_cells="failed", sense="known"
     )
     assert [cell.failed for cell in load_bench("n").cells] == [0, 1]
-
-
-def test_a_moved_key_beside_its_place_is_refused(dogshape: Call) -> None:
-    Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n")
-    said = dogshape("init", "bench", "m.csv", "--set", "mismatch_sense=known")
-    assert said.status == 2
-    assert "two keys for one thing; leave out 'mismatch_sense'" in said.err
-    assert not Path("m").exists()
 
 
 @pytest.mark.parametrize("coding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
@@ -206,20 +151,9 @@ def test_a_foreign_table_becomes_a_data_set(dogshape: Call, coding: str) -> None
     assumed = " ".join(said.json["assumed"])
     for words in ("rises in 0.12614 to 0.1766 s", "left out (row 8)"):
         assert words in assumed
-    assert [one["column"] for one in said.json["left_out"]] == ["Nr."]
+    assert {one.get("column") for one in said.json["left_out"]} == {None, "Nr."}
     units = {row["quantity"]: row["unit"] for row in said.json["columns"]}
     assert (units["force_N"], units["shift_time_s"]) == ("kN", "ms")
-
-
-def test_units_in_a_row_of_their_own(dogshape: Call) -> None:
-    text = (
-        "speed difference,force,shift time\n[rad/s],[kN],[ms]\n5.2359878,0.469,190\n10,0.469,180\n"
-    )
-    Path("m.csv").write_text(text)
-    assert dogshape("init", "bench", "m.csv").status == 0
-    first = load_bench("m").readings[0]
-    assert first.point.mismatch / RPM == pytest.approx(50.0)
-    assert (first.point.profile.force, first.time) == (469.0, pytest.approx(0.19))
 
 
 def test_every_fault_is_told_at_once(dogshape: Call) -> None:
@@ -255,10 +189,10 @@ def test_missing_columns_are_told_with_those_that_are_left(dogshape: Call) -> No
 
 
 def test_times_that_cannot_be_true_are_refused_by_row(dogshape: Call) -> None:
-    Path("m.csv").write_text("dn_rpm,force_N,t_ms\n50,469,190\n100,469,2\n149,469,180\n")
+    Path("m.csv").write_text("dn_rpm,force_N,t_ms\n50,469,190\n\n100,469,2\n149,469,180\n")
     said = dogshape("init", "bench", "m.csv")
     assert said.status == 2
-    assert "m.csv, row 3: the shift time is 0.002 s, but it must be a time in s" in said.err
+    assert "m.csv, row 4, column shift_time_s is '0.002', but it must be a time in s" in said.err
     assert not Path("m").exists()
 
 
@@ -331,13 +265,6 @@ def test_a_bench_from_a_study_has_its_contact_and_what_moves_with_the_ring(dogsh
     assert again.clutch.contact.dissipation == study.clutch.contact.dissipation
 
 
-def test_a_bench_from_a_study_has_its_rounded_crests(dogshape: Call) -> None:
-    rounded = ("--set", "dog.edge_radius_mm=0.3")
-    assert dogshape("init", "study", "--out", "mine", "--yes", *rounded).status == 0
-    assert dogshape("init", "bench", "--from", "mine", "--out", "b").status == 0
-    assert load_bench("b").clutch.dog.edge_radius == pytest.approx(0.3e-3)
-
-
 def test_a_study_is_no_data_set_and_says_how_to_make_one(dogshape: Call) -> None:
     assert dogshape("init", "study", "--out", "mine", "--yes").status == 0
     said = dogshape("gap", "mine")
@@ -367,17 +294,6 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
     assert load_study("plain").physics_hash == load_study("mq200").physics_hash
 
 
-def test_a_study_from_a_bench_has_its_clutch_and_points(dogshape: Call) -> None:
-    Path("m.csv").write_bytes(FOREIGN.encode())
-    dogshape("init", "bench", "m.csv", "--set", "dog.count=18")
-    said = dogshape("init", "study", "--from", "m", "--out", "mine")
-    assert said.status == 0, said.err
-    study = load_study("mine")
-    assert study.clutch.dog.count == 18
-    assert study.mismatches == [50.0, 100.0, 149.0, 249.0]
-    assert study.forces == [469.0, 641.5]
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -399,7 +315,7 @@ def test_a_study_that_is_none_is_not_written(
 def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    answers = "\n18\n\n\n\n3,2" + 19 * "\n"
+    answers = "\n18\n\n\n\n3,2" + 18 * "\n"
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=answers)
     assert done.exit_code == 0, done.stderr
     dog = load_study("mine").clutch.dog
@@ -434,37 +350,22 @@ def test_a_wrong_answer_is_asked_about_again_and_the_others_stay(
         "actuation.force_N": "200 600",
         "actuation.rise_s": "0.2",
         "operating.mismatch_rpm": "x\n20 80",
+        "operating.force_N": "200 600",
     }
-    first = [*(answers.get(key, "") for key in [*CLUTCH, *USE]), "height_mm count"]
-    # Only what a fault names is asked about again: both diameters, then forces and rises. The
-    # forces with which it shifts follow from those of the actuator.
-    again = ["52", "", "", "0,25 0.15", ""]
-    said = "\n".join(["", *first, *again]) + "\n"
-    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=said)
+    keys = [key for key in (*CLUTCH, *USE) if key != "mechanism.spline_radius_mm"]
+    again = {"dog.outer_diameter_mm": "52", "actuation.rise_s": "0,25 0.15"}
+    said = [given.get(key, "") for given in (answers, again) for key in keys]
+    said_text = "\n".join(["", *said]) + "\n"
+    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=said_text)
     assert done.exit_code == 0, done.stderr
     assert "nothing is written yet" in done.stderr
-    assert "no numbers with blanks" in done.stderr
+    assert "give numbers with blanks" in done.stderr
     study = load_study("mine")
     assert (study.clutch.dog.count, study.clutch.dog.height) == (18, pytest.approx(3.2e-3))
     assert study.actuation.table.rises == (0.25, 0.15)
     assert study.forces == [200.0, 600.0]
-    assert set(study.variables) == {"height_mm", "count"}
     assert tomllib.loads(Path("mine/study.toml").read_text())["load"]["torque_Nm"] == 150.0
     assert sorted({round(p.mismatch / RPM) for p in study.points}) == [20, 80]
-
-
-def test_an_answer_goes_before_what_was_set(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Also where it is what the origin has."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    said = "\n15" + 24 * "\n"
-    sets = ["--set", "dog.count=20", "--set", "dog.height_mm=3.2"]
-    done = CliRunner().invoke(app, ["init", "study", "--out", "mine", *sets], input=said)
-    assert done.exit_code == 0, done.stderr
-    dog = load_study("mine").clutch.dog
-    assert (dog.count, dog.height) == (15, pytest.approx(3.2e-3))
 
 
 def test_questions_that_are_stopped_write_nothing(
@@ -515,20 +416,10 @@ def _begun(dogshape: Call, *sets: str, origin: str = "mq200") -> tuple[Said, Set
     return said, load_study("own")
 
 
-def test_what_stays_of_the_origin_is_listed(dogshape: Call) -> None:
-    said, _ = _begun(dogshape, "dog.count=20", "mechanism.spline_radius_mm=20")
-    stays = said.json["assumed"][0]
-    assert "outer_diameter_mm 52" in stays
-    assert "dog.count" not in stays
-    assert "spline_friction 0.1" in stays
-    assert "spline_radius_mm" not in stays
-    assert said.json["warnings"] == []
-
-
 RING = ("dog.outer_diameter_mm=140", "dog.inner_diameter_mm=124", "dog.count=30")
 
 
-def test_what_scales_follows_from_the_ring(dogshape: Call) -> None:
+def test_what_follows_from_the_ring(dogshape: Call) -> None:
     """A truck's sleeve: spline, moving mass and limits are no longer the prototype's."""
     said, study = _begun(
         dogshape, *RING, "sliding.mass_kg=2.5", "load.torque_Nm=1500",
@@ -541,13 +432,11 @@ def test_what_scales_follows_from_the_ring(dogshape: Call) -> None:
     assert study.forces == [1500.0]
     # As high over the pitch as the prototype's dogs, 3.7 mm on 96 mm and 15 dogs.
     assert study.clutch.dog.height == pytest.approx(3.7e-3 * (264 / 30) / (96 / 15), rel=3e-3)
-    assert study.limits.load.separating_force_limit == pytest.approx(
-        5000 * 7.5 * 96 / 264, rel=3e-3
-    )
+    assert study.limits.load.separating_force_limit is None
     assert study.file.driveline.stiffness_Nm_rad is None
     assert study.file.search.limits == {"smallest_margin_worst": 0.0}
     left = " ".join(said.json["assumed"])
-    assert "not judged" in left
+    assert "limits not judged" in left
     assert "search.limits.slower_than_reference_s" in left
     text = Path("own/study.toml").read_text()
     for words in ("prototype", "4.98 squared", "thesis table 2"):
@@ -573,28 +462,11 @@ def test_given_values_do_not_follow(dogshape: Call) -> None:
 
 
 @pytest.mark.parametrize(
-    "sets",
-    [
-        ("dog.count=40", "dog.outer_diameter_mm=90", "dog.inner_diameter_mm=76"),
-        ("dog.count=4", "dog.traction_deg=2", "dog.braking_deg=0", "dog.chamfer_deg=1"),
-        ("dog.height_mm=9", "dog.count=12", "dog.outer_diameter_mm=120"),
-        ("dog.braking_deg=45", "dog.count=20", "dog.chamfer_deg=21", "dog.height_mm=4"),
-    ],
-)
-def test_search_ranges_hold_the_own_dog(dogshape: Call, sets: tuple[str, ...]) -> None:
-    _, study = _begun(dogshape, *sets)
-    for key, (low, high) in study.variables.items():
-        assert low <= study.prototype[key] <= high, key
-
-
-@pytest.mark.parametrize(
     ("sets", "words"),
     [
         (("dog.count=40",), "tip at the inner radius is 0.5872 mm, but it must be at least 1.5 mm"),
         (("dog.chamfer_deg=4",), "your own dog fails chamfer_release"),
-        (("load.torque_Nm=2000",), "your own dog fails pull_out_force"),
         (("variables.count=[20, 30]",), "does not hold your own 15"),
-        (("dog.traction_deg=0", "dog.braking_deg=0"), "the flanks leave 0 mm"),
         (("load.torque_Nm=0.2",), "is load.torque_Nm in N m?"),
     ],
 )
@@ -610,7 +482,6 @@ def test_a_limit_that_the_own_dog_breaks_is_said(
     [
         ('operating={set="amt"}', 24),
         ('operating={mismatch_rpm={distribution="normal", mean=0, sd=10}, force_N=[469]}', 24),
-        ('operating.mismatch_rpm={distribution="uniform", low=-20, high=20}', 96),
         ("operating={points=[{mismatch_rpm=50, force_N=300}]}", 1),
     ],
 )
@@ -618,14 +489,6 @@ def test_inline_tables_are_values(dogshape: Call, value: str, points: int) -> No
     _, study = _begun(dogshape, value)
     assert len(study.points) == points
     assert study.file.search.limits == load_study("mq200").file.search.limits
-
-
-def test_a_key_is_taken_out_by_no_value(dogshape: Call) -> None:
-    _, study = _begun(dogshape, "search.limits=", "mechanism.drag_torque_Nm=")
-    assert study.file.search.limits is None
-    assert study.clutch.mechanism.drag_torque == 0.0
-    said = dogshape("init", "study", "--out", "no", "--yes", "--set", "mechanism.nothing=")
-    assert "no key mechanism.nothing to take out" in said.sentence
 
 
 SERIES = """\
@@ -654,17 +517,19 @@ def test_spread_order_and_time_stamps_of_a_foreign_table_come_along(dogshape: Ca
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("31.05.2024 14:07:30", "14:07", "timestamp: some cells have a date and others have none"),
-        ("31.05.2024 14:07:30", "", "timestamp: it is empty in row 4"),
-        ("31.05.2024 14:07:30", "5", "timestamp: it has dates and plain"),
-        ("170,25;;1", "170,25;8;1", "row 4: shift_time_sd_s without a mean of several shifts"),
+        ("31.05.2024 14:07:30", "14:07", "has a date in some cells and none in others"),
+        ("31.05.2024 14:07:30", "", "column timestamp is '', but it must be filled"),
+        ("31.05.2024 14:07:30", "5", "timestamp=- to leave it out"),
+        ("\n3;", "\n2;", "has a number twice, so it is no place in the whole series"),
     ],
 )
-def test_what_cannot_be_read_of_a_series_is_left_out(
+def test_what_cannot_be_read_of_a_series_is_asked_about(
     dogshape: Call, old: str, new: str, words: str
 ) -> None:
     Path("m.csv").write_text(SERIES.replace(old, new))
-    said = dogshape("init", "bench", "m.csv", "--json")
-    assert said.status == 0
-    assert words in " ".join(one["reason"] for one in said.json["left_out"])
-    assert len(load_bench("m").readings) == 3
+    said = dogshape("init", "bench", "m.csv")
+    assert said.status == 2
+    assert words in said.err
+    out = ("--column", "order=-", "--column", "timestamp=-")
+    assert dogshape("init", "bench", "m.csv", *out).status == 0
+    assert [r.place for r in load_bench("m").readings] == [None] * 3

@@ -12,7 +12,7 @@ import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, load_bench
 from dogshape.sim.errors import DataError, InputError
-from dogshape.sim.units import MS, RPM
+from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set, scale, scale_traces, swap
 
@@ -53,8 +53,6 @@ CERTAIN: list[tuple[Spoil, list[str], str]] = [
     (traces(t_s=1e3), ["trace_time=ms"], "by t_s the travel of the traces takes"),
     (traces(force_N=1e-3), ["trace_force=kN"], "force_N of the traces ends at"),
     (traces(**SPEED), ["speeds=rad_s"], "speeds of the traces in radians a second"),
-    (table(shift_time_s=1e3, force_rise_s=1e3), ["time=ms", "rise=ms"], "Also: "),
-    (table(shift_time_s=1e3, force_N=1e-3), ["time=ms", "force=kN"], "Also: "),
     (both(table(shift_time_s=1e3), traces(t_s=1e3)), ["time=ms", "trace_time=ms"], "Also: "),
     (both(swapped, table(shift_time_s=1e3)), ["axes=swapped", "time=ms"], "Also: "),
 ]  # fmt: skip
@@ -118,8 +116,6 @@ def published(folder: Path, name: str) -> Path:
     ("factors", "asked"),
     [
         ({"shift_time_s": 1e3}, "time=ms"),
-        ({"force_rise_s": 1e3}, "rise=ms"),
-        ({"force_N": 1e-3}, "force=kN"),
         ({"force_N": 1 / ARM}, "force=arm"),
     ],
 )
@@ -135,13 +131,12 @@ def test_published_tables_with_a_slip(
         load_bench(folder)
 
 
-@pytest.mark.parametrize("name", ["mq200_stand", "mq200_adams"])
-def test_published_tables_with_swapped_axes(tmp_path: Path, name: str) -> None:
-    folder = published(tmp_path, name)
+def test_published_tables_with_swapped_axes(tmp_path: Path) -> None:
+    folder = published(tmp_path, "mq200_stand")
     swap(folder / "shifts.csv")
     with pytest.raises(DataError, match="--correct axes=swapped takes it as that"):
         load_bench(folder)
-    assert same(load_bench(folder, ["axes=swapped"]), load_bench(name))
+    assert same(load_bench(folder, ["axes=swapped"]), load_bench("mq200_stand"))
 
 
 def test_the_data_set_itself_may_ask_for_corrections(tmp_path: Path) -> None:
@@ -195,16 +190,6 @@ def test_measured_set_values_are_joined_to_operating_points(tmp_path: Path) -> N
     assert len(load_bench(folder, ["points=given"]).cells) > len(cells)
 
 
-def test_what_is_odd_but_possible_becomes_a_warning(tmp_path: Path) -> None:
-    folder = good_set(tmp_path, sensor=False)
-    scale_traces(folder, displacement_mm=0.8)
-    (odd,) = load_bench(folder).warnings
-    assert not odd.certain
-    assert odd.quantity == "displacement"
-    assert "--correct displacement=given takes it as it stands" in odd.sentence
-    assert load_bench(folder, ["displacement=given"]).warnings == ()
-
-
 def test_times_before_the_free_flight(tmp_path: Path) -> None:
     """Half of the free flight is impossible, nine tenths of it odd."""
     folder = good_set(tmp_path, traces=False, sensor=False)
@@ -222,14 +207,6 @@ def test_times_before_the_free_flight(tmp_path: Path) -> None:
     assert min(t for t in times if t is not None) == pytest.approx(0.3 * free, rel=1e-6)
 
 
-def test_a_linkage_has_a_positive_ratio(tmp_path: Path) -> None:
-    folder = good_set(tmp_path)
-    file = folder / "bench.toml"
-    file.write_text(file.read_text().replace("linkage_ratio = 3.1914", "linkage_ratio = -1"))
-    with pytest.raises(DataError, match=r"sensor.linkage_ratio is -1, but it must lie between"):
-        load_bench(folder)
-
-
 def test_the_arm_needs_a_linkage(tmp_path: Path) -> None:
     folder = good_set(tmp_path, sensor=False)
     for correction in ("force=arm", "displacement=arm"):
@@ -237,15 +214,4 @@ def test_the_arm_needs_a_linkage(tmp_path: Path) -> None:
             load_bench(folder, [correction])
     scale_traces(folder, displacement_mm=3.2)
     with pytest.raises(DataError, match="give linkage_ratio in the table"):
-        load_bench(folder)
-
-
-def test_single_cells_are_no_slip_of_the_column(tmp_path: Path) -> None:
-    folder = good_set(tmp_path, traces=False)
-    path = folder / "shifts.csv"
-    lines = path.read_text().splitlines()
-    cells = lines[3].split(",")
-    cells[4] = str(float(cells[4]) / MS)
-    path.write_text("\n".join([*lines[:3], ",".join(cells), *lines[4:]]))
-    with pytest.raises(DataError, match=r"row 4, column shift_time_s is .* time-out of 1 s"):
         load_bench(folder)
