@@ -1,4 +1,4 @@
-"""Cells of tables as people and loggers write them: numbers, units and dates.
+"""Cells of tables as people and loggers write them: numbers, units, dates and words.
 
 A file has one decimal sign. ``1,200`` is 1200 or 1.2, which other numbers of the file decide, or a
 statement of the file or of the user; otherwise it is a question.
@@ -260,3 +260,104 @@ def stamps_of(cells: Sequence[str], option: str) -> tuple[list[str], str]:
     seconds = (found - found.dt.normalize()).dt.total_seconds()
     seconds += 86_400.0 * (seconds.diff() < -43_200.0).cumsum()  # after midnight
     return [f"{one:.12g}" for one in seconds], "clock without a date"
+
+
+NOTHING = frozenset(("", "-", "--", "n/a", "na", "nan", "#n/a", "none", "null", "k.a.", "#nv"))
+YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engaged", "y", "j", "oui",
+       "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔")  # fmt: skip
+NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
+      "non", "ne", "nie", "✗", "✘")  # fmt: skip
+ANSWERS = {**dict.fromkeys(NOTHING), "unknown": None, **dict.fromkeys(YES, True),
+           **dict.fromkeys(NO, False)}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that is looked for: name, kind, words for it and against it, parted by strokes.
+
+    ``loose`` words may also mean something else; ``needed`` says that a table is of no use without
+    the quantity. ``also`` is a kind that its numbers may have though it needs none.
+    """
+
+    name: str
+    dimension: str | None
+    words: str
+    loose: str = ""
+    against: str = ""
+    needed: bool = False
+    also: str | None = None
+
+    @property
+    def units(self) -> str:
+        """Spellings of units that it may have."""
+        return ", ".join(text for text, one in UNITS.items() if one.dimension == self.dimension)
+
+
+_SPREAD = "|std|sd|sigma|streuung|abweichung|min|max|deviation|stdev"
+_FORCE = (
+    "shift force|schaltkraft|stellkraft|aktorkraft|axialkraft|f shift|f axial|f act|f schalt|f ax"
+)
+SHIFTS = (
+    Quantity(
+        "mismatch_rpm", SPEED,
+        "mismatch|drehzahldifferenz|differenzdrehzahl|relativdrehzahl|delta n|delta omega|dn|d n|"
+        "n diff|diff n|speed difference|relative speed|schlupfdrehzahl|delta speed|delta rpm",
+        "slip|schlupf|rpm|drehzahl|n",
+        "output|abtrieb|antrieb|input|in|out|shaft|welle" + _SPREAD, needed=True,
+    ),
+    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", "rise|anstieg|time|zeit" + _SPREAD,
+             needed=True),
+    Quantity(
+        "force_rise_s", TIME,
+        "force rise|rise time|anstiegszeit|kraftanstieg|t rise|t anstieg|t ramp|t an|t anst",
+        "rise|anstieg|ramp|rampe", _SPREAD[1:],
+    ),
+    Quantity("n_shifts", None,
+             "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
+             "shifts|count|anzahl|number|schaltungen|samples|n"),
+    Quantity(
+        "shift_time_s", TIME,
+        "shift time|schaltzeit|schaltdauer|t shift|t schalt|mean shift time|mittlere schaltzeit",
+        "mean time|t mean|time|zeit|dauer|duration|t",
+        "rise|anstieg|ramp|rampe|stamp|stempel|timeout|datum|delay" + _SPREAD, needed=True,
+    ),
+    Quantity(
+        "engaged", None, "engaged|eingelegt|geschaltet|eingerueckt|eingespurt",
+        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status",
+        "not|nicht|no|n|fail|failed|failure|fehler|error",
+    ),
+    Quantity("trace", None, "trace|trace file|messdatei|measurement file",
+             "file|datei|dateiname|filename"),
+    Quantity(
+        "shift_time_sd_s", TIME,
+        "std|sd|stdev|stddev|sigma|streuung|standardabweichung|standard deviation|"
+        "standard abweichung|std dev",
+        "", "f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error",
+    ),
+    Quantity(
+        "order", None,
+        "order|run order|reihenfolge|lfd nr|lfd|laufende nummer|laufnummer|sequence|sequenz|"
+        "run number|run no|versuchsnummer|shift number",
+    ),
+    Quantity("timestamp", None,
+             "timestamp|time stamp|zeitstempel|datum|date|date time|datum uhrzeit", also=TIME),
+)  # fmt: skip
+TRACE = (
+    Quantity("t_s", TIME, "", "t|time|zeit", needed=True),
+    Quantity("displacement_mm", LENGTH,
+             "displacement|schaltweg|s sleeve|sleeve position|muffenweg", "weg|travel|position|x|s",
+             needed=True),
+    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", needed=True),
+    Quantity(
+        "sliding_speed_rpm", SPEED,
+        "sliding speed|speed sliding|n sleeve|n muffe|drehzahl muffe|sleeve speed|muffendrehzahl|"
+        "n sliding",
+        "n antrieb|antriebsdrehzahl|input speed|n in", needed=True,
+    ),
+    Quantity(
+        "output_speed_rpm", SPEED,
+        "output speed|speed output|n rad|n gear|drehzahl rad|gear speed|raddrehzahl|n output|"
+        "n abtrieb|abtriebsdrehzahl",
+        "n out", needed=True,
+    ),
+)  # fmt: skip

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_columns import NONE, SHIFTS, TRACE, Report, TableReader
+from dogshape.diagnosis.bench.foreign_cells import SHIFTS, TRACE
+from dogshape.diagnosis.bench.foreign_columns import NONE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
 from dogshape.diagnosis.bench.table import COLUMNS, set_values
 from dogshape.diagnosis.bench.trace_files import SUFFIXES

@@ -1,8 +1,9 @@
 """A study folder to begin with: the commented study file with values of one's own.
 
 A study begins as a copy of another one. Values that hold for the other clutch alone are left out,
-but for the height of the dogs, which keeps their shape (mean diameter over count), and forces with
-which it shifts, which are those of the actuator.
+but for the height of the dogs, which keeps their shape (mean diameter over count), the force that
+the blocking mechanism holds (torque over mean radius), and forces with which it shifts, which are
+those of the actuator.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ HEAD = """\
 DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
 HEIGHT = "dog.height_mm"
+HELD = "load.separating_force_limit_N"
 MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
 ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
 #: Words for the keys of a clutch that are worth a question.
@@ -75,7 +77,6 @@ BOUND = {
     "driveline.stiffness_Nm_rad": (*DIAMETERS, *INERTIAS),
     "strike": (*DIAMETERS, *INERTIAS, TORQUE),
     "load.pull_out_force_limit_N": (ACTUATOR,),
-    "load.separating_force_limit_N": (*DIAMETERS, TORQUE),
     "load.abuse_torque_Nm": (TORQUE,),
     "search.reference": DIAMETERS,
     "search.within_s": (*DIAMETERS, *INERTIAS, MASS, ACTUATOR),
@@ -214,7 +215,8 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     origin, own = tomllib.loads(text), _with(given, text)
     count, height, outer, inner = (value_at(own, key) for key in ("dog.count", HEIGHT, *DIAMETERS))
     has, wants = (value_at(own, key) for key in (ACTUATOR, OPERATING))
-    numbers = [count, height, outer, inner]
+    torque, before = (value_at(tables, TORQUE) for tables in (own, origin))
+    numbers = [count, height, outer, inner, *([] if torque is None else [torque])]
     for one in (has, wants):
         numbers += one if isinstance(one, list) else []
     if not all(isinstance(one, (int, float)) and one > 0 for one in numbers):
@@ -225,9 +227,11 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
                if value_at(origin, key) != value_at(own, key)}  # fmt: skip
     changed |= {MASS} & set(given)  # also where all that moves is what the ring alone was
     found: Values = {}
-    if changed & set(DIAMETERS) and HEIGHT not in given:
-        before = sum(value_at(origin, key) for key in DIAMETERS) / value_at(origin, "dog.count")
-        found[HEIGHT] = rounded(height * (outer + inner) / count / before, 3)
+    ring = (outer + inner) / sum(value_at(origin, key) for key in DIAMETERS)
+    if changed & set(DIAMETERS):
+        found[HEIGHT] = rounded(height * ring * value_at(origin, "dog.count") / count, 3)
+    if (held := value_at(origin, HELD)) and torque and before and torque / before != ring:
+        found[HELD] = rounded(held * torque / before / ring, 3)
     found |= {key: None for key, by in bound.items()
               if changed & set(by) and value_at(origin, key) is not None}  # fmt: skip
     lists = has and wants and isinstance(has, list) and isinstance(wants, list)
