@@ -127,8 +127,9 @@ def corrected(sheet: Sheet, correction: str, sensor: Sensor) -> Sheet:
     """Make one correction in all rows of a sheet; ``given`` changes none."""
     if correction == "points=joined":
         return replace(sheet, rows=joined_rows(sheet.rows))
-    change = WAYS.get(correction, lambda row, _: row)
-    return replace(sheet, rows=tuple(change(row, sensor) for row in sheet.rows))
+    if change := WAYS.get(correction):
+        return replace(sheet, rows=tuple(change(row, sensor) for row in sheet.rows))
+    return sheet
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from dogshape.sim.errors import DataError
 
 _SAME = str.maketrans({
     **dict.fromkeys("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}", " "),
-    **dict.fromkeys("\N{RIGHT SINGLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}`\N{PRIME}", "'"),
+    **dict.fromkeys("\N{RIGHT SINGLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}\N{PRIME}", "'"),
     **dict.fromkeys("\N{MINUS SIGN}\N{EN DASH}\N{HYPHEN}\N{NON-BREAKING HYPHEN}", "-"),
 })  # fmt: skip
 _NUMBER = re.compile(
@@ -33,7 +33,7 @@ OTHER = {".": ",", ",": "."}
 
 def plain(cell: str) -> str:
     """Write a cell with ordinary minus sign and blank, the sign beside its digits."""
-    text = cell.translate(_SAME)
+    text = cell if cell.isascii() else cell.translate(_SAME)
     return text[0] + text[1:].lstrip() if text[:1] in ("+", "-") else text
 
 
@@ -43,6 +43,7 @@ def is_number(cell: str) -> bool:
 
 
 def _shown_sign(cell: str) -> tuple[str | None, bool]:
+    """Give the decimal sign that a number shows, and whether it may part thousands as well."""
     text = plain(cell)
     marks = re.findall("[.,]", text)
     if not marks or not _NUMBER.fullmatch(text):

@@ -59,7 +59,6 @@ class Match:
     why: str
     formula: str = "c0"
     option: str = ""
-    given: bool = False
 
     @property
     def columns(self) -> list[Column]:
@@ -256,7 +255,7 @@ def said_match(
     for column, unit in terms:
         if column.unit and unit and unit.factor != column.unit.factor:
             why.append(f"the head says {column.unit.text}")
-    return Match(quantity, tuple(terms), "; ".join(why), formula, option, given=True)
+    return Match(quantity, tuple(terms), "; ".join(why), formula, option)
 
 
 def _term(quantity: Quantity, column: Column, asked: str) -> tuple[Column, Unit | None]:

@@ -31,6 +31,7 @@ from dogshape.sim.texts import parted, read_lines
 
 Cells = Sequence[str]
 Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why
+SAMPLE = 1000  #: rows by which the separator is recognised
 FOOT = 100  #: last rows that may be sums without a mark
 HEADS = 4  #: rows of names and units above the numbers, at most
 _LABVIEW = re.compile(
@@ -180,7 +181,7 @@ def _parted(path: Path, lines: list[str]) -> tuple[str, Sequence[tuple[int, Cell
 
     def regular(rows: Sequence[tuple[int, Cells]]) -> int:
         widths = Counter(
-            len(row) for _, row in rows
+            len(row) for _, row in rows[:SAMPLE]
             if (n := sum(map(is_number, row))) >= 2 and 2 * n >= sum(map(bool, row))
         )  # fmt: skip
         return max(widths.values(), default=0)

@@ -188,6 +188,7 @@ def _set_values(rows: Sequence[Row]) -> Array:
 
 
 def _groups(values: Array) -> Array:
+    """Number the groups of rows of which each is near another one, (rows,)."""
     from scipy.sparse import coo_array  # noqa: PLC0415  # slow to load, and few tables need it
     from scipy.sparse.csgraph import connected_components  # noqa: PLC0415
     from scipy.spatial import KDTree  # noqa: PLC0415
@@ -203,21 +204,12 @@ def _groups(values: Array) -> Array:
 
 
 def near_points(rows: Sequence[Row]) -> dict[int, int]:
-    """Map rows whose set values are nearly those of other rows to such a row, by their places.
-
-    The other row is that whose set values have the most shifts.
-    """
+    """Map rows whose set values are nearly those of an earlier row to that row, by their places."""
     values = _set_values(rows)
-    groups = _groups(values)
-    _, first, which = np.unique(values, axis=0, return_index=True, return_inverse=True)
-    which = which.ravel()
-    shifts = np.bincount(which, weights=[row.n for row in rows])
-    found: dict[int, int] = {}
-    for group in np.unique(groups).tolist():
-        places = np.flatnonzero(groups == group)
-        lead = min(set(which[places].tolist()), key=lambda k: (-shifts[k], first[k]))
-        found |= {int(k): int(first[lead]) for k in places if which[k] != lead}
-    return found
+    _, first, group = np.unique(_groups(values), return_index=True, return_inverse=True)
+    lead = first[group.ravel()]
+    apart = (values != values[lead]).any(axis=1)
+    return dict(zip(np.flatnonzero(apart).tolist(), lead[apart].tolist(), strict=True))
 
 
 def joined_rows(rows: Sequence[Row]) -> tuple[Row, ...]:

@@ -160,7 +160,7 @@ def _read_csv(path: Path) -> dict[str, Channel]:
 def _open(path: Path, module: str, reader: str, kind: str) -> Any:
     library, extra = {"asammdf": ("asammdf", "mdf"), "nptdms": ("npTDMS", "tdms")}[module]
     try:
-        read = import_module(module)
+        read: Any = import_module(module)
     except ImportError as error:
         raise InputError(
             f"{library} cannot be loaded ({error}), but {kind} trace needs it; install it with: "

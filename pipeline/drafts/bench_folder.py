@@ -99,7 +99,7 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
         report.require(where)
         text = with_values(text_of(bundled_root() / TEMPLATE), values)
         (folder / "bench.toml").write_text(text, encoding="utf-8")
-        table = pd.DataFrame([_cells(row) for row in rows], columns=[*COLUMNS], dtype=object)
+        table = pd.DataFrame(rows, columns=[*COLUMNS], dtype=object).map(_cell)
         empty = [name for name in COLUMNS[7:] if table[name].isna().all()]
         table.drop(columns=empty).to_csv(folder / "shifts.csv", index=False, lineterminator="\n")
         try:
@@ -110,8 +110,8 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
     return {
-        "folder": str(out), "rows": len(rows), "shifts": sum(row["n"] for row in rows),
-        "with_time": sum(row["n"] for row in rows if row["time"] is not None),
+        "folder": str(out), "rows": len(rows), "shifts": sum(row["n_shifts"] for row in rows),
+        "with_time": sum(row["n_shifts"] for row in rows if row["shift_time_s"] is not None),
         "columns": report.readings, "left_out": report.left_out,
         "assumed": list(dict.fromkeys(report.assumed)),
         "warnings": [finding.sentence for finding in bench.warnings],
@@ -119,6 +119,7 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
 
 
 def _fault_of(text: str, folder: Path, out: Path, rows: list[Row]) -> str:
+    """Write a fault with the rows of the tables and the options of the verb."""
 
     def given(found: re.Match[str]) -> str:
         row = rows[int(found[1]) - 2]
@@ -131,13 +132,11 @@ def _fault_of(text: str, folder: Path, out: Path, rows: list[Row]) -> str:
     return text.replace(str(folder), str(out))
 
 
-def _cells(row: Row) -> Row:
-    """Write the cells of a row of ``shifts.csv``."""
-    numbers = [row[name] for name in ("mismatch", "force", "rise", "n", "time")]
-    engaged = None if row["engaged"] is None else str(row["engaged"]).lower()
-    own = row | dict(zip(COLUMNS, [*numbers, engaged], strict=False))
-    return {k: f"{own[k]:.9g}" if isinstance(own.get(k), int | float) else own.get(k)
-            for k in COLUMNS}  # fmt: skip
+def _cell(value: Any) -> Any:
+    """Write a cell of ``shifts.csv``."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.9g}" if isinstance(value, int | float) else value
 
 
 def _read_tables(draft: BenchDraft, report: Report) -> list[Row]:
@@ -166,9 +165,10 @@ def _empty_rows(source: Source, report: Report) -> list[Row]:
         "shifts.csv has the operating points of the origin, to be filled in: one row for each "
         "shift or mean"
     )
+    empty = {"file": "", "row": 0, "n_shifts": 10, "shift_time_s": None, "engaged": None,
+             "trace": ""}  # fmt: skip
     return [
-        {"file": "", "row": 0, "mismatch": m, "force": f, "rise": source.rise(f), "n": 10,
-         "time": None, "engaged": None, "trace": ""}
+        {**empty, "mismatch_rpm": m, "force_N": f, "force_rise_s": source.rise(f)}
         for m in source.mismatches for f in source.forces
     ]  # fmt: skip
 
@@ -176,25 +176,26 @@ def _empty_rows(source: Source, report: Report) -> list[Row]:
 def _table_rows(reader: TableReader) -> list[Row]:
     """Convert the rows of a table, as far as its columns are known."""
     path, report = reader.table.path, reader.report
+    names = ("mismatch_rpm", "force_N", "force_rise_s", "shift_time_s", "shift_time_sd_s", "order")
     columns = {
-        "row": reader.table.rows, "mismatch": reader.numbers("mismatch_rpm", needed=True),
-        "force": reader.numbers("force_N", needed=True), "rise": reader.numbers("force_rise_s"),
-        "time": reader.numbers("shift_time_s"), "n": reader.counts(), "engaged": reader.answers(),
-        "trace": reader.texts("trace"), "shift_time_sd_s": reader.numbers("shift_time_sd_s"),
-        "order": reader.numbers("order"), "timestamp": reader.stamps(),
+        "row": reader.table.rows,
+        **{name: reader.numbers(name, needed=name in names[:2]) for name in names},
+        "n_shifts": reader.counts(), "engaged": reader.answers(), "trace": reader.texts("trace"),
+        "timestamp": reader.stamps(),
     }  # fmt: skip
     rows = [{"file": str(path), **dict(zip(columns, values, strict=True))}
             for values in zip(*columns.values(), strict=True)]  # fmt: skip
-    late = [row for row in rows if row["engaged"] is False and row["time"] is not None]
+    late = [row for row in rows if row["engaged"] is False and row["shift_time_s"] is not None]
     if late:
         report.assumed.append(
             f"{path}: times of shifts that did not engage are left out (row {_places(late)})"
         )
     for row in rows:
-        row["time"] = None if row["engaged"] is False else row["time"]
-        if row["n"] < 2 or row["time"] is None:
+        row["shift_time_s"] = None if row["engaged"] is False else row["shift_time_s"]
+        if row["n_shifts"] < 2 or row["shift_time_s"] is None:
             row["shift_time_sd_s"] = None
-    placed = [row["order"] for row in rows if row["time"] is not None and row["order"] is not None]
+    timed = [row["order"] for row in rows if row["shift_time_s"] is not None]
+    placed = [place for place in timed if place is not None]
     if len(set(placed)) < len(placed):
         report.faults.append(
             f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "
@@ -214,7 +215,7 @@ def _table_rows(reader: TableReader) -> list[Row]:
 
 
 def _empty(rows: list[Row]) -> int:
-    return sum(row["time"] is None and row["engaged"] is None for row in rows)
+    return sum(row["shift_time_s"] is None and row["engaged"] is None for row in rows)
 
 
 def _places(rows: list[Row]) -> str:
@@ -228,8 +229,8 @@ def _group_set_points(rows: list[Row], draft: BenchDraft, source: Source, report
     errors: Row = {}
     both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
     for name, key, known in (
-        ("mismatch", "mismatch_rpm", both), ("force", "force_percent", source.forces),
-        ("rise", "", []),
+        ("mismatch_rpm", "mismatch_rpm", both), ("force_N", "force_percent", source.forces),
+        ("force_rise_s", "", []),
     ):  # fmt: skip
         measured = [row[name] for row in rows if row[name] is not None]
         found = set_values(measured, known) if len(measured) == len(rows) else None
@@ -239,10 +240,10 @@ def _group_set_points(rows: list[Row], draft: BenchDraft, source: Source, report
         for row, value in zip(rows, values.tolist(), strict=True):
             row[name] = value
         levels = ", ".join(map(number, sorted(set(values.tolist()))))
-        said = f"{name} is measured: {len(rows)} values are grouped at {levels}"
+        said = f"{name.partition('_')[0]} is measured: {len(rows)} values are grouped at {levels}"
         if key:
             error = f"errors.each_point.{key}"
-            errors[error] = float(f"{size if name == 'mismatch' else 100.0 * share:.2g}")
+            errors[error] = float(f"{size if key == name else 100.0 * share:.2g}")
             said += f", with their scatter as {error} = {errors[error]:g}"
         report.assumed.append(f"{said}; --set 'corrections=[\"points=given\"]' keeps each")
     return errors
@@ -250,19 +251,19 @@ def _group_set_points(rows: list[Row], draft: BenchDraft, source: Source, report
 
 def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
     """Take times at the stated time-out as shifts that did not engage; ask where none is stated."""
-    open_ = [row for row in rows if row["time"] is not None and row["engaged"] is None]
+    open_ = [row for row in rows if row["shift_time_s"] is not None and row["engaged"] is None]
     stated = draft.values.get("timeout_s")
     if isinstance(stated, int | float):
-        late = [row for row in open_ if 0.999 <= row["time"] / stated <= 1.02]
+        late = [row for row in open_ if 0.999 <= row["shift_time_s"] / stated <= 1.02]
         for row in late:
-            row |= {"time": None, "engaged": False}
+            row |= {"shift_time_s": None, "engaged": False}
         if late:
             report.assumed.append(
                 f"times at the time-out of {number(stated)} s are shifts that did not engage (row "
                 f"{_places(late)})"
             )
         return
-    often = Counter(row["time"] for row in open_)
+    often = Counter(row["shift_time_s"] for row in open_)
     most = max(often, default=0.0)
     piled = often[most] > max((n for time, n in often.items() if time < most), default=often[most])
     if piled or abs(most / source.clutch.timeout - 1.0) < 1e-6:
@@ -275,11 +276,11 @@ def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: 
 
 
 def _fill_rises(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
-    lacking = [row for row in rows if row["rise"] is None and row["force"] is not None]
+    lacking = [row for row in rows if row["force_rise_s"] is None and row["force_N"] is not None]
     for row in lacking:
-        own = round(source.rise(row["force"]), 6)
-        row["rise"] = own if draft.rise_s is None else draft.rise_s
-    times = [row["rise"] for row in lacking]
+        own = round(source.rise(row["force_N"]), 6)
+        row["force_rise_s"] = own if draft.rise_s is None else draft.rise_s
+    times = [row["force_rise_s"] for row in lacking]
     if lacking and draft.rise_s is not None:
         report.assumed.append(f"the force rises in {number(draft.rise_s)} s where no row says it")
     elif lacking:
@@ -349,7 +350,7 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
     if "timeout_s" not in given:
         said.append(f"the stand gives up after {number(values['timeout_s'])} s")
     if "record.sense" not in given:
-        signed = any(float(row["mismatch"]) < 0.0 for row in rows)
+        signed = any(float(row["mismatch_rpm"]) < 0.0 for row in rows)
         values["record.sense"] = "known" if signed else "unknown"
         said.append(
             "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"

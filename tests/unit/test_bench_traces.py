@@ -28,25 +28,6 @@ def folder(tmp_path: Path) -> Path:
     return good_set(tmp_path)
 
 
-def test_traces_come_with_their_readings(folder: Path) -> None:
-    bench = load_bench(folder)
-    assert [len(cell.traces) for cell in bench.cells] == [2, 2, 2, 2]
-    reading = bench.readings[0]
-    trace = reading.trace
-    assert trace is not None
-    assert trace.path.name == "0041.csv"
-    first = [float(cell) for cell in trace.path.read_text().splitlines()[1].split(",")]
-    assert trace.time[0] == first[0]
-    assert trace.displacement[0] == pytest.approx(first[1] * MM)
-    assert trace.sliding_speed[0] == pytest.approx(first[3] * RPM)
-    assert trace.relative_speed[0] == pytest.approx((first[4] - first[3]) * RPM)
-    assert trace.step == pytest.approx(1e-3)
-    assert bench.record.displacement_at == "actuator"
-    assert bench.sensor.force_factor == pytest.approx(2.55312)
-    assert bench.calibration[0].sleeve_force_N == 235.1929
-    assert bench.calibration[0].arm_displacement is None
-
-
 def lines(change: Callable[[list[str]], list[str]]) -> Callable[[Path], None]:
     def spoil(path: Path) -> None:
         path.write_text("\n".join(change(path.read_text().splitlines())) + "\n")

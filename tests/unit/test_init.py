@@ -91,25 +91,6 @@ def test_columns_are_guessed_by_name_and_unit(heads: tuple[str, ...]) -> None:
     assert [taken[name] for name in wanted] == list(heads[:4])
 
 
-@pytest.mark.parametrize(
-    ("head", "said", "unit", "other"),
-    [
-        ("Zeit [ms]", "Zeit:s", "s", True),
-        ("shift_time_s", "shift_time_s:ms", "ms", True),
-        ("Zeit [ms]", "Zeit [ms]", "ms", False),
-    ],
-)
-def test_a_unit_of_the_option_goes_before_that_of_the_head(
-    head: str, said: str, unit: str, other: bool
-) -> None:
-    found, faults = matched(columns_of(head, "dn", "F"), SHIFTS, {"shift_time_s": said})
-    assert not faults
-    taken = found[0].terms[0][1]
-    assert taken is not None
-    assert taken.text == unit
-    assert ("; the head says" in found[0].why) == other
-
-
 def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> None:
     Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n5;469;\n")
     said = dogshape("init", "bench", "m.csv", "--json")
@@ -369,16 +350,6 @@ def test_a_wrong_answer_is_asked_about_again_and_the_others_stay(
     assert sorted({round(p.mismatch / RPM) for p in study.points}) == [20, 80]
 
 
-def test_questions_that_are_stopped_write_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input="mq200_paper\n")
-    assert done.exit_code == 130
-    assert not list(tmp_path.iterdir())
-
-
 def test_values_are_replaced_in_place() -> None:
     text = 'a = 1 # one\n[b]\n# about c\nc = "#"   # said\n[d]\ne = [1, 2]\n'
     done = with_values(text, {"a": 2, "b.c": "x#y", "d.e": [3.0], "b.f": True, "g.h": 1})
@@ -478,20 +449,6 @@ def test_a_limit_that_the_own_dog_breaks_is_said(
 ) -> None:
     said, _ = _begun(dogshape, *sets)
     assert words in " ".join(said.json["warnings"])
-
-
-@pytest.mark.parametrize(
-    ("value", "points"),
-    [
-        ('operating={set="amt"}', 24),
-        ('operating={mismatch_rpm={distribution="normal", mean=0, sd=10}, force_N=[469]}', 24),
-        ("operating={points=[{mismatch_rpm=50, force_N=300}]}", 1),
-    ],
-)
-def test_inline_tables_are_values(dogshape: Call, value: str, points: int) -> None:
-    _, study = _begun(dogshape, value)
-    assert len(study.points) == points
-    assert study.file.search.limits == load_study("mq200").file.search.limits
 
 
 SERIES = """\

@@ -111,26 +111,6 @@ def published(folder: Path, name: str) -> Path:
     return folder / name
 
 
-@pytest.mark.parametrize("name", ["mq200_stand", "mq200_adams"])
-@pytest.mark.parametrize(
-    ("factors", "asked"),
-    [
-        ({"shift_time_s": 1e3}, "time=ms"),
-        ({"force_N": 1 / ARM}, "force=arm"),
-    ],
-)
-def test_published_tables_with_a_slip(
-    tmp_path: Path, name: str, factors: dict[str, float], asked: str
-) -> None:
-    folder = published(tmp_path, name)
-    scale(folder / "shifts.csv", **factors)
-    if name == "mq200_adams" and asked == "force=arm":
-        assert load_bench(folder).warnings == ()  # nothing in that set says where the arm is
-        return
-    with pytest.raises(DataError, match=f"--correct {asked} takes it as that"):
-        load_bench(folder)
-
-
 def test_published_tables_with_swapped_axes(tmp_path: Path) -> None:
     folder = published(tmp_path, "mq200_stand")
     swap(folder / "shifts.csv")
