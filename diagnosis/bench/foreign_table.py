@@ -12,7 +12,7 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import takewhile
+from itertools import pairwise, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -218,9 +218,12 @@ def _divided(
         elif row in repeated:
             left.append((n, "repeats the head"))
         elif k in heads:
+            blocks = [(grid.data[a:b].sum(), grid.rows[a + 1], grid.rows[b - 1])
+                      for a, b in pairwise([*heads, len(grid.rows)])]  # fmt: skip
+            _, begin, end = max(blocks)
             raise DataError(
                 f"{path}: another table begins in row {n}; save each as a file of its own, or name "
-                f"the rows of shifts, such as --rows {grid.rows[first]}-{n - 1}"
+                f"the rows of shifts, such as --rows {begin}-{end}"
             )
         elif not grid.numeric[k].any():
             left.append((n, f"has no number ('{next(filter(None, row))}')"))

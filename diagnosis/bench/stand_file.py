@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -35,25 +35,11 @@ TimeZero = Literal["command", "force", "unknown"]
 Place = Literal["sleeve", "actuator", "unknown"]
 EmptyCells = Literal["not_made", "failed", "unknown"]
 
-LINKAGE = "correct it; the ratio is actuator travel over sleeve travel"
-MARGIN = "give the gap of a mean shift time below which nothing needs doing"
-CYCLE = "give the cycle of the controller that took the times, 0 for none"
-DEVIATION = "give a standard uncertainty, half the width of what holds 95 %"
-#: Ranges of numbers by dotted key, the unit, and what to give. Beyond those of ``[errors]`` a
-#: linear law would say nothing, and times in steps of 100 ms are counts of two or three steps.
-RANGES: dict[str, tuple[float, float, str, str]] = {
-    "sensor.linkage_ratio": (0.01, 100.0, "", LINKAGE),
-    "sensor.linkage_efficiency": (0.01, 1.0, "", LINKAGE),
-    "margin_percent": (0.0, 100.0, "%", MARGIN),
-    "margin_ms": (0.0, 1e3, "ms", MARGIN),
-    "errors.clock_step_ms": (0.0, 100.0, "ms", CYCLE),
-    **{
-        f"errors.{kind}.{name}": (0.0, most, unit, DEVIATION)
-        for kind in ("systematic", "each_point")
-        for name, most, unit in (("force_percent", 30.0, "%"), ("force_N", 1e4, "N"),
-                                 ("mismatch_percent", 30.0, "%"), ("mismatch_rpm", 1e3, "1/min"))
-    },
-}  # fmt: skip
+#: Uncertainties beyond which a linear law would say nothing.
+Percent = Annotated[float, Field(ge=0.0, le=30.0)]
+Newtons = Annotated[float, Field(ge=0.0, le=1e4)]
+Speed = Annotated[float, Field(ge=0.0, le=1e3)]
+Finite = Annotated[float, Field(gt=-np.inf, lt=np.inf)]
 
 
 class BenchRecord(Section):
@@ -65,7 +51,7 @@ class BenchRecord(Section):
         or the first force, which no dead time follows.
     displacement_at : place of the displacement sensor.
     empty_cells : shifts of rows with neither a time nor ``engaged``: not made, or tried and failed.
-    sense : sign of the mismatch, known or never noted (``diagnosis.bench.sense``).
+    sense : sign of the mismatch, known or never noted (``docs/mismatch.md``).
     """
 
     time_zero: TimeZero = "unknown"
@@ -86,7 +72,7 @@ class TestTerms(Section):
     __test__ = False  # no test of the test runner's
 
     name: str
-    hours: float | None = None
+    hours: Annotated[float, Field(gt=0.0, le=1e4)] | None = None
     possible: bool = True
 
 
@@ -98,8 +84,8 @@ class Measured(Section):
 
     effect: str
     parameter: str | None = None
-    value: float
-    standard_error: float
+    value: Finite
+    standard_error: Annotated[float, Field(gt=0.0, lt=np.inf)]
 
 
 class _Contact(Section):
@@ -120,8 +106,8 @@ class Sensor(Section):
     of its force that arrives; None where the data set does not say.
     """
 
-    linkage_ratio: float | None = None
-    linkage_efficiency: float | None = None
+    linkage_ratio: Annotated[float, Field(ge=0.01, le=100.0)] | None = None
+    linkage_efficiency: Annotated[float, Field(ge=0.01, le=1.0)] | None = None
 
     @property
     def force_factor(self) -> float | None:
@@ -152,10 +138,10 @@ class Calibration(Section):
 class Tolerance(Section):
     """Standard uncertainties of one kind: of the nominal value, and whatever that is."""
 
-    force_percent: float = 0.0
-    force_N: float = 0.0
-    mismatch_percent: float = 0.0
-    mismatch_rpm: float = 0.0
+    force_percent: Percent = 0.0
+    force_N: Newtons = 0.0
+    mismatch_percent: Percent = 0.0
+    mismatch_rpm: Speed = 0.0
 
     def __bool__(self) -> bool:
         """Test that any of them is stated and not zero."""
@@ -182,7 +168,8 @@ class NominalErrors(Section):
 
     systematic: Tolerance = Tolerance()
     each_point: Tolerance = Tolerance()
-    clock_step_ms: float | None = None
+    # Beyond 100 ms, times are counts of two or three steps.
+    clock_step_ms: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
 
     def __bool__(self) -> bool:
         """Test that any uncertainty is stated and not zero."""
@@ -199,8 +186,8 @@ class _BenchFile(Section):
     shift_travel_mm: float
     relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
     corrections: list[str] = Field(default_factory=list)
-    margin_percent: float = 5.0
-    margin_ms: float = 2.0
+    margin_percent: Annotated[float, Field(ge=0.0, le=100.0)] = 5.0
+    margin_ms: Annotated[float, Field(ge=0.0, le=1e3)] = 2.0
     dog: DogSection
     sliding: SlidingSection
     output: OutputSection
@@ -280,7 +267,6 @@ def load_stand(path: Path) -> Stand:
         data["record"] = {"sense": data.pop("mismatch_sense"), **data.get("record", {})}
     file = validate(_BenchFile, data, str(path))
     clutch = _clutch(file)
-    _require_plausible(path, file)
     angles, step = file.relative_angles_deg, file.errors.clock_step_ms
     return Stand(
         **{name: getattr(file, name) for name in ("name", "source", "sensor", "record", "errors")},
@@ -307,26 +293,3 @@ def _clutch(file: _BenchFile) -> Clutch:
     require_between("timeout_s", file.timeout_s, 1e-3, 60.0, "give it in seconds")
     both = rings(file.sliding, file.output)
     return Clutch(dog, both, contact, solver_for(contact), file.timeout_s, left)
-
-
-def _require_plausible(path: Path, file: _BenchFile) -> None:
-    """Raise DataError for a number out of its range."""
-    for key, (low, high, unit, remedy) in RANGES.items():
-        value: Any = file
-        for name in key.split("."):
-            value = getattr(value, name)
-        if value is not None and not low <= value <= high:
-            rule = f"it must lie between {low:g} and {high:g} {unit}".rstrip()
-            raise DataError(refusal(f"{path}: {key}", value, unit, rule, remedy))
-    for test in file.tests:
-        if test.hours is not None and not 0.0 < test.hours <= 1e4:
-            rule, remedy = "it must be positive and at most 10000 h", "give the work in hours"
-            where = f"{path}: hours of the test '{test.name}'"
-            raise DataError(refusal(where, test.hours, "h", rule, remedy))
-    for one in file.measured:
-        if not (0.0 < one.standard_error < np.inf and np.isfinite(one.value)):
-            raise DataError(
-                f"{path}: the measured {one.effect} is {one.value:g} with a standard error of "
-                f"{one.standard_error:g}, but must be finite, and the error positive; give what "
-                "the test can tell"
-            )

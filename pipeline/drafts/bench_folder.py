@@ -99,7 +99,8 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
         report.require(where)
         text = with_values(text_of(bundled_root() / TEMPLATE), values)
         (folder / "bench.toml").write_text(text, encoding="utf-8")
-        table = pd.DataFrame(rows, columns=[*COLUMNS], dtype=object).map(_cell)
+        cells = [[_cell(row.get(name)) for name in COLUMNS] for row in rows]
+        table = pd.DataFrame(cells, columns=[*COLUMNS], dtype=object)
         empty = [name for name in COLUMNS[7:] if table[name].isna().all()]
         table.drop(columns=empty).to_csv(folder / "shifts.csv", index=False, lineterminator="\n")
         try:
@@ -267,11 +268,11 @@ def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: 
     most = max(often, default=0.0)
     piled = often[most] > max((n for time, n in often.items() if time < most), default=often[most])
     if piled or abs(most / source.clutch.timeout - 1.0) < 1e-6:
+        row = next(row["row"] for row in open_ if row["shift_time_s"] == most)
         report.faults.append(
-            f"the largest time, {number(most)} s, is there {often[most]} times (row "
-            f"{next(row['row'] for row in open_ if row['time'] == most)}), as where a stand gives "
-            f"up; say --set timeout_s={number(most)} where these shifts did not engage, or a "
-            "longer time-out where they did"
+            f"the largest time, {number(most)} s, is there {often[most]} times (row {row}), as "
+            f"where a stand gives up; say --set timeout_s={number(most)} where these shifts did "
+            "not engage, or a longer time-out where they did"
         )
 
 

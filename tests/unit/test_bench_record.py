@@ -50,8 +50,14 @@ def test_a_stated_record_is_kept(folder: Path) -> None:
             '[sensor]\ndisplacement_at = "actuator"',
             "did you mean 'record.displacement_at'?",
         ),
-        ("[errors]\nclock_step_ms = -1.0", "errors.clock_step_ms is -1 ms"),
-        ("[errors]\nclock_step_ms = 101.0", "must lie between 0 and 100 ms"),
+        (
+            "[errors]\nclock_step_ms = -1.0",
+            "clock_step_ms is -1.0, but it must be at least 0",
+        ),
+        (
+            "[errors]\nclock_step_ms = 101.0",
+            "clock_step_ms is 101.0, but it must be at most 100",
+        ),
     ],
 )
 def test_a_wrong_key_is_refused_with_its_rule(folder: Path, text: str, words: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -13,13 +12,11 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.flight_marks import trace_marks
-from dogshape.diagnosis.bench.table import load_sheet
 from dogshape.diagnosis.bench.trace_files import COLUMNS, read_trace
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.units import MM, RPM
-from tests.benches import edit, good_set
+from tests.benches import good_set
 from tests.conftest import needed
 
 
@@ -61,28 +58,19 @@ BROKEN: list[tuple[Callable[[Path], object], str]] = [
 ]
 
 
-def test_of_a_trace_that_ends_before_the_first_touch_the_beginning_counts(folder: Path) -> None:
-    """Marks of the whole trace that lie before its end are those of the part, within a step."""
+def test_of_a_trace_that_ends_early_the_beginning_counts(folder: Path) -> None:
     path = folder / "traces" / "0041.csv"
-    whole = load_bench(folder)
-    before = whole.readings[0].trace
-    assert before is not None
-    profile, gap = whole.cells[0].point.profile, whole.clutch.dog.axial_gap
-    marks = trace_marks(before, profile, gap)
-    assert marks[1] is not None
-    assert marks[3] is not None
-    end = 0.5 * (marks[1].time + marks[3].time)
-    lines(lambda given: [given[0], *(g for g in given[1:] if float(g.split(",")[0]) < end)])(path)
+    before = load_bench(folder).readings[0]
+    lines(lambda given: given[:31])(path)
     bench = load_bench(folder)
     (warning,) = [one for one in bench.warnings if one.quantity == "traces"]
+    assert "a trace ends before the shift is over: that of row 2 by" in warning.sentence
     assert "1 of 1 end before the first touch and tell its beginning only" in warning.sentence
     after = bench.readings[0].trace
     assert after is not None
-    left = trace_marks(after, profile, gap)
-    assert left[1] is not None
-    assert left[1].time == pytest.approx(marks[1].time, abs=before.step)
-    assert left[3] is None
-    assert left[4] is None
+    assert before.trace is not None
+    assert np.array_equal(after.time, before.trace.time[:30])
+    assert bench.readings[0].time == before.time
 
 
 @pytest.mark.parametrize(("spoil", "words"), BROKEN, ids=[words for _, words in BROKEN])
@@ -137,21 +125,6 @@ def tdms(
         writer.write_segment(channels)
 
 
-@pytest.mark.parametrize("waveform", [False, True])
-def test_tdms_reads_as_csv_does(folder: Path, waveform: bool) -> None:
-    needed(find_spec("nptdms") is not None, "npTDMS")
-    known = load_sheet(folder / "shifts.csv").rows[0].trace
-    assert known is not None
-    known = replace(known, time=0.002 + 0.001 * np.arange(known.time.size))
-    tdms(folder / "traces" / "x.tdms", known, waveform=waveform)
-    edit(folder / "shifts.csv", trace=lambda name: name.replace("0041.csv", "x.tdms"))
-    read = load_bench(folder).readings[0].trace
-    assert read is not None
-    assert read.path.name == "x.tdms"
-    for name in ("time", "displacement", "force", "sliding_speed", "output_speed"):
-        assert np.allclose(getattr(read, name), getattr(known, name), rtol=1e-12, atol=1e-12)
-
-
 def test_broken_tdms(folder: Path) -> None:
     needed(find_spec("nptdms") is not None, "npTDMS")
     path = folder / "x.tdms"
@@ -198,19 +171,6 @@ def mdf(path: Path, trace: BenchTrace, units: dict[str, str] | None = None, **ex
                 unit = named.get(name, "1/min")
                 file.append([asammdf.Signal(np.asarray(samples), time, name=name, unit=unit)])
         file.save(path, overwrite=True)
-
-
-def test_mdf_reads_as_csv_does(folder: Path) -> None:
-    needed(find_spec("asammdf") is not None, "asammdf")
-    known = load_sheet(folder / "shifts.csv").rows[0].trace
-    assert known is not None
-    mdf(folder / "traces" / "x.mf4", known)
-    edit(folder / "shifts.csv", trace=lambda name: name.replace("0041.csv", "x.mf4"))
-    read = load_bench(folder).readings[0].trace
-    assert read is not None
-    assert read.path.name == "x.mf4"
-    for name in ("time", "displacement", "force", "sliding_speed", "output_speed"):
-        assert np.allclose(getattr(read, name), getattr(known, name), rtol=1e-12, atol=1e-12)
 
 
 def test_broken_mdf(folder: Path) -> None:

@@ -72,7 +72,7 @@ def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Pat
     )
     with pytest.raises(DataError, match=r"is no bench test; did you mean 'more shifts'"):
         reads('name = "more shift"')
-    with pytest.raises(DataError, match="hours of the test 'traces' is -1 h, but"):
+    with pytest.raises(InputError, match=r"tests.0.hours is -1.0, but it must be above 0"):
         reads('name = "traces"\nhours = -1.0')
     with pytest.raises(InputError, match="possible"):
         reads('name = "traces"\npossible = "no"')
