@@ -61,7 +61,7 @@ BROKEN: list[tuple[Callable[[Path], object], str]] = [
 def test_of_a_trace_that_ends_early_the_beginning_counts(folder: Path) -> None:
     path = folder / "traces" / "0041.csv"
     before = load_bench(folder).readings[0]
-    lines(lambda given: given[:31])(path)
+    lines(lambda given: given[:21])(path)
     bench = load_bench(folder)
     (warning,) = [one for one in bench.warnings if one.quantity == "traces"]
     assert "a trace ends before the shift is over: that of row 2 by" in warning.sentence
@@ -69,7 +69,7 @@ def test_of_a_trace_that_ends_early_the_beginning_counts(folder: Path) -> None:
     after = bench.readings[0].trace
     assert after is not None
     assert before.trace is not None
-    assert np.array_equal(after.time, before.trace.time[:30])
+    assert np.array_equal(after.time, before.trace.time[:20])
     assert bench.readings[0].time == before.time
 
 
