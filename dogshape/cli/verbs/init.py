@@ -126,7 +126,8 @@ def bench(
     Each quantity is printed as it was read: column, unit, decimal sign, first, least and largest
     value, and the reason; so is each row and column that was left out. Cells that can be read in
     two ways are asked about in a terminal, and refused without one, with the option that settles
-    them. A column option may be a formula: --column mismatch_rpm='n_out - n_in'.
+    them. A column option may be a formula: --column mismatch_rpm='n_out - n_in'; --column engaged=-
+    leaves a quantity out.
 
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
     """
