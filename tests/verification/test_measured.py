@@ -14,7 +14,7 @@ from dogshape.diagnosis.bench.stand_file import Measured
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.static_readings import measured_facts, require_measured
 from dogshape.diagnosis.terms import NONE, UNKNOWN
-from dogshape.sim.errors import DataError
+from dogshape.sim.errors import DogshapeError
 from tests.benches import good_set
 from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 
@@ -84,10 +84,10 @@ def test_results_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: P
     assert reads(drag) == (Measured(effect="drag_torque", value=2.2, standard_error=0.1),)
     for given, words in (
         (drag.replace("drag_torque", "drag_torqe"), "did you mean 'drag_torque'"),
-        (drag.replace("= 0.1", "= 0.0"), "the error positive"),
+        (drag.replace("= 0.1", "= 0.0"), "must be above 0"),
         (drag.replace("value", 'parameter = "drag"\nvalue'), "must be one of: drag_Nm"),
         (drag.replace("drag_torque", "detent_force"), "must be one of: detent_N, position_mm"),
         (drag.replace("drag_torque", "reversed_mismatch"), "none to measure"),
     ):
-        with pytest.raises(DataError, match=words):
+        with pytest.raises(DogshapeError, match=words):
             reads(given)
