@@ -79,7 +79,7 @@ from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import landing_checks
 from dogshape.sim.units import RPM
-from dogshape.surrogate.validation_figures import validation_of
+from dogshape.surrogate.validation_figures import Validation
 
 Say = Callable[[str], None]
 BESIDE = 8  #: designs beside each other in a table of margins
@@ -356,7 +356,7 @@ def _add_search(page: Report, folder: StudyFolder, study: Setup, result: Row) ->
             f"{fitted['coverage_95']:.0%} within the 95 % interval, on {fitted['n']} designs "
             f"({fitted['source']})"
         )
-        judged = judged if validation_of(fitted).useful else Bad(f"{judged}: useless")
+        judged = judged if Validation.from_dict(fitted).useful else Bad(f"{judged}: useless")
     figure: go.Figure | None = course_figure(result) if result["best"] is not None else None
     contact, solver, dates = study.clutch.contact, study.clutch.solver, dates_of(folder.result)
     facts = {

@@ -18,11 +18,9 @@ from dogshape.pipeline.reports.prices import prices
 from dogshape.pipeline.reports.text import axis, label
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.filling import filling_designs
-from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import DogshapeError, StorageError
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset
-from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range, require_same_physics
 from dogshape.surrogate.sensitivity import (
@@ -61,13 +59,12 @@ def learn_effects(folder: StudyFolder, say: Say) -> None:
         say(f"no effects in the report: {error}")
         return
     say("what each variable does, from the surrogate (a minute)")
-    over = Over(surrogate, study_mix(study))
     found = {
-        "effects": _effects_record(study, surrogate, over),
-        "indices": _indices_record(study, surrogate, over),
+        "effects": _effects_record(study, surrogate),
+        "indices": _indices_record(study, surrogate),
     }
     say("what each limit costs, from the surrogate (half a minute)")
-    found["prices"] = prices(study, over)
+    found["prices"] = prices(study, surrogate)
     write_json(folder.effects, {"surrogate": _identity(folder), **found})
 
 
@@ -86,7 +83,7 @@ def _identity(folder: StudyFolder) -> str:
     return str(read_json(folder.surrogate, AGAIN).get("hash"))
 
 
-def _effects_record(study: Setup, surrogate: Surrogate, over: Over) -> Row:
+def _effects_record(study: Setup, surrogate: Surrogate) -> Row:
     names = surrogate.data.variables
     seed = study.file.surrogate.seed + APART
     designs = islice(filling_designs(study, seed, border=False), DESIGNS)
@@ -94,7 +91,7 @@ def _effects_record(study: Setup, surrogate: Surrogate, over: Over) -> Row:
     return {
         "designs": len(x),
         "outside_trained_range": 1.0 - float(in_range(surrogate, x).mean()),
-        "mean_expected_shift_time_s": float(over.predict(x)[0].mean()),
+        "mean_expected_shift_time_s": float(surrogate.predict(x)[0].mean()),
         "variables": [
             {
                 "variable": one.variable,
@@ -104,16 +101,16 @@ def _effects_record(study: Setup, surrogate: Surrogate, over: Over) -> Row:
                 "high_s": _rounded(one.high),
                 "distinguishable": one.clear,
             }
-            for one in effects(over, names, x)
+            for one in effects(surrogate, names, x)
         ],
     }
 
 
-def _indices_record(study: Setup, surrogate: Surrogate, over: Over) -> list[Row]:
+def _indices_record(study: Setup, surrogate: Surrogate) -> list[Row]:
     """Record the indices over designs, and over designs and operating points at once."""
-    cut, retry = len(surrogate.data.variables), study.clutch.timeout + study.retraction
+    cut = len(surrogate.data.variables)
     box, seed = _box(study, surrogate.data), study.file.surrogate.seed + 1
-    alone = indices(box, lambda z: over.predict(z)[0], SAMPLES, seed)
+    alone = indices(box, lambda z: surrogate.predict(z)[0], SAMPLES, seed)
     found = [_index_record("designs", alone)]
     operating = _operating_inputs(study)
     if operating:
@@ -123,7 +120,7 @@ def _indices_record(study: Setup, surrogate: Surrogate, over: Over) -> list[Row]
         def times(z: Array) -> Array:
             given = {one.name: z[:, cut + k] for k, one in enumerate(operating)}
             points = [given.get(name, np.full(len(z), value)) for name, value in fixed.items()]
-            return surrogate.times_at(z[:, :cut], np.column_stack(points), retry)
+            return surrogate.times_by_row(z[:, :cut], np.column_stack(points))
 
         whole = indices([*box, *operating], times, SAMPLES, seed)
         found.append(_index_record("designs and operating points", whole))

@@ -48,10 +48,8 @@ class StudyFolder:
         self.result = root / "result.json"
         self.running = root / "running.jsonl"
         self.rows = root / "rows.json"
-        self.references = root / "references.jsonl"
-        self.mix = root / "mix.jsonl"
+        self.simulated = root / "simulated.jsonl"
         self.chosen = root / "chosen.json"
-        self.best = root / "best.json"
         self.points = root / "points.csv"
         self.surrogate = root / "surrogate.json"
         self.effects = root / "effects.json"
@@ -67,7 +65,7 @@ class StudyFolder:
         if self.manifest.exists():
             self._require_same(study, resume)
             return
-        if any(path.exists() for path in (self.trials, self.shifts)):
+        if any(path.exists() for path in (self.trials, self.shifts, self.simulated)):
             raise StorageError(
                 f"{self.root} holds results without study.json; choose another --out "
                 "or remove the folder"
@@ -131,7 +129,6 @@ def comparable(file: StudyFile) -> dict[str, Any]:
     content = file.model_dump()
     del content["search"]["trials"], content["search"]["confirm_designs"]
     content["search"].pop("audit_shifts", None)
-    del content["surrogate"]["designs"]
     content["solver"].pop("time_limit_s", None)
     return content
 

@@ -23,7 +23,6 @@ from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.texts import TextTable, listed, read_table
 from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Mix
-from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.model import Surrogate, interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
 
@@ -303,7 +302,7 @@ def _answers(study: Setup, surrogate: Surrogate, mix: Mix, x: Array) -> Answers:
     real = np.array([not why for why in reason], dtype=bool)
     times, known = np.full((len(x), 5), np.nan), np.zeros(len(x), dtype=bool)
     if real.any():
-        time, error = Over(surrogate, mix).predict(x[real])
+        time, error = surrogate.predict(x[real], mix)
         low, high = interval(time, error)
         distance = surrogate.distance(x[real])
         times[real] = np.column_stack([time, low, high, error, distance])
