@@ -288,7 +288,8 @@ class Surrogate:
     def _inverse(self) -> tuple[Array, float]:
         """Inverse of the points' correlation, (q, q), and variance of times over the points."""
         where, times = point_coordinates(self.data.mix.points), self.points.targets
-        inverse = np.linalg.inv(_alike(where, where) + POINT_NUGGET * np.eye(len(where)))
+        correlation = _alike(where, where) + POINT_NUGGET * np.eye(len(where))
+        inverse: Array = np.linalg.inv(correlation).astype(float)
         apart = times - times.mean(axis=1, keepdims=True)
         return inverse, float((apart @ inverse * apart).mean())
 

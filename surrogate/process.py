@@ -104,8 +104,6 @@ def fit_process(
     begin with, (size,); an effort of no steps keeps them. ``scale`` is the standard deviation of
     the targets, (k,), None for that of these.
     """
-    from scipy.optimize import minimize  # noqa: PLC0415  an answer must start fast
-
     level, spread = targets.mean(axis=0), targets.std(axis=0)
     scale = np.where(spread > 0.0, spread, 1.0) if scale is None else scale
     relative = (noise / scale**2 * np.ones_like(targets)).mean(axis=1)
@@ -113,6 +111,8 @@ def fit_process(
     if start is not None:
         theta = np.clip(start, bounds[:, 0], bounds[:, 1])
     if effort.steps:
+        from scipy.optimize import minimize  # noqa: PLC0415  an answer must start fast
+
         few = np.random.default_rng(effort.seed).permutation(len(targets))[: effort.designs]
         x, y, kinds = inputs[few], (targets[few] - level) / scale, targets.shape[1]
 

@@ -123,7 +123,8 @@ class Response:
         if not len(values):
             raise InputError("no design was simulated yet")
         scale = max(float(values.std()), least) or abs(float(values.mean())) or 1.0
-        noise = LEAST * scale**2 + (0.0 if errors is None else errors[:, None] ** 2)
+        unsure = np.zeros(len(values)) if errors is None else errors
+        noise = LEAST * scale**2 + unsure[:, None] ** 2
         theta, effort = None, EFFORT
         if len(values) < FEW:
             theta, effort = first_parameters(TERMS, x.shape[1])[0], NONE

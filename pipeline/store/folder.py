@@ -3,15 +3,13 @@
 ``study.json``       the study file as it was run, with hashes and versions
 ``trials.log``       Optuna's journal
 ``running.jsonl``    finished shifts of designs that are under way; none once the storage has them
-``shifts.jsonl``     shifts of Drake, and those of a filled folder: kept
+``shifts.jsonl``     shifts of Drake: kept
 ``result.json``      front, best design, confirmation and audit
 ``rows.json``        what the surrogate learns of a search, by operating point
 ``surrogate.json``   the surrogate with its data
 ``points.csv``       its data as a table: simulated operating points
-``references.jsonl`` shifts of designs apart, by which a surrogate is judged
-``mix.jsonl``        rows of designs at all operating points of the study
+``simulated.jsonl``  rows of each design of a fit, those that the surrogate is judged by included
 ``chosen.json``      which of these designs were chosen as likely to be among the best
-``best.json``        which designs apart are of the best tenth
 ``effects.json``     effects and indices from the surrogate, for the report
 ``report.html``      the report
 ``designs.csv``      every simulated design of the search as a table

@@ -133,8 +133,10 @@ def _choose(study: Setup, folder: StudyFolder) -> dict[str, list[Values]]:
     known = [job.design for job in jobs]
 
     def best(pool: list[Values], count: int) -> list[Values]:
-        order = np.argsort(model.predict(study.rows(pool))[0], kind="stable") if pool else []
-        return [pool[place] for place in sorted(order[:count])]
+        if not pool:
+            return []
+        order = np.argsort(model.predict(study.rows(pool))[0], kind="stable")
+        return [pool[place] for place in sorted(order[:count].tolist())]
 
     count = count_of(study) - len(jobs)
     pool = [d for d in first_designs(study, BEST * count, POOL, border=False) if d not in known]
