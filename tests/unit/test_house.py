@@ -41,7 +41,6 @@ GUARDED = {
     ),
     "optuna": ("pipeline/search/", "pipeline/store/trial_storage.py", "pipeline/study.py"),
     "sqlalchemy": ("pipeline/store/trial_storage.py",),
-    "sklearn": ("surrogate/learning.py",),
     "plotly": ("pipeline/reports/",),
     "typer": ("dogshape/cli/", "validation/blind/verbs.py"),
     "rich": ("dogshape/cli/",),
