@@ -117,12 +117,6 @@ def test_a_design_without_a_time_has_its_reason(dogshape: Call) -> None:
         )
 
 
-def test_the_compiled_engine_is_beside_the_surrogate_of_the_other_engine(dogshape: Call) -> None:
-    said = dogshape("check", "mq200_paper", "--engine", "planar", "--json")
-    assert said.json["surrogate"].endswith("mq200_paper/surrogate.json")
-    assert said.json["predicted"]["expected_shift_time_s"] > 0.0
-
-
 @pytest.mark.parametrize("flanks", [(0.0, 0.0), (4.0, 0.0), (4.0, 6.0)])
 def test_a_clutch_of_which_few_shifts_engage_has_no_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flanks: tuple[float, float]
@@ -147,13 +141,3 @@ def test_an_interval_of_a_time_is_positive(tmp_path: Path, monkeypatch: pytest.M
     bare, error = found.expected.without_retries
     assert bare == pytest.approx(found.expected.time - found.expected.retries)
     assert found.expected.retries > found.expected.retries_error > error > 0.0
-
-
-def test_one_point_of_a_clutch_without_a_surrogate(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    found = check_design(load_study("mq200_paper", ["sliding.mass_kg=0.4"]), 149.0, 641.5)
-    assert found.to_dict()["operating_points"] == 1
-    assert found.shifts == SHIFTS
-    assert found.mix.points.tolist() == [[149.0, 641.5]]
