@@ -13,7 +13,6 @@ on that draw. Shares engaged have a model of their own.
 
 from __future__ import annotations
 
-import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
@@ -55,10 +54,6 @@ class Mix:
     points: Array
     weights: Array
     retry: float
-
-    def single(self, index: int) -> Mix:
-        """Give the mix that is one of the points alone."""
-        return Mix(self.points[index : index + 1], np.ones(1), self.retry)
 
     def places(self, points: Array) -> Mask:
         """Mark which of these points each of others (p, 2) is, (p, q) of bool."""
@@ -152,13 +147,6 @@ class Dataset:
     def subset(self, designs: Any) -> Dataset:
         """Return the data of the designs at places, or of a mask, alone."""
         return replace(self, grid=self.grid.subset(designs))
-
-    @property
-    def digest(self) -> str:
-        """Hash of designs, times and physics."""
-        arrays = (getattr(self.grid, field.name) for field in fields(self.grid))
-        content = b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
-        return hashlib.sha256(content + content_key(self.physics).encode()).hexdigest()[:20]
 
     def frame(self) -> pd.DataFrame:
         """Return a row for each design and operating point, with contact set and versions."""

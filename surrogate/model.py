@@ -301,7 +301,7 @@ class Surrogate:
         left = variance * (1.0 + POINT_NUGGET - (links * near).sum(axis=1))
         links += (1.0 - links.sum(axis=1, keepdims=True)) / size
         same = own.places(points)
-        known = same.any(axis=1)
+        known = np.asarray(same.any(axis=1), dtype=bool)
         return np.where(known[:, None], same, links), np.where(known, 0.0, left)
 
     def variation(self, points: Array) -> Array:

@@ -25,6 +25,7 @@ LOW, HIGH = np.array([0.0, 2.0, 6.0]), np.array([20.0, 6.0, 30.0])
 PHYSICS = {"contact_set": "made_up", "static_friction": 0.12, "dynamic_friction": 0.1}
 GRID = np.array([[m, f] for m in (5.0, 25.0, 100.0) for f in (250.0, 600.0)])
 MIX = Mix(GRID, np.array([0.1, 0.1, 0.2, 0.2, 0.2, 0.2]), retry=1.2)
+FIRST, THIRD, FOURTH = (Mix(GRID[k : k + 1], np.ones(1), 1.2) for k in (0, 2, 3))
 QUICK = Effort(designs=60, steps=25)
 
 
@@ -65,7 +66,7 @@ def stored(surrogate: Surrogate) -> Stored:
     return Stored(surrogate, validate(surrogate, made(20, seed=5)))
 
 
-@pytest.mark.parametrize("mix", [MIX, replace(MIX, weights=np.full(6, 1.0 / 6.0)), MIX.single(2)])
+@pytest.mark.parametrize("mix", [MIX, replace(MIX, weights=np.full(6, 1.0 / 6.0)), THIRD])
 def test_predicts_expected_times_and_covers_them(surrogate: Surrogate, mix: Mix) -> None:
     x = made(40, seed=1).x
     time, error = surrogate.predict(x, mix)
@@ -86,9 +87,9 @@ def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate:
     assert np.corrcoef(time, truths)[0, 1] > 0.99
     assert time == pytest.approx(truths, rel=0.1)
     assert (np.abs(time - truths) < 1.96 * error).mean() >= 0.9
-    assert error.mean() > 3.0 * surrogate.predict(x, MIX.single(0))[1].mean()
+    assert error.mean() > 3.0 * surrogate.predict(x, FIRST)[1].mean()
     rows = surrogate.times_by_row(np.repeat(x[:1], 2, axis=0), np.array([[12.0, 400.0], GRID[3]]))
-    own = [surrogate.medians(x[:1], replace(m, retry=0.0))[0] for m in (between, MIX.single(3))]
+    own = [surrogate.medians(x[:1], replace(m, retry=0.0))[0] for m in (between, FOURTH)]
     assert rows == pytest.approx(own)
 
 
