@@ -111,26 +111,11 @@ def fit_process(
     if start is not None:
         theta = np.clip(start, bounds[:, 0], bounds[:, 1])
     if effort.steps:
-        from scipy.optimize import minimize  # noqa: PLC0415  an answer must start fast
+        from dogshape.surrogate.regression import likeliest  # noqa: PLC0415  slow to load
 
         few = np.random.default_rng(effort.seed).permutation(len(targets))[: effort.designs]
-        x, y, kinds = inputs[few], (targets[few] - level) / scale, targets.shape[1]
-
-        def unlikelihood(theta: Array) -> tuple[float, Array]:
-            matrix, slopes = Covariance(terms, x.shape[1], theta).slopes(x)
-            matrix[np.diag_indices_from(matrix)] += relative[few]
-            sign, size = np.linalg.slogdet(matrix)
-            if sign <= 0.0:
-                return 1e25, np.zeros_like(theta)
-            inverse = np.linalg.inv(matrix)
-            weights = inverse @ y
-            slope = np.einsum("kij,ij->k", slopes, kinds * inverse - weights @ weights.T)
-            return 0.5 * float((y * weights).sum() + kinds * size), 0.5 * slope
-
-        theta = minimize(
-            unlikelihood, theta, method="L-BFGS-B", jac=True, bounds=bounds,
-            options={"maxiter": effort.steps},
-        ).x  # fmt: skip
+        data = inputs[few], (targets[few] - level) / scale, relative[few]
+        theta = likeliest(Covariance(terms, inputs.shape[1], theta), bounds, data, effort.steps)
     covariance = Covariance(terms, inputs.shape[1], theta)
     return Process(covariance, inputs, targets, relative, level, scale)
 

@@ -52,6 +52,7 @@ GUARDED = {
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
     "SALib": ("surrogate/sensitivity.py",),
+    "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
 }
 #: What takes so long to load that ``check`` must answer without it.
