@@ -207,7 +207,7 @@ def answer(bench: Bench, model: Model, seed: int) -> Answer:
     truth = draw_truth(model, generator)
     kind = "means" if seed % 2 else "singles"
     drawn = draw_cells(bench, model, truth, generator, kind)
-    return figures(truth, diagnose(drawn, {"sleeve": model}, advise=False))
+    return figures(truth, diagnose(drawn, {"sleeve": model}))
 
 
 def figures(truth: Truth, found: Diagnosis) -> Answer:
