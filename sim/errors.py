@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any, NamedTuple, get_type_hints
 
-from dogshape.sim.units import unit_of
+from dogshape.sim.units import from_si, unit_of
 
 
 class DogshapeError(Exception):
@@ -61,6 +63,31 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
         unit = unit_of(name)
         rule = f"it must lie between {number(low)} and {number(high)} {unit}".rstrip()
         raise InputError(refusal(name, value, unit, rule, remedy))
+
+
+class Within(NamedTuple):
+    """Annotation of a field: its key in a file, range there, and remedy of a value beyond it."""
+
+    key: str
+    low: float
+    high: float
+    remedy: str = ""
+
+
+@lru_cache
+def ranges_of(kind: type) -> dict[str, Within]:
+    """Return the ranges of a class by the names of its fields."""
+    hints = get_type_hints(kind, include_extras=True).items()
+    found = ((name, one) for name, hint in hints for one in getattr(hint, "__metadata__", ()))
+    return {name: one for name, one in found if isinstance(one, Within)}
+
+
+def require_ranges(value: Any, section: str, remedy: str) -> None:
+    """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
+    for name, (key, low, high, own) in ranges_of(type(value)).items():
+        given = getattr(value, name)
+        if given is not None:
+            require_between(f"{section}.{key}", from_si(key, given), low, high, own or remedy)
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:

@@ -253,10 +253,6 @@ def _landing(
     study: Setup, setting: Setting, found: Expectation, rows: Sequence[Sequence[Record]]
 ) -> Check:
     """Return the check of a design's landings that has the least margin."""
-    load = study.limits.load
-    if load.edge_bed is not None:  # The energy of a blow is that on the bed that was simulated.
-        load = replace(load, edge_bed=setting.clutch.contact.stiffness)
-        study = replace(study, limits=replace(study.limits, load=load))
     demand = demand_over(study, setting.clutch.dog, found, rows)
     return min(demand_checks(demand, study.limits), key=lambda one: one.margin)
 

@@ -8,8 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
-from dogshape.sim.errors import InputError, did_you_mean, refusal, require_between
+from dogshape.sim.errors import (
+    InputError,
+    Within,
+    did_you_mean,
+    refusal,
+    require_between,
+    require_ranges,
+)
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.contact import ContactSet
 from dogshape.sim.shift.geometry import Dog
@@ -70,11 +78,11 @@ class Solver:
     """
 
     scheme: str = "runge_kutta3"
-    accuracy: float = 3e-4
-    max_step: float = 1e-3
+    accuracy: Annotated[float, Within("accuracy", 1e-10, 0.1)] = 3e-4
+    max_step: Annotated[float, Within("max_step_s", 1e-6, 0.01)] = 1e-3
     all_dogs: bool = False
-    max_steps: int = MAX_STEPS
-    time_limit: float = 600.0
+    max_steps: Annotated[int, Within("max_steps", 10, 1e8)] = MAX_STEPS
+    time_limit: Annotated[float, Within("time_limit_s", 0.01, 86_400.0)] = 600.0
     engine: str = "drake"
 
     def __post_init__(self) -> None:
@@ -84,11 +92,7 @@ class Solver:
         if self.scheme not in SCHEMES:
             hint = did_you_mean(self.scheme, SCHEMES)
             raise InputError(f"solver.scheme is '{self.scheme}', which is not a scheme; {hint}")
-        remedy = "correct the solver settings"
-        require_between("solver.accuracy", self.accuracy, 1e-10, 0.1, remedy)
-        require_between("solver.max_step_s", self.max_step, 1e-6, 0.01, remedy)
-        require_between("solver.max_steps", self.max_steps, 10, 1e8, remedy)
-        require_between("solver.time_limit_s", self.time_limit, 0.01, 86_400.0, remedy)
+        require_ranges(self, "solver", "correct the solver settings")
 
 
 ENGINES = ("drake", "planar")

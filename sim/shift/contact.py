@@ -30,8 +30,9 @@ whatever its K, whose unit is ambiguous, and throws next to nothing back. On a f
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from dogshape.sim.errors import InputError, did_you_mean, refusal, require_between
+from dogshape.sim.errors import InputError, Within, did_you_mean, refusal, require_ranges
 
 
 @dataclass(frozen=True)
@@ -48,22 +49,14 @@ class ContactSet:
     """
 
     name: str
-    static_friction: float
-    dynamic_friction: float
-    stiction_velocity: float
-    stiffness: float
-    dissipation: float
+    static_friction: Annotated[float, Within("static_friction", 0.0, 1.5)]
+    dynamic_friction: Annotated[float, Within("dynamic_friction", 0.0, 1.5)]
+    stiction_velocity: Annotated[float, Within("stiction_velocity_m_s", 1e-5, 1.0)]
+    stiffness: Annotated[float, Within("stiffness_Pa_m", 1e10, 1e16)]
+    dissipation: Annotated[float, Within("dissipation_s_m", 0.0, 1e4)]
 
     def __post_init__(self) -> None:
-        remedy = "correct the contact set"
-        for name, value, low, high in (
-            ("static_friction", self.static_friction, 0.0, 1.5),
-            ("dynamic_friction", self.dynamic_friction, 0.0, 1.5),
-            ("stiction_velocity_m_s", self.stiction_velocity, 1e-5, 1.0),
-            ("stiffness_Pa_m", self.stiffness, 1e10, 1e16),
-            ("dissipation_s_m", self.dissipation, 0.0, 1e4),
-        ):
-            require_between(f"contact.{name}", value, low, high, remedy)
+        require_ranges(self, "contact", "correct the contact set")
         if self.dynamic_friction > self.static_friction:
             rule = f"it must not exceed contact.static_friction = {self.static_friction:.6g}"
             remedy = "exchange or correct the two coefficients"

@@ -43,12 +43,12 @@ middle of their play, at the speed of their side.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.errors import InputError, Within, ranges_of, require_ranges
 from dogshape.sim.units import from_si
 
 Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
@@ -127,33 +127,33 @@ class Mechanism:
         A value is not finite or out of its range.
     """
 
-    added_mass: float = 0.0
-    friction: float = 0.0
-    damping: float = 0.0
-    detent: float = 0.0
-    detent_position: float = 0.0
-    detent_width: float = 1e-3
-    spline_friction: float = 0.0
-    spline_radius: float = 0.02
-    drag_torque: float = 0.0
-    compliance: float = 0.0
-    free_play: float = 0.0
-    ring_inertia: float = 0.0
-    input_stiffness: float = 0.0
-    backlash: float = 0.0
-    wheel_inertia: float = 0.0
-    output_stiffness: float = 0.0
+    added_mass: Annotated[float, Within("added_mass_kg", 0.0, 1e3)] = 0.0
+    friction: Annotated[float, Within("friction_N", 0.0, 1e5)] = 0.0
+    damping: Annotated[float, Within("damping_Ns_m", 0.0, 1e6)] = 0.0
+    detent: Annotated[float, Within("detent_N", 0.0, 1e5)] = 0.0
+    detent_position: Annotated[float, Within("detent_position_mm", -100.0, 100.0)] = 0.0
+    detent_width: Annotated[float, Within("detent_width_mm", 0.01, 100.0)] = 1e-3
+    spline_friction: Annotated[float, Within("spline_friction", 0.0, 1.5)] = 0.0
+    spline_radius: Annotated[float, Within("spline_radius_mm", 1.0, 1000.0)] = 0.02
+    drag_torque: Annotated[float, Within("drag_torque_Nm", 0.0, 1e4)] = 0.0
+    compliance: Annotated[float, Within("compliance_mm_kN", 0.0, 1e3)] = 0.0
+    free_play: Annotated[float, Within("free_play_mm", 0.0, 100.0)] = 0.0
+    ring_inertia: Annotated[float, Within("ring_inertia_kgm2", 0.0, 100.0)] = 0.0
+    input_stiffness: Annotated[float, Within("input_stiffness_Nm_rad", 0.0, 1e8)] = 0.0
+    backlash: Annotated[float, Within("spline_backlash_deg", 0.0, 30.0)] = 0.0
+    wheel_inertia: Annotated[float, Within("wheel_inertia_kgm2", 0.0, 1e4)] = 0.0
+    output_stiffness: Annotated[float, Within("output_stiffness_Nm_rad", 0.0, 1e8)] = 0.0
 
     def __post_init__(self) -> None:
-        for name, (key, low, high) in _RANGES.items():
-            value = from_si(key, getattr(self, name))
-            require_between(f"mechanism.{key}", value, low, high, "correct the mechanism")
+        require_ranges(self, "mechanism", "correct the mechanism")
         for inertia, stiffness in (
             ("ring_inertia", "input_stiffness"),
             ("wheel_inertia", "output_stiffness"),
         ):
             if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:
-                key, other = (f"mechanism.{_RANGES[one][0]}" for one in (inertia, stiffness))
+                key, other = (
+                    f"mechanism.{ranges_of(Mechanism)[n].key}" for n in (inertia, stiffness)
+                )
                 raise InputError(
                     f"{key} needs {other}, the shaft that it hangs on; give it too, or leave both "
                     "out for a rigid shaft"
@@ -231,7 +231,7 @@ class Mechanism:
         """Values that differ from no mechanism, flat and in the edge's units."""
         return {
             f"mechanism_{key}": from_si(key, getattr(self, name))
-            for name, (key, _, _) in _RANGES.items()
+            for key, name in FIELDS.items()
             if getattr(self, name) != getattr(NOTHING, name)
         }
 
@@ -248,27 +248,8 @@ def smooth_sign(value: Number, small: float) -> Number:
     return sign
 
 
-#: Key at the edge and range there, by field.
-_RANGES = {
-    "added_mass": ("added_mass_kg", 0.0, 1e3),
-    "friction": ("friction_N", 0.0, 1e5),
-    "damping": ("damping_Ns_m", 0.0, 1e6),
-    "detent": ("detent_N", 0.0, 1e5),
-    "detent_position": ("detent_position_mm", -100.0, 100.0),
-    "detent_width": ("detent_width_mm", 0.01, 100.0),
-    "spline_friction": ("spline_friction", 0.0, 1.5),
-    "spline_radius": ("spline_radius_mm", 1.0, 1000.0),
-    "drag_torque": ("drag_torque_Nm", 0.0, 1e4),
-    "compliance": ("compliance_mm_kN", 0.0, 1e3),
-    "free_play": ("free_play_mm", 0.0, 100.0),
-    "ring_inertia": ("ring_inertia_kgm2", 0.0, 100.0),
-    "input_stiffness": ("input_stiffness_Nm_rad", 0.0, 1e8),
-    "backlash": ("spline_backlash_deg", 0.0, 30.0),
-    "wheel_inertia": ("wheel_inertia_kgm2", 0.0, 1e4),
-    "output_stiffness": ("output_stiffness_Nm_rad", 0.0, 1e8),
-}
 NOTHING = Mechanism()  #: no mechanism at all
 #: Field by key at the edge.
-FIELDS = {key: name for name, (key, _, _) in _RANGES.items()}
+FIELDS = {one.key: name for name, one in ranges_of(Mechanism).items()}
 #: Keys of a record that describe a mechanism; a shift without one has none.
-MECHANISM_KEYS = tuple(f"mechanism_{key}" for key, _, _ in _RANGES.values())
+MECHANISM_KEYS = tuple(f"mechanism_{key}" for key in FIELDS)

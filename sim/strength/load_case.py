@@ -79,26 +79,25 @@ two prototype dogs approach by 11.9 to 16.9 um under 417 N/mm, finer ones by 6.1
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.elementwise import each
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, Within, refusal, require_between, require_ranges
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
-from dogshape.sim.units import MM, from_si
+from dogshape.sim.units import MM
 
 SAMPLES = 4096  #: pairs of rings; the mean is known to half a percent
 SEED = 20261123
 STIFFNESS = 25e9  #: N/m of a pair of dogs per m of their radial width
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
 MICRON = 1e-6
-STEP = 0.02  #: of the logarithm of a scatter, between kept values
 
 Floats = NDArray[np.float64]
 
@@ -121,20 +120,6 @@ def load_share(count: int, scatter: float, wave: float = 0.0) -> float:
         *_gaps(count, scatter, wave), lambda touching, total, _: (count + total) / touching
     )
     return float(1.0 / approach.mean())
-
-
-def neighbour_share(count: int, scatter: float) -> float:
-    """Return the load sharing between two kept values, right to 1e-4.
-
-    For thousands of clutches that differ by their tolerances: they share the values at both ends of
-    a step of 2 %.
-    """
-    if scatter <= 0.0:
-        return load_share(count, 0.0)
-    place = math.log(scatter) / STEP
-    low, high = (math.exp(STEP * end) for end in (math.floor(place), math.floor(place) + 1))
-    one, other = load_share(count, low), load_share(count, high)
-    return one + (other - one) * (scatter - low) / (high - low)
 
 
 @lru_cache(maxsize=2**16)  # designs of a search have thousands of landings, many of them alike
@@ -242,62 +227,36 @@ class LoadCase:
     spline_friction, spline_radius : of the toothing that the ring sits on, the latter in m.
     landing_share : share of shifts that may land harder than the checks take
         (``sim.strength.landing``); None for the hardest of those simulated.
-    edge_bed : stiffness of the simulated contact, Pa/m, whose blows on edges are taken by a line
-        contact of steel (``sim.strength.landing``); None for the simulated load itself.
     """
 
-    torque: float = 200.0
-    application_factor: float = 1.5
-    load_sharing: float = 0.5
-    load_height: float = 0.9
-    safety: float = 1.2
-    safety_fatigue: float = 1.2
-    shifts: float = 1e5
-    reversal: float = 0.7
-    friction_release: float = 0.12
-    friction_hold: float = 0.05
-    separating_force_limit: float = 5000.0
+    torque: Annotated[float, Within("torque_Nm", 1e-3, 1e5)] = 200.0
+    application_factor: Annotated[float, Within("application_factor", 0.5, 10.0)] = 1.5
+    load_sharing: Annotated[float, Within("load_sharing", 0.01, 1.0)] = 0.5
+    load_height: Annotated[float, Within("load_height", 0.5, 1.0)] = 0.9
+    safety: Annotated[float, Within("safety", 1.0, 10.0)] = 1.2
+    safety_fatigue: Annotated[float, Within("safety_fatigue", 1.0, 10.0)] = 1.2
+    shifts: Annotated[float, Within("shifts", 1.0, 1e12)] = 1e5
+    reversal: Annotated[float, Within("reversal", 0.1, 1.0)] = 0.7
+    friction_release: Annotated[float, Within("friction_release", 0.0, 1.0)] = 0.12
+    friction_hold: Annotated[float, Within("friction_hold", 0.0, 1.0)] = 0.05
+    separating_force_limit: Annotated[float, Within("separating_force_limit_N", 1.0, 1e6)] = 5000.0
     vibration_force: float = 0.0
-    coast_share: float = 1.0
-    pull_out_force_limit: float | None = None
+    coast_share: Annotated[float, Within("coast_share", 0.0, 1.0)] = 1.0
+    pull_out_force_limit: Annotated[float | None, Within("pull_out_force_limit_N", 1.0, 1e6)] = None
     release_by_itself: bool = True
     spectrum: tuple[tuple[float, float], ...] = ()
-    abuse_torque: float | None = None
-    accuracy: int | None = None
-    pitch_sd: float | None = None
-    run_out: float = 0.0
-    tilt: float = 0.0
-    dog_stiffness: float | None = None
+    abuse_torque: Annotated[float | None, Within("abuse_torque_Nm", 1e-3, 1e6)] = None
+    accuracy: Annotated[int | None, Within("accuracy", 1, 11)] = None
+    pitch_sd: Annotated[float | None, Within("pitch_sd_um", 0.0, 1000.0)] = None
+    run_out: Annotated[float, Within("run_out_um", 0.0, 1000.0)] = 0.0
+    tilt: Annotated[float, Within("tilt_mrad", 0.0, 50.0)] = 0.0
+    dog_stiffness: Annotated[float | None, Within("dog_stiffness_N_um", 0.1, 1e5)] = None
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
-    landing_share: float | None = None
-    edge_bed: float | None = None
+    landing_share: Annotated[float | None, Within("landing_share", 1e-4, 0.5)] = None
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("torque_Nm", self.torque, 1e-3, 1e5),
-            ("application_factor", self.application_factor, 0.5, 10.0),
-            ("load_sharing", self.load_sharing, 0.01, 1.0),
-            ("load_height", self.load_height, 0.5, 1.0),
-            ("safety", self.safety, 1.0, 10.0),
-            ("safety_fatigue", self.safety_fatigue, 1.0, 10.0),
-            ("shifts", self.shifts, 1.0, 1e12),
-            ("reversal", self.reversal, 0.1, 1.0),
-            ("friction_release", self.friction_release, 0.0, 1.0),
-            ("friction_hold", self.friction_hold, 0.0, 1.0),
-            ("separating_force_limit_N", self.separating_force_limit, 1.0, 1e6),
-            ("abuse_torque_Nm", self.abuse_torque, 1e-3, 1e6),
-            ("coast_share", self.coast_share, 0.0, 1.0),
-            ("pull_out_force_limit_N", self.pull_out_force_limit, 1.0, 1e6),
-            ("accuracy", self.accuracy, 1, 11),
-            ("pitch_sd_um", _edge("_um", self.pitch_sd), 0.0, 1000.0),
-            ("run_out_um", from_si("_um", self.run_out), 0.0, 1000.0),
-            ("tilt_mrad", from_si("_mrad", self.tilt), 0.0, 50.0),
-            ("dog_stiffness_N_um", _edge("_N_um", self.dog_stiffness), 0.1, 1e5),
-            ("landing_share", self.landing_share, 1e-4, 0.5),
-        ):
-            if value is not None:
-                require_between(f"load.{name}", value, low, high, "correct the load case")
+        require_ranges(self, "load", "correct the load case")
         for share, cycles in self.spectrum:
             remedy = "give classes as [torque over the rated one, cycles]"
             require_between("load.spectrum: torque", share, -10.0, 10.0, remedy)
@@ -347,23 +306,17 @@ class LoadCase:
         if torque == 0.0:
             return self.load_sharing
         equal = torque / (dog.mean_radius * dog.count)
-        return self._share(self._load_share, dog, equal, 0.5 * self.run_out)
-
-    def _load_share(self, count: int, scatter: float, wave: float) -> float:
-        return load_share(count, scatter, wave)
-
-    def _landing_share(self, count: int, scatter: float, wave: float) -> float:
-        return landing_share(count, scatter, wave)
+        return self._share(load_share, dog, equal, 0.5 * self.run_out)
 
     def landing(self, dog: Dog, line_load: float) -> float:
         """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""
         # Thousands of landings differ by less: three digits let them share an answer.
         force = line_load * dog.radial_width
-        return self._share(self._landing_share, dog, force, dog.mean_radius * self.tilt, digits=3)
+        return self._share(landing_share, dog, force, dog.mean_radius * self.tilt, digits=3)
 
     def blow(self, dog: Dog, force: float) -> float:
         """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
-        return self._share(self._landing_share, dog, force, 0.5 * self.run_out, digits=3)
+        return self._share(landing_share, dog, force, 0.5 * self.run_out, digits=3)
 
     def _share(
         self,
@@ -388,7 +341,3 @@ class LoadCase:
 
         errors = 0.0 if scatter is None else scatter, wave
         return each(of_one, dog.count, force, self.stiffness(dog), *errors)
-
-
-def _edge(unit: str, value: float | None) -> float | None:
-    return None if value is None else from_si(unit, value)

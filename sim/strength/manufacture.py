@@ -7,8 +7,9 @@ flight a shift. These rules are checked first and cost nothing.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from dogshape.sim.errors import GeometryError, require_between
+from dogshape.sim.errors import GeometryError, Within, require_ranges
 from dogshape.sim.shift.geometry import Dog, root_radius_room
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import MM
@@ -33,31 +34,18 @@ class ManufacturingLimits:
     rim : thickness of the ring behind the roots; None for one that is thick enough.
     """
 
-    tip_width: float = 1.5e-3
-    slot_width: float = 1.5e-3
-    cutter_reach: float = 3.0
-    flank_height: float = 1.5e-3
-    root_radius: float = 0.3e-3
-    tip_core: float = 0.5e-3
-    chamfer_share: float = 0.35
-    module: float = 1.25e-3
-    rim: float | None = None
+    tip_width: Annotated[float, Within("tip_width_mm", 0.05, 100.0)] = 1.5e-3
+    slot_width: Annotated[float, Within("slot_width_mm", 0.05, 100.0)] = 1.5e-3
+    cutter_reach: Annotated[float, Within("cutter_reach", 0.1, 100.0)] = 3.0
+    flank_height: Annotated[float, Within("flank_height_mm", 0.05, 100.0)] = 1.5e-3
+    root_radius: Annotated[float, Within("root_radius_mm", 0.02, 10.0)] = 0.3e-3
+    tip_core: Annotated[float, Within("tip_core_mm", 0.0, 100.0)] = 0.5e-3
+    chamfer_share: Annotated[float, Within("chamfer_share", 0.0, 0.5)] = 0.35
+    module: Annotated[float, Within("module_mm", 0.05, 100.0)] = 1.25e-3
+    rim: Annotated[float | None, Within("rim_mm", 0.1, 1000.0, "give the thickness in mm")] = None
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("tip_width_mm", self.tip_width / MM, 0.05, 100.0),
-            ("slot_width_mm", self.slot_width / MM, 0.05, 100.0),
-            ("cutter_reach", self.cutter_reach, 0.1, 100.0),
-            ("flank_height_mm", self.flank_height / MM, 0.05, 100.0),
-            ("root_radius_mm", self.root_radius / MM, 0.02, 10.0),
-            ("tip_core_mm", self.tip_core / MM, 0.0, 100.0),
-            ("chamfer_share", self.chamfer_share, 0.0, 0.5),
-            ("module_mm", self.module / MM, 0.05, 100.0),
-        ):
-            require_between(f"manufacturing.{name}", value, low, high, "correct the limit")
-        if self.rim is not None:
-            remedy = "give the thickness in mm"
-            require_between("manufacturing.rim_mm", self.rim / MM, 0.1, 1000.0, remedy)
+        require_ranges(self, "manufacturing", "correct the limit")
 
 
 _NARROW = "use fewer or lower dogs or smaller side angles"

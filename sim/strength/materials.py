@@ -46,8 +46,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
-from dogshape.sim.errors import InputError, did_you_mean, require_between
+from dogshape.sim.errors import InputError, Within, did_you_mean, require_ranges
 from dogshape.sim.units import MM, MPA
 
 STRESS_CORRECTION = 2.0  #: Y_ST of ISO 6336-3
@@ -74,23 +75,15 @@ class Material:
 
     name: str
     source: str
-    proof_stress: float
-    bending_endurance: float
-    static_factor: float
-    allowable_pressure: float
-    surface_hardness: float
-    case_depth: float
+    proof_stress: Annotated[float, Within("proof_stress_MPa", 10.0, 5000.0)]
+    bending_endurance: Annotated[float, Within("bending_endurance_MPa", 10.0, 2000.0)]
+    static_factor: Annotated[float, Within("static_factor", 1.0, 5.0)]
+    allowable_pressure: Annotated[float, Within("allowable_pressure_MPa", 1.0, 5000.0)]
+    surface_hardness: Annotated[float, Within("surface_hardness_HV", 80.0, 1500.0)]
+    case_depth: Annotated[float, Within("case_depth_mm", 0.0, 10.0)]
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("proof_stress_MPa", self.proof_stress / MPA, 10.0, 5000.0),
-            ("bending_endurance_MPa", self.bending_endurance / MPA, 10.0, 2000.0),
-            ("static_factor", self.static_factor, 1.0, 5.0),
-            ("allowable_pressure_MPa", self.allowable_pressure / MPA, 1.0, 5000.0),
-            ("surface_hardness_HV", self.surface_hardness, 80.0, 1500.0),
-            ("case_depth_mm", self.case_depth / MM, 0.0, 10.0),
-        ):
-            require_between(f"material.{name}", value, low, high, "correct the material")
+        require_ranges(self, "material", "correct the material")
 
     def life_factor(self, cycles: float) -> float:
         """Return Y_NT, the endurance at ``cycles`` over that at 3e6."""

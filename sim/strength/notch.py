@@ -70,18 +70,7 @@ class Tension(NamedTuple):
     axial: float
 
 
-class Pressed(NamedTuple):
-    """Coefficients of the von Mises stress in the opposite fillet."""
-
-    scale: float
-    lean: float
-    near: float
-    axial: float
-
-
 TENSION = Tension(0.341, 0.615, -0.557, -0.162, 1.068, 0.314)
-PRESSED = Pressed(1.088, -0.251, 0.165, -0.290)
-MISES_FACTOR = 0.93
 
 
 def root_nominal(dog: Dog, load: Load, by: Tension = TENSION) -> float:
@@ -124,29 +113,6 @@ def outside_fit(dog: Dog, root_radius: float) -> list[str]:
         for name, value, low, high in ratios
         if not low <= value <= high
     ]
-
-
-def mises_loaded(dog: Dog, root_radius: float, load: Load) -> float:
-    """Return the largest von Mises stress in the loaded flank's fillet, Pa."""
-    return MISES_FACTOR * root_tension(dog, root_radius, load)
-
-
-def mises_opposite(dog: Dog, root_radius: float, load: Load, by: Pressed = PRESSED) -> float:
-    """Return the largest von Mises stress in the other flank's fillet, Pa."""
-    width, loaded = dog.root_width, side_angle(dog, load.flank)
-    other = side_angle(dog, "braking" if load.flank == "traction" else "traction")
-    nominal = (
-        6.0 * load.lever / width**2
-        + by.near / sqrt(width * load.lever)
-        + by.axial * tan(loaded) / width
-    )
-    notch = by.scale * _notch(dog, root_radius, TENSION) * (1.0 + by.lean * tan(other))
-    return load.force / dog.radial_width * notch * nominal
-
-
-def root_mises(dog: Dog, root_radius: float, load: Load) -> float:
-    """Return the largest von Mises stress in both fillets, Pa."""
-    return max(mises_loaded(dog, root_radius, load), mises_opposite(dog, root_radius, load))
 
 
 def _notch(dog: Dog, root_radius: float, by: Tension) -> float:

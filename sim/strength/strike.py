@@ -46,12 +46,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, Within, refusal, require_between, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, Flank
-from dogshape.sim.units import DEG, RPM
+from dogshape.sim.units import RPM
 
 RESTITUTION = 0.25  #: that the default contact leaves at 0.2 m/s; less at higher speed
 REMEDY = "correct the strike"
@@ -75,30 +76,21 @@ class Strike:
     strikes : over the life, for fatigue; None for a static limit alone.
     """
 
-    ring_inertia: float
+    ring_inertia: Annotated[float, Within("ring_inertia_kgm2", 1e-7, 100.0)]
     sliding_inertia: float
-    input_stiffness: float
-    wheel_inertia: float
+    input_stiffness: Annotated[float, Within("input_stiffness_Nm_rad", 1e-3, 1e9)]
+    wheel_inertia: Annotated[float, Within("wheel_inertia_kgm2", 1e-7, 1e4)]
     output_inertia: float
-    output_stiffness: float | None = None
-    backlash: float = 0.0
-    restitution: float = RESTITUTION
+    output_stiffness: Annotated[float | None, Within("output_stiffness_Nm_rad", 1e-3, 1e9)] = None
+    backlash: Annotated[float, Within("backlash_deg", 0.0, 30.0)] = 0.0
+    restitution: Annotated[float, Within("restitution", 0.0, 0.5)] = RESTITUTION
     mismatch: tuple[float, ...] = ()
-    strikes: float | None = None
+    strikes: Annotated[float | None, Within("strikes", 1.0, 1e12)] = None
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("ring_inertia_kgm2", self.ring_inertia, 1e-7, 100.0),
-            ("wheel_inertia_kgm2", self.wheel_inertia, 1e-7, 1e4),
-            ("input_stiffness_Nm_rad", self.input_stiffness, 1e-3, 1e9),
-            ("output_stiffness_Nm_rad", self.output_stiffness, 1e-3, 1e9),
-            ("backlash_deg", self.backlash / DEG, 0.0, 30.0),
-            ("restitution", self.restitution, 0.0, 0.5),
-            *(("mismatch_rpm", speed / RPM, -5000.0, 5000.0) for speed in self.mismatch),
-            ("strikes", self.strikes, 1.0, 1e12),
-        ):
-            if value is not None:
-                require_between(f"strike.{name}", value, low, high, REMEDY)
+        require_ranges(self, "strike", REMEDY)
+        for speed in self.mismatch:
+            require_between("strike.mismatch_rpm", speed / RPM, -5000.0, 5000.0, REMEDY)
         for name, part, key, whole in (
             ("ring", self.ring_inertia, "sliding", self.sliding_inertia),
             ("wheel", self.wheel_inertia, "output", self.output_inertia),

@@ -17,15 +17,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Annotated, Any
 
 from dogshape.sim.elementwise import key, largest, smallest, where
-from dogshape.sim.errors import DogshapeError, InputError, did_you_mean, require_between
+from dogshape.sim.errors import DogshapeError, Within, require_ranges
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import DEG, MM
-
-DISTRIBUTIONS = ("normal", "uniform")
 
 
 @dataclass(frozen=True)
@@ -34,51 +32,40 @@ class Tolerances:
 
     ``contact_ratio`` is the least share of the height that has to touch with all of them
     at their worst and the rings short of full depth by the seated tolerance; ``clearance``
-    is the least gap between the crests in neutral, m. ``distribution`` is that of manufactured
-    dimensions (``sim.strength.production``): normal with the tolerance as three standard
-    deviations, or uniform.
+    is the least gap between the crests in neutral, m.
     """
 
-    chamfer: float = 0.25 * DEG
-    traction: float = 0.25 * DEG
-    braking: float = 0.25 * DEG
-    height: float = 0.05 * MM
-    outer_diameter: float = 0.15 * MM
-    inner_diameter: float = 0.15 * MM
-    axial_gap: float = 0.1 * MM
-    root_radius: float = 0.05 * MM
-    contact_ratio: float = 0.5
-    clearance: float = 0.3 * MM
-    distribution: str = "normal"
+    chamfer: Annotated[float, Within("chamfer_deg", 0.0, 5.0, "give an angle in degrees")] = (
+        0.25 * DEG
+    )
+    traction: Annotated[float, Within("traction_deg", 0.0, 5.0, "give an angle in degrees")] = (
+        0.25 * DEG
+    )
+    braking: Annotated[float, Within("braking_deg", 0.0, 5.0, "give an angle in degrees")] = (
+        0.25 * DEG
+    )
+    height: Annotated[float, Within("height_mm", 0.0, 2.0)] = 0.05 * MM
+    outer_diameter: Annotated[float, Within("outer_diameter_mm", 0.0, 2.0)] = 0.15 * MM
+    inner_diameter: Annotated[float, Within("inner_diameter_mm", 0.0, 2.0)] = 0.15 * MM
+    axial_gap: Annotated[float, Within("axial_gap_mm", 0.0, 2.0)] = 0.1 * MM
+    root_radius: Annotated[float, Within("root_radius_mm", 0.0, 2.0)] = 0.05 * MM
+    contact_ratio: Annotated[
+        float, Within("contact_ratio", 0.0, 1.0, "give a share of the height")
+    ] = 0.5
+    clearance: Annotated[float, Within("clearance_mm", 0.0, 2.0)] = 0.3 * MM
 
     def __post_init__(self) -> None:
-        if self.distribution not in DISTRIBUTIONS:
-            hint = did_you_mean(self.distribution, DISTRIBUTIONS)
-            raise InputError(
-                f"tolerance.distribution is '{self.distribution}', which is none of manufactured "
-                f"dimensions; {hint}"
-            )
-        for name in ("chamfer", "traction", "braking"):
-            value = getattr(self, name) / DEG
-            require_between(f"tolerance.{name}_deg", value, 0.0, 5.0, "give an angle in degrees")
-        lengths = ("height", "outer_diameter", "inner_diameter", "axial_gap", "root_radius")
-        for name in (*lengths, "clearance"):
-            value = getattr(self, name) / MM
-            require_between(f"tolerance.{name}_mm", value, 0.0, 2.0, "give a length in mm")
-        ratio = self.contact_ratio
-        require_between("tolerance.contact_ratio", ratio, 0.0, 1.0, "give a share of the height")
+        require_ranges(self, "tolerance", "give a length in mm")
 
     @property
     def dimensions(self) -> dict[str, float]:
         """Dimensions with their tolerance, those without one left out."""
-        others = ("contact_ratio", "clearance", "distribution")
-        names = [f.name for f in fields(self) if f.name not in others]
+        names = [f.name for f in fields(self) if f.name not in ("contact_ratio", "clearance")]
         return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
 
     def without_sizes(self) -> Tolerances:
         """Return the limits alone, with every dimension exact."""
-        exact: dict[str, Any] = dict.fromkeys(self.dimensions, 0.0)
-        return replace(self, **exact)
+        return replace(self, **dict.fromkeys(self.dimensions, 0.0))
 
 
 @dataclass(frozen=True)

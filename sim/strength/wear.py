@@ -31,8 +31,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Annotated
 
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, Within, refusal, require_ranges
 from dogshape.sim.shift.geometry import SHARPEST, Dog
 from dogshape.sim.units import MM
 
@@ -49,9 +50,13 @@ class Wear:
         stay as they are. With it faces need not wear.
     """
 
-    rate: float | None = None
-    crest_loss: float | None = None
-    edge_radius: float | None = None
+    rate: Annotated[
+        float | None, Within("rate_mm3_Nm", 0.0, 1e-2, "1e-7 is well lubricated, 1e-5 hardly")
+    ] = None
+    crest_loss: Annotated[
+        float | None, Within("crest_loss_mm", 0.0, 2.0, "give the height in mm")
+    ] = None
+    edge_radius: Annotated[float | None, Within("edge_radius_mm", SHARPEST / MM, 10.0)] = None
 
     def __post_init__(self) -> None:
         given = [v for v in (self.rate, self.crest_loss) if v is not None]
@@ -60,15 +65,7 @@ class Wear:
                 "[wear] needs one of wear.rate_mm3_Nm (Archard) and wear.crest_loss_mm (measured); "
                 "give one and not both"
             )
-        if self.rate is not None:
-            rate, remedy = self.rate / 1e-9, "1e-7 is well lubricated, 1e-5 hardly"
-            require_between("wear.rate_mm3_Nm", rate, 0.0, 1e-2, remedy)
-        if self.crest_loss is not None:
-            lost, remedy = self.crest_loss / MM, "give the height in mm"
-            require_between("wear.crest_loss_mm", lost, 0.0, 2.0, remedy)
-        if self.edge_radius is not None:
-            radius, remedy = self.edge_radius / MM, "give the radius in mm"
-            require_between("wear.edge_radius_mm", radius, SHARPEST / MM, 10.0, remedy)
+        require_ranges(self, "wear", "give the radius in mm")
 
     def loss(self, dog: Dog, energy: float, friction: float, shifts: float) -> float:
         """Compute the height that ``shifts`` take from the crest of a dog, m.
