@@ -2,10 +2,9 @@
 
     python -m benchmarks.root_stress
 
-What the mesh and the surroundings do to it, then the formula with a constant notch
-factor (``sim.strength.dog_strength``) and the closed form of ``sim.strength.notch`` on designs
-spread over the search space: those that its coefficients were fitted to and others. Takes ten
-minutes.
+What the mesh and the surroundings do to it, then a formula with a constant notch factor and the
+closed form of ``sim.strength.dog_strength`` on designs spread over the search space: those that its
+coefficients were fitted to and others. Takes ten minutes.
 """
 
 from __future__ import annotations
@@ -18,13 +17,13 @@ from scipy.optimize import least_squares
 
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dog, Flank, flank_contact
-from dogshape.sim.strength.manufacture import ManufacturingLimits, require_makeable
-from dogshape.sim.strength.notch import (
+from dogshape.sim.strength.dog_strength import (
     TENSION,
     Load,
     Tension,
     root_tension,
 )
+from dogshape.sim.strength.manufacture import ManufacturingLimits, require_makeable
 from dogshape.sim.units import DEG, MM, MPA
 from dogshape.validation.finite_elements.root_mesh import SIDES, RootShape
 from dogshape.validation.finite_elements.root_stress import (

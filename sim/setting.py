@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.errors import EffectError, did_you_mean, require_between
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.contact import ContactSet
+from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.statistics.blocks import Block

@@ -32,19 +32,19 @@ from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
     SCHEMES,
+    ContactSet,
     OperatingPoint,
     Solver,
     accuracy_of,
+    contact_set,
     solver_for,
 )
-from dogshape.sim.shift.contact import ContactSet, contact_set
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.manufacture import ManufacturingLimits
+from dogshape.sim.strength.manufacture import ManufacturingLimits, Tolerances
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.strike import RESTITUTION, Strike
-from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.strength.wear import Wear
 from dogshape.sim.units import DEG, MM, RPM, to_si, unit_of
 
@@ -250,7 +250,7 @@ class ManufacturingSection(Section):
 
 
 class ToleranceSection(Section):
-    """Largest deviation of each dimension either way (``sim.strength.tolerance``)."""
+    """Largest deviation of each dimension either way (``sim.strength.manufacture``)."""
 
     chamfer_deg: float = Tolerances.chamfer / DEG
     traction_deg: float = Tolerances.traction / DEG

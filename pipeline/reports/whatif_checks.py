@@ -23,8 +23,8 @@ from dogshape.sim.strength.dog_strength import (
 )
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import blocking_force, locking_friction
+from dogshape.sim.strength.manufacture import Tolerances
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.units import MM, suffix_of, to_si
 
 Known = dict[str, float]  #: values that a browser cannot work out, by function and arguments

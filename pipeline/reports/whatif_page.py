@@ -215,7 +215,7 @@ from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits
 from dogshape.sim.strength.materials import Material
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.strength.tolerance import Tolerances
+from dogshape.sim.strength.manufacture import Tolerances
 desk = Desk({dog!r}, with_known({limits!r}, json.loads(window.python_known)))
 window.python_checks = lambda asked: desk.answer(asked)
 """

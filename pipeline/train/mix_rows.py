@@ -1,7 +1,7 @@
 """Designs simulated at every operating point of the study.
 
 Half of the angles of an operating point are even; in a few rounds the others halve the intervals
-in which the time most likely jumps (``sim.statistics.bisection``). With as many even angles the
+in which the time most likely jumps (``sim.statistics.expectation``). With as many even angles the
 error of a design's expected time would be four times as large. Where more than the angle is
 uncertain a time is no function of it, and all angles are even.
 
@@ -30,8 +30,8 @@ from dogshape.pipeline.train.filling import filling_designs, first_designs
 from dogshape.pipeline.train.training_rows import row_record, study_mix, with_rows
 from dogshape.sim.errors import InputError, StorageError
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.statistics.bisection import halves, mean_round_the_pitch
 from dogshape.sim.statistics.blocks import Block, even_block
+from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
 from dogshape.sim.statistics.shift_records import Record, content_key, result_of, unfinished
 from dogshape.sim.versions import engine
 from dogshape.surrogate.covariance import Array

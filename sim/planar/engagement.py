@@ -23,11 +23,11 @@ from dogshape.sim.shift.conclusion import (
     Run,
     conclude,
     passed_through,
+    release,
 )
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Mechanism
 from dogshape.sim.shift.mesh import rigid_dog, touching_planes, touching_quads
-from dogshape.sim.shift.release import release
 
 Floats = NDArray[np.float64]
 Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]

@@ -14,10 +14,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.events import Events, Phase, events_of, phases_of, touches_of
 from dogshape.sim.shift.geometry import Dog
@@ -299,3 +302,65 @@ def _delayed(found: Engagement, delay: float) -> Engagement:
 def passed_through(run: Run, found: Engagement) -> bool:
     """Decide whether a shift diverged for its dogs alone, which finer steps may mend."""
     return found.outcome is Outcome.DIVERGED and not run.failure
+
+
+#: Share of the time-out from which on a ring that was never let go is simulated.
+LATEST_RELEASE = 0.99
+
+
+@dataclass(frozen=True)
+class Release:
+    """Times in s up to when the ring is let go, with displacement (m) and speed of the actuator.
+
+    Each (n,); the last is where the motion of both rings begins.
+    """
+
+    time: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    speed: NDArray[np.float64]
+
+
+@lru_cache(maxsize=64)  # shifts differ by their angle alone
+def release(clutch: Clutch, profile: ForceProfile) -> Release:
+    r"""Find the time at which friction lets the ring go; at once where it need not hold.
+
+    Without a linkage that is when the shift force reaches :math:`R_0`. With one the actuator moves
+    against a ring at rest, :math:`m_a \ddot y = F(t) - L(y, \dot y)`, until :math:`L = R_0`. A
+    friction law that is nearly a jump would cost the solver of the whole motion thousands of steps.
+    """
+    mechanism = clutch.mechanism
+    held = mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0
+    slows = clutch.rings.initial_speed != 0.0 and mechanism.drag_torque > 0.0
+    if not held or slows:
+        return Release(*np.zeros((3, 1)))
+    if mechanism.has_linkage:
+        return _loaded(clutch, profile)
+    low, high = 0.0, LATEST_RELEASE * clutch.timeout
+    if profile.at(high) < mechanism.friction:
+        low = high
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if profile.at(middle) < mechanism.friction else (low, middle)
+    return Release(np.array([0.0, low]), np.zeros(2), np.zeros(2))
+
+
+def _loaded(clutch: Clutch, profile: ForceProfile) -> Release:
+    from scipy.integrate import solve_ivp  # noqa: PLC0415  slow to load, and few shifts need it
+
+    mechanism, mass = clutch.mechanism, clutch.rings.mass
+    linkage, far = mechanism.linkage(mass), mechanism.actuator_mass(mass)
+
+    def motion(time: float, state: NDArray[np.float64]) -> list[float]:
+        way, speed = map(float, state)
+        return [speed, (float(profile.at(time)) - mechanism.pull(way, speed, *linkage)) / far]
+
+    def loose(_: float, state: NDArray[np.float64]) -> float:
+        way, speed = map(float, state)
+        return float(mechanism.pull(way, speed, *linkage)) - mechanism.friction
+
+    loose.terminal = True  # type: ignore[attr-defined]
+    span = (0.0, LATEST_RELEASE * clutch.timeout)
+    run = solve_ivp(
+        motion, span, [0.0, 0.0], events=loose, rtol=1e-5, atol=1e-9, max_step=0.01 * span[1]
+    )
+    return Release(run.t, *run.y)

@@ -1,46 +1,18 @@
-r"""The dog and the pair of rings, from six numbers and two diameters.
+r"""The dog and the pair of rings, from six numbers and two diameters (Jasny et al. 2019).
 
-Notation of Jasný, Hajžman and Achtenová (2019): :math:`\alpha` chamfer,
-:math:`\beta` traction flank, :math:`\gamma` braking flank, :math:`h` height,
-:math:`N` dogs; the pitch is :math:`\vartheta = 2\pi/N`.
+Chamfer :math:`\alpha`, traction and braking flank :math:`\beta, \gamma`, height *h*, *N* dogs,
+pitch :math:`\vartheta = 2\pi/N`. At half height dog and slot are equally wide, :math:`\vartheta/2`.
+A flank is a plane through the radial line at :math:`\pm\vartheta/4` there, so that mating flanks
+touch all over. The face falls by :math:`\alpha` from the crest, :math:`z = h/2`, towards the
+braking flank. Widths run along the circumference at radius *r*: :math:`w_{tip,root} =
+\tfrac{1}{2}\vartheta r \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. Lengths are those of the sharp
+dog; both rings carry the same.
 
-*Median plane*: half height. There dog and slot are equally wide, so each
-spans :math:`\vartheta/2` and both flanks touch at full depth.
-
-*Flank*: a plane through the radial line at :math:`\pm\vartheta/4` in the median
-plane, leaning inwards by its side angle. With :math:`u` along that line and
-:math:`t` across it a flank is :math:`\rho u - z \tan\beta\, t`. Only this form
-lets mating flanks touch all over (Jasný thesis 2019, figure 24b).
-
-*Face*: one plane through the crest, the edge of the traction flank at
-:math:`z = h/2`, falling by :math:`\alpha` towards the braking flank. The crest
-is parallel to the median plane, so the dog is equally high over its length.
-
-*Edges*: crest and braking edge are sharp, or rounded with one radius. All lengths are those of the
-sharp dog, to the intersection of its faces, as a drawing has them.
-
-Widths are measured along the circumference at the mean radius:
-
-.. math::
-    w_{tip} = \tfrac{1}{2}\vartheta r - \tfrac{h}{2}(\tan\beta + \tan\gamma), \quad
-    w_{root} = \tfrac{1}{2}\vartheta r + \tfrac{h}{2}(\tan\beta + \tan\gamma)
-
-Both rings carry the same dog, one of them turned over about a radial axis.
-
-*What touches at full depth.* Both tip edges of a dog are rounded with the edge radius
-:math:`\varrho`, or where the dog has none with the root radius, so that they clear the fillets of
-the other ring. A rounding takes from its flank, along the shaft, :math:`a = \varrho \cos\beta
-\cot(\psi/2)`, :math:`\psi` being the angle of the material at the edge: :math:`90° + \beta -
-\alpha` at the crest, :math:`90° + \alpha + \gamma` at the braking edge. Either ring lacks it at its
-own tip, so the height that touches is
-
-- traction: :math:`h - 2 a_\beta`, both crests being on that side;
-- braking, at radius *r*: :math:`h - 2 (d(r) + a_\gamma)`, :math:`d(r)` the depth at
-  which the face meets the flank there. The tip is wider outside, so less touches there.
-
-Widths along the circumference overstate *d*, on the safe side: the area that is left by 0.3 % for
-the prototype, by 5 % for nine dogs. Areas are projected on the plane through the axis: a pressure
-*p* on a leaning flank has the tangential force *p* times that area, whatever the lean.
+At full depth the tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta
+\cot(\psi/2)` from a flank along the shaft, :math:`\psi` the angle of the material: what touches is
+:math:`h - 2 a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* at which the face meets
+the braking flank (on the safe side by 0.3 % for the prototype). Areas are projected on the plane
+through the axis.
 """
 
 from __future__ import annotations

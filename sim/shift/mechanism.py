@@ -1,43 +1,17 @@
 r"""Mechanism between actuator and sliding ring, and around the ring: none by default.
 
-Axial motion of the ring (displacement *x*, mass :math:`m_s`) and of the actuator
-(:math:`y`, :math:`m_a`), turn of the ring (:math:`\omega`, inertia :math:`J_1`):
-
 .. math::
-    m_s \ddot x &= L - R - D(x) - c \dot x - \mu_s \frac{|T|}{r_s} \sigma(\dot x) - F_c, \qquad
-    R = R_0 \sigma(\dot x), \\
-    m_a \ddot y &= F(t) - L, \qquad J_1 \dot\omega = M_c - M_0 \sigma(\omega).
+    m_s \ddot x &= L - R_0 \sigma(\dot x) - D(x) - c \dot x - \mu_s |T| \sigma(\dot x)/r_s - F_c, \\
+    m_a \ddot y &= F(t) - L, \qquad J_1 \dot\omega = M_c - M_0 \sigma(\omega), \qquad
+    \sigma(v) = v/\sqrt{v^2 + v_0^2}.
 
-*F* is the shift force, *L* what the linkage hands on, :math:`F_c, M_c` are of the dogs' contact.
-Without compliance and free play there is no *y*: :math:`L = F(t)` and :math:`m_s` is the ring's
-mass with the added one. With a linkage a share ``FORK`` of the ring's mass (fork and pads) stands
-on its far side with the added mass, so that all masses together stay what they were.
-
-*Linkage*: with :math:`u = y - x`, stiffness *k* and damping :math:`c_L` of a share
-``DAMPING_RATIO`` of the critical one, :math:`L = k u + c_L \dot u`. With free play :math:`\delta`
-the ring hangs between two stops, :math:`u = \delta` ahead, :math:`u = 0` behind; the shift begins
-at the rear one, so the actuator has the whole play to close. Stops push and never pull.
-
-*Coulomb's law* is smooth: :math:`\sigma(v) = v/\sqrt{v^2 + v_0^2}`, with a velocity that is
-small against every motion of a shift (``SLIP``, ``TURN``).
-
-*Detent*: :math:`D(x) = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w` within its width *w*; to pass it
-takes :math:`(8/15) D_0 w`.
-
-*Spline*: the ring sits on its shaft by a spline at radius :math:`r_s`. Of the contact's torque the
-ring itself takes the share :math:`J_r/J_1`, :math:`J_r = m r^2` at the mean radius of the dogs; the
-rest, :math:`T = M_c (1 - J_r/J_1)`, accelerates what is behind the spline and goes through it.
-Pressed by :math:`|T|/r_s` its teeth rub along the shaft.
-
-*Shafts*: where flanks strike, the ring with its toothing (:math:`J_r` of :math:`J_1`) and the wheel
-of the other ring (:math:`J_w` of :math:`J_2`) stop before what is behind their shafts. With a
-``ring_inertia`` the rest of its side hangs on the spline and the input shaft of stiffness
-:math:`c_1`: it turns the ring by :math:`T = c_1 [u]_b + d_1 \dot u`, *u* being its lead over the
-ring and :math:`[u]_b` what is beyond half of the play *b*, either way; flanks of a play push and
-never pull. Then *T* itself presses the spline, and the drag holds what is behind. A
-``wheel_inertia`` does the same for the output side, without play. Damping is a share
-``SHAFT_DAMPING`` of the critical one of both inertias on their shaft. Ring and wheel begin in the
-middle of their play, at the speed of their side.
+Linkage: :math:`L = k u + c_L \dot u`, :math:`u = y - x`; with free play the ring hangs between two
+stops, :math:`u = \delta` and 0, which push and never pull. Without both there is no *y*: :math:`L =
+F(t)`. Detent: :math:`D = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w`. Spline: what accelerates
+behind the ring, :math:`T = M_c (1 - m r^2/J_1)`, rubs along the shaft. Shafts: with a
+``ring_inertia`` the rest of the side hangs on a shaft that turns the ring by :math:`T = c_1 [u]_b +
+d_1 \dot u`, its lead beyond the play *b*; then *T* presses the spline and the drag holds the rest.
+A ``wheel_inertia`` does the same for the output side, without play.
 """
 
 from __future__ import annotations

@@ -1,32 +1,16 @@
-r"""Meshes of a dog: the part itself, and the two sides of the contact.
+r"""Meshes of a dog: the two sides of the contact, and formats for Drake and print.
 
-Frame of a ring: z along the axis towards the other ring, median plane of the
-dogs at z = 0, dog *k* about the angle :math:`k\vartheta`; the traction flank is on
-the side of growing angle. The ring that is turned over about its x axis uses
-the same meshes.
+Frame of a ring: z along the axis towards the other ring, median plane of the dogs at z = 0, dog *k*
+about the angle :math:`k\vartheta`; the traction flank is on the side of growing angle.
 
-Contact needs one rigid and one compliant side:
+Rigid side: the surfaces that can touch (traction flank, face, braking flank). Compliant side: one
+dog as pyramids whose apex is equally deep below all three, so that the pressure below each is
+stiffness times depth, and the smaller depth counts where two meet. The body reaches half as far
+again beyond the dog: down to a third of the apex's depth it covers all that can be touched.
 
-- rigid: the three surfaces that can touch (traction flank, face, braking
-  flank) of every dog, as an open surface. Nothing else can be reached: the way
-  ends 0.05 mm above the root and the annuli are equal and coaxial.
-- compliant: one dog as six pyramids with a common apex, the point equally deep
-  below traction flank, face and braking flank. Pressure rises linearly from the
-  skin to the apex, so that below each of the three faces it is stiffness times
-  depth, and where two of them meet it is the smaller depth that counts. The body
-  reaches beyond the dog inwards, outwards and below the root, half as far again
-  from the apex as the dog itself: down to a third of the apex's depth the
-  pyramids of the three faces cover all that can be touched.
-
-*Rounded edges.* A rounded edge is a cylinder about a straight line, since all edges are straight.
-Contact has it as planes that touch it, their normals at even angles :math:`\delta` between those of
-the two faces, so many that the edge stands out by at most
-:math:`\varrho(1/\cos\tfrac{\delta}{2} - 1) \le` ``DEVIATION``. All of them are equally deep below
-the cylinder's axis, as the two faces are. Depth below the least of all planes is therefore linear
-in prisms between each of them and the axis, and in pyramids from the apex below the three faces to
-whatever is left: the body's tetrahedra are cut along both. Drake takes the pressure of a vertex
-from its distance to the skin: on an axis that is the radius from one radius within the ends of the
-body on. Faces are triangulated from their lowest corner, so that neighbours share their triangles.
+A rounded edge is planes that touch its cylinder within ``DEVIATION``. They are equally deep below
+its axis, so depth is linear in prisms between each and the axis and in pyramids from the apex to
+what is left: the tetrahedra are cut along both.
 """
 
 from __future__ import annotations

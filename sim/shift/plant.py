@@ -1,29 +1,17 @@
 r"""The clutch as a Drake multibody plant.
 
-World frame: z along the shaft, median plane of the output ring at z = 0. The
-sliding ring is turned over about x and starts at z = travel; its prismatic
-joint runs towards the output ring, its revolute joint turns about z.
+World frame: z along the shaft, median plane of the output ring at z = 0. The sliding ring is turned
+over about x and starts at z = travel. All dogs see the same contact while the rings stay coaxial,
+so one sliding dog with mass, inertia and forces over N moves as N do; it meets the whole output
+ring.
 
-All dogs see the same contact as long as the rings stay coaxial. So one dog on
-the sliding ring, with mass, inertia and force divided by N, moves as N dogs
-do; it meets the whole output ring, whose body carries 1/N of its inertia.
-Masses and forces of a mechanism are divided by N, too.
+An explicit scheme knows the dynamic coefficient alone, ``mu (2/pi) atan(v / stiction_velocity)``;
+``cenic`` falls from the static to it about ten stiction velocities, which Drake's contact port does
+not. With ``cenic`` the spline's torque comes from contact surfaces: over each triangle of area *A*
 
-Friction, as Drake's modes treat it: with an explicit scheme the continuous
-plant knows the dynamic coefficient alone and the law
-``mu (2/pi) atan(v / stiction_velocity)``; with ``cenic`` it falls from the static to
-the dynamic one about ten stiction velocities. ``solver_for`` chooses by the set.
-
-Friction of the spline needs the contact's torque on the sliding ring. Drake's contact port
-evaluates the law of its continuous plant, with the dynamic coefficient alone. ``cenic`` moves the
-rings by another one, so with that scheme the torque comes from Drake's contact surfaces: over each
-triangle with area *A*, normal *n* into the ring and pressure *p* at the centroid
-
-.. math:: f = A\,p\,(1 - D\,v_n)_+ \left(n - \mu(s)\,v_t/\sqrt{v_s^2 + v_t^2}\right), \qquad
-   \mu(s) = \mu_d + (\mu_s - \mu_d)\,\tfrac12 \left(1 - g(s - 10)/g(10)\right)
-
-with the ring's velocity against the other one, :math:`v_n = v \cdot n`, the slip :math:`v_t`,
-:math:`s = v_t/v_s` and :math:`g(x) = x/\sqrt{1 + x^2}`.
+.. math:: f = A\,p\,(1 - D\,v_n)_+ \left(n - \mu(s)\,v_t/\sqrt{v_s^2 + v_t^2}\right), \quad
+   \mu(s) = \mu_d + (\mu_s - \mu_d)\,\tfrac12 \left(1 - g(s - 10)/g(10)\right), \quad
+   s = v_t/v_s, \; g(x) = x/\sqrt{1 + x^2}.
 """
 
 from __future__ import annotations
@@ -52,11 +40,10 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.contact import ContactSet
+from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
+from dogshape.sim.shift.conclusion import release
 from dogshape.sim.shift.mechanism import Shaft
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
-from dogshape.sim.shift.release import release
 
 Floats = NDArray[np.float64]
 

@@ -1,33 +1,15 @@
 r"""Dog on dog: what a face and its edge bear at the hardest landing of the simulation.
 
-The simulation gives the load per length of the dogs, :math:`w = F/(N b)`, for each class of
-overlap *L* of the faces (``sim.shift.loads``). Crests are rounded with the edge radius
-:math:`\varrho`, or where the dog has none with the root radius, which takes
-:math:`c = \varrho \cot(\psi/2)` from either face, :math:`\psi` being the angle at the crest
-(``sim.shift.geometry``). What is flat then is :math:`L - 2 c`:
+The simulation gives the load per length :math:`w = F/(N b)` for each class of overlap *L* (its
+lower end). A rounded crest takes *c* from either face. Where :math:`L - 2 c` is flat, the case
+bears :math:`w/(L - 2 c)` up to its yield stress, the core :math:`w/(L - 2 c + 2 t)` up to its proof
+stress; else two cylinders meet, :math:`p_H = \sqrt{w E^*/(\pi R)}`, :math:`R = \varrho/2`,
+:math:`E^* = E/(2 (1 - \nu^2))`, up to the shakedown limit of a line contact, four times the yield
+stress in shear or 0.77 HV (Johnson, *Contact Mechanics*, 1985). Where the share :math:`K_s` of the
+dogs lands (``sim.strength.load_case``), loads grow by :math:`1/\sqrt{K_s}`.
 
-- flat enough, the case bears a mean pressure :math:`p = w/(L - 2 c)` up to its yield stress,
-  a third of the hardness, and the core below it, the load having spread by the case
-  depth *t* to either side, :math:`w/(L - 2 c + 2 t)` up to its proof stress;
-- else rounding stands on rounding, and the pressure of Hertz for two cylinders is
-  :math:`p_H = \sqrt{w E^*/(\pi R)}`, :math:`R = \varrho/2`, :math:`E^* = E/(2 (1 - \nu^2))`.
-
-*L* is the lower end of the class. Where only the share :math:`K_s` of the dogs lands, loads
-grow by :math:`1/\sqrt{K_s}`: with fewer dogs the contact is softer, the peak of a blow goes
-with the root of its stiffness, and what is left is shared by fewer. The share is the load case's
-load sharing, or with an accuracy class what dogs that stand out land first
-(``sim.strength.load_case``).
-
-An edge that is landed on for a life keeps its shape while the pressure of Hertz stays
-below the shakedown limit of a line contact, four times the yield stress in shear (Johnson,
-*Contact Mechanics*, 1985). With a yield stress of a third of the hardness that is
-0.77 HV; more would flatten it landing by landing.
-
-Each landing is one of rigid rings on the contact's stiffness with the moving mass of the study,
-and no bound: stiffer dogs land harder, and more angles than were simulated may hold harder ones.
-So the hardest of a sample grows with the sample. With ``load.landing_share`` *s* the checks take
-instead what the share *s* of all shifts exceeds: the quantile 1 - *s* of either pressure over the
-mix, which more angles only make surer.
+Landings are those of rigid rings and no bound, and the hardest of a sample grows with it: with
+``load.landing_share`` the checks take the load that this share of all shifts exceeds.
 """
 
 from __future__ import annotations

@@ -1,80 +1,17 @@
-r"""The load case of a design, and what it puts on one dog.
+r"""The load case of a design, and what it puts on one dog: :math:`F = K_A T/(r N K_s)`.
 
-The torque turns both ways, each flank having its own. With load sharing :math:`K_s`
-(share of the dogs that carry) and application factor :math:`K_A` the most loaded dog
-takes the tangential force :math:`F = K_A T / (r N K_s)`.
+*Load height* 0.9: a flank is stiff against tilt, and 0.25 degrees move the resultant from 0.5 there
+(``tests/verification/flank_model.py``). *Coast*: a petrol engine brakes with 0.25 to 0.4 of its
+torque (Heywood 1988, 13.6). Reversed bending endures 0.7 (ISO 6336-5).
 
-Where it acts. Were both rings and what holds them alike, a perfect pair would be symmetric
-about the median plane and the resultant of the flank's pressure lie at half the height
-that touches, load height 0.5. Flanks out of angle move it to one end, and a flank is stiff
-against tilt: plane finite elements of two prototype dogs at 417 N/mm give 0.61, 0.71, 0.89
-and 0.95 for 0.05, 0.10, 0.25 and 0.50 degrees between the flanks
-(``tests/verification/flank_model.py``). Flanks made to 0.25 degrees thus carry near an edge, on one
-ring near its tip: 0.9 is the default. Run-in rings come closer to 0.5; 1 is the edge alone.
-
-Every shift loads a flank once to the design torque and, when the vehicle coasts, the
-other; a root that is bent both ways endures 0.7 of a pulsating load (ISO 6336-5). Safety
-against fatigue is 1.2, usual for vehicle gearboxes.
-
-A load sharing of 0.5 asks for pitch errors about as small as the dogs give under load, 8 to
-17 um for the prototype (the same finite elements); new rings out by more carry on fewer dogs
-until they have bedded in. So the share falls with the number of dogs: given an accuracy class of
-ISO 1328-1 or the standard deviation of the pitch, it follows from both in place of the fixed one.
-
-*Coast*. The braking flank carries the share :math:`c` of the torque, :math:`c K_A T`. What a petrol
-engine brakes with is its motored friction, 1.9 bar at 3000 and 3.0 bar at 5000 1/min (Heywood,
-*Internal Combustion Engine Fundamentals*, 1988, equation 13.6), and half a bar of throttled intake,
-against 8.5 to 10.5 bar at full load: 0.25 to 0.4. A supercharged engine has half of that, an
-electric machine that recuperates up to 1, which is the default.
-
-Sources: Naunheimer et al., *Automotive Transmissions*, 2011 (application factor);
-DIN 5466-1 (load sharing). The MQ200 is rated at 200 N m and its dog ring turns at
-input speed.
-
-*Springs.* Each pair of dogs is a spring of stiffness *c* that touches when the rings have turned by
-its gap :math:`g_i` (along the circumference); gaps are independent, normal, with standard deviation
-:math:`\sigma`. Under the force *F* the rings approach by *d*, where
-:math:`\sum_i c\,(d - g_i)_+ = F`. The most loaded dog takes :math:`c\,(d - g_{min})`, and
-
-.. math:: K_s = \frac{F/N}{\overline{c\,(d - g_{min})}}
-
-is the equal share over what it takes in the mean of ``SAMPLES`` pairs of rings. It depends on *N*
-and :math:`\sigma c N/F` alone. One dog or perfect ones: 1. For two, :math:`z = |g_1 - g_2|` is
-half-normal and the larger load is :math:`\min(F, (F + c z)/2)`. Bedding-in
-is not in it.
-
-*Landing.* Faces that fly at each other with the energy :math:`\tfrac12 N c\,\delta_0^2`, which
-peaks at :math:`F_0 = c\,\delta_0` a dog where all land at once, peak at
-:math:`c\,(\delta - h_{min})` on the foremost dog, where :math:`\tfrac12 \sum_i c\,(\delta -
-h_i)_+^2` is that energy. Its ratio to :math:`F_0` is :math:`1/\sqrt{K_l}`, :math:`K_l` being the
-share of the dogs that would land alike: near 1/N for a slow landing, near 1 for a hard one.
-
-*Slow errors.* Around rings that run out of true the gaps have a wave beside their scatter,
-:math:`a \cos(2\pi i/N + \varphi)` with a phase from pair to pair. Flanks: a total radial run-out
-*t* that the play of the ring does not take makes *a = t/2*. Faces: rings tilted against each other
-by :math:`\psi` make :math:`a = r_m \psi`. Where all dogs of perfect pitch touch, and :math:`F/N` is
-approached by 1, the most loaded is approached by
-
-.. math:: 1 + a\,\mathrm{E} \quad \text{(load)}, \qquad
-   \sqrt{1 - a^2/2} + a\,\mathrm{E} \quad \text{(landing)}, \qquad
-   \mathrm{E} = \frac{N}{\pi} \sin\frac{\pi}{N}.
-
-A tilted ring lands on the few dogs of one side before it is thrown parallel: the share is that of
-its first blow, with the moving mass as a whole behind it (an upper bound: it can turn away).
-
-*Accuracy.* ISO 1328-1:2013, formula 5: single pitch tolerance of class *A*
-
-.. math:: f_{pT} = (0.001\,d + 0.4\,m + 5)\,\sqrt 2^{\,A - 5} \quad \text{um},
-   \qquad d, m = d/N \text{ in mm},
-
-taken as three standard deviations of the single pitch deviation of a ring. That is the difference
-of two neighbouring flanks, as a gap is the difference of a flank of either ring: with flanks that
-scatter alike and independently, both have the same standard deviation. Faces are cut with the
-flanks and taken to scatter as much along the shaft (an assumption).
-
-*Stiffness.* 25 N/(mm um) of the dogs' radial width where none is given: plane finite elements of
-two prototype dogs approach by 11.9 to 16.9 um under 417 N/mm, finer ones by 6.1 to 8.7 um under
-184 N/mm (``tests/verification/flank_model.py``), which is 21 to 35 N/(mm um).
+*Springs*: pairs of dogs of stiffness *c* touch at normal gaps :math:`g_i`; under *F* the rings
+approach by *d*, :math:`\sum c (d - g_i)_+ = F`, and :math:`K_s = (F/N)/\overline{c (d - g_{min})}`
+over ``SAMPLES`` pairs. *Landing*: the energy :math:`\tfrac12 N c \delta_0^2` is taken by the
+foremost dogs; the peak over :math:`c \delta_0` is :math:`1/\sqrt{K_l}`. *Slow errors*: run-out *t*
+adds a wave of amplitude *t/2* to the gaps of flanks, tilt :math:`\psi` one of :math:`r_m \psi` to
+faces. *Accuracy*: :math:`f_{pT} = (0.001 d + 0.4 d/N + 5) \sqrt 2^{A - 5}` um, *d* in mm (ISO
+1328-1:2013), is three standard deviations. *c*: 25 N/(mm um) of radial width. Sources: Naunheimer
+2011 (:math:`K_A`), DIN 5466-1.
 """
 
 from __future__ import annotations
@@ -306,17 +243,23 @@ class LoadCase:
         if torque == 0.0:
             return self.load_sharing
         equal = torque / (dog.mean_radius * dog.count)
-        return self._share(load_share, dog, equal, 0.5 * self.run_out)
+        return self._share(self._load_share, dog, equal, 0.5 * self.run_out)
+
+    def _load_share(self, count: int, scatter: float, wave: float) -> float:
+        return load_share(count, scatter, wave)
+
+    def _landing_share(self, count: int, scatter: float, wave: float) -> float:
+        return landing_share(count, scatter, wave)
 
     def landing(self, dog: Dog, line_load: float) -> float:
         """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""
         # Thousands of landings differ by less: three digits let them share an answer.
         force = line_load * dog.radial_width
-        return self._share(landing_share, dog, force, dog.mean_radius * self.tilt, digits=3)
+        return self._share(self._landing_share, dog, force, dog.mean_radius * self.tilt, digits=3)
 
     def blow(self, dog: Dog, force: float) -> float:
         """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
-        return self._share(landing_share, dog, force, 0.5 * self.run_out, digits=3)
+        return self._share(self._landing_share, dog, force, 0.5 * self.run_out, digits=3)
 
     def _share(
         self,

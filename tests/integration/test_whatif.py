@@ -20,7 +20,7 @@ from dogshape.pipeline.train.filling import filling_designs
 from dogshape.pipeline.train.training import validate
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.strength.tolerance import losses
+from dogshape.sim.strength.manufacture import losses
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset, reference_of
 from dogshape.surrogate.learning import Effort, condition, fit, fitted

@@ -74,12 +74,6 @@ def test_a_jump_that_cancels_its_slope_is_found() -> None:
     assert 4.5 / 8.0 in halves(phases, times, 2)
 
 
-def test_order_does_not_matter() -> None:
-    phases, times = sampled(missed, 5)
-    mixed = np.random.default_rng(0).permutation(len(phases))
-    assert mean_round_the_pitch(phases[mixed], times[mixed]) == mean_round_the_pitch(phases, times)
-
-
 def test_a_shift_that_does_not_engage_stands_for_the_next_below_it() -> None:
     phases, times = sampled(missed, 7)
     order = np.argsort(phases)

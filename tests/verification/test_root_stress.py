@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.shift.geometry import Dog, Flank
-from dogshape.sim.strength.notch import Load, root_tension
+from dogshape.sim.strength.dog_strength import Load, root_tension
 from dogshape.validation.finite_elements import root_stress
 from dogshape.validation.finite_elements.root_mesh import RootShape
 from dogshape.validation.finite_elements.root_stress import BANDS, RootModel, fem_available

@@ -10,23 +10,27 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part import dog_corners, largest_root_radius
+from dogshape.sim.part import dog_corners, lands
 from dogshape.sim.shift.geometry import FLANKS, LAND, Dog, Flank, flank_contact, root_radius_room
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.dog_strength import (
     Limits,
+    Load,
     keeps_limits,
+    notch_factor,
+    outside_fit,
     root_load,
+    root_nominal,
     root_of,
     root_stress,
+    root_tension,
     strength_checks,
 )
 from dogshape.sim.strength.landing import landing_checks
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import axial_force, blocking_force
 from dogshape.sim.strength.materials import MATERIALS, Material, material_of
-from dogshape.sim.strength.notch import Load, notch_factor, outside_fit, root_nominal, root_tension
 from dogshape.sim.units import DEG, MPA
 from tests.conftest import dog_of
 
@@ -306,7 +310,8 @@ def test_room_for_the_root_radius_agrees_with_the_solid(prototype: Dog) -> None:
         if dog is None or root_radius_room(dog) < 0.3e-3:
             continue
         seen += 1
-        assert root_radius_room(dog) == pytest.approx(largest_root_radius(dog), abs=0.6 * LAND)
+        left = lands(dog, root_radius_room(dog)).min()
+        assert 0.0 < left < 3.0 * LAND
 
 
 def _dog_or_none(prototype: Dog, values: np.ndarray) -> Dog | None:
