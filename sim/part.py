@@ -15,8 +15,7 @@ reach inside the slot, as long as roundings and fillets leave some of every face
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,11 +24,12 @@ from numpy.typing import NDArray
 from dogshape.sim.errors import GeometryError, refusal
 from dogshape.sim.shift.geometry import LAND, Dog, root_radius_room, tip_radius
 from dogshape.sim.shift.mesh import (
+    Corner,
+    Lines,
     Mesh,
     Plane,
-    Vertices,
+    corner_of,
     dog_planes,
-    edge_axis,
     flank_line,
     rotation,
 )
@@ -41,63 +41,6 @@ STEP = math.radians(2.0)  #: largest angle between neighbouring lines, rad
 LEANING = 1e-4  #: rad, at least, by which flanks of a surface lean: some 0.3 um
 
 
-@dataclass(frozen=True)
-class Lines:
-    """Straight lines that run outwards: points (n, 3) in m, directions (n, 3)."""
-
-    points: Vertices
-    directions: Vertices
-
-    def at(self, radius: float) -> Vertices:
-        """Intersect the lines with the cylinder of ``radius`` (m), (n, 3)."""
-        p, d = self.points[:, :2], self.directions[:, :2]
-        a, b = (d * d).sum(1), (p * d).sum(1)
-        root = b * b - a * ((p * p).sum(1) - radius * radius)
-        way = (np.sqrt(np.maximum(root, 0.0)) - b) / a
-        return np.asarray(self.points + way[:, None] * self.directions)
-
-    def turned(self, angle: float) -> Lines:
-        """Return the lines turned by ``angle`` (rad) about the axis."""
-        turn = rotation(angle).T
-        return Lines(self.points @ turn, self.directions @ turn)
-
-    def __getitem__(self, which: slice) -> Lines:
-        return Lines(self.points[which], self.directions[which])
-
-
-@dataclass(frozen=True)
-class Corner:
-    """A corner of the profile and the cylinder that rounds or fills it.
-
-    ``axis`` (3,) is a point of the cylinder's axis, m, and ``direction`` (3,) runs along
-    it outwards; ``first`` and ``last`` are the outward normals of the faces before and
-    after; ``radius`` is positive for a rounding and negative for a fillet, m.
-    """
-
-    axis: Vertices
-    direction: Vertices
-    first: Vertices
-    last: Vertices
-    radius: float
-
-    @cached_property
-    def arc(self) -> float:
-        """Angle between the normals of both faces, rad."""
-        return math.acos(float(self.first @ self.last))
-
-    def normals(self, shares: NDArray[np.float64]) -> Vertices:
-        """Return the outward normals (n, 3) at ``shares`` (0 to 1) of the arc."""
-        before, after = np.sin((1.0 - shares) * self.arc), np.sin(shares * self.arc)
-        both = before[:, None] * self.first + after[:, None] * self.last
-        return np.asarray(both / math.sin(self.arc))
-
-    def lines(self, segments: int) -> Lines:
-        """Return the lines of the arc in ``segments`` steps, or the sharp edge alone."""
-        steps = np.linspace(0.0, 1.0, segments + 1 if self.radius else 1)
-        points = self.axis + self.radius * self.normals(steps)
-        return Lines(points, np.broadcast_to(self.direction, points.shape))
-
-
 def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
     """Return braking root, braking edge, crest and traction root of the dog at angle 0."""
     planes = dog_planes(dog)
@@ -106,7 +49,7 @@ def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
     tip = tip_radius(dog, root_radius)
     radii = (-root_radius, tip, tip, -root_radius)
     return tuple(
-        Corner(*edge_axis(first, last, radius), first.normal, last.normal, radius)
+        corner_of(first, last, radius)
         for (first, last), radius in zip(pairwise(faces), radii, strict=True)
     )
 

@@ -70,10 +70,6 @@ class Setting:
         """
         return Block(self.clutch, self.point, tuple(angles), seed)
 
-    def angles_at_force(self, angles: Sequence[float]) -> tuple[float, ...]:
-        """Return relative angles at the start of the force from those at time zero, rad."""
-        return tuple(angle + self.point.mismatch * self.delay for angle in angles)
-
     def time_of(self, row: Record) -> float | None:
         """Return the time that the bench reads of a shift, s; None where it reads none."""
         at_ring = row["shift_time_s"]

@@ -23,7 +23,7 @@ from dogshape.sim.shift.conclusion import (
     Run,
     conclude,
     passed_through,
-    release,
+    states_held,
 )
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Mechanism
@@ -163,7 +163,7 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
     size = state_size(clutch.mechanism)
     tolerance = np.array([solver.accuracy, PLACE_ERROR * solver.accuracy])
     knots = np.array(point.profile.knots())
-    times, states = _begin(plant, point, angle)
+    times, states = states_held(clutch, point, angle)
     now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST_STEP, 0
     count, last, blocked, failure = len(times), None, False, ""
     parts, mode = [(times, states)], np.zeros(2)
@@ -193,16 +193,3 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
             last = state.copy()
     whole = np.concatenate([part for _, part in parts])[:, :size]
     return Run(np.concatenate([part for part, _ in parts]), whole, blocked, failure, spent)
-
-
-def _begin(plant: PlanarClutch, point: OperatingPoint, angle: float) -> tuple[Floats, Floats]:
-    """Give times and states, (n,) and (n, 12), up to where friction lets the ring go."""
-    held, sliding = release(plant.clutch, point.profile), plant.clutch.rings.initial_speed
-    output = sliding + point.mismatch
-    states = np.zeros((len(held.time), kernel.SIZE))
-    states[:, 0], states[:, 2] = angle + output * held.time, sliding * held.time
-    states[:, 3], states[:, 5] = output, sliding
-    states[:, 6], states[:, 7] = held.displacement, held.speed
-    states[:, 8], states[:, 9] = states[:, 2], sliding
-    states[:, 10], states[:, 11] = states[:, 0], output
-    return held.time, states

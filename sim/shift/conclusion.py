@@ -320,6 +320,22 @@ class Release:
     speed: NDArray[np.float64]
 
 
+def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Series, Series]:
+    """Return times in s, (n,), and states, (n, 12), up to where friction lets the ring go.
+
+    The last state is where the motion of both rings begins; ``angle`` as for ``Engagement``.
+    """
+    held, sliding = release(clutch, point.profile), clutch.rings.initial_speed
+    output = sliding + point.mismatch
+    states = np.zeros((len(held.time), 12))
+    states[:, 0], states[:, 2] = angle + output * held.time, sliding * held.time
+    states[:, 3], states[:, 5] = output, sliding
+    states[:, 6], states[:, 7] = held.displacement, held.speed
+    states[:, 8], states[:, 9] = states[:, 2], sliding
+    states[:, 10], states[:, 11] = states[:, 0], output
+    return held.time, states
+
+
 @lru_cache(maxsize=64)  # shifts differ by their angle alone
 def release(clutch: Clutch, profile: ForceProfile) -> Release:
     r"""Find the time at which friction lets the ring go; at once where it need not hold.

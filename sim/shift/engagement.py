@@ -11,7 +11,6 @@ import math
 import time
 from dataclasses import replace
 
-import numpy as np
 from pydrake.systems.framework import Context, EventStatus
 
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -38,7 +37,6 @@ class _Record:
         self.travel = clutch.shift_travel
         #: Places in the state of what has not made its travel: ring, actuator.
         self.under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
-        self._size = plant.state_size
         self.clutch = clutch
         self.times: list[float] = []
         self.states: list[Series] = []
@@ -49,17 +47,11 @@ class _Record:
         self._check_at = STILL_WINDOW
         self._last: Series | None = None
 
-    def begin(self, angle: float) -> None:
+    def begin(self) -> None:
         """Take up the time in which the ring was held, and where the run begins."""
-        held, speed = self.plant.held, self.clutch.rings.initial_speed
-        rates = [speed + self.point.mismatch, 0.0, speed]
-        for now, *actuator in zip(held.time, held.displacement, held.speed, strict=True):
-            if now < self.plant.context.get_time():
-                turned = [angle + rates[0] * now, 0.0, speed * now]
-                behind = [turned[2], rates[2], turned[0], rates[0]]
-                self.times.append(float(now))
-                state = np.array([*turned, *rates, *actuator, *behind])
-                self.states.append(state[: self._size])
+        times, states = self.plant.held
+        self.times += times[:-1].tolist()
+        self.states += [*states[:-1, : self.plant.state_size]]
         self(self.plant.context)
 
     def __call__(self, context: Context) -> EventStatus | None:
@@ -131,7 +123,7 @@ def _simulated(
     simulator = plant.start(point, relative_angle)
     simulator.set_monitor(record)
     try:
-        record.begin(relative_angle)
+        record.begin()
         simulator.AdvanceTo(plant.clutch.timeout)
     except RuntimeError as error:
         if len(record.times) < 2:

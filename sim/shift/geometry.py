@@ -202,21 +202,19 @@ class Dog:
 
     @property
     def edge_room(self) -> float:
-        """Largest radius of crest and braking edge that leaves ``LAND`` of face and flanks, m.
-
-        The face is narrowest at the inner radius, the braking flank lowest at the outer one.
-        """
-        narrow = self.tip_width_at(self.inner_radius)
-        drop = self.edge_drop_at(self.inner_radius)
-        face = (narrow + drop * self.tangents[2]) / cos(self.chamfer)
-        low = self.height - self.edge_drop_at(self.outer_radius)
+        """Largest radius of crest and braking edge that leaves ``LAND`` of face and flanks, m."""
         crest, braking = self.edge_cuts
-        rooms = (
-            (face, crest + braking),
-            (self.height / cos(self.traction), crest),
-            (low / cos(self.braking), braking),
-        )
+        rooms = zip(self.side_lengths, (crest + braking, crest, braking), strict=True)
         return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
+
+    @property
+    def side_lengths(self) -> tuple[float, float, float]:
+        """Lengths of face, traction and braking flank across the edges where they are least, m."""
+        slope, _, braking = self.tangents
+        narrow = self.tip_width_at(self.inner_radius)
+        face = (narrow + self.edge_drop_at(self.inner_radius) * braking) * hypot(1.0, slope)
+        low = self.height - self.edge_drop_at(self.outer_radius)
+        return face, self.height / cos(self.traction), low / cos(self.braking)
 
     @property
     def travel(self) -> float:
@@ -409,18 +407,14 @@ def root_radius_room(dog: Dog) -> float:
 
     On floor and face at the inner radius, where they are narrowest, on the traction flank,
     and on the braking flank at the outer radius, where it is lowest. Widths are taken along
-    the circumference; ``sim.part`` has the same between planes. Roundings have the same
+    the circumference; ``sim.part.lands`` has the same between planes. Roundings have the same
     radius, or that of the dog's edges.
     """
-    slope, _, braking = dog.tangents
-    narrow, low = dog.tip_width_at(dog.inner_radius), dog.edge_drop_at(dog.outer_radius)
-    face = (narrow + dog.edge_drop_at(dog.inner_radius) * braking) * hypot(1.0, slope)
+    face, *flanks = dog.side_lengths
     # Over its radius a fillet takes along floor and flank, and a rounding along its sides:
     fillets = [1.0 / tan(0.25 * math.pi + 0.5 * lean) for lean in (dog.traction, dog.braking)]
-    cuts = dog.edge_cuts
-    flanks = [dog.height / cos(dog.traction), (dog.height - low) / cos(dog.braking)]
-    rooms = [(narrow, sum(fillets))]
-    own = dog.edge_radius > 0.0
+    cuts, own = dog.edge_cuts, dog.edge_radius > 0.0
+    rooms = [(dog.tip_width_at(dog.inner_radius), sum(fillets))]
     for length, fillet, cut in zip(flanks, fillets, cuts, strict=True):
         rooms.append((length - dog.edge_radius * cut, fillet if own else fillet + cut))
     if not own:

@@ -19,7 +19,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 from dogshape.sim.shift.geometry import Dog
 
 Vertices = NDArray[np.float64]  #: (n, 3), m
-DEVIATION = (
-    1e-6  #: m that planes stand out beyond the edge they touch; below a ground face's roughness
-)
+#: m that planes stand out beyond the edge they touch; below a ground face's roughness
+DEVIATION = 1e-6
 
 
 @dataclass(frozen=True)
@@ -87,49 +86,88 @@ def face_plane(dog: Dog) -> Plane:
 
 
 @dataclass(frozen=True)
-class Edge:
-    """Rounded edge of a dog.
+class Lines:
+    """Straight lines that run outwards: points (n, 3) in m, directions (n, 3)."""
 
-    Parameters
-    ----------
-    axis : point of the cylinder's axis, m, (3,).
-    direction : of the axis, outwards, (3,).
-    planes : that touch the cylinder between its two faces.
+    points: Vertices
+    directions: Vertices
+
+    def at(self, radius: float) -> Vertices:
+        """Intersect the lines with the cylinder of ``radius`` (m), (n, 3)."""
+        p, d = self.points[:, :2], self.directions[:, :2]
+        a, b = (d * d).sum(1), (p * d).sum(1)
+        root = b * b - a * ((p * p).sum(1) - radius * radius)
+        way = (np.sqrt(np.maximum(root, 0.0)) - b) / a
+        return np.asarray(self.points + way[:, None] * self.directions)
+
+    def turned(self, angle: float) -> Lines:
+        """Return the lines turned by ``angle`` (rad) about the axis."""
+        turn = rotation(angle).T
+        return Lines(self.points @ turn, self.directions @ turn)
+
+    def __getitem__(self, which: slice) -> Lines:
+        return Lines(self.points[which], self.directions[which])
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner of the profile and the cylinder that rounds or fills it.
+
+    ``axis`` (3,) is a point of the cylinder's axis, m, and ``direction`` (3,) runs along
+    it outwards; ``first`` and ``last`` are the outward normals of the faces before and
+    after; ``radius`` is positive for a rounding and negative for a fillet, m.
     """
 
-    axis: NDArray[np.float64]
-    direction: NDArray[np.float64]
-    planes: tuple[Plane, ...]
+    axis: Vertices
+    direction: Vertices
+    first: Vertices
+    last: Vertices
+    radius: float
+
+    @cached_property
+    def arc(self) -> float:
+        """Angle between the normals of both faces, rad."""
+        return math.acos(float(self.first @ self.last))
+
+    def normals(self, shares: NDArray[np.float64]) -> Vertices:
+        """Return the outward normals (n, 3) at ``shares`` (0 to 1) of the arc."""
+        before, after = np.sin((1.0 - shares) * self.arc), np.sin(shares * self.arc)
+        both = before[:, None] * self.first + after[:, None] * self.last
+        return np.asarray(both / math.sin(self.arc))
+
+    @property
+    def planes(self) -> tuple[Plane, ...]:
+        """Planes that touch the cylinder between its two faces and stand out by ``DEVIATION``."""
+        widest = 2.0 * math.acos(self.radius / (self.radius + DEVIATION))
+        steps = max(2, math.ceil(self.arc / widest))
+        normals = self.normals(np.arange(1, steps) / steps)
+        return tuple(Plane(n, float(n @ self.axis) + self.radius) for n in normals)
+
+    def lines(self, segments: int) -> Lines:
+        """Return the lines of the arc in ``segments`` steps, or the sharp edge alone."""
+        steps = np.linspace(0.0, 1.0, segments + 1 if self.radius else 1)
+        points = self.axis + self.radius * self.normals(steps)
+        return Lines(points, np.broadcast_to(self.direction, points.shape))
 
 
-def rounded_edges(dog: Dog) -> tuple[Edge, Edge]:
-    """Return crest and braking edge, both rounded with the edge radius."""
-    planes = dog_planes(dog)
-    pairs = pairwise([planes["traction"], planes["face"], planes["braking"]])
-    crest, braking = (_edge(first, last, dog.edge_radius) for first, last in pairs)
-    return crest, braking
+def corner_of(first: Plane, last: Plane, radius: float) -> Corner:
+    """Return the corner between two faces, rounded with a radius (m), or filled with its negative.
 
-
-def edge_axis(first: Plane, last: Plane, radius: float) -> tuple[Vertices, Vertices]:
-    """Return point (3,) and outward direction (3,) of the axis that rounds the edge of two planes.
-
-    It is where both, moved in by the radius (m), meet; a negative radius fills the corner.
+    The axis is where both faces, moved in by the radius, meet.
     """
     along = np.cross(first.normal, last.normal)
     along *= math.copysign(1.0, along[0]) / float(np.linalg.norm(along))
     offsets = np.array([first.offset - radius, last.offset - radius, 0.0])
-    return np.linalg.solve(np.array([first.normal, last.normal, along]), offsets), along
+    axis = np.linalg.solve(np.array([first.normal, last.normal, along]), offsets)
+    return Corner(axis, along, first.normal, last.normal, radius)
 
 
-def _edge(first: Plane, last: Plane, radius: float) -> Edge:
-    axis, along = edge_axis(first, last, radius)
-    arc = math.acos(float(first.normal @ last.normal))
-    widest = 2.0 * math.acos(radius / (radius + DEVIATION))
-    steps = max(2, math.ceil(arc / widest))
-    shares = np.arange(1, steps) / steps
-    before, after = np.sin((1.0 - shares) * arc), np.sin(shares * arc)
-    normals = (before[:, None] * first.normal + after[:, None] * last.normal) / math.sin(arc)
-    return Edge(axis, along, tuple(Plane(n, float(n @ axis) + radius) for n in normals))
+def rounded_edges(dog: Dog) -> tuple[Corner, Corner]:
+    """Return crest and braking edge, both rounded with the edge radius."""
+    planes = dog_planes(dog)
+    pairs = pairwise([planes["traction"], planes["face"], planes["braking"]])
+    crest, braking = (corner_of(first, last, dog.edge_radius) for first, last in pairs)
+    return crest, braking
 
 
 def touching_planes(dog: Dog) -> tuple[Plane, ...]:
@@ -146,23 +184,6 @@ def touching_planes(dog: Dog) -> tuple[Plane, ...]:
 
 
 Face = tuple[int, ...]
-
-
-def skin_lines(dog: Dog) -> Vertices:
-    """Return the lines between surfaces that can touch, (m + 1, 2, 3), braking root first.
-
-    They end as those of a sharp dog (``mesh.rigid_dog``), at inner and outer radius along the
-    radial line of their flank.
-    """
-    root = dog_planes(dog)["root"]
-    around = [root, *touching_planes(dog)[::-1], root]
-    braking = 2 + len(rounded_edges(dog)[1].planes)  # lines up to the face, on that side
-    found = []
-    for place, (first, last) in enumerate(pairwise(around)):
-        along, _ = flank_line(dog, -1 if place < braking else +1)
-        ends = [Plane(along, radius) for radius in (dog.inner_radius, dog.outer_radius)]
-        found.append([meeting(first, last, end) for end in ends])
-    return np.array(found)
 
 
 def meeting(*planes: Plane) -> Vertices:
@@ -205,7 +226,7 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
     return vertices, cells
 
 
-def _axis(edge: Edge, ends: Sequence[Plane], radius: float) -> list[Vertices]:
+def _axis(edge: Corner, ends: Sequence[Plane], radius: float) -> list[Vertices]:
     """Return four points of an edge's axis: at the inner end, one radius within, so at the outer.
 
     Those within are as far from the skin as the axis is below it.
@@ -297,7 +318,15 @@ def rigid_dog(dog: Dog) -> Mesh:
     of either flank, so that flanks are parallelograms. Rounded edges have surfaces between.
     """
     if dog.edge_radius > 0.0:
-        return Mesh(skin_lines(dog).reshape(-1, 3), _in_triangles(touching_quads(dog)))
+        root = dog_planes(dog)["root"]
+        around = [root, *touching_planes(dog)[::-1], root]
+        braking = 2 + len(rounded_edges(dog)[1].planes)  # lines up to the face, on that side
+        lines = []
+        for place, (first, last) in enumerate(pairwise(around)):
+            along, _ = flank_line(dog, -1 if place < braking else +1)
+            ends = [Plane(along, radius) for radius in (dog.inner_radius, dog.outer_radius)]
+            lines += [meeting(first, last, end) for end in ends]
+        return Mesh(np.array(lines), _in_triangles(touching_quads(dog)))
     face = face_plane(dog)
     points = []
     for side, angle in ((-1, dog.braking), (+1, dog.traction)):

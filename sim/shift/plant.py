@@ -41,7 +41,7 @@ from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
-from dogshape.sim.shift.conclusion import release
+from dogshape.sim.shift.conclusion import states_held
 from dogshape.sim.shift.mechanism import Shaft
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
@@ -263,19 +263,12 @@ class ClutchPlant:
         )
         ApplySimulatorConfig(config, self.simulator)
         self._force.UpdateTrajectory(_trajectory(point.profile, self.share))
-        sliding = self.clutch.rings.initial_speed
-        output = sliding + point.mismatch
-        self.held = release(self.clutch, point.profile)
-        begin, way, speed = (
-            float(series[-1])
-            for series in (self.held.time, self.held.displacement, self.held.speed)
-        )
-        turned, led = sliding * begin, relative_angle + output * begin
-        state = [led, 0.0, turned, output, 0.0, sliding, way, speed, turned, sliding, led, output]
-        self.context.SetTime(begin)
+        self.held = states_held(self.clutch, point, relative_angle)
+        times, states = self.held
+        self.context.SetTime(float(times[-1]))
         values = np.zeros(2 * self.plant.num_positions())
         for column, place in self._columns.items():
-            values[place] = state[column]
+            values[place] = states[-1, column]
         self.plant.SetPositionsAndVelocities(self.plant_context, values)
         self.simulator.Initialize()
         return self.simulator

@@ -14,14 +14,13 @@ import pytest
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import (
     SMALLEST_RADIUS,
-    Lines,
     dog_corners,
     lands,
     profile,
     ring_part,
 )
 from dogshape.sim.shift.geometry import LAND, Dog, root_radius_room
-from dogshape.sim.shift.mesh import Mesh, Plane, dog_planes, rotation
+from dogshape.sim.shift.mesh import Lines, Mesh, Plane, dog_planes, rotation
 from dogshape.sim.strength.manufacture import ManufacturingLimits, manufacturing_checks
 from dogshape.sim.units import DEG, MM
 from tests.conftest import needed
