@@ -43,11 +43,6 @@ class Setting:
     sensor : where the displacement is read.
     concentration, centre : of the relative angles; 0 is uniform, the centre is in pitches from
         dogs facing dogs.
-
-    Raises
-    ------
-    InputError
-        A value is not finite or out of its range.
     """
 
     clutch: Clutch

@@ -138,14 +138,7 @@ RECORD_SIZE = 4096  #: steps that are recorded at once
 
 
 def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) -> Engagement:
-    """Simulate one shift; see ``sim.shift.engagement.engage``, whose Drake shift this one follows.
-
-    Parameters
-    ----------
-    plant : clutch, prepared once.
-    point : mismatch and force.
-    relative_angle : output ring's lead over dogs facing dogs, rad.
-    """
+    """Simulate one shift; arguments and result as for ``sim.shift.engagement.engage``."""
     run = _run(plant, point, relative_angle)
     found = conclude(plant.clutch, point, relative_angle, run)
     if not passed_through(run, found):

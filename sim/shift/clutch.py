@@ -109,22 +109,14 @@ MAX_STEPS = 400_000  #: steps of a shift where the study gives no other number
 class Solver:
     """Engine, scheme, accuracy and limits of the integration.
 
-    ``runge_kutta3``, error-controlled, is the reference and the cheapest at equal
-    error: sliding contact limits its step by stability, which a higher order does
-    not lift, and implicit schemes leave errors of percents (``make evidence``). At
-    accuracy 3e-4 shifts of designs all over the search space agree with 1e-5
-    within 0.1 % (root mean square); looser, a step now and then leaves a sliding
-    contact and the steps spent on coming back cost more than was saved.
-    ``cenic`` is needed where static and dynamic friction differ much; it wants an
-    accuracy of 1e-7 (position error of a step in m and rad), and of 1e-9 with forces of a
-    mechanism, which move single shifts by tens of percent at 1e-7 (``docs/simulation.md``).
+    ``runge_kutta3`` is the reference: sliding contact limits its step by stability, and at 3e-4
+    shifts agree with 1e-5 within 0.1 % (``make evidence``). ``cenic`` is needed where static and
+    dynamic friction differ much; it wants 1e-7 (position error of a step in m and rad), and 1e-9
+    with forces of a mechanism (``docs/simulation.md``). The compiled engine takes from the scheme the
+    friction law alone, and ``accuracy`` is the error of a step in m/s.
 
-    A shift takes some hundred steps and a fifth of a second. One that takes more than
-    ``max_steps``, or more than ``time_limit`` in s, counts as diverged. The first limit makes
-    the same shift fail on every machine and stands far below the second.
-
-    ``engine`` is Drake's plant, or the compiled one (``sim.planar``). That one takes from the
-    scheme the friction law alone, and ``accuracy`` is the error of a step in m/s.
+    A shift that takes more than ``max_steps``, or more than ``time_limit`` in s, has diverged. The
+    first limit makes the same shift fail on every machine and stands far below the second.
     """
 
     scheme: str = "runge_kutta3"

@@ -71,12 +71,8 @@ def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Serie
     Sections at the mean radius are convex and one is the other turned by half a turn, so
     along each shared normal they overlap by :math:`2 p_n - n \cdot c`, with the plane's
     distance and the way between both centres; the least over traction flank, face and
-    braking flank is the depth.
-
-    Parameters
-    ----------
-    displacement : axial way of the sliding ring from the start, m, (n,).
-    relative_angle : output ring's lead over dogs facing dogs, rad, (n,).
+    braking flank is the depth. Axial way of the sliding ring from the start, m, and output ring's
+    lead over dogs facing dogs, rad, each (n,).
     """
     across = -relative_angle * dog.mean_radius
     across = across - dog.pitch * np.round(across / dog.pitch)
@@ -135,12 +131,7 @@ def passing_through(clutch: Clutch, displacement: Series, relative_angle: Series
     Two limits hold it. Down to a third of the apex's depth the pyramids of the three faces cover
     all that is touched (``sim.shift.mesh``); deeper, the pressure may push the wrong way. At full
     travel both flanks touch, so a ring farther than its tolerance beyond is not in its slot.
-    Ordinary shifts stay far within both: 60 of the prototype and 60 of a fine design at up to 641.5
-    N reach 0.10 mm and stop short of full travel.
-
-    Parameters
-    ----------
-    displacement, relative_angle : as for ``penetration``, over the whole shift, (n,).
+    Arguments as for ``penetration``, over the whole shift.
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
     deepest = float(penetration(clutch.dog, displacement, relative_angle).max())
@@ -162,11 +153,7 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
     """Raise InputError where the force alone presses flat faces deeper than a shift's end is told.
 
     Faces of all dogs on each other give way by :math:`F/(k A)`; beyond the tolerance of the end
-    a shift would seem done, or not, by that depth alone.
-
-    Parameters
-    ----------
-    force : largest shift force, N.
+    a shift would seem done, or not, by that depth alone. ``force`` is the largest one, N.
     """
     dog, stiffness = clutch.dog, clutch.contact.stiffness
     area = dog.count * dog.tip_width * dog.radial_width

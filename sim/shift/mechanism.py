@@ -94,11 +94,6 @@ class Mechanism:
     backlash : play of the ring's spline, rad.
     wheel_inertia : of what stands at the flanks on the output side, kg m2; 0 for one piece.
     output_stiffness : of the shaft between that and the rest, N m/rad.
-
-    Raises
-    ------
-    InputError
-        A value is not finite or out of its range.
     """
 
     added_mass: Annotated[float, Within("added_mass_kg", 0.0, 1e3)] = 0.0

@@ -220,10 +220,6 @@ class Uncertainty:
         """The distributions in words, by their keys."""
         return tuple((_name(one), one.text) for one in self.distributions)
 
-    def of(self, name: str) -> Distribution | None:
-        """Return the distribution of a factor; None for one that is certain."""
-        return next((one for one in self.distributions if _name(one) == name), None)
-
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a factor."""
         found = [one.bounds for one in self.distributions if _name(one) == name]
@@ -244,18 +240,12 @@ class Uncertainty:
             for one, column in zip(self.distributions, shares.T, strict=True)
         }
         factors = np.column_stack([drawn.get(name, np.ones(count)) for name in FACTORS])
-        source = self.source  # in words, alike for all
-        return tuple(self._variant(point, row, source) for row in factors)
-
-    def _variant(
-        self, point: OperatingPoint, factors: Values, source: tuple[tuple[str, str], ...]
-    ) -> Variant:
-        friction, force, inertia, dissipation = (float(factor) for factor in factors)
-        profile = point.profile
-        rise = profile.rise
-        if self.rise.gives(profile):  # a rise time that was given by hand stays
-            rise = self.rise.profile(profile.force * force).rise
-        return Variant(friction, force, inertia, rise, source, dissipation)
+        source, profile, found = self.source, point.profile, []
+        by_table = self.rise.gives(profile)  # a rise time that was given by hand stays
+        for friction, force, inertia, dissipation in factors.tolist():
+            rise = self.rise.profile(profile.force * force).rise if by_table else profile.rise
+            found.append(Variant(friction, force, inertia, rise, source, dissipation))
+        return tuple(found)
 
 
 def draw_order(count: int, seed: int, index: int, base: int | None = None) -> Order:

@@ -18,7 +18,7 @@ Sources: DIN 5466-1 (pressure), ISO 6336-3 and -5 (root, life factor, alternatin
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import NamedTuple
@@ -192,12 +192,6 @@ class Limits:
         return self.material.endurance(cycles) * load.reversal / load.safety_fatigue
 
 
-def root_stress(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> float:
-    """Return the tension in the fillet below a flank, Pa; under its static torque by default."""
-    tension = root_tension(dog, limits.root_radius, root_load(dog, limits, flank, torque))
-    return tension * rim_factor(dog, limits.manufacturing)
-
-
 def root_load(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> Load:
     """Return the load of the most loaded dog on a flank; under its static torque by default."""
     level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
@@ -212,52 +206,12 @@ def rim_factor(dog: Dog, limits: ManufacturingLimits) -> float:
     return where(limits.rim >= THICK * dog.height, 1.0, thin)
 
 
-def fatigue(
-    dog: Dog, limits: Limits, static: Mapping[Flank, float] | None = None
-) -> tuple[float, float]:
-    """Return tension in the fillet and what its life leaves sound, Pa, of the worse flank.
-
-    Under a spectrum the tension is that of its largest torque, and the limit is that tension times
-    the factor on all torques at which Miner's sum is 1. ``static`` are the tensions under the
-    static torques, where they are known.
-    """
-    load = limits.load
-    if not load.spectrum:
-        torques = {f: load.design_torque * load.share_of(f) for f in FLANKS}
-        tensions = [
-            static[f]
-            if static and torque == load.static_torque(f)
-            else root_stress(dog, limits, f, torque)
-            for f, torque in torques.items()
-        ]
-        return largest(*tensions), limits.fatigue_stress
-    found = []
-    endurance = limits.endurance(ENDURANCE_CYCLES)
-    for flank, sign in zip(FLANKS, (1.0, -1.0), strict=True):
-        loads = [(sign * share, cycles) for share, cycles in load.spectrum if sign * share > 0.0]
-        if loads:
-            stresses = [root_stress(dog, limits, flank, s * load.design_torque) for s, _ in loads]
-            bears = partial(reserve, limits.material, [cycles for _, cycles in loads])
-            factor = each(bears, *(stress / endurance for stress in stresses))
-            found.append((factor, largest(*stresses)))
-    (factor, tension), *others = found
-    for second, stress in others:
-        worse = (second < factor) | ((second == factor) & (stress < tension))
-        factor, tension = where(worse, second, factor), where(worse, stress, tension)
-    return tension, factor * tension
-
-
 @dataclass(frozen=True)
 class Root:
-    """Flank and root of a dog, stresses in Pa; but for ``pressure`` under the static torque.
+    """Flank and root of a dog under a torque, stresses in Pa.
 
-    Parameters
-    ----------
-    pressure : mean pressure on the flank under the design torque.
-    nominal : tension without the notch.
-    shear : largest shear stress.
-    notch, rim : factors on the tension.
-    below : share of the notch that is left below the case.
+    ``pressure`` is the mean one under the design torque, ``nominal`` the tension without the
+    factors ``notch`` and ``rim``; ``below`` is the share of the notch left below the case.
     """
 
     pressure: float
@@ -283,11 +237,11 @@ class Root:
         return hypot(self.core, math.sqrt(3.0) * self.shear)
 
 
-def root_of(dog: Dog, limits: Limits, flank: Flank) -> Root:
-    """Compute what the torque of a flank does to it and to its root."""
+def root_of(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> Root:
+    """Compute what a torque does to a flank and its root; by default its static torque."""
     radius, case = limits.root_radius, limits.load
     contact = flank_contact(dog, radius, flank)
-    load = Load(case.force_per_dog(dog, flank), flank, contact.level(case.load_height))
+    load = Load(case.force_per_dog(dog, flank, torque), flank, contact.level(case.load_height))
     # The allowable is of flanks that carry for life: misuse, which comes once, is not in it.
     lasting = case.force_per_dog(dog, flank, case.design_torque * case.share_of(flank))
     depth = 1.0 + limits.material.case_depth / radius
@@ -299,6 +253,35 @@ def root_of(dog: Dog, limits: Limits, flank: Flank) -> Root:
         rim_factor(dog, limits.manufacturing),
         (depth**-2 + 3.0 * depth**-4) / 4.0,
     )
+
+
+def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
+    """Return tension in the fillet and what its life leaves sound, Pa, of the worse flank.
+
+    Under a spectrum the tension is that of its largest torque, and the limit is that tension times
+    the factor on all torques at which Miner's sum is 1.
+    """
+    load = limits.load
+    if not load.spectrum:
+        torques = {flank: load.design_torque * load.share_of(flank) for flank in FLANKS}
+        tensions = (root_of(dog, limits, *one).tension for one in torques.items())
+        return largest(*tensions), limits.fatigue_stress
+    found = []
+    endurance = limits.endurance(ENDURANCE_CYCLES)
+    for flank, sign in zip(FLANKS, (1.0, -1.0), strict=True):
+        loads = [(sign * share, cycles) for share, cycles in load.spectrum if sign * share > 0.0]
+        if loads:
+            stresses = [
+                root_of(dog, limits, flank, s * load.design_torque).tension for s, _ in loads
+            ]
+            bears = partial(reserve, limits.material, [cycles for _, cycles in loads])
+            factor = each(bears, *(stress / endurance for stress in stresses))
+            found.append((factor, largest(*stresses)))
+    (factor, tension), *others = found
+    for second, stress in others:
+        worse = (second < factor) | ((second == factor) & (stress < tension))
+        factor, tension = where(worse, second, factor), where(worse, stress, tension)
+    return tension, factor * tension
 
 
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
@@ -394,7 +377,7 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         ("equivalent_stress", equivalent, allowable),
     )
     made = [Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows]
-    lasting, endured = fatigue(dog, limits, tension)
+    lasting, endured = fatigue(dog, limits)
     made.append(Check(_RULES["root_fatigue"], lasting / MPA, endured / MPA))
     rim = limits.manufacturing.rim
     if rim is not None:
