@@ -9,7 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from functools import lru_cache
-from typing import Any, NamedTuple, get_type_hints
+from typing import NamedTuple, get_type_hints
 
 from dogshape.sim.units import from_si, unit_of
 
@@ -82,7 +82,7 @@ def ranges_of(kind: type) -> dict[str, Within]:
     return {name: one for name, one in found if isinstance(one, Within)}
 
 
-def require_ranges(value: Any, section: str, remedy: str) -> None:
+def require_ranges(value: object, section: str, remedy: str) -> None:
     """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
     for name, (key, low, high, own) in ranges_of(type(value)).items():
         given = getattr(value, name)

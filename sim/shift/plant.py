@@ -63,40 +63,25 @@ def shafts_of(clutch: Clutch) -> dict[str, Shaft]:
 
 
 class _Forces(LeafSystem):  # type: ignore[misc]
-    """Forces of the actuators from the shift force, the state and the contact's torque."""
+    """Forces of the actuators from the shift force, the state and the contact's torque.
 
-    def __init__(self, plant: MultibodyPlant, clutch: Clutch, share: int) -> None:
+    ``order`` are the places of ``ClutchPlant.state`` in Drake's state, (12,).
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, clutch: Clutch, share: int, order: Sequence[int]
+    ) -> None:
         super().__init__()
         rings, mechanism = clutch.rings, clutch.mechanism
-        self._mechanism, self._share = mechanism, share
+        self._clutch, self._share, self._order = clutch, share, list(order)
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
         radius = clutch.dog.mean_radius
         self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia) * share
-        places = plant.num_positions()
-        joint = {n: plant.GetJointByName(n) for n in (SHIFT, SLIDING)}
-        self._way, self._turn = (joint[n].position_start() for n in (SHIFT, SLIDING))
-        self._rate = places + joint[SHIFT].velocity_start()
-        self._dragged = BEHIND[SLIDING] if mechanism.ring_inertia > 0.0 else SLIDING
-        self._spin = self._places(plant, self._dragged)[1]
-        self._torque = joint[SLIDING].velocity_start()
-        self._contact_set = clutch.contact
-        ring = plant.GetBodyByName("sliding_ring")
+        self._torque = plant.GetJointByName(SLIDING).velocity_start()
+        ring, actuators = plant.GetBodyByName("sliding_ring"), plant.GetJointActuatorIndices()
         self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
-        self._ring_rate, self._output_rate = (
-            self._places(plant, name)[1] for name in (SLIDING, OUTPUT)
-        )
-        if self._linkage is not None:
-            actuator = plant.GetJointByName(ACTUATOR)
-            self._far = actuator.position_start()
-            self._far_rate = places + actuator.velocity_start()
-        self._shafts = [
-            (ring, shaft, self._places(plant, ring), self._places(plant, BEHIND[ring]))
-            for ring, shaft in shafts_of(clutch).items()
-        ]
-        order = [
-            plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices()
-        ]
-        self._slots = {name: order.index(name) for name in order}
+        self._joints = [plant.get_joint_actuator(i).joint().name() for i in actuators]
+        places = plant.num_positions()
         self.push = self.DeclareVectorInputPort("push", BasicVector(1))
         self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
         self.contact = None
@@ -106,49 +91,40 @@ class _Forces(LeafSystem):  # type: ignore[misc]
                 self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
             else:
                 self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
-        self.DeclareVectorOutputPort("forces", BasicVector(len(order)), self._calculate)
+        size = BasicVector(len(self._joints))
+        self.DeclareVectorOutputPort("forces", size, self._calculate)
 
-    @staticmethod
-    def _places(plant: MultibodyPlant, joint: str) -> tuple[int, int]:
-        """Find the places of a joint's angle and of its rate in the state."""
-        found = plant.GetJointByName(joint)
-        return found.position_start(), plant.num_positions() + found.velocity_start()
-
-    def _contact_torque(self, context: Context, state: list[float]) -> float:
+    def _contact_torque(self, context: Context, turn: float, speed: float) -> float:
         """Compute the contact's torque on one modelled sliding dog, N m; 0 where none is needed."""
         if self.shapes is not None:
-            turn = state[self._ring_rate] - state[self._output_rate]
             surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
                 geo.HydroelasticContactRepresentation.kTriangle
             )
-            speed = state[self._rate]
-            return ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
+            return ring_torque(surfaces, self._dogs, turn, speed, self._clutch.contact)
         if self.contact is not None:
             return float(self.contact.Eval(context)[self._torque])
         return 0.0
 
     def _calculate(self, context: Context, output: BasicVector) -> None:
-        state = self.state.Eval(context).tolist()
-        push = float(self.push.Eval(context)[0])
-        torque = self._contact_torque(context, state) * self._spline
-        mechanism, share = self._mechanism, self._share
-        drive, slots = push, self._slots
-        forces = [0.0] * len(slots)
-        for ring, shaft, (angle, rate), (far, far_rate) in self._shafts:
-            twist = shaft.torque(state[far] - state[angle], state[far_rate] - state[rate])
-            forces[slots[ring]] += twist / share
-            forces[slots[BEHIND[ring]]] -= twist / share
-            if ring == SLIDING:
-                torque = twist
+        state = self.state.Eval(context)[self._order].tolist()
+        push = drive = float(self.push.Eval(context)[0])
+        mechanism, share = self._clutch.mechanism, self._share
+        way, speed = state[1], state[4]
+        torque = self._contact_torque(context, state[5] - state[3], speed) * self._spline
+        forces = dict.fromkeys(self._joints, 0.0)
+        for ring, shaft in shafts_of(self._clutch).items():
+            angle, rate, far = (2, 5, 8) if ring == SLIDING else (0, 3, 10)
+            twist = shaft.torque(state[far] - state[angle], state[far + 1] - state[rate])
+            forces[ring] += twist / share
+            forces[BEHIND[ring]] -= twist / share
+            torque = twist if ring == SLIDING else torque
         if self._linkage is not None:
-            stretch = state[self._far] - state[self._way]
-            rate = state[self._far_rate] - state[self._rate]
-            drive = mechanism.pull(stretch, rate, *self._linkage) / share
-            forces[slots[ACTUATOR]] = push - drive
-        held = mechanism.resistance(state[self._way], state[self._rate], torque)
-        forces[slots[SHIFT]] = drive - held / share
-        forces[slots[self._dragged]] -= mechanism.drag(state[self._spin]) / share
-        output.SetFromVector(forces)
+            drive = mechanism.pull(state[6] - way, state[7] - speed, *self._linkage) / share
+            forces[ACTUATOR] = push - drive
+        forces[SHIFT] = drive - mechanism.resistance(way, speed, torque) / share
+        dragged = BEHIND[SLIDING] if mechanism.ring_inertia > 0.0 else SLIDING
+        forces[dragged] -= mechanism.drag(state[9]) / share
+        output.SetFromVector([forces[name] for name in self._joints])
 
 
 def ring_torque(
@@ -234,7 +210,6 @@ class ClutchPlant:
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
         self._columns = self._columns_of(shafts)
-        self.state_size = len(self._order)  #: numbers of a state
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
             self._add_forces(builder)
@@ -281,7 +256,7 @@ class ClutchPlant:
         there moves as the ring does.
         """
         state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
-        return state[self._order]
+        return state[self._order[: self.state_size]]
 
     def _columns_of(self, shafts: Mapping[str, Shaft]) -> dict[int, int]:
         """Find where Drake's state has each column of ours; sets the order of reading, too."""
@@ -293,9 +268,10 @@ class ClutchPlant:
         for name, place, rate in (*rings, *more):
             joint = self.plant.GetJointByName(name)
             found[place], found[rate] = joint.position_start(), behind + joint.velocity_start()
-        size = 12 if shafts else 6 + 2 * self.clutch.mechanism.has_linkage
+        #: numbers of a state
+        self.state_size = 12 if shafts else 6 + 2 * self.clutch.mechanism.has_linkage
         same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
-        self._order = [found.get(k, found[same.get(k, k)]) for k in range(size)]
+        self._order = [found.get(k, found[same.get(k, k)]) for k in range(12)]
         return found
 
     def _add_apart(
@@ -308,7 +284,8 @@ class ClutchPlant:
         plant.AddJointActuator(actuator, plant.AddJoint(joint))
 
     def _add_forces(self, builder: DiagramBuilder) -> None:
-        plant, forces = self.plant, builder.AddSystem(_Forces(self.plant, self.clutch, self.share))
+        plant = self.plant
+        forces = builder.AddSystem(_Forces(plant, self.clutch, self.share, self._order))
         builder.Connect(self._force.get_output_port(), forces.push)
         builder.Connect(plant.get_state_output_port(), forces.state)
         if forces.shapes is not None:
