@@ -84,7 +84,8 @@ def ranges_of(kind: type) -> dict[str, Within]:
 
 def require_ranges(value: object, section: str, remedy: str) -> None:
     """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
-    for name, (key, low, high, own) in ranges_of(type(value)).items():
+    kind = type(value)
+    for name, (key, low, high, own) in ranges_of(kind).items():  # type: ignore[arg-type]
         given = getattr(value, name)
         if given is not None:
             require_between(f"{section}.{key}", from_si(key, given), low, high, own or remedy)
