@@ -317,9 +317,6 @@ def _retried(
     )
 
 
-Values = NDArray[np.float64]
-
-
 def halves(phases: Values, times: Values, count: int) -> Values:
     r"""Return the middles of the ``count`` intervals in which the time most likely jumps, (count,).
 

@@ -7,8 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dogshape.sim.statistics.bisection import Values, halves, mean_round_the_pitch
-from dogshape.sim.statistics.expectation import even_phases, variance_of_mean
+from dogshape.sim.statistics.expectation import (
+    Values,
+    even_phases,
+    halves,
+    mean_round_the_pitch,
+    variance_of_mean,
+)
 
 Time = Callable[[Values], Values]
 

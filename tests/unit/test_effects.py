@@ -3,21 +3,16 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import fields, replace
 from itertools import combinations
 from pathlib import Path
 
-import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, _require_working
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.training_rows import dataset_of
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import EffectError, GeometryError, InputError
@@ -25,10 +20,9 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS, Mechanism
-from dogshape.sim.statistics.blocks import Block, run_block
+from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import clutch_record
-from dogshape.sim.units import suffix_of
-from tests.conftest import Listener, Said
+from tests.conftest import Said
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -36,10 +30,7 @@ EFFECTS = load()
 
 #: The names that stored diagnoses use.
 NAMES = sorted(
-    "actuation_delay actuation_lag force_scale force_loss force_rise sleeve_friction viscous_damping "
-    "moving_mass linkage_compliance free_play detent_force contact_friction contact_dissipation "
-    "contact_stiffness spline_friction drag_torque sliding_inertia mismatch_speed axial_gap "
-    "chamfer_angle relative_angle reversed_mismatch".split()
+    ["actuation_delay", "actuation_lag", "force_scale", "force_loss", "force_rise", "sleeve_friction", "viscous_damping", "moving_mass", "linkage_compliance", "free_play", "detent_force", "contact_friction", "contact_dissipation", "contact_stiffness", "spline_friction", "drag_torque", "sliding_inertia", "mismatch_speed", "axial_gap", "chamfer_angle", "relative_angle", "reversed_mismatch"]
 )
 #: Of the paper's study at its first operating point, without any mechanism.
 PHYSICS, FIRST = "d9069ea6093eea848d23", "3d538982a61536408d1f"
