@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,10 @@ from numpy.typing import NDArray
 from dogshape.sim.planar import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import (
-    FINER,
     TIME_LIMIT,
     Engagement,
     Run,
-    conclude,
-    passed_through,
+    engaged,
     states_held,
 )
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
@@ -139,15 +137,12 @@ RECORD_SIZE = 4096  #: steps that are recorded at once
 
 def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift; arguments and result as for ``sim.shift.engagement.engage``."""
-    run = _run(plant, point, relative_angle)
-    found = conclude(plant.clutch, point, relative_angle, run)
-    if not passed_through(run, found):
-        return found
-    clutch, solver = plant.clutch, plant.clutch.solver
-    finer = replace(clutch, solver=replace(solver, max_step=solver.max_step / FINER))
-    more = _run(planar_clutch(finer), point, relative_angle)
-    again = conclude(clutch, point, relative_angle, more)
-    return replace(again, evaluations=run.evaluations + more.evaluations)
+
+    def run(clutch: Clutch) -> Run:
+        mine = plant if clutch is plant.clutch else planar_clutch(clutch)
+        return _run(mine, point, relative_angle)
+
+    return engaged(plant.clutch, point, relative_angle, run)
 
 
 def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:

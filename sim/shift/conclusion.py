@@ -11,7 +11,7 @@ every time of it is later by the dead time exactly.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
 from functools import lru_cache
@@ -286,9 +286,22 @@ def _delayed(found: Engagement, delay: float) -> Engagement:
     )
 
 
-def passed_through(run: Run, found: Engagement) -> bool:
-    """Decide whether a shift diverged for its dogs alone, which finer steps may mend."""
-    return found.outcome is Outcome.DIVERGED and not run.failure
+def engaged(
+    clutch: Clutch, point: OperatingPoint, angle: float, run: Callable[[Clutch], Run]
+) -> Engagement:
+    """Simulate one shift by ``run``.
+
+    Dogs that are fast enough pass through each other within one step; such a shift is simulated
+    again with steps of at most a tenth, and has diverged only if it does so again.
+    """
+    first = run(clutch)
+    found = conclude(clutch, point, angle, first)
+    if found.outcome is not Outcome.DIVERGED or first.failure:
+        return found
+    solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
+    more = run(replace(clutch, solver=solver))
+    again = conclude(clutch, point, angle, more)
+    return replace(again, evaluations=first.evaluations + more.evaluations)
 
 
 #: Share of the time-out from which on a ring that was never let go is simulated.

@@ -9,19 +9,11 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
 
 from pydrake.systems.framework import Context, EventStatus
 
-from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.conclusion import (
-    FINER,
-    TIME_LIMIT,
-    Engagement,
-    Run,
-    conclude,
-    passed_through,
-)
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import TIME_LIMIT, Engagement, Run, engaged
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Series
@@ -90,10 +82,8 @@ class _Record:
 def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift.
 
-    Dogs that are fast enough pass through each other within one step; such a shift is simulated
-    again with steps of at most a tenth, and has diverged only if it does so again. Ordinary shifts
-    are simulated once. Times count from the command: a dead time comes before the phases, while the
-    time-out counts from the start of the force.
+    Times count from the command: a dead time comes before the phases, while the time-out counts
+    from the start of the force.
 
     Parameters
     ----------
@@ -106,19 +96,15 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     Engagement
         Never raises for physical failure; a failed integration is an outcome.
     """
-    run, found = _simulated(plant, point, relative_angle)
-    if not passed_through(run, found):
-        return found
-    solver = plant.clutch.solver
-    solver = replace(solver, max_step=solver.max_step / FINER)
-    finer = ClutchPlant(replace(plant.clutch, solver=solver))
-    again = _simulated(finer, point, relative_angle)[1]
-    return replace(again, clutch=plant.clutch, evaluations=found.evaluations + again.evaluations)
+
+    def run(clutch: Clutch) -> Run:
+        mine = plant if clutch is plant.clutch else ClutchPlant(clutch)
+        return _run(mine, point, relative_angle)
+
+    return engaged(plant.clutch, point, relative_angle, run)
 
 
-def _simulated(
-    plant: ClutchPlant, point: OperatingPoint, relative_angle: float
-) -> tuple[Run, Engagement]:
+def _run(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Run:
     record = _Record(plant, point)
     simulator = plant.start(point, relative_angle)
     simulator.set_monitor(record)
@@ -132,5 +118,4 @@ def _simulated(
     finally:
         simulator.clear_monitor()
     spent = simulator.get_integrator().get_num_derivative_evaluations()
-    run = Run(record.times, record.states, record.blocked, record.failure, spent)
-    return run, conclude(plant.clutch, point, relative_angle, run)
+    return Run(record.times, record.states, record.blocked, record.failure, spent)

@@ -30,7 +30,30 @@ EFFECTS = load()
 
 #: The names that stored diagnoses use.
 NAMES = sorted(
-    ["actuation_delay", "actuation_lag", "force_scale", "force_loss", "force_rise", "sleeve_friction", "viscous_damping", "moving_mass", "linkage_compliance", "free_play", "detent_force", "contact_friction", "contact_dissipation", "contact_stiffness", "spline_friction", "drag_torque", "sliding_inertia", "mismatch_speed", "axial_gap", "chamfer_angle", "relative_angle", "reversed_mismatch"]
+    [
+        "actuation_delay",
+        "actuation_lag",
+        "force_scale",
+        "force_loss",
+        "force_rise",
+        "sleeve_friction",
+        "viscous_damping",
+        "moving_mass",
+        "linkage_compliance",
+        "free_play",
+        "detent_force",
+        "contact_friction",
+        "contact_dissipation",
+        "contact_stiffness",
+        "spline_friction",
+        "drag_torque",
+        "sliding_inertia",
+        "mismatch_speed",
+        "axial_gap",
+        "chamfer_angle",
+        "relative_angle",
+        "reversed_mismatch",
+    ]
 )
 #: Of the paper's study at its first operating point, without any mechanism.
 PHYSICS, FIRST = "d9069ea6093eea848d23", "3d538982a61536408d1f"
