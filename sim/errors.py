@@ -88,7 +88,9 @@ def require_ranges(value: object, section: str, remedy: str) -> None:
     for name, (key, low, high, own) in ranges_of(kind).items():  # type: ignore[arg-type]
         given = getattr(value, name)
         if given is not None:
-            require_between(f"{section}.{key}", from_si(key, given), low, high, own or remedy)
+            require_between(
+                f"{section}.{key}".lstrip("."), from_si(key, given), low, high, own or remedy
+            )
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:

@@ -15,7 +15,6 @@ from dogshape.sim.errors import (
     Within,
     did_you_mean,
     refusal,
-    require_between,
     require_ranges,
 )
 from dogshape.sim.shift.actuation import ForceProfile
@@ -82,18 +81,13 @@ class Rings:
     ``initial_speed`` is the sliding ring's speed before the shift, rad/s.
     """
 
-    mass: float
-    sliding_inertia: float
-    output_inertia: float
-    initial_speed: float = 0.0
+    mass: Annotated[float, Within("sliding.mass_kg", 1e-3, 50.0)]
+    sliding_inertia: Annotated[float, Within("sliding.inertia_kgm2", 1e-6, 100.0)]
+    output_inertia: Annotated[float, Within("output.inertia_kgm2", 1e-6, 1e4)]
+    initial_speed: Annotated[float, Within("sliding.initial_speed_rpm", -2e4, 2e4)] = 0.0
 
     def __post_init__(self) -> None:
-        remedy = "check the value and its unit"
-        require_between("sliding.mass_kg", self.mass, 1e-3, 50.0, remedy)
-        require_between("sliding.inertia_kgm2", self.sliding_inertia, 1e-6, 100.0, remedy)
-        require_between("output.inertia_kgm2", self.output_inertia, 1e-6, 1e4, remedy)
-        speed = self.initial_speed / RPM
-        require_between("sliding.initial_speed_rpm", speed, -20_000.0, 20_000.0, remedy)
+        require_ranges(self, "", "check the value and its unit")
 
     @property
     def reduced_inertia(self) -> float:
