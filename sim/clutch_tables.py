@@ -222,7 +222,6 @@ def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
 
 
 def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
-    """Return a sentence for each mistake, misspelt keys first."""
     unknown = [_unknown(model, e) for e in errors if e["type"] == "extra_forbidden"]
     # A misspelt key is also a missing one; the spelling is the better hint.
     missing = [_key(e) for e in errors if e["type"] == "missing"]
@@ -245,7 +244,6 @@ def _key(error: ErrorDetails) -> str:
 
 
 def _unmodelled(path: list[str]) -> bool:
-    """Recognise a key of the dogs that the model has no word for: play, undercut, a second ring."""
     *tables, name = path
     if tables in (["sliding"], ["output"]):
         return name in DogSection.model_fields

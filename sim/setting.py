@@ -103,7 +103,6 @@ class Setting:
 
 
 def _other(method: str, part: Part, fields: Mapping[str, Any]) -> Part:
-    """Return a part of the setting with other fields; unknown ones raise EffectError."""
     valid = [field.name for field in dataclasses.fields(part)]
     for name in fields:
         if name not in valid:

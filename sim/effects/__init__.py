@@ -43,7 +43,6 @@ def own_files(folder: Path) -> dict[str, Path]:
 
 
 def _own_effect(path: Path) -> Effect:
-    """Run a user's file; whatever it raises becomes a sentence."""
     spec = importlib.util.spec_from_file_location(f"user_effect_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise InputError(f"{path} cannot be read as Python; correct it or take it away")

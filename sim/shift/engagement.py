@@ -63,7 +63,6 @@ class _Record:
         return None
 
     def _require_within_limits(self, now: float, state: Series) -> None:
-        """Raise RuntimeError where the run is lost; Drake hands it on as its own."""
         if len(self.times) < 2:
             return
         if not math.isfinite(state[1]):

@@ -265,7 +265,6 @@ Rules = Iterator[tuple[bool, Callable[..., None], tuple[Any, ...]]]
 
 
 def _rules(dog: Dog) -> Rules:
-    """List the rules of a dog's numbers, then of its shape."""
     whole = (dog.count % 1 == 0) & (dog.count >= 2)
     rule = "a ring has a whole number of dogs of at least 2"
     yield whole, _refuse, (InputError, "dog.count", dog.count, "", rule, "give a whole number")
@@ -423,7 +422,6 @@ def root_radius_room(dog: Dog) -> float:
 
 
 def _mean_positive(a: float, b: float) -> float:
-    """Return the mean of the positive part of a line from ``a`` to ``b``."""
     top, apart = largest(a, b, 0.0), abs(a - b)
     part = 0.5 * top**2 / where(apart > 0.0, apart, 1.0)
     return where(smallest(a, b) >= 0.0, 0.5 * (a + b), part)

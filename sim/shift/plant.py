@@ -168,7 +168,6 @@ _MIDDLE = np.full(3, 1.0 / 3.0)  # of a triangle, in barycentric coordinates
 
 
 def _friction_over_slip(slip: Floats, contact: ContactSet) -> Floats:
-    """Compute the coefficient of friction by ``cenic`` over the slip, s/m; slip in m/s, (n,)."""
     static, dynamic = contact.static_friction, contact.dynamic_friction
     ratio = slip / contact.stiction_velocity
     late = ratio - 10.0
@@ -277,7 +276,6 @@ class ClutchPlant:
     def _add_apart(
         self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str
     ) -> None:
-        """Add a body on a joint that has the body's name; it touches nothing."""
         plant, axis = self.plant, -_AXIS if name == ACTUATOR else _AXIS
         body = plant.AddRigidBody(name, tree.SpatialInertia(mass, np.zeros(3), shape))
         joint = joint_type(name, plant.world_frame(), body.body_frame(), axis, damping=0.0)
@@ -407,6 +405,5 @@ def _ring_inertia(mass: float, polar: float) -> tree.SpatialInertia:
 
 
 def _trajectory(profile: ForceProfile, share: int) -> PiecewisePolynomial:
-    """Return the shift force of one modelled dog; Drake holds the last value beyond."""
     times, values, slopes = profile.knots()
     return PiecewisePolynomial.CubicHermite(times, values[None] / share, slopes[None] / share)

@@ -361,7 +361,6 @@ def _round_the_pitch(phases: Values, times: Values) -> tuple[Values, Values, Val
 
 
 def _jumps(widths: Values, values: Values) -> tuple[Values, Values]:
-    """Compute the distance of intervals from the slopes of their neighbours, (n,), s."""
     differences = np.diff(values)
     slopes = differences / widths
     below = np.abs(differences - widths * np.roll(slopes, 1))

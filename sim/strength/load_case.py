@@ -105,7 +105,6 @@ def _drawn(count: int) -> tuple[Floats, Floats]:
 
 
 def _from_foremost(gaps: Floats) -> Floats:
-    """Order gaps (samples, count) and take them from the smallest, (count, samples)."""
     ordered = np.ascontiguousarray(np.sort(gaps, axis=1).T)
     return ordered - ordered[0]
 

@@ -249,7 +249,6 @@ def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values)
 
 
 def _contact(dog: Dog, root_radius: float) -> list[float]:
-    """Return the height that touches over the height of the dog, on either flank."""
     return [flank_contact(dog, root_radius, flank).height / dog.height for flank in FLANKS]
 
 
