@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from dataclasses import MISSING, field, fields
 from functools import lru_cache
-from typing import NamedTuple, get_type_hints
+from typing import Any, NamedTuple
 
 from dogshape.sim.units import from_si, unit_of
 
@@ -65,32 +66,33 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
         raise InputError(refusal(name, value, unit, rule, remedy))
 
 
-class Within(NamedTuple):
-    """Annotation of a field: its key in a file, range there, and remedy of a value beyond it."""
+class Range(NamedTuple):
+    """Key of a field in a file, range there, and remedy of a value beyond it."""
 
     key: str
     low: float
     high: float
-    remedy: str = ""
+    remedy: str
+
+
+def within(key: str, low: float, high: float, default: Any = MISSING, *, remedy: str = "") -> Any:
+    """Declare a field of a dataclass with its key in a file and its range there."""
+    return field(default=default, metadata={"range": Range(key, low, high, remedy)})
 
 
 @lru_cache
-def ranges_of(kind: type) -> dict[str, Within]:
-    """Return the ranges of a class by the names of its fields."""
-    hints = get_type_hints(kind, include_extras=True).items()
-    found = ((name, one) for name, hint in hints for one in getattr(hint, "__metadata__", ()))
-    return {name: one for name, one in found if isinstance(one, Within)}
+def ranges_of(kind: Any) -> dict[str, Range]:
+    """Return the ranges of a dataclass by the names of its fields."""
+    return {one.name: one.metadata["range"] for one in fields(kind) if "range" in one.metadata}
 
 
-def require_ranges(value: object, section: str, remedy: str) -> None:
+def require_ranges(value: Any, section: str, remedy: str) -> None:
     """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
-    kind = type(value)
-    for name, (key, low, high, own) in ranges_of(kind).items():  # type: ignore[arg-type]
+    for name, (key, low, high, own) in ranges_of(type(value)).items():
         given = getattr(value, name)
         if given is not None:
-            require_between(
-                f"{section}.{key}".lstrip("."), from_si(key, given), low, high, own or remedy
-            )
+            whole = f"{section}.{key}".lstrip(".")
+            require_between(whole, from_si(key, given), low, high, own or remedy)
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:

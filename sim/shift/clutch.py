@@ -8,14 +8,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
 
 from dogshape.sim.errors import (
     InputError,
-    Within,
     did_you_mean,
     refusal,
     require_ranges,
+    within,
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.geometry import Dog
@@ -40,11 +39,11 @@ class ContactSet:
     """
 
     name: str
-    static_friction: Annotated[float, Within("static_friction", 0.0, 1.5)]
-    dynamic_friction: Annotated[float, Within("dynamic_friction", 0.0, 1.5)]
-    stiction_velocity: Annotated[float, Within("stiction_velocity_m_s", 1e-5, 1.0)]
-    stiffness: Annotated[float, Within("stiffness_Pa_m", 1e10, 1e16)]
-    dissipation: Annotated[float, Within("dissipation_s_m", 0.0, 1e4)]
+    static_friction: float = within("static_friction", 0.0, 1.5)
+    dynamic_friction: float = within("dynamic_friction", 0.0, 1.5)
+    stiction_velocity: float = within("stiction_velocity_m_s", 1e-5, 1.0)
+    stiffness: float = within("stiffness_Pa_m", 1e10, 1e16)
+    dissipation: float = within("dissipation_s_m", 0.0, 1e4)
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the contact set")
@@ -81,10 +80,10 @@ class Rings:
     ``initial_speed`` is the sliding ring's speed before the shift, rad/s.
     """
 
-    mass: Annotated[float, Within("sliding.mass_kg", 1e-3, 50.0)]
-    sliding_inertia: Annotated[float, Within("sliding.inertia_kgm2", 1e-6, 100.0)]
-    output_inertia: Annotated[float, Within("output.inertia_kgm2", 1e-6, 1e4)]
-    initial_speed: Annotated[float, Within("sliding.initial_speed_rpm", -2e4, 2e4)] = 0.0
+    mass: float = within("sliding.mass_kg", 1e-3, 50.0)
+    sliding_inertia: float = within("sliding.inertia_kgm2", 1e-6, 100.0)
+    output_inertia: float = within("output.inertia_kgm2", 1e-6, 1e4)
+    initial_speed: float = within("sliding.initial_speed_rpm", -2e4, 2e4, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "", "check the value and its unit")
@@ -114,11 +113,11 @@ class Solver:
     """
 
     scheme: str = "runge_kutta3"
-    accuracy: Annotated[float, Within("accuracy", 1e-10, 0.1)] = 3e-4
-    max_step: Annotated[float, Within("max_step_s", 1e-6, 0.01)] = 1e-3
+    accuracy: float = within("accuracy", 1e-10, 0.1, 3e-4)
+    max_step: float = within("max_step_s", 1e-6, 0.01, 1e-3)
     all_dogs: bool = False
-    max_steps: Annotated[int, Within("max_steps", 10, 1e8)] = MAX_STEPS
-    time_limit: Annotated[float, Within("time_limit_s", 0.01, 86_400.0)] = 600.0
+    max_steps: int = within("max_steps", 10, 1e8, MAX_STEPS)
+    time_limit: float = within("time_limit_s", 0.01, 86_400.0, 600.0)
     engine: str = "drake"
 
     def __post_init__(self) -> None:

@@ -17,12 +17,12 @@ A ``wheel_inertia`` does the same for the output side, without play.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import InputError, Within, ranges_of, require_ranges
+from dogshape.sim.errors import InputError, ranges_of, require_ranges, within
 from dogshape.sim.units import from_si
 
 Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
@@ -96,22 +96,22 @@ class Mechanism:
     output_stiffness : of the shaft between that and the rest, N m/rad.
     """
 
-    added_mass: Annotated[float, Within("added_mass_kg", 0.0, 1e3)] = 0.0
-    friction: Annotated[float, Within("friction_N", 0.0, 1e5)] = 0.0
-    damping: Annotated[float, Within("damping_Ns_m", 0.0, 1e6)] = 0.0
-    detent: Annotated[float, Within("detent_N", 0.0, 1e5)] = 0.0
-    detent_position: Annotated[float, Within("detent_position_mm", -100.0, 100.0)] = 0.0
-    detent_width: Annotated[float, Within("detent_width_mm", 0.01, 100.0)] = 1e-3
-    spline_friction: Annotated[float, Within("spline_friction", 0.0, 1.5)] = 0.0
-    spline_radius: Annotated[float, Within("spline_radius_mm", 1.0, 1000.0)] = 0.02
-    drag_torque: Annotated[float, Within("drag_torque_Nm", 0.0, 1e4)] = 0.0
-    compliance: Annotated[float, Within("compliance_mm_kN", 0.0, 1e3)] = 0.0
-    free_play: Annotated[float, Within("free_play_mm", 0.0, 100.0)] = 0.0
-    ring_inertia: Annotated[float, Within("ring_inertia_kgm2", 0.0, 100.0)] = 0.0
-    input_stiffness: Annotated[float, Within("input_stiffness_Nm_rad", 0.0, 1e8)] = 0.0
-    backlash: Annotated[float, Within("spline_backlash_deg", 0.0, 30.0)] = 0.0
-    wheel_inertia: Annotated[float, Within("wheel_inertia_kgm2", 0.0, 1e4)] = 0.0
-    output_stiffness: Annotated[float, Within("output_stiffness_Nm_rad", 0.0, 1e8)] = 0.0
+    added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)
+    friction: float = within("friction_N", 0.0, 1e5, 0.0)
+    damping: float = within("damping_Ns_m", 0.0, 1e6, 0.0)
+    detent: float = within("detent_N", 0.0, 1e5, 0.0)
+    detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)
+    detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)
+    spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)
+    spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)
+    drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)
+    compliance: float = within("compliance_mm_kN", 0.0, 1e3, 0.0)
+    free_play: float = within("free_play_mm", 0.0, 100.0, 0.0)
+    ring_inertia: float = within("ring_inertia_kgm2", 0.0, 100.0, 0.0)
+    input_stiffness: float = within("input_stiffness_Nm_rad", 0.0, 1e8, 0.0)
+    backlash: float = within("spline_backlash_deg", 0.0, 30.0, 0.0)
+    wheel_inertia: float = within("wheel_inertia_kgm2", 0.0, 1e4, 0.0)
+    output_stiffness: float = within("output_stiffness_Nm_rad", 0.0, 1e8, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "mechanism", "correct the mechanism")

@@ -19,13 +19,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.elementwise import each
-from dogshape.sim.errors import InputError, Within, refusal, require_between, require_ranges
+from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.units import MM
@@ -165,31 +164,31 @@ class LoadCase:
         (``sim.strength.landing``); None for the hardest of those simulated.
     """
 
-    torque: Annotated[float, Within("torque_Nm", 1e-3, 1e5)] = 200.0
-    application_factor: Annotated[float, Within("application_factor", 0.5, 10.0)] = 1.5
-    load_sharing: Annotated[float, Within("load_sharing", 0.01, 1.0)] = 0.5
-    load_height: Annotated[float, Within("load_height", 0.5, 1.0)] = 0.9
-    safety: Annotated[float, Within("safety", 1.0, 10.0)] = 1.2
-    safety_fatigue: Annotated[float, Within("safety_fatigue", 1.0, 10.0)] = 1.2
-    shifts: Annotated[float, Within("shifts", 1.0, 1e12)] = 1e5
-    reversal: Annotated[float, Within("reversal", 0.1, 1.0)] = 0.7
-    friction_release: Annotated[float, Within("friction_release", 0.0, 1.0)] = 0.12
-    friction_hold: Annotated[float, Within("friction_hold", 0.0, 1.0)] = 0.05
-    separating_force_limit: Annotated[float, Within("separating_force_limit_N", 1.0, 1e6)] = 5000.0
+    torque: float = within("torque_Nm", 1e-3, 1e5, 200.0)
+    application_factor: float = within("application_factor", 0.5, 10.0, 1.5)
+    load_sharing: float = within("load_sharing", 0.01, 1.0, 0.5)
+    load_height: float = within("load_height", 0.5, 1.0, 0.9)
+    safety: float = within("safety", 1.0, 10.0, 1.2)
+    safety_fatigue: float = within("safety_fatigue", 1.0, 10.0, 1.2)
+    shifts: float = within("shifts", 1.0, 1e12, 1e5)
+    reversal: float = within("reversal", 0.1, 1.0, 0.7)
+    friction_release: float = within("friction_release", 0.0, 1.0, 0.12)
+    friction_hold: float = within("friction_hold", 0.0, 1.0, 0.05)
+    separating_force_limit: float = within("separating_force_limit_N", 1.0, 1e6, 5000.0)
     vibration_force: float = 0.0
-    coast_share: Annotated[float, Within("coast_share", 0.0, 1.0)] = 1.0
-    pull_out_force_limit: Annotated[float | None, Within("pull_out_force_limit_N", 1.0, 1e6)] = None
+    coast_share: float = within("coast_share", 0.0, 1.0, 1.0)
+    pull_out_force_limit: float | None = within("pull_out_force_limit_N", 1.0, 1e6, None)
     release_by_itself: bool = True
     spectrum: tuple[tuple[float, float], ...] = ()
-    abuse_torque: Annotated[float | None, Within("abuse_torque_Nm", 1e-3, 1e6)] = None
-    accuracy: Annotated[int | None, Within("accuracy", 1, 11)] = None
-    pitch_sd: Annotated[float | None, Within("pitch_sd_um", 0.0, 1000.0)] = None
-    run_out: Annotated[float, Within("run_out_um", 0.0, 1000.0)] = 0.0
-    tilt: Annotated[float, Within("tilt_mrad", 0.0, 50.0)] = 0.0
-    dog_stiffness: Annotated[float | None, Within("dog_stiffness_N_um", 0.1, 1e5)] = None
+    abuse_torque: float | None = within("abuse_torque_Nm", 1e-3, 1e6, None)
+    accuracy: int | None = within("accuracy", 1, 11, None)
+    pitch_sd: float | None = within("pitch_sd_um", 0.0, 1000.0, None)
+    run_out: float = within("run_out_um", 0.0, 1000.0, 0.0)
+    tilt: float = within("tilt_mrad", 0.0, 50.0, 0.0)
+    dog_stiffness: float | None = within("dog_stiffness_N_um", 0.1, 1e5, None)
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
-    landing_share: Annotated[float | None, Within("landing_share", 1e-4, 0.5)] = None
+    landing_share: float | None = within("landing_share", 1e-4, 0.5, None)
 
     def __post_init__(self) -> None:
         require_ranges(self, "load", "correct the load case")

@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any
+from typing import Any
 
 from dogshape.sim.elementwise import key, largest, smallest, where
-from dogshape.sim.errors import DogshapeError, GeometryError, Within, require_ranges
+from dogshape.sim.errors import DogshapeError, GeometryError, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.units import DEG, MM
@@ -37,15 +37,15 @@ class ManufacturingLimits:
     rim : thickness of the ring behind the roots; None for one that is thick enough.
     """
 
-    tip_width: Annotated[float, Within("tip_width_mm", 0.05, 100.0)] = 1.5e-3
-    slot_width: Annotated[float, Within("slot_width_mm", 0.05, 100.0)] = 1.5e-3
-    cutter_reach: Annotated[float, Within("cutter_reach", 0.1, 100.0)] = 3.0
-    flank_height: Annotated[float, Within("flank_height_mm", 0.05, 100.0)] = 1.5e-3
-    root_radius: Annotated[float, Within("root_radius_mm", 0.02, 10.0)] = 0.3e-3
-    tip_core: Annotated[float, Within("tip_core_mm", 0.0, 100.0)] = 0.5e-3
-    chamfer_share: Annotated[float, Within("chamfer_share", 0.0, 0.5)] = 0.35
-    module: Annotated[float, Within("module_mm", 0.05, 100.0)] = 1.25e-3
-    rim: Annotated[float | None, Within("rim_mm", 0.1, 1000.0, "give the thickness in mm")] = None
+    tip_width: float = within("tip_width_mm", 0.05, 100.0, 1.5e-3)
+    slot_width: float = within("slot_width_mm", 0.05, 100.0, 1.5e-3)
+    cutter_reach: float = within("cutter_reach", 0.1, 100.0, 3.0)
+    flank_height: float = within("flank_height_mm", 0.05, 100.0, 1.5e-3)
+    root_radius: float = within("root_radius_mm", 0.02, 10.0, 0.3e-3)
+    tip_core: float = within("tip_core_mm", 0.0, 100.0, 0.5e-3)
+    chamfer_share: float = within("chamfer_share", 0.0, 0.5, 0.35)
+    module: float = within("module_mm", 0.05, 100.0, 1.25e-3)
+    rim: float | None = within("rim_mm", 0.1, 1000.0, None, remedy="give the thickness in mm")
 
     def __post_init__(self) -> None:
         require_ranges(self, "manufacturing", "correct the limit")
@@ -136,6 +136,9 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
             )
 
 
+ANGLE = "give an angle in degrees"
+
+
 @dataclass(frozen=True)
 class Tolerances:
     """Largest deviation of each dimension either way, rad and m.
@@ -148,24 +151,18 @@ class Tolerances:
     is the least gap between the crests in neutral, m.
     """
 
-    chamfer: Annotated[float, Within("chamfer_deg", 0.0, 5.0, "give an angle in degrees")] = (
-        0.25 * DEG
+    chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    traction: float = within("traction_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    braking: float = within("braking_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    height: float = within("height_mm", 0.0, 2.0, 0.05 * MM)
+    outer_diameter: float = within("outer_diameter_mm", 0.0, 2.0, 0.15 * MM)
+    inner_diameter: float = within("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
+    axial_gap: float = within("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
+    root_radius: float = within("root_radius_mm", 0.0, 2.0, 0.05 * MM)
+    contact_ratio: float = within(
+        "contact_ratio", 0.0, 1.0, 0.5, remedy="give a share of the height"
     )
-    traction: Annotated[float, Within("traction_deg", 0.0, 5.0, "give an angle in degrees")] = (
-        0.25 * DEG
-    )
-    braking: Annotated[float, Within("braking_deg", 0.0, 5.0, "give an angle in degrees")] = (
-        0.25 * DEG
-    )
-    height: Annotated[float, Within("height_mm", 0.0, 2.0)] = 0.05 * MM
-    outer_diameter: Annotated[float, Within("outer_diameter_mm", 0.0, 2.0)] = 0.15 * MM
-    inner_diameter: Annotated[float, Within("inner_diameter_mm", 0.0, 2.0)] = 0.15 * MM
-    axial_gap: Annotated[float, Within("axial_gap_mm", 0.0, 2.0)] = 0.1 * MM
-    root_radius: Annotated[float, Within("root_radius_mm", 0.0, 2.0)] = 0.05 * MM
-    contact_ratio: Annotated[
-        float, Within("contact_ratio", 0.0, 1.0, "give a share of the height")
-    ] = 0.5
-    clearance: Annotated[float, Within("clearance_mm", 0.0, 2.0)] = 0.3 * MM
+    clearance: float = within("clearance_mm", 0.0, 2.0, 0.3 * MM)
 
     def __post_init__(self) -> None:
         require_ranges(self, "tolerance", "give a length in mm")

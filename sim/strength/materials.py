@@ -17,9 +17,8 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
-from dogshape.sim.errors import InputError, Within, did_you_mean, require_ranges
+from dogshape.sim.errors import InputError, did_you_mean, require_ranges, within
 from dogshape.sim.units import MM, MPA
 
 STRESS_CORRECTION = 2.0  #: Y_ST of ISO 6336-3
@@ -46,12 +45,12 @@ class Material:
 
     name: str
     source: str
-    proof_stress: Annotated[float, Within("proof_stress_MPa", 10.0, 5000.0)]
-    bending_endurance: Annotated[float, Within("bending_endurance_MPa", 10.0, 2000.0)]
-    static_factor: Annotated[float, Within("static_factor", 1.0, 5.0)]
-    allowable_pressure: Annotated[float, Within("allowable_pressure_MPa", 1.0, 5000.0)]
-    surface_hardness: Annotated[float, Within("surface_hardness_HV", 80.0, 1500.0)]
-    case_depth: Annotated[float, Within("case_depth_mm", 0.0, 10.0)]
+    proof_stress: float = within("proof_stress_MPa", 10.0, 5000.0)
+    bending_endurance: float = within("bending_endurance_MPa", 10.0, 2000.0)
+    static_factor: float = within("static_factor", 1.0, 5.0)
+    allowable_pressure: float = within("allowable_pressure_MPa", 1.0, 5000.0)
+    surface_hardness: float = within("surface_hardness_HV", 80.0, 1500.0)
+    case_depth: float = within("case_depth_mm", 0.0, 10.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "material", "correct the material")

@@ -19,11 +19,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 
-from dogshape.sim.errors import InputError, Within, refusal, require_between, require_ranges
+from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, Flank
 from dogshape.sim.units import RPM
 
@@ -49,16 +48,16 @@ class Strike:
     strikes : over the life, for fatigue; None for a static limit alone.
     """
 
-    ring_inertia: Annotated[float, Within("ring_inertia_kgm2", 1e-7, 100.0)]
-    sliding_inertia: float
-    input_stiffness: Annotated[float, Within("input_stiffness_Nm_rad", 1e-3, 1e9)]
-    wheel_inertia: Annotated[float, Within("wheel_inertia_kgm2", 1e-7, 1e4)]
-    output_inertia: float
-    output_stiffness: Annotated[float | None, Within("output_stiffness_Nm_rad", 1e-3, 1e9)] = None
-    backlash: Annotated[float, Within("backlash_deg", 0.0, 30.0)] = 0.0
-    restitution: Annotated[float, Within("restitution", 0.0, 0.5)] = RESTITUTION
+    ring_inertia: float = within("ring_inertia_kgm2", 1e-7, 100.0)
+    sliding_inertia: float = within("sliding_inertia_kgm2", 1e-7, 100.0)
+    input_stiffness: float = within("input_stiffness_Nm_rad", 1e-3, 1e9)
+    wheel_inertia: float = within("wheel_inertia_kgm2", 1e-7, 1e4)
+    output_inertia: float = within("output_inertia_kgm2", 1e-7, 1e4)
+    output_stiffness: float | None = within("output_stiffness_Nm_rad", 1e-3, 1e9, None)
+    backlash: float = within("backlash_deg", 0.0, 30.0, 0.0)
+    restitution: float = within("restitution", 0.0, 0.5, RESTITUTION)
     mismatch: tuple[float, ...] = ()
-    strikes: Annotated[float | None, Within("strikes", 1.0, 1e12)] = None
+    strikes: float | None = within("strikes", 1.0, 1e12, None)
 
     def __post_init__(self) -> None:
         require_ranges(self, "strike", REMEDY)

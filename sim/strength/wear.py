@@ -16,9 +16,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Annotated
 
-from dogshape.sim.errors import InputError, Within, refusal, require_ranges
+from dogshape.sim.errors import InputError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import SHARPEST, Dog
 from dogshape.sim.units import MM
 
@@ -35,13 +34,13 @@ class Wear:
         stay as they are. With it faces need not wear.
     """
 
-    rate: Annotated[
-        float | None, Within("rate_mm3_Nm", 0.0, 1e-2, "1e-7 is well lubricated, 1e-5 hardly")
-    ] = None
-    crest_loss: Annotated[
-        float | None, Within("crest_loss_mm", 0.0, 2.0, "give the height in mm")
-    ] = None
-    edge_radius: Annotated[float | None, Within("edge_radius_mm", SHARPEST / MM, 10.0)] = None
+    rate: float | None = within(
+        "rate_mm3_Nm", 0.0, 1e-2, None, remedy="1e-7 is well lubricated, 1e-5 hardly"
+    )
+    crest_loss: float | None = within(
+        "crest_loss_mm", 0.0, 2.0, None, remedy="give the height in mm"
+    )
+    edge_radius: float | None = within("edge_radius_mm", SHARPEST / MM, 10.0, None)
 
     def __post_init__(self) -> None:
         given = [v for v in (self.rate, self.crest_loss) if v is not None]
