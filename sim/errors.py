@@ -88,7 +88,8 @@ def ranges_of(kind: Any) -> dict[str, Range]:
 
 def require_ranges(value: Any, section: str, remedy: str) -> None:
     """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
-    for name, (key, low, high, own) in ranges_of(type(value)).items():
+    kind: Any = type(value)
+    for name, (key, low, high, own) in ranges_of(kind).items():
         given = getattr(value, name)
         if given is not None:
             whole = f"{section}.{key}".lstrip(".")
