@@ -105,8 +105,8 @@ class Solver:
     ``runge_kutta3`` is the reference: sliding contact limits its step by stability, and at 3e-4
     shifts agree with 1e-5 within 0.1 % (``make evidence``). ``cenic`` is needed where static and
     dynamic friction differ much; it wants 1e-7 (position error of a step in m and rad), and 1e-9
-    with forces of a mechanism (``docs/simulation.md``). The compiled engine takes from the scheme the
-    friction law alone, and ``accuracy`` is the error of a step in m/s.
+    with forces of a mechanism (``docs/simulation.md``). The compiled engine takes from the scheme
+    the friction law alone, and ``accuracy`` is the error of a step in m/s.
 
     A shift that takes more than ``max_steps``, or more than ``time_limit`` in s, has diverged. The
     first limit makes the same shift fail on every machine and stands far below the second.
