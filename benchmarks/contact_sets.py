@@ -24,7 +24,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
+from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.units import DEG
 from dogshape.validation.impact import restitution

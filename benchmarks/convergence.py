@@ -31,8 +31,7 @@ import dogshape.sim.shift.plant
 from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, measure, paper_study, point_of
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.train.filling import filling_designs
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, solver_for
-from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, solver_for
 from dogshape.sim.shift.mesh import Mesh, rigid_dog
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import even_block

@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 from benchmarks.common import paper_study
 from dogshape.sim.engines import engage
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
+from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, Rings, solver_for
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.contact import CONTACT_SETS
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.units import DEG, RPM
 

@@ -26,9 +26,8 @@ from numpy.typing import NDArray
 
 from benchmarks.common import kept, paper_study
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.clutch import Clutch, ContactSet
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.contact import ContactSet
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import even_blocks

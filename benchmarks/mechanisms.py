@@ -28,8 +28,7 @@ from dogshape.sim.engines import engage
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, solver_for
-from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.units import DEG, MM, RPM
 

@@ -2,10 +2,9 @@
 
     python -m benchmarks.root_stress
 
-What the mesh and the surroundings do to it, then the formula with a constant notch
-factor (``sim.strength.dog_strength``) and the closed form of ``sim.strength.notch`` on designs
-spread over the search space: those that its coefficients were fitted to and others. Takes ten
-minutes.
+What the mesh and the surroundings do to it, then a formula with a constant notch factor and the
+closed form of ``sim.strength.dog_strength`` on designs spread over the search space: those that its
+coefficients were fitted to and others. Takes ten minutes.
 """
 
 from __future__ import annotations
@@ -18,17 +17,13 @@ from scipy.optimize import least_squares
 
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dog, Flank, flank_contact
-from dogshape.sim.strength.manufacture import ManufacturingLimits, require_makeable
-from dogshape.sim.strength.notch import (
-    PRESSED,
+from dogshape.sim.strength.dog_strength import (
     TENSION,
     Load,
-    Pressed,
     Tension,
-    mises_opposite,
-    root_mises,
     root_tension,
 )
+from dogshape.sim.strength.manufacture import ManufacturingLimits, require_makeable
 from dogshape.sim.units import DEG, MM, MPA
 from dogshape.validation.finite_elements.root_mesh import SIDES, RootShape
 from dogshape.validation.finite_elements.root_stress import (
@@ -129,20 +124,6 @@ def fit_tension(found: list[Case]) -> Tension:
     return Tension(*least_squares(errors, TENSION).x)
 
 
-def fit_pressed(found: list[Case]) -> Pressed:
-    """Return coefficients that make the relative error in the pressed fillet least."""
-
-    def errors(x: np.ndarray) -> list[float]:
-        return [
-            mises_opposite(c.shape.dog, c.shape.root_radius, c.load, Pressed(*x))
-            / c.stress.mises_opposite
-            - 1.0
-            for c in found
-        ]
-
-    return Pressed(*least_squares(errors, PRESSED).x)
-
-
 def today(case: Case) -> float:
     """Return the equivalent stress with a constant notch factor and the load at the tip, Pa."""
     dog = case.shape.dog
@@ -192,8 +173,8 @@ def table(title: str, found: list[Case]) -> None:
     """Print every design of ``found`` with its numbers."""
     print(f"\n{title}")
     print("  deg: chamfer, traction, braking; mm: height; dogs; mm: root radius, width at root")
-    print("  loaded flank and band, lever in mm; MPa: tension, von Mises of either fillet;")
-    print("  deviation in %: today from tension, closed form from tension, and from von Mises")
+    print("  loaded flank and band, lever in mm; tension in MPa;")
+    print("  deviation from it in %: today, closed form")
     shape: RootShape | None = None
     for case in found:
         if case.shape is not shape:
@@ -202,20 +183,17 @@ def table(title: str, found: list[Case]) -> None:
             print("  " + " ".join(f"{a:.1f}" for a in angles), end="")
             print(f"  {dog.height / MM:.2f}  {dog.count}  {shape.root_radius / MM:.2f}", end="")
             print(f"  {dog.root_width / MM:.2f}")
-        stress, (now, new, mises) = case.stress, deviations(case)
+        stress, (now, new) = case.stress, deviations(case)
         print(f"    {case.flank:<9}{case.band:<6}{stress.lever / MM:5.2f}", end="")
-        values = (stress.tension, stress.mises_loaded, stress.mises_opposite)
-        print("".join(f"{value / MPA:8.0f}" for value in values), end="")
-        print(f"{100 * now:+8.1f}{100 * new:+7.1f}{100 * mises:+7.1f}")
+        print(f"{stress.tension / MPA:8.0f}{100 * now:+8.1f}{100 * new:+7.1f}")
 
 
-def deviations(case: Case) -> tuple[float, float, float]:
-    """Return how far today's and the closed form are off the tension, and from von Mises."""
+def deviations(case: Case) -> tuple[float, float]:
+    """Return how far today's and the closed form are off the tension."""
     dog, rho, load, found = case.shape.dog, case.shape.root_radius, case.load, case.stress
     return (
         today(case) / found.tension - 1.0,
         root_tension(dog, rho, load) / found.tension - 1.0,
-        root_mises(dog, rho, load) / found.mises - 1.0,
     )
 
 
@@ -225,7 +203,7 @@ def summary(title: str, found: list[Case]) -> None:
     for band in (*BANDS, "both"):
         rows = np.array([deviations(c) for c in found if band in (c.band, "both")]) * 100.0
         print(f"  {band:<6}", end="")
-        names = ("today against tension", "closed form", "its von Mises")
+        names = ("today against tension", "closed form")
         for name, column in zip(names, rows.T, strict=True):
             rms, most = math.sqrt(np.mean(column**2)), column[np.abs(column).argmax()]
             print(f"  {name} {column.mean():+6.1f} {rms:5.1f} {most:+6.1f}", end="")
@@ -241,9 +219,8 @@ def compare(fitted: list[Case], held_out: list[Case]) -> None:
     """Print the held-out designs, the fit and its errors."""
     table(f"Held out, {HELD_OUT[0]} designs", held_out)
     print("\nCoefficients of the closed form, and fitted again")
-    for now, again in ((TENSION, fit_tension(fitted)), (PRESSED, fit_pressed(fitted))):
-        for name, value, new in zip(now._fields, now, again, strict=True):
-            print(f"  {type(now).__name__:<8} {name:<10}{value:8.3f}{new:9.4f}")
+    for name, value, new in zip(TENSION._fields, TENSION, fit_tension(fitted), strict=True):
+        print(f"  {name:<10}{value:8.3f}{new:9.4f}")
     summary("Fitted", fitted)
     summary("Held out", held_out)
 

@@ -29,8 +29,7 @@ from dogshape.sim.errors import GeometryError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.locking import blocking_force
-from dogshape.sim.strength.manufacture import require_makeable
-from dogshape.sim.strength.tolerance import Spread
+from dogshape.sim.strength.manufacture import Spread, require_makeable
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record

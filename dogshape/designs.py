@@ -30,7 +30,7 @@ from dogshape.pipeline.store.folder import comparable, require_targets
 from dogshape.result import Result
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
+from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
 from pydantic_core import ErrorDetails
 
 from dogshape.sim.errors import InputError, did_you_mean, meant_number
@@ -135,30 +135,17 @@ class OutputSection(Section):
     inertia_kgm2: float
 
 
-class MechanismSection(Section):
-    """Mechanism around the ring (``sim.shift.mechanism``); an absent key is no mechanism."""
+#: Keys of ``[mechanism]`` that change the shift force.
+ACTUATION_KEYS = ("delay_s", "lag_s", "force_factor", "force_loss_N", "rise_factor")
+_Keys: Any = create_model(
+    "_Keys",
+    __base__=Section,
+    **{key: (float | None, _absent()) for key in (*FIELDS, *ACTUATION_KEYS)},  # type: ignore[call-overload]
+)
 
-    spline_friction: float | None = _absent()
-    spline_radius_mm: float | None = _absent()
-    friction_N: float | None = _absent()
-    drag_torque_Nm: float | None = _absent()
-    added_mass_kg: float | None = _absent()
-    damping_Ns_m: float | None = _absent()
-    compliance_mm_kN: float | None = _absent()
-    free_play_mm: float | None = _absent()
-    detent_N: float | None = _absent()
-    detent_position_mm: float | None = _absent()
-    detent_width_mm: float | None = _absent()
-    ring_inertia_kgm2: float | None = _absent()
-    input_stiffness_Nm_rad: float | None = _absent()
-    spline_backlash_deg: float | None = _absent()
-    wheel_inertia_kgm2: float | None = _absent()
-    output_stiffness_Nm_rad: float | None = _absent()
-    delay_s: float | None = _absent()
-    lag_s: float | None = _absent()
-    force_factor: float | None = _absent()
-    force_loss_N: float | None = _absent()
-    rise_factor: float | None = _absent()
+
+class MechanismSection(_Keys):  # type: ignore[misc]
+    """Mechanism around the ring (``sim.shift.mechanism``); an absent key is no mechanism."""
 
     @property
     def given(self) -> dict[str, float]:
@@ -235,7 +222,6 @@ def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
 
 
 def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
-    """Return a sentence for each mistake, misspelt keys first."""
     unknown = [_unknown(model, e) for e in errors if e["type"] == "extra_forbidden"]
     # A misspelt key is also a missing one; the spelling is the better hint.
     missing = [_key(e) for e in errors if e["type"] == "missing"]
@@ -258,7 +244,6 @@ def _key(error: ErrorDetails) -> str:
 
 
 def _unmodelled(path: list[str]) -> bool:
-    """Recognise a key of the dogs that the model has no word for: play, undercut, a second ring."""
     *tables, name = path
     if tables in (["sliding"], ["output"]):
         return name in DogSection.model_fields

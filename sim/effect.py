@@ -153,10 +153,6 @@ class Effect:
         for name in names:
             if name not in values:
                 raise InputError(f"{self.name} needs a value of '{name}'; give it")
-        return self._changed(setting, values)
-
-    def _changed(self, setting: Setting, values: Values) -> Setting:
-        """Run ``change``; whatever goes wrong in a user's program becomes a sentence."""
         given = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
         try:
             changed: object = self.change(setting, values)

@@ -31,13 +31,7 @@ def plant_of(clutch: Clutch) -> Plant:
 
 
 def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Engagement:
-    """Simulate one shift with the engine that the clutch's solver names.
-
-    Parameters
-    ----------
-    point : mismatch and force.
-    relative_angle : output ring's lead over dogs facing dogs, rad.
-    """
+    """Simulate one shift with the engine of the clutch's solver; ``relative_angle`` in rad."""
     plant = plant_of(clutch)
     if clutch.solver.engine == "planar":
         from dogshape.sim.planar import engagement as planar  # noqa: PLC0415

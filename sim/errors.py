@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from dataclasses import MISSING, field, fields
+from functools import lru_cache
+from typing import Any, NamedTuple
 
-from dogshape.sim.units import unit_of
+from dogshape.sim.units import from_si, unit_of
 
 
 class DogshapeError(Exception):
@@ -61,6 +64,36 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
         unit = unit_of(name)
         rule = f"it must lie between {number(low)} and {number(high)} {unit}".rstrip()
         raise InputError(refusal(name, value, unit, rule, remedy))
+
+
+class Range(NamedTuple):
+    """Key of a field in a file, range there, and remedy of a value beyond it."""
+
+    key: str
+    low: float
+    high: float
+    remedy: str
+
+
+def within(key: str, low: float, high: float, default: Any = MISSING, *, remedy: str = "") -> Any:
+    """Declare a field of a dataclass with its key in a file and its range there."""
+    return field(default=default, metadata={"range": Range(key, low, high, remedy)})
+
+
+@lru_cache
+def ranges_of(kind: Any) -> dict[str, Range]:
+    """Return the ranges of a dataclass by the names of its fields."""
+    return {one.name: one.metadata["range"] for one in fields(kind) if "range" in one.metadata}
+
+
+def require_ranges(value: Any, section: str, remedy: str) -> None:
+    """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
+    kind: Any = type(value)
+    for name, (key, low, high, own) in ranges_of(kind).items():
+        given = getattr(value, name)
+        if given is not None:
+            whole = f"{section}.{key}".lstrip(".")
+            require_between(whole, from_si(key, given), low, high, own or remedy)
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:

@@ -2,7 +2,7 @@
 
 A rename may reach the disk before the content does, and a new name after it. So the content is
 forced to the disk first, then the name is exchanged, then the folder is forced too.
-One writer at a time holds a folder, or a file that many runs add to.
+One writer at a time holds a folder.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
 
 from dogshape.sim.errors import StorageError
 
@@ -72,7 +71,14 @@ def writing(root: Path, patience: float = 0.0) -> Iterator[None]:
     the process, killed or not.
     """
     until = time.monotonic() + patience
-    with _handle(root, ".lock") as handle:
+    try:
+        root.mkdir(parents=True, exist_ok=True)
+        handle = (root / ".lock").open("w")
+    except OSError as error:
+        raise StorageError(
+            f"{root} cannot be written ({error.strerror}); choose another folder"
+        ) from error
+    with handle:
         while True:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -84,26 +90,3 @@ def writing(root: Path, patience: float = 0.0) -> Iterator[None]:
                     ) from None
             time.sleep(PAUSE)
         yield
-
-
-@contextmanager
-def adding(path: Path) -> Iterator[None]:
-    """Hold a file from reading to writing it; another that adds to it waits until it is done.
-
-    For what takes a moment. A run that holds the folder (``writing``) does not hold its files.
-    Raises StorageError where the folder cannot be written.
-    """
-    with _handle(path.parent, f".{path.name}.lock") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-
-
-def _handle(root: Path, name: str) -> IO[str]:
-    """Open a lock file in a folder, both made where they are missing."""
-    try:
-        root.mkdir(parents=True, exist_ok=True)
-        return (root / name).open("w")
-    except OSError as error:
-        raise StorageError(
-            f"{root} cannot be written ({error.strerror}); choose another folder"
-        ) from error

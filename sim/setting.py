@@ -21,8 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.errors import EffectError, did_you_mean, require_between
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.contact import ContactSet
+from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.statistics.blocks import Block
@@ -44,11 +43,6 @@ class Setting:
     sensor : where the displacement is read.
     concentration, centre : of the relative angles; 0 is uniform, the centre is in pitches from
         dogs facing dogs.
-
-    Raises
-    ------
-    InputError
-        A value is not finite or out of its range.
     """
 
     clutch: Clutch
@@ -70,10 +64,6 @@ class Setting:
         theirs. ``seed`` is that of the angles' draw, None where they were given.
         """
         return Block(self.clutch, self.point, tuple(angles), seed)
-
-    def angles_at_force(self, angles: Sequence[float]) -> tuple[float, ...]:
-        """Return relative angles at the start of the force from those at time zero, rad."""
-        return tuple(angle + self.point.mismatch * self.delay for angle in angles)
 
     def time_of(self, row: Record) -> float | None:
         """Return the time that the bench reads of a shift, s; None where it reads none."""
@@ -113,7 +103,6 @@ class Setting:
 
 
 def _other(method: str, part: Part, fields: Mapping[str, Any]) -> Part:
-    """Return a part of the setting with other fields; unknown ones raise EffectError."""
     valid = [field.name for field in dataclasses.fields(part)]
     for name in fields:
         if name not in valid:

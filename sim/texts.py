@@ -173,7 +173,6 @@ def parted(path: Path, lines: list[str], separator: str) -> list[tuple[int, list
 
 
 def _unpadded(row: list[str]) -> list[str]:
-    """Return a row without empty cells at its end."""
     return row[: max((place for place, cell in enumerate(row, start=1) if cell), default=0)]
 
 

@@ -20,8 +20,7 @@ from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run
 from dogshape.sim.clutch_tables import dog_fields
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
-from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM

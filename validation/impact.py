@@ -28,7 +28,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.special import lambertw
 
 from dogshape.sim.shift.actuation import cubic_step
-from dogshape.sim.shift.contact import ContactSet
+from dogshape.sim.shift.clutch import ContactSet
 
 #: Damping of the published contact, N s/m, and the depth in m at which it is full.
 IMPACT_DAMPING, IMPACT_DEPTH = 1e4, 1e-5

@@ -26,8 +26,7 @@ from dogshape.sim.clutch_tables import (
     validate,
 )
 from dogshape.sim.errors import DataError, refusal, require_between
-from dogshape.sim.shift.clutch import Clutch, solver_for
-from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.shift.clutch import Clutch, contact_set, solver_for
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import DEG, MM, MS, RPM
 

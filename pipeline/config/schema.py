@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
@@ -32,19 +32,19 @@ from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
     SCHEMES,
+    ContactSet,
     OperatingPoint,
     Solver,
     accuracy_of,
+    contact_set,
     solver_for,
 )
-from dogshape.sim.shift.contact import ContactSet, contact_set
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.manufacture import ManufacturingLimits
+from dogshape.sim.strength.manufacture import ManufacturingLimits, Tolerances
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.strike import RESTITUTION, Strike
-from dogshape.sim.strength.tolerance import Tolerances
 from dogshape.sim.strength.wear import Wear
 from dogshape.sim.units import DEG, MM, RPM, to_si, unit_of
 
@@ -161,14 +161,11 @@ class LoadSection(Section):
     tilt_mrad: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
     release_by_itself: bool = Field(default=True, exclude_if=lambda value: value is True)
     landing_share: float | None = unless_given()
-    edge_contact: Literal["bed", "line"] = Field(
-        default="bed", exclude_if=lambda value: value == "bed"
-    )
 
     @property
     def case(self) -> LoadCase:
         """The load case without what contact and mechanism make of it; InputError for mistakes."""
-        given = self.model_dump(exclude={"spectrum", "axial_vibration_m_s2", "edge_contact"})
+        given = self.model_dump(exclude={"spectrum", "axial_vibration_m_s2"})
         classes = self.spectrum or []
         if any(len(one) != 2 for one in classes):
             raise InputError(
@@ -253,7 +250,7 @@ class ManufacturingSection(Section):
 
 
 class ToleranceSection(Section):
-    """Largest deviation of each dimension either way (``sim.strength.tolerance``)."""
+    """Largest deviation of each dimension either way (``sim.strength.manufacture``)."""
 
     chamfer_deg: float = Tolerances.chamfer / DEG
     traction_deg: float = Tolerances.traction / DEG
@@ -265,16 +262,11 @@ class ToleranceSection(Section):
     root_radius_mm: float = Tolerances.root_radius / MM
     contact_ratio: float = Tolerances.contact_ratio
     clearance_mm: float = Tolerances.clearance / MM
-    distribution: str = Field(
-        default=Tolerances.distribution,
-        exclude_if=lambda value: value == Tolerances.distribution,
-    )
 
     @property
     def tolerances(self) -> Tolerances:
         """The tolerances; InputError for mistakes."""
-        sizes = si_fields(self.model_dump(exclude={"distribution"}))
-        return Tolerances(**sizes, distribution=self.distribution)
+        return Tolerances(**si_fields(self.model_dump()))
 
 
 class WearSection(Section):

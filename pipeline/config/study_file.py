@@ -377,8 +377,6 @@ def _uncertainty(
 def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
     """Return the limits; what the study leaves open of actuator and strike follows from points."""
     load, mechanism = file.load.case, clutch.mechanism
-    if file.load.edge_contact == "line":
-        load = replace(load, edge_bed=clutch.contact.stiffness)
     shaken = file.load.axial_vibration_m_s2
     remedy = "leave it out where nothing shakes the ring"
     require_between("load.axial_vibration_m_s2", shaken, 0.0, 1e4, remedy)

@@ -227,11 +227,9 @@ def _timed(
         shifts = [replace(result_of(row), shift_time=setting.time_of(row)) for row in mine]
         point = expect_point(setting.point, shifts, setting.clutch.timeout, study.retraction)
         points.append(point)
-    found, clutch, load = expect(points), settings[0].clutch, study.limits.load
-    if load.edge_bed is not None:  # The energy of a blow is that on the bed that was simulated.
-        load = replace(load, edge_bed=clutch.contact.stiffness)
-        study = replace(study, limits=replace(study.limits, load=load))
-    checks = demand_checks(demand_over(study, clutch.dog, found, rows), study.limits)
+    found = expect(points)
+    demand = demand_over(study, settings[0].clutch.dog, found, rows)
+    checks = demand_checks(demand, study.limits)
     return found, min(checks, key=lambda one: one.margin)
 
 

@@ -15,8 +15,7 @@ from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.shift.contact import contact_set
+from dogshape.sim.shift.clutch import Clutch, contact_set
 from dogshape.sim.units import MM, RPM, from_si, suffix_of
 
 Data = dict[str, Any]  #: a TOML file as it is read

@@ -24,9 +24,9 @@ import numpy as np
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.files import naming
-from dogshape.sim.part import Corner, Lines, between, dog_corners, require_body, require_room
+from dogshape.sim.part import between, dog_corners, require_body, require_room
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import Vertices
+from dogshape.sim.shift.mesh import Corner, Lines, Vertices
 from dogshape.sim.units import MM
 
 BEYOND = 0.02e-3  #: how far the shell reaches beyond the annulus, m; less than a land

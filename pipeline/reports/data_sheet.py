@@ -42,7 +42,7 @@ from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.shift.clutch import CONTACT_SETS
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.locking import locking_friction

@@ -195,7 +195,7 @@ def front_table(study: Setup, result: Row) -> Table:
 def margin_tables(study: Setup, result: Row) -> list[Table]:
     """Tabulate every margin of prototype and front, some designs beside each other."""
     dog, limits, shown = study.clutch.dog, study.limits, designs_shown(result)
-    own = [(quantity.rule(limit), limit) for quantity, limit in limits_of(study)]
+    own = [(quantity.rule, limit) for quantity, limit in limits_of(study)]
     closed = (*strength_checks(dog, limits), *landing_checks(dog, Landing(), limits))
     rules = [*own, *((check.rule, check.limit) for check in closed)]
     tables = []

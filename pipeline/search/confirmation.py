@@ -50,7 +50,7 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.result_records import check_record, expectation_record
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.contact import ContactSet
+from dogshape.sim.shift.clutch import ContactSet
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
 from dogshape.sim.statistics.expectation import Expectation
 

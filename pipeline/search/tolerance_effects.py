@@ -15,7 +15,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.simulate.design import KINDS, Design, Within, weakest_within
 from dogshape.pipeline.store.result_records import check_record
-from dogshape.sim.strength.tolerance import Spread
+from dogshape.sim.strength.manufacture import Spread
 from dogshape.sim.units import suffix_of, to_si
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate

@@ -11,7 +11,6 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
@@ -23,15 +22,13 @@ from dogshape.sim.strength.checks import Check, Rule, feasible
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
-from dogshape.sim.strength.production import kept_share, standard_error, surely_below
 from dogshape.sim.units import MM
 from dogshape.surrogate.covariance import Array
 
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
 WORST = "smallest_margin_worst"
-PROBABLE = "feasible_probability"
 #: Quantities that sum up other checks: a limit on one of them is no check of its own.
-SUMMARIES = (WORST, PROBABLE, "smallest_margin", "utilisation")
+SUMMARIES = (WORST, "smallest_margin", "utilisation")
 KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
 Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
 REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
@@ -130,7 +127,7 @@ def _limit_checks(
         else:
             value = None if measured is None else measured.limited.get(quantity.name)
         if value is not None:
-            found.append(Check(quantity.rule(value), value, limit))
+            found.append(Check(quantity.rule, value, limit))
     return tuple(found)
 
 
@@ -142,17 +139,7 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
         return False
     if not fit or not study.file.search.limits:
         return fit
-    return not _improbable(study, params) and design_of(study, params).feasible
-
-
-def _improbable(study: Setup, params: dict[str, float]) -> bool:
-    """Decide by few draws whether a design must fail the limit on manufactured clutches."""
-    least = (study.file.search.limits or {}).get(PROBABLE)
-    if least is None:
-        return False
-    own, unsure = study.operated(params), study.uncertainty
-    friction = None if unsure is None else unsure.of("friction_factor")
-    return surely_below(study.dog_with(params), own.limits, friction, least)
+    return design_of(study, params).feasible
 
 
 def _bare(study: Setup, params: dict[str, float]) -> Design:
@@ -168,8 +155,8 @@ class Objective:
     """Something to minimise, or to maximise: label and unit for reports.
 
     ``exact`` is its value where the shape alone says it, ``by_checks`` if through its checks; None
-    where a simulation has to (``pipeline.simulate.evaluation``). ``error`` is the standard error of
-    such a value where it is a sample's. No value lies beyond ``least`` and ``most``.
+    where a simulation has to (``pipeline.simulate.evaluation``). No value lies beyond ``least`` and
+    ``most``.
     """
 
     name: str
@@ -178,7 +165,6 @@ class Objective:
     exact: Callable[[Setup, Design, Dog], float] | None = None
     maximise: bool = False
     by_checks: bool = False
-    error: Callable[[float], float] | None = None
     least: float = 0.0
     most: float = math.inf
 
@@ -192,12 +178,11 @@ class Objective:
         """Factor that turns the value into a loss: every comparison of designs minimises losses."""
         return -1.0 if self.maximise else 1.0
 
-    def rule(self, value: float) -> Rule:
-        """Return the question of the check that a limit on this quantity is, of which ``value``."""
+    @property
+    def rule(self) -> Rule:
+        """Question of the check that a limit on this quantity is."""
         key = f"search.limits.{self.name}"
         how = "estimate from the design's shifts" if self.simulated else "from shape and checks"
-        if self.error is not None:
-            how += f", with a standard error of {self.error(value):.2g}"
         said = "the study's own limit"
         unit, at_most, summary = self.unit, not self.maximise, self.name in SUMMARIES
         return Rule(self.name, "goal", self.label, how, said, unit, key, at_most, summary)
@@ -205,11 +190,6 @@ class Objective:
 
 def _separating_force(study: Setup, _: Design, dog: Dog) -> float:
     return max(separating_force(dog, study.limits.load, flank) for flank in FLANKS)
-
-
-def _feasible_probability(study: Setup, _: Design, dog: Dog) -> float:
-    unsure = study.uncertainty
-    return kept_share(dog, study.limits, None if unsure is None else unsure.of("friction_factor"))
 
 
 #: Losses of a design, which is asked for its limit, its objective and its record.
@@ -287,16 +267,6 @@ OBJECTIVES = {
             maximise=True,
             by_checks=True,
             least=-math.inf,
-            most=1.0,
-        ),
-        Objective(
-            PROBABLE,
-            "share of manufactured clutches that keep all checks",
-            "",
-            _feasible_probability,
-            maximise=True,
-            by_checks=True,
-            error=standard_error,
             most=1.0,
         ),
         Objective(
@@ -396,12 +366,6 @@ def exact_values(study: Setup, design: Design) -> dict[str, float]:
         return {}
     own = study.operated(design.params)
     return {o.name: o.exact(own, design, dog) for o in objectives_of(study) if o.exact}
-
-
-def exact_errors(study: Setup, values: Mapping[str, Any]) -> dict[str, float]:
-    """Return the standard errors of objectives that need no simulation but are a sample's."""
-    every = objectives_of(study)
-    return {o.name: o.error(values[o.name]) for o in every if o.error and o.name in values}
 
 
 def values_of(

@@ -24,7 +24,7 @@ from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import demand_checks
-from dogshape.sim.strength.tolerance import CONTACT_RULE
+from dogshape.sim.strength.manufacture import CONTACT_RULE
 from dogshape.sim.strength.wear import Wear, worn
 from dogshape.sim.units import DEG, MM
 

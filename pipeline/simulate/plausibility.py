@@ -11,8 +11,7 @@ from dataclasses import replace
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.strength.dog_strength import strength_checks
-from dogshape.sim.strength.notch import outside_fit
+from dogshape.sim.strength.dog_strength import outside_fit, strength_checks
 from dogshape.sim.units import DEG, MM
 
 IDLE = 0.01  #: share of what dogs bear below which a torque may be in kN m; dogs use a third to all

@@ -87,11 +87,6 @@ class DesignRow(Record):
     smallest_margin_worst: float | None = key(
         "smallest margin at worst-case tolerances, where it is an objective", "1", None
     )
-    feasible_probability: float | None = key(
-        "share of manufactured clutches that keep all checks, where it is an objective",
-        SHARE,
-        None,
-    )
     mismatch_set_rpm: float | None = key(
         "mean mismatch that the speed control aims at, where it is searched", "1/min", None
     )

@@ -24,8 +24,8 @@ from dogshape.pipeline.train.filling import Values
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import StorageError
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.statistics.bisection import halves, mean_round_the_pitch
 from dogshape.sim.statistics.blocks import Block, even_block
+from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
 from dogshape.sim.statistics.shift_records import Record, content_key, result_of, unfinished
 from dogshape.sim.versions import engine
 from dogshape.surrogate.covariance import Array

@@ -10,7 +10,7 @@ import importlib.util
 from pathlib import Path
 
 from dogshape.sim.effect import Effect
-from dogshape.sim.effects import actuation, dogs, linkage, record, sliding_side
+from dogshape.sim.effects import dogs, mechanism, point
 from dogshape.sim.errors import InputError
 
 
@@ -21,8 +21,8 @@ def load(folder: Path | None = None) -> dict[str, Effect]:
     effects. Raises InputError where the folder is missing, a file cannot be run, has no
     ``EFFECT`` or another name than the effect, or a name is taken.
     """
-    groups = (actuation, dogs, linkage, record, sliding_side)
-    effects = {effect.name: effect for group in groups for effect in group.EFFECTS}
+    listed = (*dogs.EFFECTS, *mechanism.EFFECTS, *point.EFFECTS)
+    effects = {effect.name: effect for effect in listed}
     for path in own_files(folder).values() if folder else ():
         effect = _own_effect(path)
         if effect.name in effects:
@@ -43,7 +43,6 @@ def own_files(folder: Path) -> dict[str, Path]:
 
 
 def _own_effect(path: Path) -> Effect:
-    """Run a user's file; whatever it raises becomes a sentence."""
     spec = importlib.util.spec_from_file_location(f"user_effect_{path.stem}", path)
     if spec is None or spec.loader is None:
         raise InputError(f"{path} cannot be read as Python; correct it or take it away")

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,17 +17,15 @@ from numpy.typing import NDArray
 from dogshape.sim.planar import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import (
-    FINER,
     TIME_LIMIT,
     Engagement,
     Run,
-    conclude,
-    passed_through,
+    engaged,
+    states_held,
 )
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Mechanism
 from dogshape.sim.shift.mesh import rigid_dog, touching_planes, touching_quads
-from dogshape.sim.shift.release import release
 
 Floats = NDArray[np.float64]
 Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]
@@ -138,23 +136,13 @@ RECORD_SIZE = 4096  #: steps that are recorded at once
 
 
 def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) -> Engagement:
-    """Simulate one shift; see ``sim.shift.engagement.engage``, whose Drake shift this one follows.
+    """Simulate one shift; arguments and result as for ``sim.shift.engagement.engage``."""
 
-    Parameters
-    ----------
-    plant : clutch, prepared once.
-    point : mismatch and force.
-    relative_angle : output ring's lead over dogs facing dogs, rad.
-    """
-    run = _run(plant, point, relative_angle)
-    found = conclude(plant.clutch, point, relative_angle, run)
-    if not passed_through(run, found):
-        return found
-    clutch, solver = plant.clutch, plant.clutch.solver
-    finer = replace(clutch, solver=replace(solver, max_step=solver.max_step / FINER))
-    more = _run(planar_clutch(finer), point, relative_angle)
-    again = conclude(clutch, point, relative_angle, more)
-    return replace(again, evaluations=run.evaluations + more.evaluations)
+    def run(clutch: Clutch) -> Run:
+        mine = plant if clutch is plant.clutch else planar_clutch(clutch)
+        return _run(mine, point, relative_angle)
+
+    return engaged(plant.clutch, point, relative_angle, run)
 
 
 def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
@@ -163,7 +151,7 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
     size = state_size(clutch.mechanism)
     tolerance = np.array([solver.accuracy, PLACE_ERROR * solver.accuracy])
     knots = np.array(point.profile.knots())
-    times, states = _begin(plant, point, angle)
+    times, states = states_held(clutch, point, angle)
     now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST_STEP, 0
     count, last, blocked, failure = len(times), None, False, ""
     parts, mode = [(times, states)], np.zeros(2)
@@ -193,16 +181,3 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
             last = state.copy()
     whole = np.concatenate([part for _, part in parts])[:, :size]
     return Run(np.concatenate([part for part, _ in parts]), whole, blocked, failure, spent)
-
-
-def _begin(plant: PlanarClutch, point: OperatingPoint, angle: float) -> tuple[Floats, Floats]:
-    """Give times and states, (n,) and (n, 12), up to where friction lets the ring go."""
-    held, sliding = release(plant.clutch, point.profile), plant.clutch.rings.initial_speed
-    output = sliding + point.mismatch
-    states = np.zeros((len(held.time), kernel.SIZE))
-    states[:, 0], states[:, 2] = angle + output * held.time, sliding * held.time
-    states[:, 3], states[:, 5] = output, sliding
-    states[:, 6], states[:, 7] = held.displacement, held.speed
-    states[:, 8], states[:, 9] = states[:, 2], sliding
-    states[:, 10], states[:, 11] = states[:, 0], output
-    return held.time, states

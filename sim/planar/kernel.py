@@ -1,32 +1,18 @@
 r"""Contact of one dog with the opposite ring, plane by plane, and the motion it gives; compiled.
 
-The rings stay coaxial, so the motion has two degrees of freedom: the relative angle
-:math:`\varphi` and the axial distance *Z* of the median planes. Each touching surface of a rigid
-dog is a plane quadrilateral (``sim.shift.mesh.rigid_dog``). Below the skin of the compliant dog
-the pressure is stiffness times the least of the depths :math:`d_i = o_i - n_i \cdot p`, one for
-each plane that touches: three, or more where edges are rounded.
-
-In the frame of the compliant dog the quadrilateral is cut to the region where :math:`d_i` is the
-least depth and positive. What is left is a convex polygon with a pressure that is linear over
-it. Over that polygon
+Each touching surface of a rigid dog is a plane quadrilateral (``sim.shift.mesh.rigid_dog``). Below
+the skin of the compliant dog the pressure is stiffness times the least of the depths :math:`d_i =
+o_i - n_i \cdot p` below its planes. The quadrilateral is cut to where :math:`d_i` is the least and
+positive; over that convex polygon the traction (Hunt and Crossley 1975; Elandt et al. 2019)
 
 .. math:: t = k d_i (1 + D v_n)_+ \left(n + \mu \, s(|v_t|) \frac{v_t}{|v_t|}\right)
 
-is integrated by three points in each triangle of a fan, which is exact for the normal part: *n* is
-the rigid plane's outward normal, *v* the speed of the rigid against the compliant dog, with its
-parts :math:`v_n = v \cdot n` and :math:`v_t` (Hunt and Crossley 1975; the hydroelastic model of
-Elandt, Drumwright, Sherman and Ruina 2019 for a rigid and a compliant body).
+is integrated by three points in each triangle of a fan, exactly for the normal part.
 
-The motion between is integrated by Bogacki and Shampine's pair of orders 3 and 2 (1989), whose last
-stage is the next step's first, with the equations of ``sim.shift.mechanism``. The step follows the
-largest error of a speed (axial, or of either ring at the mean radius) and of the places, and never
-exceeds ``max_step``. Dogs that stay in touch make that explicit pair crawl: friction near rest and
-the contact's own vibration are stiff. There Shampine and Reichelt's linearly implicit pair of
-orders 2 and 3 (1997, the formula of ``ode23s``) takes over, with slopes kept for some steps: its
-order does not need the exact ones. It goes as soon as dogs part or its steps gain nothing.
-
-A division by zero gives an infinity, as numpy's does; ``advance`` looks for it.
-All of it is one file: the compiler's cache on disk knows of changes in a function's own file alone.
+Steps: Bogacki and Shampine's pair 3(2) (1989), with the equations of ``sim.shift.mechanism``. Where
+dogs stay in touch, Shampine and Reichelt's linearly implicit pair 2(3) (1997, ``ode23s``) takes
+over, its slopes kept for some steps. A division by zero gives an infinity; ``advance`` looks for
+it. One file: the compiler's cache knows of changes in a function's own file alone.
 """
 
 # mypy: disable-error-code="no-untyped-def"

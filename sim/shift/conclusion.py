@@ -11,13 +11,16 @@ every time of it is later by the dead time exactly.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 from enum import Enum
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.events import Events, Phase, events_of, phases_of, touches_of
 from dogshape.sim.shift.geometry import Dog
@@ -68,12 +71,8 @@ def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Serie
     Sections at the mean radius are convex and one is the other turned by half a turn, so
     along each shared normal they overlap by :math:`2 p_n - n \cdot c`, with the plane's
     distance and the way between both centres; the least over traction flank, face and
-    braking flank is the depth.
-
-    Parameters
-    ----------
-    displacement : axial way of the sliding ring from the start, m, (n,).
-    relative_angle : output ring's lead over dogs facing dogs, rad, (n,).
+    braking flank is the depth. Axial way of the sliding ring from the start, m, and output ring's
+    lead over dogs facing dogs, rad, each (n,).
     """
     across = -relative_angle * dog.mean_radius
     across = across - dog.pitch * np.round(across / dog.pitch)
@@ -132,12 +131,7 @@ def passing_through(clutch: Clutch, displacement: Series, relative_angle: Series
     Two limits hold it. Down to a third of the apex's depth the pyramids of the three faces cover
     all that is touched (``sim.shift.mesh``); deeper, the pressure may push the wrong way. At full
     travel both flanks touch, so a ring farther than its tolerance beyond is not in its slot.
-    Ordinary shifts stay far within both: 60 of the prototype and 60 of a fine design at up to 641.5
-    N reach 0.10 mm and stop short of full travel.
-
-    Parameters
-    ----------
-    displacement, relative_angle : as for ``penetration``, over the whole shift, (n,).
+    Arguments as for ``penetration``, over the whole shift.
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
     deepest = float(penetration(clutch.dog, displacement, relative_angle).max())
@@ -159,11 +153,7 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
     """Raise InputError where the force alone presses flat faces deeper than a shift's end is told.
 
     Faces of all dogs on each other give way by :math:`F/(k A)`; beyond the tolerance of the end
-    a shift would seem done, or not, by that depth alone.
-
-    Parameters
-    ----------
-    force : largest shift force, N.
+    a shift would seem done, or not, by that depth alone. ``force`` is the largest one, N.
     """
     dog, stiffness = clutch.dog, clutch.contact.stiffness
     area = dog.count * dog.tip_width * dog.radial_width
@@ -296,6 +286,97 @@ def _delayed(found: Engagement, delay: float) -> Engagement:
     )
 
 
-def passed_through(run: Run, found: Engagement) -> bool:
-    """Decide whether a shift diverged for its dogs alone, which finer steps may mend."""
-    return found.outcome is Outcome.DIVERGED and not run.failure
+def engaged(
+    clutch: Clutch, point: OperatingPoint, angle: float, run: Callable[[Clutch], Run]
+) -> Engagement:
+    """Simulate one shift by ``run``.
+
+    Dogs that are fast enough pass through each other within one step; such a shift is simulated
+    again with steps of at most a tenth, and has diverged only if it does so again.
+    """
+    first = run(clutch)
+    found = conclude(clutch, point, angle, first)
+    if found.outcome is not Outcome.DIVERGED or first.failure:
+        return found
+    solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
+    more = run(replace(clutch, solver=solver))
+    again = conclude(clutch, point, angle, more)
+    return replace(again, evaluations=first.evaluations + more.evaluations)
+
+
+#: Share of the time-out from which on a ring that was never let go is simulated.
+LATEST_RELEASE = 0.99
+
+
+@dataclass(frozen=True)
+class Release:
+    """Times in s up to when the ring is let go, with displacement (m) and speed of the actuator.
+
+    Each (n,); the last is where the motion of both rings begins.
+    """
+
+    time: NDArray[np.float64]
+    displacement: NDArray[np.float64]
+    speed: NDArray[np.float64]
+
+
+def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Series, Series]:
+    """Return times in s, (n,), and states, (n, 12), up to where friction lets the ring go.
+
+    The last state is where the motion of both rings begins; ``angle`` as for ``Engagement``.
+    """
+    held, sliding = release(clutch, point.profile), clutch.rings.initial_speed
+    output = sliding + point.mismatch
+    states = np.zeros((len(held.time), 12))
+    states[:, 0], states[:, 2] = angle + output * held.time, sliding * held.time
+    states[:, 3], states[:, 5] = output, sliding
+    states[:, 6], states[:, 7] = held.displacement, held.speed
+    states[:, 8], states[:, 9] = states[:, 2], sliding
+    states[:, 10], states[:, 11] = states[:, 0], output
+    return held.time, states
+
+
+@lru_cache(maxsize=64)  # shifts differ by their angle alone
+def release(clutch: Clutch, profile: ForceProfile) -> Release:
+    r"""Find the time at which friction lets the ring go; at once where it need not hold.
+
+    Without a linkage that is when the shift force reaches :math:`R_0`. With one the actuator moves
+    against a ring at rest, :math:`m_a \ddot y = F(t) - L(y, \dot y)`, until :math:`L = R_0`. A
+    friction law that is nearly a jump would cost the solver of the whole motion thousands of steps.
+    """
+    mechanism = clutch.mechanism
+    held = mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0
+    slows = clutch.rings.initial_speed != 0.0 and mechanism.drag_torque > 0.0
+    if not held or slows:
+        return Release(*np.zeros((3, 1)))
+    if mechanism.has_linkage:
+        return _loaded(clutch, profile)
+    low, high = 0.0, LATEST_RELEASE * clutch.timeout
+    if profile.at(high) < mechanism.friction:
+        low = high
+    while high - low > 1e-6:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if profile.at(middle) < mechanism.friction else (low, middle)
+    return Release(np.array([0.0, low]), np.zeros(2), np.zeros(2))
+
+
+def _loaded(clutch: Clutch, profile: ForceProfile) -> Release:
+    from scipy.integrate import solve_ivp  # noqa: PLC0415  slow to load, and few shifts need it
+
+    mechanism, mass = clutch.mechanism, clutch.rings.mass
+    linkage, far = mechanism.linkage(mass), mechanism.actuator_mass(mass)
+
+    def motion(time: float, state: NDArray[np.float64]) -> list[float]:
+        way, speed = map(float, state)
+        return [speed, (float(profile.at(time)) - mechanism.pull(way, speed, *linkage)) / far]
+
+    def loose(_: float, state: NDArray[np.float64]) -> float:
+        way, speed = map(float, state)
+        return float(mechanism.pull(way, speed, *linkage)) - mechanism.friction
+
+    loose.terminal = True  # type: ignore[attr-defined]
+    span = (0.0, LATEST_RELEASE * clutch.timeout)
+    run = solve_ivp(
+        motion, span, [0.0, 0.0], events=loose, rtol=1e-5, atol=1e-9, max_step=0.01 * span[1]
+    )
+    return Release(run.t, *run.y)

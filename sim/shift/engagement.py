@@ -9,20 +9,11 @@ from __future__ import annotations
 
 import math
 import time
-from dataclasses import replace
 
-import numpy as np
 from pydrake.systems.framework import Context, EventStatus
 
-from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.conclusion import (
-    FINER,
-    TIME_LIMIT,
-    Engagement,
-    Run,
-    conclude,
-    passed_through,
-)
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import TIME_LIMIT, Engagement, Run, engaged
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Series
@@ -38,7 +29,6 @@ class _Record:
         self.travel = clutch.shift_travel
         #: Places in the state of what has not made its travel: ring, actuator.
         self.under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
-        self._size = plant.state_size
         self.clutch = clutch
         self.times: list[float] = []
         self.states: list[Series] = []
@@ -49,17 +39,11 @@ class _Record:
         self._check_at = STILL_WINDOW
         self._last: Series | None = None
 
-    def begin(self, angle: float) -> None:
+    def begin(self) -> None:
         """Take up the time in which the ring was held, and where the run begins."""
-        held, speed = self.plant.held, self.clutch.rings.initial_speed
-        rates = [speed + self.point.mismatch, 0.0, speed]
-        for now, *actuator in zip(held.time, held.displacement, held.speed, strict=True):
-            if now < self.plant.context.get_time():
-                turned = [angle + rates[0] * now, 0.0, speed * now]
-                behind = [turned[2], rates[2], turned[0], rates[0]]
-                self.times.append(float(now))
-                state = np.array([*turned, *rates, *actuator, *behind])
-                self.states.append(state[: self._size])
+        times, states = self.plant.held
+        self.times += times[:-1].tolist()
+        self.states += [*states[:-1, : self.plant.state_size]]
         self(self.plant.context)
 
     def __call__(self, context: Context) -> EventStatus | None:
@@ -79,7 +63,6 @@ class _Record:
         return None
 
     def _require_within_limits(self, now: float, state: Series) -> None:
-        """Raise RuntimeError where the run is lost; Drake hands it on as its own."""
         if len(self.times) < 2:
             return
         if not math.isfinite(state[1]):
@@ -98,10 +81,8 @@ class _Record:
 def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift.
 
-    Dogs that are fast enough pass through each other within one step; such a shift is simulated
-    again with steps of at most a tenth, and has diverged only if it does so again. Ordinary shifts
-    are simulated once. Times count from the command: a dead time comes before the phases, while the
-    time-out counts from the start of the force.
+    Times count from the command: a dead time comes before the phases, while the time-out counts
+    from the start of the force.
 
     Parameters
     ----------
@@ -114,24 +95,20 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     Engagement
         Never raises for physical failure; a failed integration is an outcome.
     """
-    run, found = _simulated(plant, point, relative_angle)
-    if not passed_through(run, found):
-        return found
-    solver = plant.clutch.solver
-    solver = replace(solver, max_step=solver.max_step / FINER)
-    finer = ClutchPlant(replace(plant.clutch, solver=solver))
-    again = _simulated(finer, point, relative_angle)[1]
-    return replace(again, clutch=plant.clutch, evaluations=found.evaluations + again.evaluations)
+
+    def run(clutch: Clutch) -> Run:
+        mine = plant if clutch is plant.clutch else ClutchPlant(clutch)
+        return _run(mine, point, relative_angle)
+
+    return engaged(plant.clutch, point, relative_angle, run)
 
 
-def _simulated(
-    plant: ClutchPlant, point: OperatingPoint, relative_angle: float
-) -> tuple[Run, Engagement]:
+def _run(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Run:
     record = _Record(plant, point)
     simulator = plant.start(point, relative_angle)
     simulator.set_monitor(record)
     try:
-        record.begin(relative_angle)
+        record.begin()
         simulator.AdvanceTo(plant.clutch.timeout)
     except RuntimeError as error:
         if len(record.times) < 2:
@@ -140,5 +117,4 @@ def _simulated(
     finally:
         simulator.clear_monitor()
     spent = simulator.get_integrator().get_num_derivative_evaluations()
-    run = Run(record.times, record.states, record.blocked, record.failure, spent)
-    return run, conclude(plant.clutch, point, relative_angle, run)
+    return Run(record.times, record.states, record.blocked, record.failure, spent)

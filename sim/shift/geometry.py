@@ -1,46 +1,18 @@
-r"""The dog and the pair of rings, from six numbers and two diameters.
+r"""The dog and the pair of rings, from six numbers and two diameters (Jasny et al. 2019).
 
-Notation of Jasný, Hajžman and Achtenová (2019): :math:`\alpha` chamfer,
-:math:`\beta` traction flank, :math:`\gamma` braking flank, :math:`h` height,
-:math:`N` dogs; the pitch is :math:`\vartheta = 2\pi/N`.
+Chamfer :math:`\alpha`, traction and braking flank :math:`\beta, \gamma`, height *h*, *N* dogs,
+pitch :math:`\vartheta = 2\pi/N`. At half height dog and slot are equally wide, :math:`\vartheta/2`.
+A flank is a plane through the radial line at :math:`\pm\vartheta/4` there, so that mating flanks
+touch all over. The face falls by :math:`\alpha` from the crest, :math:`z = h/2`, towards the
+braking flank. Widths run along the circumference at radius *r*: :math:`w_{tip,root} =
+\tfrac{1}{2}\vartheta r \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. Lengths are those of the sharp
+dog; both rings carry the same.
 
-*Median plane*: half height. There dog and slot are equally wide, so each
-spans :math:`\vartheta/2` and both flanks touch at full depth.
-
-*Flank*: a plane through the radial line at :math:`\pm\vartheta/4` in the median
-plane, leaning inwards by its side angle. With :math:`u` along that line and
-:math:`t` across it a flank is :math:`\rho u - z \tan\beta\, t`. Only this form
-lets mating flanks touch all over (Jasný thesis 2019, figure 24b).
-
-*Face*: one plane through the crest, the edge of the traction flank at
-:math:`z = h/2`, falling by :math:`\alpha` towards the braking flank. The crest
-is parallel to the median plane, so the dog is equally high over its length.
-
-*Edges*: crest and braking edge are sharp, or rounded with one radius. All lengths are those of the
-sharp dog, to the intersection of its faces, as a drawing has them.
-
-Widths are measured along the circumference at the mean radius:
-
-.. math::
-    w_{tip} = \tfrac{1}{2}\vartheta r - \tfrac{h}{2}(\tan\beta + \tan\gamma), \quad
-    w_{root} = \tfrac{1}{2}\vartheta r + \tfrac{h}{2}(\tan\beta + \tan\gamma)
-
-Both rings carry the same dog, one of them turned over about a radial axis.
-
-*What touches at full depth.* Both tip edges of a dog are rounded with the edge radius
-:math:`\varrho`, or where the dog has none with the root radius, so that they clear the fillets of
-the other ring. A rounding takes from its flank, along the shaft, :math:`a = \varrho \cos\beta
-\cot(\psi/2)`, :math:`\psi` being the angle of the material at the edge: :math:`90° + \beta -
-\alpha` at the crest, :math:`90° + \alpha + \gamma` at the braking edge. Either ring lacks it at its
-own tip, so the height that touches is
-
-- traction: :math:`h - 2 a_\beta`, both crests being on that side;
-- braking, at radius *r*: :math:`h - 2 (d(r) + a_\gamma)`, :math:`d(r)` the depth at
-  which the face meets the flank there. The tip is wider outside, so less touches there.
-
-Widths along the circumference overstate *d*, on the safe side: the area that is left by 0.3 % for
-the prototype, by 5 % for nine dogs. Areas are projected on the plane through the axis: a pressure
-*p* on a leaning flank has the tangential force *p* times that area, whatever the lean.
+At full depth the tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta
+\cot(\psi/2)` from a flank along the shaft, :math:`\psi` the angle of the material: what touches is
+:math:`h - 2 a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* at which the face meets
+the braking flank (on the safe side by 0.3 % for the prototype). Areas are projected on the plane
+through the axis.
 """
 
 from __future__ import annotations
@@ -230,21 +202,19 @@ class Dog:
 
     @property
     def edge_room(self) -> float:
-        """Largest radius of crest and braking edge that leaves ``LAND`` of face and flanks, m.
-
-        The face is narrowest at the inner radius, the braking flank lowest at the outer one.
-        """
-        narrow = self.tip_width_at(self.inner_radius)
-        drop = self.edge_drop_at(self.inner_radius)
-        face = (narrow + drop * self.tangents[2]) / cos(self.chamfer)
-        low = self.height - self.edge_drop_at(self.outer_radius)
+        """Largest radius of crest and braking edge that leaves ``LAND`` of face and flanks, m."""
         crest, braking = self.edge_cuts
-        rooms = (
-            (face, crest + braking),
-            (self.height / cos(self.traction), crest),
-            (low / cos(self.braking), braking),
-        )
+        rooms = zip(self.side_lengths, (crest + braking, crest, braking), strict=True)
         return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
+
+    @property
+    def side_lengths(self) -> tuple[float, float, float]:
+        """Lengths of face, traction and braking flank across the edges where they are least, m."""
+        slope, _, braking = self.tangents
+        narrow = self.tip_width_at(self.inner_radius)
+        face = (narrow + self.edge_drop_at(self.inner_radius) * braking) * hypot(1.0, slope)
+        low = self.height - self.edge_drop_at(self.outer_radius)
+        return face, self.height / cos(self.traction), low / cos(self.braking)
 
     @property
     def travel(self) -> float:
@@ -295,7 +265,6 @@ Rules = Iterator[tuple[bool, Callable[..., None], tuple[Any, ...]]]
 
 
 def _rules(dog: Dog) -> Rules:
-    """List the rules of a dog's numbers, then of its shape."""
     whole = (dog.count % 1 == 0) & (dog.count >= 2)
     rule = "a ring has a whole number of dogs of at least 2"
     yield whole, _refuse, (InputError, "dog.count", dog.count, "", rule, "give a whole number")
@@ -437,18 +406,14 @@ def root_radius_room(dog: Dog) -> float:
 
     On floor and face at the inner radius, where they are narrowest, on the traction flank,
     and on the braking flank at the outer radius, where it is lowest. Widths are taken along
-    the circumference; ``sim.part`` has the same between planes. Roundings have the same
+    the circumference; ``sim.part.lands`` has the same between planes. Roundings have the same
     radius, or that of the dog's edges.
     """
-    slope, _, braking = dog.tangents
-    narrow, low = dog.tip_width_at(dog.inner_radius), dog.edge_drop_at(dog.outer_radius)
-    face = (narrow + dog.edge_drop_at(dog.inner_radius) * braking) * hypot(1.0, slope)
+    face, *flanks = dog.side_lengths
     # Over its radius a fillet takes along floor and flank, and a rounding along its sides:
     fillets = [1.0 / tan(0.25 * math.pi + 0.5 * lean) for lean in (dog.traction, dog.braking)]
-    cuts = dog.edge_cuts
-    flanks = [dog.height / cos(dog.traction), (dog.height - low) / cos(dog.braking)]
-    rooms = [(narrow, sum(fillets))]
-    own = dog.edge_radius > 0.0
+    cuts, own = dog.edge_cuts, dog.edge_radius > 0.0
+    rooms = [(dog.tip_width_at(dog.inner_radius), sum(fillets))]
     for length, fillet, cut in zip(flanks, fillets, cuts, strict=True):
         rooms.append((length - dog.edge_radius * cut, fillet if own else fillet + cut))
     if not own:
@@ -457,7 +422,6 @@ def root_radius_room(dog: Dog) -> float:
 
 
 def _mean_positive(a: float, b: float) -> float:
-    """Return the mean of the positive part of a line from ``a`` to ``b``."""
     top, apart = largest(a, b, 0.0), abs(a - b)
     part = 0.5 * top**2 / where(apart > 0.0, apart, 1.0)
     return where(smallest(a, b) >= 0.0, 0.5 * (a + b), part)

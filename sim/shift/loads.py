@@ -1,39 +1,18 @@
 r"""Loads of a shift that a designer needs.
 
-The rings are rigid behind the stiffness of the dogs. Impulses and energies follow from the
-momenta and hardly depend on that; peak forces do: a blow of mass *m* at speed *v* on a contact of
-stiffness *k* peaks near :math:`v \sqrt{k m}` (``validation.impact``), so stiffer dogs and a heavier
-fork strike harder, and shafts that give way less hard. They are estimates for that contact
-and those masses and no bounds (``benchmarks/impact_force.py``). A blow against the
-stop behind the sliding ring is in the energy, not in forces and impulse.
+The rings are rigid behind the stiffness of the dogs. Impulses and energies follow from momenta;
+peak forces go with :math:`\sqrt{k m}` and are estimates for that contact and those masses, no
+bounds (``benchmarks/impact_force.py``). Dog on dog, while the force is more axial than tangential,
+the largest load per length is kept for each class of overlap of the faces.
 
-Dog on dog, while faces can meet and the force is more axial than tangential (on a flank it
-is the other way round), it bears on dogs N b long that overlap by *L*. What that does to
-face or edge depends on how far they are rounded, so the largest load per length is kept
-for each class of overlap.
+*Driveline* of torsional stiffness *c* between two inertias at rest, driven by the contact's torque
+*M* on the sliding ring; its torque is Duhamel's integral (Rao, *Mechanical Vibrations*, 4.5),
 
-*Driveline*. The rings of the simulation have no driveline between them; what their contact gives is
-its torque on the sliding ring over time, :math:`M(t)`, which takes up the mismatch: :math:`J \dot u
-= -M`, :math:`J = J_1 J_2/(J_1 + J_2)`. A driveline of torsional stiffness *c* takes it up instead,
-the output ring's inertia being the vehicle's side behind that spring and the sliding ring's the
-near one. Both are two inertias on a spring, at rest before the shift and driven by M, so that the
-torque *T* in the spring is Duhamel's integral (Rao, *Mechanical Vibrations*, section 4.5)
+.. math:: T(t) = \omega \int_0^t M(\tau) \sin \omega(t - \tau)\,d\tau, \qquad \omega = \sqrt{c/J},
+   \quad J = J_1 J_2/(J_1 + J_2),
 
-.. math:: \ddot T + \omega^2 T = \omega^2 M, \qquad
-   T(t) = \omega \int_0^t M(\tau) \sin \omega(t - \tau)\,d\tau, \qquad \omega = \sqrt{c/J}.
-
-Limits: a strike that takes :math:`\Delta u` of the mismatch in far less than a period has the
-impulse :math:`J \Delta u` and makes :math:`T = \Delta u \sqrt{c J}`; many within so short a time
-make as much as one that takes all of it. Spread evenly over a time *s*, they make
-:math:`2 (J \Delta u/s) \sin(\omega s/2)`, and never more than twice the mean torque once *s* is
-longer than half a period.
-
-M is the mean over each step of the trace, and the integral is exact for such steps. A shift
-ends just before full depth; then both flanks close, and what mismatch is left there strikes
-once more. Nothing damps the swing, so strikes that follow each other in its time add up.
-
-What this leaves out: a driveline that gives way softens the strike itself, whose impulse is
-that of rigid rings, and a lighter near side than the sliding ring rings higher.
+exact for the mean of M over each step. A single strike of :math:`\Delta u` makes :math:`\Delta u
+\sqrt{c J}`; what mismatch is left at the end strikes once more. Nothing damps the swing.
 """
 
 from __future__ import annotations

@@ -1,43 +1,17 @@
 r"""Mechanism between actuator and sliding ring, and around the ring: none by default.
 
-Axial motion of the ring (displacement *x*, mass :math:`m_s`) and of the actuator
-(:math:`y`, :math:`m_a`), turn of the ring (:math:`\omega`, inertia :math:`J_1`):
-
 .. math::
-    m_s \ddot x &= L - R - D(x) - c \dot x - \mu_s \frac{|T|}{r_s} \sigma(\dot x) - F_c, \qquad
-    R = R_0 \sigma(\dot x), \\
-    m_a \ddot y &= F(t) - L, \qquad J_1 \dot\omega = M_c - M_0 \sigma(\omega).
+    m_s \ddot x &= L - R_0 \sigma(\dot x) - D(x) - c \dot x - \mu_s |T| \sigma(\dot x)/r_s - F_c, \\
+    m_a \ddot y &= F(t) - L, \qquad J_1 \dot\omega = M_c - M_0 \sigma(\omega), \qquad
+    \sigma(v) = v/\sqrt{v^2 + v_0^2}.
 
-*F* is the shift force, *L* what the linkage hands on, :math:`F_c, M_c` are of the dogs' contact.
-Without compliance and free play there is no *y*: :math:`L = F(t)` and :math:`m_s` is the ring's
-mass with the added one. With a linkage a share ``FORK`` of the ring's mass (fork and pads) stands
-on its far side with the added mass, so that all masses together stay what they were.
-
-*Linkage*: with :math:`u = y - x`, stiffness *k* and damping :math:`c_L` of a share
-``DAMPING_RATIO`` of the critical one, :math:`L = k u + c_L \dot u`. With free play :math:`\delta`
-the ring hangs between two stops, :math:`u = \delta` ahead, :math:`u = 0` behind; the shift begins
-at the rear one, so the actuator has the whole play to close. Stops push and never pull.
-
-*Coulomb's law* is smooth: :math:`\sigma(v) = v/\sqrt{v^2 + v_0^2}`, with a velocity that is
-small against every motion of a shift (``SLIP``, ``TURN``).
-
-*Detent*: :math:`D(x) = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w` within its width *w*; to pass it
-takes :math:`(8/15) D_0 w`.
-
-*Spline*: the ring sits on its shaft by a spline at radius :math:`r_s`. Of the contact's torque the
-ring itself takes the share :math:`J_r/J_1`, :math:`J_r = m r^2` at the mean radius of the dogs; the
-rest, :math:`T = M_c (1 - J_r/J_1)`, accelerates what is behind the spline and goes through it.
-Pressed by :math:`|T|/r_s` its teeth rub along the shaft.
-
-*Shafts*: where flanks strike, the ring with its toothing (:math:`J_r` of :math:`J_1`) and the wheel
-of the other ring (:math:`J_w` of :math:`J_2`) stop before what is behind their shafts. With a
-``ring_inertia`` the rest of its side hangs on the spline and the input shaft of stiffness
-:math:`c_1`: it turns the ring by :math:`T = c_1 [u]_b + d_1 \dot u`, *u* being its lead over the
-ring and :math:`[u]_b` what is beyond half of the play *b*, either way; flanks of a play push and
-never pull. Then *T* itself presses the spline, and the drag holds what is behind. A
-``wheel_inertia`` does the same for the output side, without play. Damping is a share
-``SHAFT_DAMPING`` of the critical one of both inertias on their shaft. Ring and wheel begin in the
-middle of their play, at the speed of their side.
+Linkage: :math:`L = k u + c_L \dot u`, :math:`u = y - x`; with free play the ring hangs between two
+stops, :math:`u = \delta` and 0, which push and never pull. Without both there is no *y*: :math:`L =
+F(t)`. Detent: :math:`D = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w`. Spline: what accelerates
+behind the ring, :math:`T = M_c (1 - m r^2/J_1)`, rubs along the shaft. Shafts: with a
+``ring_inertia`` the rest of the side hangs on a shaft that turns the ring by :math:`T = c_1 [u]_b +
+d_1 \dot u`, its lead beyond the play *b*; then *T* presses the spline and the drag holds the rest.
+A ``wheel_inertia`` does the same for the output side, without play.
 """
 
 from __future__ import annotations
@@ -48,7 +22,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.errors import InputError, ranges_of, require_ranges, within
 from dogshape.sim.units import from_si
 
 Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
@@ -120,40 +94,35 @@ class Mechanism:
     backlash : play of the ring's spline, rad.
     wheel_inertia : of what stands at the flanks on the output side, kg m2; 0 for one piece.
     output_stiffness : of the shaft between that and the rest, N m/rad.
-
-    Raises
-    ------
-    InputError
-        A value is not finite or out of its range.
     """
 
-    added_mass: float = 0.0
-    friction: float = 0.0
-    damping: float = 0.0
-    detent: float = 0.0
-    detent_position: float = 0.0
-    detent_width: float = 1e-3
-    spline_friction: float = 0.0
-    spline_radius: float = 0.02
-    drag_torque: float = 0.0
-    compliance: float = 0.0
-    free_play: float = 0.0
-    ring_inertia: float = 0.0
-    input_stiffness: float = 0.0
-    backlash: float = 0.0
-    wheel_inertia: float = 0.0
-    output_stiffness: float = 0.0
+    added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)
+    friction: float = within("friction_N", 0.0, 1e5, 0.0)
+    damping: float = within("damping_Ns_m", 0.0, 1e6, 0.0)
+    detent: float = within("detent_N", 0.0, 1e5, 0.0)
+    detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)
+    detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)
+    spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)
+    spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)
+    drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)
+    compliance: float = within("compliance_mm_kN", 0.0, 1e3, 0.0)
+    free_play: float = within("free_play_mm", 0.0, 100.0, 0.0)
+    ring_inertia: float = within("ring_inertia_kgm2", 0.0, 100.0, 0.0)
+    input_stiffness: float = within("input_stiffness_Nm_rad", 0.0, 1e8, 0.0)
+    backlash: float = within("spline_backlash_deg", 0.0, 30.0, 0.0)
+    wheel_inertia: float = within("wheel_inertia_kgm2", 0.0, 1e4, 0.0)
+    output_stiffness: float = within("output_stiffness_Nm_rad", 0.0, 1e8, 0.0)
 
     def __post_init__(self) -> None:
-        for name, (key, low, high) in _RANGES.items():
-            value = from_si(key, getattr(self, name))
-            require_between(f"mechanism.{key}", value, low, high, "correct the mechanism")
+        require_ranges(self, "mechanism", "correct the mechanism")
         for inertia, stiffness in (
             ("ring_inertia", "input_stiffness"),
             ("wheel_inertia", "output_stiffness"),
         ):
             if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:
-                key, other = (f"mechanism.{_RANGES[one][0]}" for one in (inertia, stiffness))
+                key, other = (
+                    f"mechanism.{ranges_of(Mechanism)[n].key}" for n in (inertia, stiffness)
+                )
                 raise InputError(
                     f"{key} needs {other}, the shaft that it hangs on; give it too, or leave both "
                     "out for a rigid shaft"
@@ -231,7 +200,7 @@ class Mechanism:
         """Values that differ from no mechanism, flat and in the edge's units."""
         return {
             f"mechanism_{key}": from_si(key, getattr(self, name))
-            for name, (key, _, _) in _RANGES.items()
+            for key, name in FIELDS.items()
             if getattr(self, name) != getattr(NOTHING, name)
         }
 
@@ -248,27 +217,8 @@ def smooth_sign(value: Number, small: float) -> Number:
     return sign
 
 
-#: Key at the edge and range there, by field.
-_RANGES = {
-    "added_mass": ("added_mass_kg", 0.0, 1e3),
-    "friction": ("friction_N", 0.0, 1e5),
-    "damping": ("damping_Ns_m", 0.0, 1e6),
-    "detent": ("detent_N", 0.0, 1e5),
-    "detent_position": ("detent_position_mm", -100.0, 100.0),
-    "detent_width": ("detent_width_mm", 0.01, 100.0),
-    "spline_friction": ("spline_friction", 0.0, 1.5),
-    "spline_radius": ("spline_radius_mm", 1.0, 1000.0),
-    "drag_torque": ("drag_torque_Nm", 0.0, 1e4),
-    "compliance": ("compliance_mm_kN", 0.0, 1e3),
-    "free_play": ("free_play_mm", 0.0, 100.0),
-    "ring_inertia": ("ring_inertia_kgm2", 0.0, 100.0),
-    "input_stiffness": ("input_stiffness_Nm_rad", 0.0, 1e8),
-    "backlash": ("spline_backlash_deg", 0.0, 30.0),
-    "wheel_inertia": ("wheel_inertia_kgm2", 0.0, 1e4),
-    "output_stiffness": ("output_stiffness_Nm_rad", 0.0, 1e8),
-}
 NOTHING = Mechanism()  #: no mechanism at all
 #: Field by key at the edge.
-FIELDS = {key: name for name, (key, _, _) in _RANGES.items()}
+FIELDS = {one.key: name for name, one in ranges_of(Mechanism).items()}
 #: Keys of a record that describe a mechanism; a shift without one has none.
-MECHANISM_KEYS = tuple(f"mechanism_{key}" for key, _, _ in _RANGES.values())
+MECHANISM_KEYS = tuple(f"mechanism_{key}" for key in FIELDS)

@@ -1,32 +1,16 @@
-r"""Meshes of a dog: the part itself, and the two sides of the contact.
+r"""Meshes of a dog: the two sides of the contact, and formats for Drake and print.
 
-Frame of a ring: z along the axis towards the other ring, median plane of the
-dogs at z = 0, dog *k* about the angle :math:`k\vartheta`; the traction flank is on
-the side of growing angle. The ring that is turned over about its x axis uses
-the same meshes.
+Frame of a ring: z along the axis towards the other ring, median plane of the dogs at z = 0, dog *k*
+about the angle :math:`k\vartheta`; the traction flank is on the side of growing angle.
 
-Contact needs one rigid and one compliant side:
+Rigid side: the surfaces that can touch (traction flank, face, braking flank). Compliant side: one
+dog as pyramids whose apex is equally deep below all three, so that the pressure below each is
+stiffness times depth, and the smaller depth counts where two meet. The body reaches half as far
+again beyond the dog: down to a third of the apex's depth it covers all that can be touched.
 
-- rigid: the three surfaces that can touch (traction flank, face, braking
-  flank) of every dog, as an open surface. Nothing else can be reached: the way
-  ends 0.05 mm above the root and the annuli are equal and coaxial.
-- compliant: one dog as six pyramids with a common apex, the point equally deep
-  below traction flank, face and braking flank. Pressure rises linearly from the
-  skin to the apex, so that below each of the three faces it is stiffness times
-  depth, and where two of them meet it is the smaller depth that counts. The body
-  reaches beyond the dog inwards, outwards and below the root, half as far again
-  from the apex as the dog itself: down to a third of the apex's depth the
-  pyramids of the three faces cover all that can be touched.
-
-*Rounded edges.* A rounded edge is a cylinder about a straight line, since all edges are straight.
-Contact has it as planes that touch it, their normals at even angles :math:`\delta` between those of
-the two faces, so many that the edge stands out by at most
-:math:`\varrho(1/\cos\tfrac{\delta}{2} - 1) \le` ``DEVIATION``. All of them are equally deep below
-the cylinder's axis, as the two faces are. Depth below the least of all planes is therefore linear
-in prisms between each of them and the axis, and in pyramids from the apex below the three faces to
-whatever is left: the body's tetrahedra are cut along both. Drake takes the pressure of a vertex
-from its distance to the skin: on an axis that is the radius from one radius within the ends of the
-body on. Faces are triangulated from their lowest corner, so that neighbours share their triangles.
+A rounded edge is planes that touch its cylinder within ``DEVIATION``. They are equally deep below
+its axis, so depth is linear in prisms between each and the axis and in pyramids from the apex to
+what is left: the tetrahedra are cut along both.
 """
 
 from __future__ import annotations
@@ -35,7 +19,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -44,9 +28,8 @@ from numpy.typing import NDArray
 from dogshape.sim.shift.geometry import Dog
 
 Vertices = NDArray[np.float64]  #: (n, 3), m
-DEVIATION = (
-    1e-6  #: m that planes stand out beyond the edge they touch; below a ground face's roughness
-)
+#: m that planes stand out beyond the edge they touch; below a ground face's roughness
+DEVIATION = 1e-6
 
 
 @dataclass(frozen=True)
@@ -103,49 +86,88 @@ def face_plane(dog: Dog) -> Plane:
 
 
 @dataclass(frozen=True)
-class Edge:
-    """Rounded edge of a dog.
+class Lines:
+    """Straight lines that run outwards: points (n, 3) in m, directions (n, 3)."""
 
-    Parameters
-    ----------
-    axis : point of the cylinder's axis, m, (3,).
-    direction : of the axis, outwards, (3,).
-    planes : that touch the cylinder between its two faces.
+    points: Vertices
+    directions: Vertices
+
+    def at(self, radius: float) -> Vertices:
+        """Intersect the lines with the cylinder of ``radius`` (m), (n, 3)."""
+        p, d = self.points[:, :2], self.directions[:, :2]
+        a, b = (d * d).sum(1), (p * d).sum(1)
+        root = b * b - a * ((p * p).sum(1) - radius * radius)
+        way = (np.sqrt(np.maximum(root, 0.0)) - b) / a
+        return np.asarray(self.points + way[:, None] * self.directions)
+
+    def turned(self, angle: float) -> Lines:
+        """Return the lines turned by ``angle`` (rad) about the axis."""
+        turn = rotation(angle).T
+        return Lines(self.points @ turn, self.directions @ turn)
+
+    def __getitem__(self, which: slice) -> Lines:
+        return Lines(self.points[which], self.directions[which])
+
+
+@dataclass(frozen=True)
+class Corner:
+    """A corner of the profile and the cylinder that rounds or fills it.
+
+    ``axis`` (3,) is a point of the cylinder's axis, m, and ``direction`` (3,) runs along
+    it outwards; ``first`` and ``last`` are the outward normals of the faces before and
+    after; ``radius`` is positive for a rounding and negative for a fillet, m.
     """
 
-    axis: NDArray[np.float64]
-    direction: NDArray[np.float64]
-    planes: tuple[Plane, ...]
+    axis: Vertices
+    direction: Vertices
+    first: Vertices
+    last: Vertices
+    radius: float
+
+    @cached_property
+    def arc(self) -> float:
+        """Angle between the normals of both faces, rad."""
+        return math.acos(float(self.first @ self.last))
+
+    def normals(self, shares: NDArray[np.float64]) -> Vertices:
+        """Return the outward normals (n, 3) at ``shares`` (0 to 1) of the arc."""
+        before, after = np.sin((1.0 - shares) * self.arc), np.sin(shares * self.arc)
+        both = before[:, None] * self.first + after[:, None] * self.last
+        return np.asarray(both / math.sin(self.arc))
+
+    @property
+    def planes(self) -> tuple[Plane, ...]:
+        """Planes that touch the cylinder between its two faces and stand out by ``DEVIATION``."""
+        widest = 2.0 * math.acos(self.radius / (self.radius + DEVIATION))
+        steps = max(2, math.ceil(self.arc / widest))
+        normals = self.normals(np.arange(1, steps) / steps)
+        return tuple(Plane(n, float(n @ self.axis) + self.radius) for n in normals)
+
+    def lines(self, segments: int) -> Lines:
+        """Return the lines of the arc in ``segments`` steps, or the sharp edge alone."""
+        steps = np.linspace(0.0, 1.0, segments + 1 if self.radius else 1)
+        points = self.axis + self.radius * self.normals(steps)
+        return Lines(points, np.broadcast_to(self.direction, points.shape))
 
 
-def rounded_edges(dog: Dog) -> tuple[Edge, Edge]:
-    """Return crest and braking edge, both rounded with the edge radius."""
-    planes = dog_planes(dog)
-    pairs = pairwise([planes["traction"], planes["face"], planes["braking"]])
-    crest, braking = (_edge(first, last, dog.edge_radius) for first, last in pairs)
-    return crest, braking
+def corner_of(first: Plane, last: Plane, radius: float) -> Corner:
+    """Return the corner between two faces, rounded with a radius (m), or filled with its negative.
 
-
-def edge_axis(first: Plane, last: Plane, radius: float) -> tuple[Vertices, Vertices]:
-    """Return point (3,) and outward direction (3,) of the axis that rounds the edge of two planes.
-
-    It is where both, moved in by the radius (m), meet; a negative radius fills the corner.
+    The axis is where both faces, moved in by the radius, meet.
     """
     along = np.cross(first.normal, last.normal)
     along *= math.copysign(1.0, along[0]) / float(np.linalg.norm(along))
     offsets = np.array([first.offset - radius, last.offset - radius, 0.0])
-    return np.linalg.solve(np.array([first.normal, last.normal, along]), offsets), along
+    axis = np.linalg.solve(np.array([first.normal, last.normal, along]), offsets)
+    return Corner(axis, along, first.normal, last.normal, radius)
 
 
-def _edge(first: Plane, last: Plane, radius: float) -> Edge:
-    axis, along = edge_axis(first, last, radius)
-    arc = math.acos(float(first.normal @ last.normal))
-    widest = 2.0 * math.acos(radius / (radius + DEVIATION))
-    steps = max(2, math.ceil(arc / widest))
-    shares = np.arange(1, steps) / steps
-    before, after = np.sin((1.0 - shares) * arc), np.sin(shares * arc)
-    normals = (before[:, None] * first.normal + after[:, None] * last.normal) / math.sin(arc)
-    return Edge(axis, along, tuple(Plane(n, float(n @ axis) + radius) for n in normals))
+def rounded_edges(dog: Dog) -> tuple[Corner, Corner]:
+    """Return crest and braking edge, both rounded with the edge radius."""
+    planes = dog_planes(dog)
+    pairs = pairwise([planes["traction"], planes["face"], planes["braking"]])
+    crest, braking = (corner_of(first, last, dog.edge_radius) for first, last in pairs)
+    return crest, braking
 
 
 def touching_planes(dog: Dog) -> tuple[Plane, ...]:
@@ -162,23 +184,6 @@ def touching_planes(dog: Dog) -> tuple[Plane, ...]:
 
 
 Face = tuple[int, ...]
-
-
-def skin_lines(dog: Dog) -> Vertices:
-    """Return the lines between surfaces that can touch, (m + 1, 2, 3), braking root first.
-
-    They end as those of a sharp dog (``mesh.rigid_dog``), at inner and outer radius along the
-    radial line of their flank.
-    """
-    root = dog_planes(dog)["root"]
-    around = [root, *touching_planes(dog)[::-1], root]
-    braking = 2 + len(rounded_edges(dog)[1].planes)  # lines up to the face, on that side
-    found = []
-    for place, (first, last) in enumerate(pairwise(around)):
-        along, _ = flank_line(dog, -1 if place < braking else +1)
-        ends = [Plane(along, radius) for radius in (dog.inner_radius, dog.outer_radius)]
-        found.append([meeting(first, last, end) for end in ends])
-    return np.array(found)
 
 
 def meeting(*planes: Plane) -> Vertices:
@@ -221,7 +226,7 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
     return vertices, cells
 
 
-def _axis(edge: Edge, ends: Sequence[Plane], radius: float) -> list[Vertices]:
+def _axis(edge: Corner, ends: Sequence[Plane], radius: float) -> list[Vertices]:
     """Return four points of an edge's axis: at the inner end, one radius within, so at the outer.
 
     Those within are as far from the skin as the axis is below it.
@@ -313,7 +318,15 @@ def rigid_dog(dog: Dog) -> Mesh:
     of either flank, so that flanks are parallelograms. Rounded edges have surfaces between.
     """
     if dog.edge_radius > 0.0:
-        return Mesh(skin_lines(dog).reshape(-1, 3), _in_triangles(touching_quads(dog)))
+        root = dog_planes(dog)["root"]
+        around = [root, *touching_planes(dog)[::-1], root]
+        braking = 2 + len(rounded_edges(dog)[1].planes)  # lines up to the face, on that side
+        lines = []
+        for place, (first, last) in enumerate(pairwise(around)):
+            along, _ = flank_line(dog, -1 if place < braking else +1)
+            ends = [Plane(along, radius) for radius in (dog.inner_radius, dog.outer_radius)]
+            lines += [meeting(first, last, end) for end in ends]
+        return Mesh(np.array(lines), _in_triangles(touching_quads(dog)))
     face = face_plane(dog)
     points = []
     for side, angle in ((-1, dog.braking), (+1, dog.traction)):

@@ -1,29 +1,17 @@
 r"""The clutch as a Drake multibody plant.
 
-World frame: z along the shaft, median plane of the output ring at z = 0. The
-sliding ring is turned over about x and starts at z = travel; its prismatic
-joint runs towards the output ring, its revolute joint turns about z.
+World frame: z along the shaft, median plane of the output ring at z = 0. The sliding ring is turned
+over about x and starts at z = travel. All dogs see the same contact while the rings stay coaxial,
+so one sliding dog with mass, inertia and forces over N moves as N do; it meets the whole output
+ring.
 
-All dogs see the same contact as long as the rings stay coaxial. So one dog on
-the sliding ring, with mass, inertia and force divided by N, moves as N dogs
-do; it meets the whole output ring, whose body carries 1/N of its inertia.
-Masses and forces of a mechanism are divided by N, too.
+An explicit scheme knows the dynamic coefficient alone, ``mu (2/pi) atan(v / stiction_velocity)``;
+``cenic`` falls from the static to it about ten stiction velocities, which Drake's contact port does
+not. With ``cenic`` the spline's torque comes from contact surfaces: over each triangle of area *A*
 
-Friction, as Drake's modes treat it: with an explicit scheme the continuous
-plant knows the dynamic coefficient alone and the law
-``mu (2/pi) atan(v / stiction_velocity)``; with ``cenic`` it falls from the static to
-the dynamic one about ten stiction velocities. ``solver_for`` chooses by the set.
-
-Friction of the spline needs the contact's torque on the sliding ring. Drake's contact port
-evaluates the law of its continuous plant, with the dynamic coefficient alone. ``cenic`` moves the
-rings by another one, so with that scheme the torque comes from Drake's contact surfaces: over each
-triangle with area *A*, normal *n* into the ring and pressure *p* at the centroid
-
-.. math:: f = A\,p\,(1 - D\,v_n)_+ \left(n - \mu(s)\,v_t/\sqrt{v_s^2 + v_t^2}\right), \qquad
-   \mu(s) = \mu_d + (\mu_s - \mu_d)\,\tfrac12 \left(1 - g(s - 10)/g(10)\right)
-
-with the ring's velocity against the other one, :math:`v_n = v \cdot n`, the slip :math:`v_t`,
-:math:`s = v_t/v_s` and :math:`g(x) = x/\sqrt{1 + x^2}`.
+.. math:: f = A\,p\,(1 - D\,v_n)_+ \left(n - \mu(s)\,v_t/\sqrt{v_s^2 + v_t^2}\right), \quad
+   \mu(s) = \mu_d + (\mu_s - \mu_d)\,\tfrac12 \left(1 - g(s - 10)/g(10)\right), \quad
+   s = v_t/v_s, \; g(x) = x/\sqrt{1 + x^2}.
 """
 
 from __future__ import annotations
@@ -52,11 +40,10 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.contact import ContactSet
+from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
+from dogshape.sim.shift.conclusion import states_held
 from dogshape.sim.shift.mechanism import Shaft
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
-from dogshape.sim.shift.release import release
 
 Floats = NDArray[np.float64]
 
@@ -76,40 +63,25 @@ def shafts_of(clutch: Clutch) -> dict[str, Shaft]:
 
 
 class _Forces(LeafSystem):  # type: ignore[misc]
-    """Forces of the actuators from the shift force, the state and the contact's torque."""
+    """Forces of the actuators from the shift force, the state and the contact's torque.
 
-    def __init__(self, plant: MultibodyPlant, clutch: Clutch, share: int) -> None:
+    ``order`` are the places of ``ClutchPlant.state`` in Drake's state, (12,).
+    """
+
+    def __init__(
+        self, plant: MultibodyPlant, clutch: Clutch, share: int, order: Sequence[int]
+    ) -> None:
         super().__init__()
         rings, mechanism = clutch.rings, clutch.mechanism
-        self._mechanism, self._share = mechanism, share
+        self._clutch, self._share, self._order = clutch, share, list(order)
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
         radius = clutch.dog.mean_radius
         self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia) * share
-        places = plant.num_positions()
-        joint = {n: plant.GetJointByName(n) for n in (SHIFT, SLIDING)}
-        self._way, self._turn = (joint[n].position_start() for n in (SHIFT, SLIDING))
-        self._rate = places + joint[SHIFT].velocity_start()
-        self._dragged = BEHIND[SLIDING] if mechanism.ring_inertia > 0.0 else SLIDING
-        self._spin = self._places(plant, self._dragged)[1]
-        self._torque = joint[SLIDING].velocity_start()
-        self._contact_set = clutch.contact
-        ring = plant.GetBodyByName("sliding_ring")
+        self._torque = plant.GetJointByName(SLIDING).velocity_start()
+        ring, actuators = plant.GetBodyByName("sliding_ring"), plant.GetJointActuatorIndices()
         self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
-        self._ring_rate, self._output_rate = (
-            self._places(plant, name)[1] for name in (SLIDING, OUTPUT)
-        )
-        if self._linkage is not None:
-            actuator = plant.GetJointByName(ACTUATOR)
-            self._far = actuator.position_start()
-            self._far_rate = places + actuator.velocity_start()
-        self._shafts = [
-            (ring, shaft, self._places(plant, ring), self._places(plant, BEHIND[ring]))
-            for ring, shaft in shafts_of(clutch).items()
-        ]
-        order = [
-            plant.get_joint_actuator(i).joint().name() for i in plant.GetJointActuatorIndices()
-        ]
-        self._slots = {name: order.index(name) for name in order}
+        self._joints = [plant.get_joint_actuator(i).joint().name() for i in actuators]
+        places = plant.num_positions()
         self.push = self.DeclareVectorInputPort("push", BasicVector(1))
         self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
         self.contact = None
@@ -119,49 +91,40 @@ class _Forces(LeafSystem):  # type: ignore[misc]
                 self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
             else:
                 self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
-        self.DeclareVectorOutputPort("forces", BasicVector(len(order)), self._calculate)
+        size = BasicVector(len(self._joints))
+        self.DeclareVectorOutputPort("forces", size, self._calculate)
 
-    @staticmethod
-    def _places(plant: MultibodyPlant, joint: str) -> tuple[int, int]:
-        """Find the places of a joint's angle and of its rate in the state."""
-        found = plant.GetJointByName(joint)
-        return found.position_start(), plant.num_positions() + found.velocity_start()
-
-    def _contact_torque(self, context: Context, state: list[float]) -> float:
+    def _contact_torque(self, context: Context, turn: float, speed: float) -> float:
         """Compute the contact's torque on one modelled sliding dog, N m; 0 where none is needed."""
         if self.shapes is not None:
-            turn = state[self._ring_rate] - state[self._output_rate]
             surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
                 geo.HydroelasticContactRepresentation.kTriangle
             )
-            speed = state[self._rate]
-            return ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
+            return ring_torque(surfaces, self._dogs, turn, speed, self._clutch.contact)
         if self.contact is not None:
             return float(self.contact.Eval(context)[self._torque])
         return 0.0
 
     def _calculate(self, context: Context, output: BasicVector) -> None:
-        state = self.state.Eval(context).tolist()
-        push = float(self.push.Eval(context)[0])
-        torque = self._contact_torque(context, state) * self._spline
-        mechanism, share = self._mechanism, self._share
-        drive, slots = push, self._slots
-        forces = [0.0] * len(slots)
-        for ring, shaft, (angle, rate), (far, far_rate) in self._shafts:
-            twist = shaft.torque(state[far] - state[angle], state[far_rate] - state[rate])
-            forces[slots[ring]] += twist / share
-            forces[slots[BEHIND[ring]]] -= twist / share
-            if ring == SLIDING:
-                torque = twist
+        state = self.state.Eval(context)[self._order].tolist()
+        push = drive = float(self.push.Eval(context)[0])
+        mechanism, share = self._clutch.mechanism, self._share
+        way, speed = state[1], state[4]
+        torque = self._contact_torque(context, state[5] - state[3], speed) * self._spline
+        forces = dict.fromkeys(self._joints, 0.0)
+        for ring, shaft in shafts_of(self._clutch).items():
+            angle, rate, far = (2, 5, 8) if ring == SLIDING else (0, 3, 10)
+            twist = shaft.torque(state[far] - state[angle], state[far + 1] - state[rate])
+            forces[ring] += twist / share
+            forces[BEHIND[ring]] -= twist / share
+            torque = twist if ring == SLIDING else torque
         if self._linkage is not None:
-            stretch = state[self._far] - state[self._way]
-            rate = state[self._far_rate] - state[self._rate]
-            drive = mechanism.pull(stretch, rate, *self._linkage) / share
-            forces[slots[ACTUATOR]] = push - drive
-        held = mechanism.resistance(state[self._way], state[self._rate], torque)
-        forces[slots[SHIFT]] = drive - held / share
-        forces[slots[self._dragged]] -= mechanism.drag(state[self._spin]) / share
-        output.SetFromVector(forces)
+            drive = mechanism.pull(state[6] - way, state[7] - speed, *self._linkage) / share
+            forces[ACTUATOR] = push - drive
+        forces[SHIFT] = drive - mechanism.resistance(way, speed, torque) / share
+        dragged = BEHIND[SLIDING] if mechanism.ring_inertia > 0.0 else SLIDING
+        forces[dragged] -= mechanism.drag(state[9]) / share
+        output.SetFromVector([forces[name] for name in self._joints])
 
 
 def ring_torque(
@@ -205,7 +168,6 @@ _MIDDLE = np.full(3, 1.0 / 3.0)  # of a triangle, in barycentric coordinates
 
 
 def _friction_over_slip(slip: Floats, contact: ContactSet) -> Floats:
-    """Compute the coefficient of friction by ``cenic`` over the slip, s/m; slip in m/s, (n,)."""
     static, dynamic = contact.static_friction, contact.dynamic_friction
     ratio = slip / contact.stiction_velocity
     late = ratio - 10.0
@@ -247,7 +209,6 @@ class ClutchPlant:
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
         self._columns = self._columns_of(shafts)
-        self.state_size = len(self._order)  #: numbers of a state
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
             self._add_forces(builder)
@@ -276,19 +237,12 @@ class ClutchPlant:
         )
         ApplySimulatorConfig(config, self.simulator)
         self._force.UpdateTrajectory(_trajectory(point.profile, self.share))
-        sliding = self.clutch.rings.initial_speed
-        output = sliding + point.mismatch
-        self.held = release(self.clutch, point.profile)
-        begin, way, speed = (
-            float(series[-1])
-            for series in (self.held.time, self.held.displacement, self.held.speed)
-        )
-        turned, led = sliding * begin, relative_angle + output * begin
-        state = [led, 0.0, turned, output, 0.0, sliding, way, speed, turned, sliding, led, output]
-        self.context.SetTime(begin)
+        self.held = states_held(self.clutch, point, relative_angle)
+        times, states = self.held
+        self.context.SetTime(float(times[-1]))
         values = np.zeros(2 * self.plant.num_positions())
         for column, place in self._columns.items():
-            values[place] = state[column]
+            values[place] = states[-1, column]
         self.plant.SetPositionsAndVelocities(self.plant_context, values)
         self.simulator.Initialize()
         return self.simulator
@@ -301,7 +255,7 @@ class ClutchPlant:
         there moves as the ring does.
         """
         state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
-        return state[self._order]
+        return state[self._order[: self.state_size]]
 
     def _columns_of(self, shafts: Mapping[str, Shaft]) -> dict[int, int]:
         """Find where Drake's state has each column of ours; sets the order of reading, too."""
@@ -313,22 +267,23 @@ class ClutchPlant:
         for name, place, rate in (*rings, *more):
             joint = self.plant.GetJointByName(name)
             found[place], found[rate] = joint.position_start(), behind + joint.velocity_start()
-        size = 12 if shafts else 6 + 2 * self.clutch.mechanism.has_linkage
+        #: numbers of a state
+        self.state_size = 12 if shafts else 6 + 2 * self.clutch.mechanism.has_linkage
         same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
-        self._order = [found.get(k, found[same.get(k, k)]) for k in range(size)]
+        self._order = [found.get(k, found[same.get(k, k)]) for k in range(12)]
         return found
 
     def _add_apart(
         self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str
     ) -> None:
-        """Add a body on a joint that has the body's name; it touches nothing."""
         plant, axis = self.plant, -_AXIS if name == ACTUATOR else _AXIS
         body = plant.AddRigidBody(name, tree.SpatialInertia(mass, np.zeros(3), shape))
         joint = joint_type(name, plant.world_frame(), body.body_frame(), axis, damping=0.0)
         plant.AddJointActuator(actuator, plant.AddJoint(joint))
 
     def _add_forces(self, builder: DiagramBuilder) -> None:
-        plant, forces = self.plant, builder.AddSystem(_Forces(self.plant, self.clutch, self.share))
+        plant = self.plant
+        forces = builder.AddSystem(_Forces(plant, self.clutch, self.share, self._order))
         builder.Connect(self._force.get_output_port(), forces.push)
         builder.Connect(plant.get_state_output_port(), forces.state)
         if forces.shapes is not None:
@@ -450,6 +405,5 @@ def _ring_inertia(mass: float, polar: float) -> tree.SpatialInertia:
 
 
 def _trajectory(profile: ForceProfile, share: int) -> PiecewisePolynomial:
-    """Return the shift force of one modelled dog; Drake holds the last value beyond."""
     times, values, slopes = profile.knots()
     return PiecewisePolynomial.CubicHermite(times, values[None] / share, slopes[None] / share)

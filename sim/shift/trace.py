@@ -81,7 +81,6 @@ def shaft_torques(clutch: Clutch, state: Series) -> tuple[Series | None, Series 
 
 
 def _through(shaft: Shaft, state: Series) -> Series:
-    """Return the torque that the spline hands on to the sliding ring, N m, (n,)."""
     return shaft.torque(state[:, 8] - state[:, 2], state[:, 9] - state[:, 5])
 
 
@@ -99,7 +98,6 @@ def _middles(state: Series, steps: Series) -> Series:
 
 
 def _simpson(values: list[Series]) -> Series:
-    """Return the mean over a step from values at its start, middle and end."""
     start, middle, end = values
     return (start + 4.0 * middle + end) / 6.0
 

@@ -15,7 +15,6 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -31,7 +30,7 @@ from dogshape.sim.statistics.shift_records import (
 )
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import MM, RPM
-from dogshape.sim.versions import versions
+from dogshape.sim.versions import engine
 
 
 @dataclass(frozen=True)
@@ -186,34 +185,30 @@ def shaft_record(trace: Trace) -> Record:
     }
 
 
-def shift_record(result: Engagement, given: Record, key: str) -> Record:
-    """Return one shift as a flat record: its ``key``, the inputs ``given``, result and versions."""
-    linked = result.clutch.mechanism.has_linkage
-    return {
-        "key": key,
-        **given,
-        "outcome": result.outcome.value,
-        "shift_time_s": result.shift_time,
-        **({"actuator_time_s": result.actuator_time} if linked else {}),
-        **shaft_record(result.trace),
-        **events_record(result),
-        **loads_record(result),
-        "steps": result.steps,
-        "evaluations": result.evaluations,
-        **({"reason": result.detail} if result.outcome is Outcome.DIVERGED else {}),
-        "dogshape": versions()["dogshape"],
-        "drake": versions()["drake"],
-    }
-
-
 def run_block(block: Block) -> Iterator[Record]:
-    """Simulate the shifts of a block one after the other and yield their records."""
+    """Simulate the shifts of a block and yield each as a flat record: inputs, result, versions."""
     asked = zip(block.angles, block.each_variant, block.inputs, block.keys, strict=True)
     for angle, variant, given, key in asked:
         clutch, point = block.clutch, block.point
         if variant is not None:
             clutch, point = variant.clutch(clutch), variant.point(point)
-        yield {**shift_record(engage(clutch, point, angle), given, key), "seed": block.seed}
+        result = engage(clutch, point, angle)
+        linked = clutch.mechanism.has_linkage
+        yield {
+            "key": key,
+            **given,
+            "outcome": result.outcome.value,
+            "shift_time_s": result.shift_time,
+            **({"actuator_time_s": result.actuator_time} if linked else {}),
+            **shaft_record(result.trace),
+            **events_record(result),
+            **loads_record(result),
+            "steps": result.steps,
+            "evaluations": result.evaluations,
+            **({"reason": result.detail} if result.outcome is Outcome.DIVERGED else {}),
+            **engine(),
+            "seed": block.seed,
+        }
 
 
 CHECKED, LEAST = 8, 4  #: one shift in so many is repeated, and at least so many
@@ -236,37 +231,21 @@ def numerical_error(
     standard error are added as squares. A shift that does not engage counts with the
     time-out. NaN for a single shift.
     """
-    apart, which = numerical_differences(blocks, rows, run)
-    number = apart.size
+    shifts = [(k, place, row) for k, mine in enumerate(rows) for place, row in enumerate(mine)]
+    number = repeated(len(shifts))
+    drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
+    chosen = [shifts[k] for k in sorted(drawn.tolist())]
+    fine = run([blocks[k].refined(place) for k, place, _ in chosen])
     if number < 2:
         return math.nan
-    weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k in which])
+    timeout = blocks[0].clutch.timeout
+    pairs = zip((row for *_, row in chosen), fine, strict=True)
+    apart = np.array([_time(row, timeout) - _time(again[0], timeout) for row, again in pairs])
+    weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k, *_ in chosen])
     weights /= weights.sum()
     mean = float(weights @ apart)
     scatter = float(weights**2 @ (apart - mean) ** 2) * number / (number - 1)
     return math.sqrt(mean**2 + scatter)
-
-
-def numerical_differences(
-    blocks: Sequence[Block], rows: Sequence[Sequence[Record]], run: Runner
-) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Compute changes of some shift times by a smaller tolerance, s, and their blocks, (k,) each.
-
-    The shifts are repeated as for ``numerical_error``.
-    """
-    shifts = [
-        (which, place, row) for which, mine in enumerate(rows) for place, row in enumerate(mine)
-    ]
-    number = repeated(len(shifts))
-    drawn = np.random.default_rng(len(shifts)).permutation(len(shifts))[:number]
-    chosen = [shifts[k] for k in sorted(drawn.tolist())]
-    fine = run([blocks[which].refined(place) for which, place, _ in chosen])
-    timeout = blocks[0].clutch.timeout
-    pairs = zip(chosen, fine, strict=True)
-    apart = np.array(
-        [_time(row, timeout) - _time(again[0], timeout) for (_, _, row), again in pairs]
-    )
-    return apart, np.array([which for which, _, _ in chosen])
 
 
 def _time(row: Record, timeout: float) -> float:

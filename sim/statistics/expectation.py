@@ -1,53 +1,17 @@
-r"""Expected shift time over the random relative angle and the operating points.
+r"""Expected shift time over the random relative angle and the operating points, and other numbers.
 
-The angle is uniform over one pitch. It is sampled at *n* evenly spaced angles with a random start.
-The start is drawn once for each operating point and is common to all designs, so that designs
-differ by their shape, not by luck. The mean is unbiased; on the times of the prototype its error is
-a third of that of as many random angles at *n* = 8, and it falls as 1/n instead of its root.
+The angle is uniform over one pitch, sampled at *n* even angles with a random start that is common
+to all designs. A shift that does not engage is tried again; with the share *p* that engages
 
-A shift that does not engage is tried again after the time-out and a
-retraction. With *p* the share that engages,
+.. math:: E = E[t | engaged] + \frac{1-p}{p} (t_{timeout} + t_{retraction}), \qquad
+   s^2 = \frac{\sum d_k^2}{12 n^2} + \frac{5 \hat\sigma^2}{6 n}, \quad
+   \hat\sigma^2 = \max(0, -\overline{d_k d_{k+1}}),
 
-.. math:: E = E[t | engaged] + \frac{1-p}{p} (t_{timeout} + t_{retraction}).
-
-The standard error comes from differences :math:`d_k = t_{k+1} - t_k` round the
-pitch. Times run in slopes with a few jumps. A saw-tooth of height H alone gives a
-variance of :math:`H^2/(12 n^2) = \sum d_k^2/(12 n^2)`; scatter :math:`\sigma` from
-angle to angle gives :math:`\sigma^2/n` and shows in the product of neighbouring
-differences, of which it makes the mean :math:`-\sigma^2`:
-
-.. math:: s^2 = \frac{\sum d_k^2}{12 n^2} + \frac{5 \hat\sigma^2}{6 n}, \qquad
-   \hat\sigma^2 = \max(0, -\overline{d_k d_{k+1}}).
-
-Both cases come out right; on the prototype's times it is 1.0 to 1.8 times the
-scatter at 6 to 24 angles (Wolter 2007, ch. 8, for such estimators).
-
-Where fewer than ``LEAST_ENGAGED`` of the shifts of an operating point engage, :math:`(1-p)/p` is
-above one: the time-out and the number of angles make the mean, not the dogs. Such a clutch has no
-expected shift time (``time``); its share engaged says what there is to say. ``mean`` stays what the
-formula gives, for what learns from it.
-
-Other numbers of the mix of all shifts, each with its standard error:
-
-**Mean** of a quantity over the mix: the weighted mean of the operating points' means, with the
-standard error of evenly spaced angles at each (``sim.statistics.expectation``). A time has a value
-even where the integration of every shift failed, since such a shift counts as one that did not
-engage; what a failed shift struck nobody knows, so there a mean is NaN and not a number that looks
-gentle.
-
-**Quantile** of a single shift's time. A shift that does not engage is tried again after time-out
-and retraction, at a new relative angle, until it engages. With the share *p* that engages at an
-operating point, its time is :math:`t + k (t_{timeout} + t_{retraction})` with probability
-:math:`p (1-p)^k` for each time *t* of those that engaged, which has the mean of the expected shift
-time. Where none engages, *p* is 1/(n + 1) and *t* the time-out, as there. All these times with
-their weights make a distribution; a time stands in the middle of its weight, and between two the
-quantile runs straight.
-
-Its standard error is Woodruff's (1952): the share of shifts below the quantile is a mean, whose
-standard error *s* is found as that of any mean over even angles; the quantiles at q - s and
-q + s lie two standard errors apart. Beyond the largest time nothing is known, so a
-share above that makes the interval narrower; where less than half a standard error is left of its
-upper part, the lower one stands for both.
+:math:`d_k` being differences round the pitch: the variance of a saw-tooth and of scatter (Wolter
+2007, ch. 8). Where fewer than ``LEAST_ENGAGED`` engage there is no expected time; ``mean`` stays
+for what learns from it. A quantile of a single shift's time takes :math:`t + k (t_{timeout} +
+t_{retraction})` with probability :math:`p (1-p)^k`; its error is Woodruff's (1952), from the
+quantiles at the share plus and minus its own standard error.
 """
 
 from __future__ import annotations
@@ -351,3 +315,54 @@ def _retried(
         sizes=sizes,
         count=count,
     )
+
+
+def halves(phases: Values, times: Values, count: int) -> Values:
+    r"""Return the middles of the ``count`` intervals in which the time most likely jumps, (count,).
+
+    With neighbours that go on as their slopes do, the jump in an interval of width :math:`h_k` and
+    difference :math:`d_k` is :math:`r_k = \sqrt{|d_k - h_k d_{k-1}/h_{k-1}|\,|d_k - h_k
+    d_{k+1}/h_{k+1}|}`; the largest :math:`h_k r_k` count.
+
+    ``phases`` (n,) are fractions of a pitch in [0, 1), in any order, ``times`` (n,) those of the
+    shifts, s, NaN where one did not engage. Fewer than ``count`` where there are fewer intervals.
+    """
+    places, widths, values = _round_the_pitch(phases, times)
+    below, above = _jumps(widths, values)
+    worth = widths * np.sqrt(below * above)
+    chosen = np.sort(np.argsort(-worth, kind="stable")[:count])
+    return (places[chosen] + 0.5 * widths[chosen]) % 1.0
+
+
+def mean_round_the_pitch(phases: Values, times: Values) -> tuple[float, float]:
+    r"""Return the mean of the times over one pitch, s, and its variance, s2.
+
+    By the trapezoidal rule (Davis & Rabinowitz 1984, ch. 6); a jump anywhere in its interval leaves
+    :math:`s^2 = \sum_k h_k^2 \rho_k^2/12`, :math:`\rho_k` the smaller factor of :math:`r_k`. A
+    shift that does not engage stands for the next one below it that does. Arguments as for
+    ``halves``; NaN both where no shift engaged.
+    """
+    _, widths, values = _round_the_pitch(phases, times)
+    below, above = _jumps(widths, values)
+    mean = float(widths @ (values[:-1] + values[1:])) / 2.0
+    return mean, float(widths**2 @ np.minimum(below, above) ** 2) / 12.0
+
+
+def _round_the_pitch(phases: Values, times: Values) -> tuple[Values, Values, Values]:
+    """Return the phases in their order (n,), the intervals' widths (n,) and times (n + 1,)."""
+    order = np.argsort(phases, kind="stable")
+    places, values = phases[order], times[order]
+    engaged = np.isfinite(values)
+    if engaged.any():
+        last = np.maximum.accumulate(np.where(engaged, np.arange(len(values)), -1))
+        values = values[np.where(last < 0, np.flatnonzero(engaged)[-1], last)]
+    widths = np.diff(places, append=places[:1] + 1.0)
+    return places, widths, np.append(values, values[0])
+
+
+def _jumps(widths: Values, values: Values) -> tuple[Values, Values]:
+    differences = np.diff(values)
+    slopes = differences / widths
+    below = np.abs(differences - widths * np.roll(slopes, 1))
+    above = np.abs(differences - widths * np.roll(slopes, -1))
+    return below, above

@@ -10,13 +10,14 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
-from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
+from dogshape.sim.errors import ranges_of
+from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, ContactSet, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, depends_on_clock
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
-from dogshape.sim.units import DEG, MM, RPM
+from dogshape.sim.units import DEG, MM, RPM, from_si
 
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
@@ -45,11 +46,7 @@ def clutch_record(clutch: Clutch) -> Record:
         "output_inertia_kgm2": rings.output_inertia,
         "initial_speed_rpm": rings.initial_speed / RPM,
         "contact_set": contact.name,
-        "static_friction": contact.static_friction,
-        "dynamic_friction": contact.dynamic_friction,
-        "stiction_velocity_m_s": contact.stiction_velocity,
-        "stiffness_Pa_m": contact.stiffness,
-        "dissipation_s_m": contact.dissipation,
+        **{of.key: from_si(of.key, getattr(contact, n)) for n, of in ranges_of(ContactSet).items()},
         "timeout_s": clutch.timeout,
         "seated_tolerance_mm": clutch.seated_tolerance / MM,
         "rebound_mm": clutch.rebound / MM,

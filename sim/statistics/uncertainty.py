@@ -1,40 +1,21 @@
-r"""Quantities that differ from shift to shift: friction, dissipation, shift force, inertia.
+"""Quantities that differ from shift to shift: friction, dissipation, shift force, inertia.
 
-Each is a factor on its nominal value with a distribution of its own. The relative angle is
-uncertain already and sampled evenly; the factors are further dimensions of the same sample. The
-*n* shifts of an operating point have the *n* even angles, each with one draw of the factors, so
-that uncertainty costs no shift more. Draws are the same for all designs: designs differ by their
-shape and not by their luck. The mean is unbiased, since every draw has the right distribution
-and does not know its angle.
+Each is a factor on its nominal value. The *n* shifts of an operating point have the *n* even
+angles, each with one independent draw of the factors, the same for all designs: the mean is
+unbiased, and its standard error takes the factors for scatter from angle to angle. Where the number
+of angles is doubled, every angle that was there keeps its factors.
 
-The standard error over even angles (``sim.statistics.expectation``) takes the factors for scatter
-from angle to angle, which is right for draws that are independent of each other. A Sobol sequence
-over the factors, dealt to the angles, would leave 2 to 10 % less scatter of the mean (planar shifts
-at twelve and six angles). But its standard error would be up to five times too large where a factor
-alone decides.
-
-Finer draws hold coarser ones: where the number of angles is doubled, every angle that was there
-keeps its factors, and its shift need not be simulated again.
-
-Distributions by name, with truncation:
-
-``normal``
-    mean :math:`\mu`, standard deviation :math:`\sigma`.
-``uniform``
-    between low and high.
-``lognormal``
-    median *m* and factor *k*: two values of three lie between m/k and m k
-    (:math:`\sigma = \ln k` of the logarithm).
-``triangular``
-    between low and high with the peak at the mode.
-
-``low`` and ``high`` cut off a normal or lognormal: with distribution function *F* the value at
-the share *u* is :math:`F^{-1}(F(low) + u (F(high) - F(low)))`.
+Distributions: ``normal`` (mean, sd), ``uniform`` (low, high), ``triangular`` (low, mode, high),
+``lognormal`` (median *m*, factor *k*: two values of three lie between m/k and m k). ``low`` and
+``high`` cut off a normal or lognormal: the value at the share *u* is :math:`F^{-1}(F(low) + u
+(F(high) - F(low)))`.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -54,6 +35,7 @@ NEEDS = {
     "lognormal": ("median", "factor"),
     "triangular": ("low", "mode", "high"),
 }
+CUT = ("normal", "lognormal")  #: distributions that low and high may truncate
 LEAST = 1e-3  #: share of a distribution that a truncation must leave
 
 
@@ -79,53 +61,42 @@ class Distribution:
     high: float | None = None
 
     def __post_init__(self) -> None:
-        if self.kind not in NEEDS:
-            hint = did_you_mean(self.kind, NEEDS)
-            raise InputError(
-                f"{self.key}.distribution is '{self.kind}', which is not a distribution; {hint}"
-            )
-        self._require_names()
-        self._require_values()
-        if self._share_kept() < LEAST:
-            raise InputError(
-                f"{self.key}: next to nothing of the {self.kind} distribution lies between its "
-                "low and high; widen them"
-            )
+        for fault in itertools.chain(self._wrong_names(), self._wrong_values()):
+            raise InputError(f"{self.key}{fault}")
 
-    def _require_names(self) -> None:
-        needed = NEEDS[self.kind]
-        allowed = {*needed, *(("low", "high") if self.kind in ("normal", "lognormal") else ())}
+    def _wrong_names(self) -> Iterator[str]:
+        kind, given = self.kind, self.given
+        if kind not in NEEDS:
+            hint = did_you_mean(kind, NEEDS)
+            yield f".distribution is '{kind}', which is not a distribution; {hint}"
+        needed, ends = NEEDS[kind], ("low", "high") if kind in CUT else ()
         for name in needed:
-            if name not in self.given:
+            if name not in given:
                 whole = ", ".join(needed)
-                raise InputError(
-                    f"{self.key} lacks '{name}': a {self.kind} distribution needs {whole}; add it"
-                )
-        for name, value in self.given.items():
-            if name not in allowed:
-                raise InputError(
-                    f"{self.key}.{name} is nothing that a {self.kind} distribution has; remove it"
-                )
+                yield f" lacks '{name}': a {kind} distribution needs {whole}; add it"
+        for name, value in given.items():
+            if name not in (*needed, *ends):
+                yield f".{name} is nothing that a {kind} distribution has; remove it"
             if not math.isfinite(value):
-                raise InputError(f"{self.key}.{name} is {value}, but it must be finite; correct it")
+                yield f".{name} is {value}, but it must be finite; correct it"
 
-    def _require_values(self) -> None:
-        low, high = self.bounds
+    def _wrong_values(self) -> Iterator[str]:
+        given, (low, high) = self.given, self.bounds
         if not low < high:
-            raise InputError(
-                f"{self.key}.low is {low:.6g}, but it must lie below high = {high:.6g}; "
-                "exchange or correct them"
-            )
+            rule = f"it must lie below high = {high:.6g}; exchange or correct them"
+            yield f".low is {low:.6g}, but {rule}"
         if self.mode is not None and not low <= self.mode <= high:
-            raise InputError(
-                f"{self.key}.mode is {self.mode:.6g}, but it must lie between low = {low:.6g} "
-                f"and high = {high:.6g}; correct it"
-            )
+            rule = f"it must lie between low = {low:.6g} and high = {high:.6g}; correct it"
+            yield f".mode is {self.mode:.6g}, but {rule}"
         for name, least in (("sd", 0.0), ("median", 0.0), ("factor", 1.0)):
-            value = self.given.get(name)
-            if value is not None and value <= least:
-                rule = f"it must be more than {least:.6g}"
-                raise InputError(f"{self.key}.{name} is {value:.6g}, but {rule}; correct it")
+            if name in given and given[name] <= least:
+                rule = f"it must be more than {least:.6g}; correct it"
+                yield f".{name} is {given[name]:.6g}, but {rule}"
+        if self.kind in CUT and not {"low", "high"}.isdisjoint(given):
+            below, above = self._curve().cdf(self.bounds)
+            if above - below < LEAST:
+                what = f"next to nothing of the {self.kind} distribution"
+                yield f": {what} lies between its low and high; widen them"
 
     @property
     def given(self) -> dict[str, float]:
@@ -152,14 +123,6 @@ class Distribution:
         low, high = curve.cdf(self.bounds)
         values: Values = curve.ppf(low + shares * (high - low))
         return np.clip(values, *self.bounds)
-
-    def _share_kept(self) -> float:
-        if self.low is None and self.high is None:
-            return 1.0
-        if self.kind in ("uniform", "triangular"):
-            return 1.0
-        low, high = self._curve().cdf(self.bounds)
-        return float(high - low)
 
     def _curve(self) -> Any:
         """Return the distribution without its truncation, as scipy has it."""
@@ -257,10 +220,6 @@ class Uncertainty:
         """The distributions in words, by their keys."""
         return tuple((_name(one), one.text) for one in self.distributions)
 
-    def of(self, name: str) -> Distribution | None:
-        """Return the distribution of a factor; None for one that is certain."""
-        return next((one for one in self.distributions if _name(one) == name), None)
-
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a factor."""
         found = [one.bounds for one in self.distributions if _name(one) == name]
@@ -281,18 +240,12 @@ class Uncertainty:
             for one, column in zip(self.distributions, shares.T, strict=True)
         }
         factors = np.column_stack([drawn.get(name, np.ones(count)) for name in FACTORS])
-        source = self.source  # in words, alike for all
-        return tuple(self._variant(point, row, source) for row in factors)
-
-    def _variant(
-        self, point: OperatingPoint, factors: Values, source: tuple[tuple[str, str], ...]
-    ) -> Variant:
-        friction, force, inertia, dissipation = (float(factor) for factor in factors)
-        profile = point.profile
-        rise = profile.rise
-        if self.rise.gives(profile):  # a rise time that was given by hand stays
-            rise = self.rise.profile(profile.force * force).rise
-        return Variant(friction, force, inertia, rise, source, dissipation)
+        source, profile, found = self.source, point.profile, []
+        by_table = self.rise.gives(profile)  # a rise time that was given by hand stays
+        for friction, force, inertia, dissipation in factors.tolist():
+            rise = self.rise.profile(profile.force * force).rise if by_table else profile.rise
+            found.append(Variant(friction, force, inertia, rise, source, dissipation))
+        return tuple(found)
 
 
 def draw_order(count: int, seed: int, index: int, base: int | None = None) -> Order:

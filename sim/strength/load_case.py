@@ -1,85 +1,21 @@
-r"""The load case of a design, and what it puts on one dog.
+r"""The load case of a design, and what it puts on one dog: :math:`F = K_A T/(r N K_s)`.
 
-The torque turns both ways, each flank having its own. With load sharing :math:`K_s`
-(share of the dogs that carry) and application factor :math:`K_A` the most loaded dog
-takes the tangential force :math:`F = K_A T / (r N K_s)`.
+*Load height* 0.9: a flank is stiff against tilt, and 0.25 degrees move the resultant from 0.5 there
+(``tests/verification/flank_model.py``). *Coast*: a petrol engine brakes with 0.25 to 0.4 of its
+torque (Heywood 1988, 13.6). Reversed bending endures 0.7 (ISO 6336-5).
 
-Where it acts. Were both rings and what holds them alike, a perfect pair would be symmetric
-about the median plane and the resultant of the flank's pressure lie at half the height
-that touches, load height 0.5. Flanks out of angle move it to one end, and a flank is stiff
-against tilt: plane finite elements of two prototype dogs at 417 N/mm give 0.61, 0.71, 0.89
-and 0.95 for 0.05, 0.10, 0.25 and 0.50 degrees between the flanks
-(``tests/verification/flank_model.py``). Flanks made to 0.25 degrees thus carry near an edge, on one
-ring near its tip: 0.9 is the default. Run-in rings come closer to 0.5; 1 is the edge alone.
-
-Every shift loads a flank once to the design torque and, when the vehicle coasts, the
-other; a root that is bent both ways endures 0.7 of a pulsating load (ISO 6336-5). Safety
-against fatigue is 1.2, usual for vehicle gearboxes.
-
-A load sharing of 0.5 asks for pitch errors about as small as the dogs give under load, 8 to
-17 um for the prototype (the same finite elements); new rings out by more carry on fewer dogs
-until they have bedded in. So the share falls with the number of dogs: given an accuracy class of
-ISO 1328-1 or the standard deviation of the pitch, it follows from both in place of the fixed one.
-
-*Coast*. The braking flank carries the share :math:`c` of the torque, :math:`c K_A T`. What a petrol
-engine brakes with is its motored friction, 1.9 bar at 3000 and 3.0 bar at 5000 1/min (Heywood,
-*Internal Combustion Engine Fundamentals*, 1988, equation 13.6), and half a bar of throttled intake,
-against 8.5 to 10.5 bar at full load: 0.25 to 0.4. A supercharged engine has half of that, an
-electric machine that recuperates up to 1, which is the default.
-
-Sources: Naunheimer et al., *Automotive Transmissions*, 2011 (application factor);
-DIN 5466-1 (load sharing). The MQ200 is rated at 200 N m and its dog ring turns at
-input speed.
-
-*Springs.* Each pair of dogs is a spring of stiffness *c* that touches when the rings have turned by
-its gap :math:`g_i` (along the circumference); gaps are independent, normal, with standard deviation
-:math:`\sigma`. Under the force *F* the rings approach by *d*, where
-:math:`\sum_i c\,(d - g_i)_+ = F`. The most loaded dog takes :math:`c\,(d - g_{min})`, and
-
-.. math:: K_s = \frac{F/N}{\overline{c\,(d - g_{min})}}
-
-is the equal share over what it takes in the mean of ``SAMPLES`` pairs of rings. It depends on *N*
-and :math:`\sigma c N/F` alone. One dog or perfect ones: 1. For two, :math:`z = |g_1 - g_2|` is
-half-normal and the larger load is :math:`\min(F, (F + c z)/2)`. Bedding-in
-is not in it.
-
-*Landing.* Faces that fly at each other with the energy :math:`\tfrac12 N c\,\delta_0^2`, which
-peaks at :math:`F_0 = c\,\delta_0` a dog where all land at once, peak at
-:math:`c\,(\delta - h_{min})` on the foremost dog, where :math:`\tfrac12 \sum_i c\,(\delta -
-h_i)_+^2` is that energy. Its ratio to :math:`F_0` is :math:`1/\sqrt{K_l}`, :math:`K_l` being the
-share of the dogs that would land alike: near 1/N for a slow landing, near 1 for a hard one.
-
-*Slow errors.* Around rings that run out of true the gaps have a wave beside their scatter,
-:math:`a \cos(2\pi i/N + \varphi)` with a phase from pair to pair. Flanks: a total radial run-out
-*t* that the play of the ring does not take makes *a = t/2*. Faces: rings tilted against each other
-by :math:`\psi` make :math:`a = r_m \psi`. Where all dogs of perfect pitch touch, and :math:`F/N` is
-approached by 1, the most loaded is approached by
-
-.. math:: 1 + a\,\mathrm{E} \quad \text{(load)}, \qquad
-   \sqrt{1 - a^2/2} + a\,\mathrm{E} \quad \text{(landing)}, \qquad
-   \mathrm{E} = \frac{N}{\pi} \sin\frac{\pi}{N}.
-
-A tilted ring lands on the few dogs of one side before it is thrown parallel: the share is that of
-its first blow, with the moving mass as a whole behind it (an upper bound: it can turn away).
-
-*Accuracy.* ISO 1328-1:2013, formula 5: single pitch tolerance of class *A*
-
-.. math:: f_{pT} = (0.001\,d + 0.4\,m + 5)\,\sqrt 2^{\,A - 5} \quad \text{um},
-   \qquad d, m = d/N \text{ in mm},
-
-taken as three standard deviations of the single pitch deviation of a ring. That is the difference
-of two neighbouring flanks, as a gap is the difference of a flank of either ring: with flanks that
-scatter alike and independently, both have the same standard deviation. Faces are cut with the
-flanks and taken to scatter as much along the shaft (an assumption).
-
-*Stiffness.* 25 N/(mm um) of the dogs' radial width where none is given: plane finite elements of
-two prototype dogs approach by 11.9 to 16.9 um under 417 N/mm, finer ones by 6.1 to 8.7 um under
-184 N/mm (``tests/verification/flank_model.py``), which is 21 to 35 N/(mm um).
+*Springs*: pairs of dogs of stiffness *c* touch at normal gaps :math:`g_i`; under *F* the rings
+approach by *d*, :math:`\sum c (d - g_i)_+ = F`, and :math:`K_s = (F/N)/\overline{c (d - g_{min})}`
+over ``SAMPLES`` pairs. *Landing*: the energy :math:`\tfrac12 N c \delta_0^2` is taken by the
+foremost dogs; the peak over :math:`c \delta_0` is :math:`1/\sqrt{K_l}`. *Slow errors*: run-out *t*
+adds a wave of amplitude *t/2* to the gaps of flanks, tilt :math:`\psi` one of :math:`r_m \psi` to
+faces. *Accuracy*: :math:`f_{pT} = (0.001 d + 0.4 d/N + 5) \sqrt 2^{A - 5}` um, *d* in mm (ISO
+1328-1:2013), is three standard deviations. *c*: 25 N/(mm um) of radial width. Sources: Naunheimer
+2011 (:math:`K_A`), DIN 5466-1.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
@@ -88,17 +24,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.elementwise import each
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
 from dogshape.sim.shift.geometry import Dog, Flank
 from dogshape.sim.shift.mechanism import NOTHING
-from dogshape.sim.units import MM, from_si
+from dogshape.sim.units import MM
 
 SAMPLES = 4096  #: pairs of rings; the mean is known to half a percent
 SEED = 20261123
 STIFFNESS = 25e9  #: N/m of a pair of dogs per m of their radial width
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
 MICRON = 1e-6
-STEP = 0.02  #: of the logarithm of a scatter, between kept values
 
 Floats = NDArray[np.float64]
 
@@ -121,20 +56,6 @@ def load_share(count: int, scatter: float, wave: float = 0.0) -> float:
         *_gaps(count, scatter, wave), lambda touching, total, _: (count + total) / touching
     )
     return float(1.0 / approach.mean())
-
-
-def neighbour_share(count: int, scatter: float) -> float:
-    """Return the load sharing between two kept values, right to 1e-4.
-
-    For thousands of clutches that differ by their tolerances: they share the values at both ends of
-    a step of 2 %.
-    """
-    if scatter <= 0.0:
-        return load_share(count, 0.0)
-    place = math.log(scatter) / STEP
-    low, high = (math.exp(STEP * end) for end in (math.floor(place), math.floor(place) + 1))
-    one, other = load_share(count, low), load_share(count, high)
-    return one + (other - one) * (scatter - low) / (high - low)
 
 
 @lru_cache(maxsize=2**16)  # designs of a search have thousands of landings, many of them alike
@@ -183,7 +104,6 @@ def _drawn(count: int) -> tuple[Floats, Floats]:
 
 
 def _from_foremost(gaps: Floats) -> Floats:
-    """Order gaps (samples, count) and take them from the smallest, (count, samples)."""
     ordered = np.ascontiguousarray(np.sort(gaps, axis=1).T)
     return ordered - ordered[0]
 
@@ -242,62 +162,36 @@ class LoadCase:
     spline_friction, spline_radius : of the toothing that the ring sits on, the latter in m.
     landing_share : share of shifts that may land harder than the checks take
         (``sim.strength.landing``); None for the hardest of those simulated.
-    edge_bed : stiffness of the simulated contact, Pa/m, whose blows on edges are taken by a line
-        contact of steel (``sim.strength.landing``); None for the simulated load itself.
     """
 
-    torque: float = 200.0
-    application_factor: float = 1.5
-    load_sharing: float = 0.5
-    load_height: float = 0.9
-    safety: float = 1.2
-    safety_fatigue: float = 1.2
-    shifts: float = 1e5
-    reversal: float = 0.7
-    friction_release: float = 0.12
-    friction_hold: float = 0.05
-    separating_force_limit: float = 5000.0
+    torque: float = within("torque_Nm", 1e-3, 1e5, 200.0)
+    application_factor: float = within("application_factor", 0.5, 10.0, 1.5)
+    load_sharing: float = within("load_sharing", 0.01, 1.0, 0.5)
+    load_height: float = within("load_height", 0.5, 1.0, 0.9)
+    safety: float = within("safety", 1.0, 10.0, 1.2)
+    safety_fatigue: float = within("safety_fatigue", 1.0, 10.0, 1.2)
+    shifts: float = within("shifts", 1.0, 1e12, 1e5)
+    reversal: float = within("reversal", 0.1, 1.0, 0.7)
+    friction_release: float = within("friction_release", 0.0, 1.0, 0.12)
+    friction_hold: float = within("friction_hold", 0.0, 1.0, 0.05)
+    separating_force_limit: float = within("separating_force_limit_N", 1.0, 1e6, 5000.0)
     vibration_force: float = 0.0
-    coast_share: float = 1.0
-    pull_out_force_limit: float | None = None
+    coast_share: float = within("coast_share", 0.0, 1.0, 1.0)
+    pull_out_force_limit: float | None = within("pull_out_force_limit_N", 1.0, 1e6, None)
     release_by_itself: bool = True
     spectrum: tuple[tuple[float, float], ...] = ()
-    abuse_torque: float | None = None
-    accuracy: int | None = None
-    pitch_sd: float | None = None
-    run_out: float = 0.0
-    tilt: float = 0.0
-    dog_stiffness: float | None = None
+    abuse_torque: float | None = within("abuse_torque_Nm", 1e-3, 1e6, None)
+    accuracy: int | None = within("accuracy", 1, 11, None)
+    pitch_sd: float | None = within("pitch_sd_um", 0.0, 1000.0, None)
+    run_out: float = within("run_out_um", 0.0, 1000.0, 0.0)
+    tilt: float = within("tilt_mrad", 0.0, 50.0, 0.0)
+    dog_stiffness: float | None = within("dog_stiffness_N_um", 0.1, 1e5, None)
     spline_friction: float = NOTHING.spline_friction
     spline_radius: float = NOTHING.spline_radius
-    landing_share: float | None = None
-    edge_bed: float | None = None
+    landing_share: float | None = within("landing_share", 1e-4, 0.5, None)
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("torque_Nm", self.torque, 1e-3, 1e5),
-            ("application_factor", self.application_factor, 0.5, 10.0),
-            ("load_sharing", self.load_sharing, 0.01, 1.0),
-            ("load_height", self.load_height, 0.5, 1.0),
-            ("safety", self.safety, 1.0, 10.0),
-            ("safety_fatigue", self.safety_fatigue, 1.0, 10.0),
-            ("shifts", self.shifts, 1.0, 1e12),
-            ("reversal", self.reversal, 0.1, 1.0),
-            ("friction_release", self.friction_release, 0.0, 1.0),
-            ("friction_hold", self.friction_hold, 0.0, 1.0),
-            ("separating_force_limit_N", self.separating_force_limit, 1.0, 1e6),
-            ("abuse_torque_Nm", self.abuse_torque, 1e-3, 1e6),
-            ("coast_share", self.coast_share, 0.0, 1.0),
-            ("pull_out_force_limit_N", self.pull_out_force_limit, 1.0, 1e6),
-            ("accuracy", self.accuracy, 1, 11),
-            ("pitch_sd_um", _edge("_um", self.pitch_sd), 0.0, 1000.0),
-            ("run_out_um", from_si("_um", self.run_out), 0.0, 1000.0),
-            ("tilt_mrad", from_si("_mrad", self.tilt), 0.0, 50.0),
-            ("dog_stiffness_N_um", _edge("_N_um", self.dog_stiffness), 0.1, 1e5),
-            ("landing_share", self.landing_share, 1e-4, 0.5),
-        ):
-            if value is not None:
-                require_between(f"load.{name}", value, low, high, "correct the load case")
+        require_ranges(self, "load", "correct the load case")
         for share, cycles in self.spectrum:
             remedy = "give classes as [torque over the rated one, cycles]"
             require_between("load.spectrum: torque", share, -10.0, 10.0, remedy)
@@ -388,7 +282,3 @@ class LoadCase:
 
         errors = 0.0 if scatter is None else scatter, wave
         return each(of_one, dog.count, force, self.stiffness(dog), *errors)
-
-
-def _edge(unit: str, value: float | None) -> float | None:
-    return None if value is None else from_si(unit, value)

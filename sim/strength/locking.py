@@ -1,37 +1,19 @@
 r"""Engaging and letting go: friction angles and the axial force of a loaded flank.
 
 - The chamfer slides from rest when :math:`\tan\alpha > \mu_s`.
-- A flank lets go under torque when its side angle exceeds the friction angle,
-  :math:`\beta > \arctan \mu_s`; below it the flank is self-locking and the shift force
-  has to pull the rings apart.
-- Axial force of a flank that lets go: :math:`F_{ax} = K_A T/r \cdot \tan(\gamma - \rho)`,
-  :math:`\rho = \arctan \mu`, positive pushes the rings apart. The blocking mechanism has to
-  hold it at a low coefficient; from a negative one the flank holds itself.
+- A flank lets go under torque when :math:`\beta \ge \rho + \arctan(\mu_t r/r_t)`, :math:`\rho =
+  \arctan \mu_s`, with the friction :math:`\mu_t` of the spline at radius :math:`r_t`; below it
+  takes the pull :math:`F = \mu_t T/r_t - T/r \tan(\beta - \rho)` at the rated torque.
+- The blocking mechanism holds :math:`K_A T/r \tan(\gamma - \rho) - \mu K_A T/r_t + m a`, with the
+  low dynamic coefficient, the lower one of spline and flank, and the axial vibration *a* of the
+  gearbox.
 
-*Spline.* The same torque presses the toothing that the ring sits on, at radius :math:`r_t`, and
-its friction :math:`\mu_t T/r_t` opposes any way along the shaft (``sim.shift.mechanism``). So a
-flank lets go by itself only where :math:`\tan(\beta - \rho) \ge \mu_t r/r_t`, which is a side
-angle of :math:`\rho + \arctan(\mu_t r/r_t)`. Below it takes a pull of
-
-.. math:: F = \mu_t T/r_t - T/r \cdot \tan(\beta - \rho)
-
-at the rated torque *T*, since a shift out is commanded and meets no overload. The blocking
-mechanism has :math:`\mu K_A T/r_t` less to hold, with the lower one of the spline's and of the
-holding coefficient, and :math:`m a` more where the gearbox shakes ring and fork with the
-acceleration *a*: the ring must not jump out. The braking flank has the coast torque. Where the
-actuator may pull,
-``release_by_itself`` is false and the pull alone is judged.
-
-Release is judged with the static coefficient, holding with a low dynamic one.
-Source: Jasny et al. 2019 (rule and figures for the prototype); the spline by equilibrium of the
-ring.
+The braking flank has the coast torque. Source: Jasny et al. 2019; the spline by equilibrium.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
-from functools import lru_cache
 
 from dogshape.sim.elementwise import arctan, largest, tan
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
@@ -41,21 +23,22 @@ from dogshape.sim.units import DEG
 
 _RULES = {
     name: Rule(
-        name, "lock", meaning, "angle against arctan of the static coefficient",
-        "Jasny et al. 2019, with the static coefficient", "deg", "load.friction_release", False,
+        name, "lock", meaning, formula, "Jasny et al. 2019, with the static coefficient", "deg",
+        "load.friction_release", False,
     )
-    for name, meaning in {
-        "chamfer_release": "chamfer, which slides from rest above the friction angle",
-        **{
-            f"{flank}_release": f"{flank} flank, which is self-locking below the friction angle"
-            for flank in FLANKS
-        },
-    }.items()
+    for name, meaning, formula in (
+        ("chamfer_release", "chamfer, which slides from rest above the friction angle",
+         "angle against arctan of the static coefficient"),
+        *((f"{flank}_release", f"{flank} flank, which is self-locking below the friction angle",
+           "angle against arctan of the static coefficient + arctan(mu_t r/r_t) of the spline")
+          for flank in FLANKS),
+    )
 } | {
     f"separating_force_{flank}": Rule(
         f"separating_force_{flank}", "lock",
         f"axial force that the {flank} flank puts on the blocking mechanism",
-        "K_A T/r tan(side angle - rho), rho = arctan of the low dynamic coefficient",
+        "K_A T/r tan(side angle - rho) - min(mu_t, mu) K_A T/r_t + m a, rho = arctan mu of the low "
+        "dynamic coefficient, mu_t and r_t of the spline, T of coast on the braking flank",
         "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)",
         "N", "load.separating_force_limit_N", True,
     )
@@ -107,21 +90,15 @@ def blocking_force(dog: Dog, load: LoadCase) -> float:
 
 def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
     """Return the checks of release and holding, and of pulling out where that has a limit."""
-    slides, lets_go = math.atan(load.friction_release), release_angle(dog, load)
-    angles = [("chamfer_release", dog.chamfer, slides)]
+    angles = {"chamfer_release": (dog.chamfer, math.atan(load.friction_release))}
     if load.release_by_itself:
-        angles += [
-            ("traction_release", dog.traction, lets_go),
-            ("braking_release", dog.braking, lets_go),
-        ]
+        least = release_angle(dog, load)
+        angles |= {f"{flank}_release": (side_angle(dog, flank), least) for flank in FLANKS}
+    limit = load.separating_force_limit
     checks = (
-        *(Check(_rule(name, load), angle / DEG, least / DEG) for name, angle, least in angles),
+        *(Check(_RULES[name], one / DEG, least / DEG) for name, (one, least) in angles.items()),
         *(
-            Check(
-                _rule(f"separating_force_{flank}", load),
-                separating_force(dog, load, flank),
-                load.separating_force_limit,
-            )
+            Check(_RULES[f"separating_force_{flank}"], separating_force(dog, load, flank), limit)
             for flank in FLANKS
         ),
     )
@@ -129,30 +106,6 @@ def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
         return checks
     pull = largest(*(pull_out_force(dog, load, flank) for flank in FLANKS))
     return (*checks, Check(PULL_OUT_RULE, pull, load.pull_out_force_limit))
-
-
-def _rule(name: str, load: LoadCase) -> Rule:
-    """Return a rule, its formula with spline and coast where the load case has them."""
-    spline, vibration = load.spline_friction > 0.0, load.vibration_force > 0.0
-    return _written(name, spline, load.coast_share != 1.0, vibration)
-
-
-@lru_cache
-def _written(name: str, spline: bool, coast: bool, vibration: bool) -> Rule:
-    rule = _RULES[name]
-    if spline and name in ("traction_release", "braking_release"):
-        with_spline = "angle against arctan of the static coefficient + arctan(mu_t r/r_t), spline"
-        return replace(rule, formula=with_spline)
-    if name.startswith("separating"):
-        formula = rule.formula
-        if spline:
-            formula += ", less min(mu_t, mu) K_A T/r_t that the spline holds"
-        if coast and name.endswith("braking"):
-            formula += "; T times load.coast_share"
-        if vibration:
-            formula += "; + m a, a the axial vibration"
-        return replace(rule, formula=formula)
-    return rule
 
 
 def locking_friction(dog: Dog, load: LoadCase) -> tuple[float, str]:

@@ -1,4 +1,4 @@
-"""Limits of manufacture on the shape, before anything is loaded or simulated.
+"""Limits of manufacture on the shape, and margins within manufacturing tolerances.
 
 A search left to itself runs to dogs that the chamfer has eaten and calls free
 flight a shift. These rules are checked first and cost nothing.
@@ -6,12 +6,16 @@ flight a shift. These rules are checked first and cost nothing.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
 
-from dogshape.sim.errors import GeometryError, require_between
-from dogshape.sim.shift.geometry import Dog, root_radius_room
+from dogshape.sim.elementwise import key, largest, smallest, where
+from dogshape.sim.errors import DogshapeError, GeometryError, require_ranges, within
+from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import Check, Rule
-from dogshape.sim.units import MM
+from dogshape.sim.units import DEG, MM
 
 
 @dataclass(frozen=True)
@@ -33,31 +37,18 @@ class ManufacturingLimits:
     rim : thickness of the ring behind the roots; None for one that is thick enough.
     """
 
-    tip_width: float = 1.5e-3
-    slot_width: float = 1.5e-3
-    cutter_reach: float = 3.0
-    flank_height: float = 1.5e-3
-    root_radius: float = 0.3e-3
-    tip_core: float = 0.5e-3
-    chamfer_share: float = 0.35
-    module: float = 1.25e-3
-    rim: float | None = None
+    tip_width: float = within("tip_width_mm", 0.05, 100.0, 1.5e-3)
+    slot_width: float = within("slot_width_mm", 0.05, 100.0, 1.5e-3)
+    cutter_reach: float = within("cutter_reach", 0.1, 100.0, 3.0)
+    flank_height: float = within("flank_height_mm", 0.05, 100.0, 1.5e-3)
+    root_radius: float = within("root_radius_mm", 0.02, 10.0, 0.3e-3)
+    tip_core: float = within("tip_core_mm", 0.0, 100.0, 0.5e-3)
+    chamfer_share: float = within("chamfer_share", 0.0, 0.5, 0.35)
+    module: float = within("module_mm", 0.05, 100.0, 1.25e-3)
+    rim: float | None = within("rim_mm", 0.1, 1000.0, None, remedy="give the thickness in mm")
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("tip_width_mm", self.tip_width / MM, 0.05, 100.0),
-            ("slot_width_mm", self.slot_width / MM, 0.05, 100.0),
-            ("cutter_reach", self.cutter_reach, 0.1, 100.0),
-            ("flank_height_mm", self.flank_height / MM, 0.05, 100.0),
-            ("root_radius_mm", self.root_radius / MM, 0.02, 10.0),
-            ("tip_core_mm", self.tip_core / MM, 0.0, 100.0),
-            ("chamfer_share", self.chamfer_share, 0.0, 0.5),
-            ("module_mm", self.module / MM, 0.05, 100.0),
-        ):
-            require_between(f"manufacturing.{name}", value, low, high, "correct the limit")
-        if self.rim is not None:
-            remedy = "give the thickness in mm"
-            require_between("manufacturing.rim_mm", self.rim / MM, 0.1, 1000.0, remedy)
+        require_ranges(self, "manufacturing", "correct the limit")
 
 
 _NARROW = "use fewer or lower dogs or smaller side angles"
@@ -143,3 +134,149 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
             raise GeometryError(
                 f"{check.fault} to be made; {_RULES[check.name][1]}, or change {check.rule.key}."
             )
+
+
+ANGLE = "give an angle in degrees"
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Largest deviation of each dimension either way, rad and m.
+
+    Height and diameters by default of ISO 2768-1 fine, the rest of ground or precision-forged dogs
+    (assumptions).
+
+    ``contact_ratio`` is the least share of the height that has to touch with all of them
+    at their worst and the rings short of full depth by the seated tolerance; ``clearance``
+    is the least gap between the crests in neutral, m.
+    """
+
+    chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    traction: float = within("traction_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    braking: float = within("braking_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    height: float = within("height_mm", 0.0, 2.0, 0.05 * MM)
+    outer_diameter: float = within("outer_diameter_mm", 0.0, 2.0, 0.15 * MM)
+    inner_diameter: float = within("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
+    axial_gap: float = within("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
+    root_radius: float = within("root_radius_mm", 0.0, 2.0, 0.05 * MM)
+    contact_ratio: float = within(
+        "contact_ratio", 0.0, 1.0, 0.5, remedy="give a share of the height"
+    )
+    clearance: float = within("clearance_mm", 0.0, 2.0, 0.3 * MM)
+
+    def __post_init__(self) -> None:
+        require_ranges(self, "tolerance", "give a length in mm")
+
+    @property
+    def dimensions(self) -> dict[str, float]:
+        """Dimensions with their tolerance, those without one left out."""
+        names = [f.name for f in fields(self) if f.name not in ("contact_ratio", "clearance")]
+        return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
+
+    def without_sizes(self) -> Tolerances:
+        """Return the limits alone, with every dimension exact."""
+        return replace(self, **dict.fromkeys(self.dimensions, 0.0))
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Move of a quantity within the tolerances, by dimension and at the worst."""
+
+    by_dimension: dict[str, float]
+    worst_case: float
+
+    @property
+    def root_sum_square(self) -> float:
+        """Root of the sum of the squares of all effects."""
+        return math.hypot(*self.by_dimension.values())
+
+
+SIDES = (-1.0, 1.0)
+Values = Callable[[Dog, float], Sequence[float]]  #: of a dog and its root radius in m
+
+
+def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tuple[Dog, float]:
+    """Return a dog and its root radius with some dimensions off by ``deviations`` (SI).
+
+    Raises GeometryError where that is no dog. An angle or length stops at zero, the root
+    radius at ``SHARPEST``.
+    """
+    off: dict[str, Any] = {
+        name: largest(0.0, getattr(dog, name) + deviation)
+        for name, deviation in deviations.items()
+        if name != "root_radius"
+    }
+    radius = largest(SHARPEST, root_radius + deviations.get("root_radius", 0.0))
+    return replace(dog, **off), radius
+
+
+def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values) -> list[Spread]:
+    """Compute the largest loss of each of ``values``.
+
+    Worst is every dimension off to the side on which it takes something: exact where a value rises
+    or falls with a dimension all the way (``tests/verification/test_tolerance.py``). One deviation
+    holds for both rings, which are made alike. One that leaves no dog makes every loss infinite.
+    """
+    sizes = tolerances.dimensions
+    nominal = values(dog, root_radius)
+
+    def fall(signs: Mapping[str, float]) -> list[float]:
+        deviations = {name: sign * sizes[name] for name, sign in signs.items()}
+        try:
+            shape, radius = moved(dog, root_radius, deviations)
+            there, possible = values(shape, radius), shape.possible
+        except DogshapeError:
+            return [math.inf] * len(nominal)
+        fallen = [here - off for here, off in zip(nominal, there, strict=True)]
+        return fallen if possible is True else [where(possible, by, math.inf) for by in fallen]
+
+    # Of each dimension the falls of all values on either side.
+    falls = {name: [fall({name: side}) for side in SIDES] for name in sizes}
+    corners: dict[tuple[Hashable, ...], list[float]] = {}
+    found = []
+    for i in range(len(nominal)):
+        sides = {name: (down[i], up[i]) for name, (down, up) in falls.items()}
+        signs = {name: where(down >= up, *SIDES) for name, (down, up) in sides.items()}
+        corner = tuple(key(sign) for sign in signs.values())
+        if corner not in corners:
+            corners[corner] = fall(signs)
+        by_dimension = {name: largest(*two, 0.0) for name, two in sides.items()}
+        found.append(Spread(by_dimension, largest(corners[corner][i], *by_dimension.values())))
+    return found
+
+
+def _contact(dog: Dog, root_radius: float) -> list[float]:
+    return [flank_contact(dog, root_radius, flank).height / dog.height for flank in FLANKS]
+
+
+CONTACT_RULE = Rule(
+    "contact_ratio", "tolerance",
+    "share of the height that touches on the worse flank, every tolerance at its worst",
+    "(height that touches - seated tolerance)/h less all losses",
+    "worst case of all dimensions; limit an assumption", "", "tolerance.contact_ratio", False,
+)  # fmt: skip
+CLEARANCE_RULE = Rule(
+    "clearance", "tolerance",
+    "gap between the crests in neutral, gap and both heights at their worst",
+    "axial gap - its tolerance - 2 tolerances of the height",
+    "dogs that meet in neutral ratchet; limit an assumption",
+    "mm", "tolerance.clearance_mm", False,
+)  # fmt: skip
+
+
+def contact_check(dog: Dog, root_radius: float, tolerances: Tolerances, seated: float) -> Check:
+    """Return the check of the contact left after tolerances; ``seated`` tolerance in m."""
+    nominal = _contact(dog, root_radius)
+    left = [
+        here - seated / dog.height - spread.worst_case
+        for here, spread in zip(
+            nominal, losses(dog, root_radius, tolerances, _contact), strict=True
+        )
+    ]
+    return Check(CONTACT_RULE, largest(smallest(*left), -1.0), tolerances.contact_ratio)
+
+
+def clearance_check(dog: Dog, tolerances: Tolerances) -> Check:
+    """Return the check of the gap that is left in neutral."""
+    left = dog.axial_gap - tolerances.axial_gap - 2.0 * tolerances.height
+    return Check(CLEARANCE_RULE, left / MM, tolerances.clearance / MM)

@@ -1,44 +1,15 @@
 r"""Materials of a dog: named sets of strength values, each with its source.
 
-Standards and test pieces differ between the sets, so they do not rank the steels, and core
-values are of small pieces: a dog on a larger wheel has less (16MnCr5 490 MPa at 30 mm).
-Factors for notch sensitivity, roughness and size of ISO 6336-3 are taken as 1.
+Values hold at room to gearbox-oil temperature; sets do not rank the steels, as standards and test
+pieces differ. Proof stress: core of blanks of 11 to 16 mm. Bending endurance:
+:math:`\sigma_{F,lim}` of ISO 6336-5, quality MQ; the root endures :math:`Y_{ST} = 2` times that
+locally. Life: :math:`Y_{NT} = (3 \cdot 10^6/n)^x` from ``static_factor`` at 1000 cycles to 1, 0.85
+at 1e10 (ISO 6336-3). Case depth to 550 HV. Allowable pressure: 100 to 200 MPa for hard fixed
+splines (DIN 5466-1); 0.7 of that for nitriding, 0.8 for induction hardening (assumptions).
 
-All values hold at room to gearbox-oil temperature; none depends on it here.
-
-proof stress
-    :math:`R_{p0.2}` of the core in a small section (test blanks of 11 to 16 mm, as
-    thick as a dog with its rim).
-bending endurance
-    :math:`\sigma_{F,lim}` of ISO 6336-5, quality MQ. It is a nominal stress; the local
-    stress that a root endures is twice that, the reference notch of the tests having
-    a stress correction :math:`Y_{ST} = 2`.
-life
-    For fewer than 3e6 load cycles ISO 6336-3 allows
-    :math:`Y_{NT} = (3 \cdot 10^6/n)^x`, from ``static_factor`` at 1000 cycles down to 1;
-    beyond, 0.85 is reached at 1e10.
-surface
-    Vickers hardness sets what a rounded edge bears landing by landing (``sim.strength.landing``).
-case depth
-    To 550 HV: the peak of a notch has to decay within it.
-allowable pressure
-    Mean pressure of a flank that does not slide under load: 100 to 200 MPa for hard fixed
-    splines (DIN 5466-1 and its commentary); 0.7 of that for the thin case of nitriding,
-    0.8 for the softer one of induction hardening (assumptions).
-
-*Load spectrum.* Damage of the root is summed after Miner. A load that the root endures
-:math:`N(\sigma)` times uses up :math:`1/N` of its life. The classes of a spectrum, :math:`n_i`
-cycles of the stress :math:`\sigma_i`, use up
-
-.. math:: D = \sum_i n_i / N(\sigma_i), \qquad
-   N = 3 \cdot 10^6\,(\sigma/\sigma_{3 \cdot 10^6})^{-1/x},
-
-*x* being the slope of the life factor :math:`Y_{NT}`. A stress beyond
-the static strength is borne by none. Small loads damage on the flat slope that Y_NT has beyond 3e6
-cycles, with no end to it (on the safe side). The margin is the factor on all loads at which *D* is
-1.
-
-Source: ISO 6336-6 (damage of a spectrum); one class alone is the check of ISO 6336-3.
+*Spectrum* (Miner, ISO 6336-6): :math:`D = \sum_i n_i/N(\sigma_i)`, :math:`N = 3 \cdot 10^6\,
+(\sigma/\sigma_{3 \cdot 10^6})^{-1/x}`; none beyond the static strength, no end of the flat slope.
+The margin is the factor on all loads at which D is 1.
 """
 
 from __future__ import annotations
@@ -47,7 +18,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dogshape.sim.errors import InputError, did_you_mean, require_between
+from dogshape.sim.errors import InputError, did_you_mean, require_ranges, within
 from dogshape.sim.units import MM, MPA
 
 STRESS_CORRECTION = 2.0  #: Y_ST of ISO 6336-3
@@ -74,23 +45,15 @@ class Material:
 
     name: str
     source: str
-    proof_stress: float
-    bending_endurance: float
-    static_factor: float
-    allowable_pressure: float
-    surface_hardness: float
-    case_depth: float
+    proof_stress: float = within("proof_stress_MPa", 10.0, 5000.0)
+    bending_endurance: float = within("bending_endurance_MPa", 10.0, 2000.0)
+    static_factor: float = within("static_factor", 1.0, 5.0)
+    allowable_pressure: float = within("allowable_pressure_MPa", 1.0, 5000.0)
+    surface_hardness: float = within("surface_hardness_HV", 80.0, 1500.0)
+    case_depth: float = within("case_depth_mm", 0.0, 10.0)
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("proof_stress_MPa", self.proof_stress / MPA, 10.0, 5000.0),
-            ("bending_endurance_MPa", self.bending_endurance / MPA, 10.0, 2000.0),
-            ("static_factor", self.static_factor, 1.0, 5.0),
-            ("allowable_pressure_MPa", self.allowable_pressure / MPA, 1.0, 5000.0),
-            ("surface_hardness_HV", self.surface_hardness, 80.0, 1500.0),
-            ("case_depth_mm", self.case_depth / MM, 0.0, 10.0),
-        ):
-            require_between(f"material.{name}", value, low, high, "correct the material")
+        require_ranges(self, "material", "correct the material")
 
     def life_factor(self, cycles: float) -> float:
         """Return Y_NT, the endurance at ``cycles`` over that at 3e6."""

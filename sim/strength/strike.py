@@ -1,45 +1,18 @@
 r"""Flank strike: the torque with which flanks meet at a mismatch, in closed form.
 
-Flanks that close at the relative speed *w* stop what stands at them at once: ring and toothing of
-inertia :math:`J_r`, and the wheel of the other ring, :math:`J_w`. What is behind shafts follows
-through their torsion. With the rest of either side, :math:`J_1 - J_r` and :math:`J_2 - J_w`, that
-is a chain of four inertias on three springs: input shaft :math:`c_1`, dogs :math:`k = N c r^2`,
-output shaft :math:`c_2`.
+A chain of four inertias on three springs: rest of the sliding side, input shaft :math:`c_1`, ring
+:math:`J_r`, dogs :math:`k = N c r^2`, wheel :math:`J_w`, output shaft, rest. Closed flanks at the
+speed *w*: :math:`T_c = \sum_i |k \Delta_i q_i/\omega_i|` over the modes (Rao, *Mechanical
+Vibrations*, ch. 6).
 
-*Closed flanks.* The chain is linear, so its motion is that of its modes. From the mode *i* with
-frequency :math:`\omega_i` and velocity :math:`q_i` the dogs' spring has the torque
-:math:`T_i \sin \omega_i t`, :math:`T_i = k \Delta_i q_i/\omega_i`, :math:`\Delta_i` being what the
-mode shape has between the rings, and none at any time has more than
-
-.. math:: T_c = \sum_i |T_i|.
-
-Limits: rigid shafts, :math:`w \sqrt{k J}` of the whole inertias, :math:`J = J_1 J_2/(J_1 + J_2)`;
-infinitely soft ones, :math:`T_r = w \sqrt{k J}` of ring and wheel alone, :math:`J = J_r J_w/(J_r +
-J_w)`.
-
-*Second strike.* The flanks give back the share *e* of the speed. The ring flies back, its spline
-closes over the play *b*, and the shaft, whose far end goes on with *w*, throws it forward again.
-With :math:`\theta = \tau \sqrt{c_1/J_r}` after the spline has closed the ring stands at
-
-.. math:: x = -\frac{e b}{1 + e} + w \tau - (1 + e)\,w\,\sqrt{J_r/c_1}\,\sin\theta
-
-from the flanks. Where that is zero it strikes with :math:`\nu w`, :math:`\nu = 1 - (1 + e)
-\cos\theta`, or :math:`2 + e` where the shaft has let go of it before (:math:`\theta > \pi`). A ring
-that stays at the flanks (*e* = 0) does not strike again; play of a degree makes the second strike
-the harder one.
-
-The strike has the larger torque of :math:`T_c` and :math:`\nu T_r`, and never more than the energy
-of the whole mismatch in the dogs makes, :math:`w \sqrt{k J}` of the whole inertias. Against the
-motion itself (``tests/verification/test_strike.py``) that is a third too much in the median and
-up to 2.6 times as much. With a rigid output side it is at most 4 % too little up to *e* = 0.25;
-beyond, more strikes follow and add up, to a third more at 0.5, which is why that is the most that
-is taken.
-With an output shaft it is too little for one chain in fifty, by up to 1.8 times, where the wheel is
-thrown back by its own shaft, too. Shafts have no damping here.
-
-That is for dogs alike. What their scatter makes of the force on one is as in a landing
-(``sim.strength.load_case``). Sources: Rao, *Mechanical Vibrations*, chapter 6 (modes of undamped
-chains); Johnson, *Contact Mechanics*, 1985, chapter 11 (restitution).
+Second strike: the flanks give back the share *e*, the spline closes over the play *b* and the shaft
+throws the ring forward; with :math:`\theta = \tau \sqrt{c_1/J_r}` it strikes with :math:`\nu w`,
+:math:`\nu = 1 - (1 + e) \cos\theta`, where :math:`w \tau - (1 + e) w \sqrt{J_r/c_1} \sin\theta = e
+b/(1 + e)`, or :math:`2 + e` for :math:`\theta > \pi`. The torque is the larger of :math:`T_c` and
+:math:`\nu w \sqrt{k J_r J_w/(J_r + J_w)}`, at most that of the whole inertias. Against the motion
+(``tests/verification/test_strike.py``) a third too much in the median; with an output shaft up to
+1.8 times too little for one chain in fifty. No damping; scatter of dogs as in
+``sim.strength.load_case``.
 """
 
 from __future__ import annotations
@@ -49,9 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, refusal, require_between, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, Flank
-from dogshape.sim.units import DEG, RPM
+from dogshape.sim.units import RPM
 
 RESTITUTION = 0.25  #: that the default contact leaves at 0.2 m/s; less at higher speed
 REMEDY = "correct the strike"
@@ -75,30 +48,21 @@ class Strike:
     strikes : over the life, for fatigue; None for a static limit alone.
     """
 
-    ring_inertia: float
-    sliding_inertia: float
-    input_stiffness: float
-    wheel_inertia: float
-    output_inertia: float
-    output_stiffness: float | None = None
-    backlash: float = 0.0
-    restitution: float = RESTITUTION
+    ring_inertia: float = within("ring_inertia_kgm2", 1e-7, 100.0)
+    sliding_inertia: float = within("sliding_inertia_kgm2", 1e-7, 100.0)
+    input_stiffness: float = within("input_stiffness_Nm_rad", 1e-3, 1e9)
+    wheel_inertia: float = within("wheel_inertia_kgm2", 1e-7, 1e4)
+    output_inertia: float = within("output_inertia_kgm2", 1e-7, 1e4)
+    output_stiffness: float | None = within("output_stiffness_Nm_rad", 1e-3, 1e9, None)
+    backlash: float = within("backlash_deg", 0.0, 30.0, 0.0)
+    restitution: float = within("restitution", 0.0, 0.5, RESTITUTION)
     mismatch: tuple[float, ...] = ()
-    strikes: float | None = None
+    strikes: float | None = within("strikes", 1.0, 1e12, None)
 
     def __post_init__(self) -> None:
-        for name, value, low, high in (
-            ("ring_inertia_kgm2", self.ring_inertia, 1e-7, 100.0),
-            ("wheel_inertia_kgm2", self.wheel_inertia, 1e-7, 1e4),
-            ("input_stiffness_Nm_rad", self.input_stiffness, 1e-3, 1e9),
-            ("output_stiffness_Nm_rad", self.output_stiffness, 1e-3, 1e9),
-            ("backlash_deg", self.backlash / DEG, 0.0, 30.0),
-            ("restitution", self.restitution, 0.0, 0.5),
-            *(("mismatch_rpm", speed / RPM, -5000.0, 5000.0) for speed in self.mismatch),
-            ("strikes", self.strikes, 1.0, 1e12),
-        ):
-            if value is not None:
-                require_between(f"strike.{name}", value, low, high, REMEDY)
+        require_ranges(self, "strike", REMEDY)
+        for speed in self.mismatch:
+            require_between("strike.mismatch_rpm", speed / RPM, -5000.0, 5000.0, REMEDY)
         for name, part, key, whole in (
             ("ring", self.ring_inertia, "sliding", self.sliding_inertia),
             ("wheel", self.wheel_inertia, "output", self.output_inertia),

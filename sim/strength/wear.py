@@ -1,30 +1,15 @@
 r"""Wear of the faces over the life, and the shape of a worn dog.
 
-*How much.* Archard (*J. Appl. Phys.* 24, 1953): a sliding contact loses the volume :math:`k F s`,
-*k* the specific wear rate. Each shift rubs with :math:`F s \le E/\mu`, *E* the energy that the
-contact takes in the simulation, all of it counted as friction on faces (an upper bound: flanks and
-the contact's damping take some). Over *n* shifts, shared by two like rings of *N* dogs of the
-radial width *b*, a dog loses per width :math:`V' = k n E/(2 \mu N b)`.
+Archard (1953): a sliding contact loses :math:`k F s`. A shift rubs with :math:`F s \le E/\mu`, *E*
+what the contact takes (an upper bound). Over *n* shifts a dog of *N*, *b* wide, loses per width
+:math:`V' = k n E/(2 \mu N b)`. Overlaps are even, so the loss falls linearly from :math:`\Delta` at
+the crest to none at the braking edge: :math:`V' = \Delta f/2` on a face of width *f*. Then gap
+:math:`g + 2\Delta`, height :math:`h - 2\Delta`, depth of the face :math:`d - \Delta`; without a
+chamfer the whole face sinks. Chips and the deeper floor are left out.
 
-*Where.* Two faces that overlap by *L* touch from either crest to *L* behind it. The relative angle
-is anything, so overlaps are even up to the largest, and how often a place is touched falls linearly
-from the crest to the end of the face. The loss has that profile: :math:`\Delta` at the crest, none
-at the braking edge, :math:`V' = \Delta f/2` on a face of width *f*. So the crest sinks and the
-chamfer flattens.
-
-*Shape.* Both crests stand lower by :math:`\Delta`. Travel and median plane stay: a pair with the
-axial gap :math:`g + 2\Delta`, the height :math:`h - 2\Delta` that overlaps, and the depth
-:math:`d - \Delta` of the face at its braking edge, which stays where it was. Once the chamfer is
-gone the whole face sinks. Not in it: chips, and the floor of the slot, which stands deeper by
-:math:`\Delta` than that of the shorter dog.
-
-*Edges.* A rounding takes :math:`\varrho^2 (\cot\tfrac{\psi}{2} - \tfrac{\pi - \psi}{2})` from the
-section of an edge of the angle :math:`\psi`. Landings that each take the same from the edges so let
-the square of the radius grow evenly, from the new dog's to the one measured at the end of the life.
-
-Specific wear rates, mm3/(N m): :math:`K/(3 H)` with *K* of 2e-6 (well lubricated) to 2e-4 (hardly)
-for like metals and 7 GPa of hardness is 1e-7 to 1e-5 (Rabinowicz, *Friction and Wear of Materials*,
-1995; an order of magnitude, not a figure of dog clutches).
+Edges: each landing takes the same from a rounding's section, so the square of its radius grows
+evenly to the one measured. Rates *k*: 1e-7 to 1e-5 mm3/(N m) (Rabinowicz 1995), an order of
+magnitude.
 """
 
 from __future__ import annotations
@@ -32,7 +17,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import SHARPEST, Dog
 from dogshape.sim.units import MM
 
@@ -49,9 +34,13 @@ class Wear:
         stay as they are. With it faces need not wear.
     """
 
-    rate: float | None = None
-    crest_loss: float | None = None
-    edge_radius: float | None = None
+    rate: float | None = within(
+        "rate_mm3_Nm", 0.0, 1e-2, None, remedy="1e-7 is well lubricated, 1e-5 hardly"
+    )
+    crest_loss: float | None = within(
+        "crest_loss_mm", 0.0, 2.0, None, remedy="give the height in mm"
+    )
+    edge_radius: float | None = within("edge_radius_mm", SHARPEST / MM, 10.0, None)
 
     def __post_init__(self) -> None:
         given = [v for v in (self.rate, self.crest_loss) if v is not None]
@@ -60,15 +49,7 @@ class Wear:
                 "[wear] needs one of wear.rate_mm3_Nm (Archard) and wear.crest_loss_mm (measured); "
                 "give one and not both"
             )
-        if self.rate is not None:
-            rate, remedy = self.rate / 1e-9, "1e-7 is well lubricated, 1e-5 hardly"
-            require_between("wear.rate_mm3_Nm", rate, 0.0, 1e-2, remedy)
-        if self.crest_loss is not None:
-            lost, remedy = self.crest_loss / MM, "give the height in mm"
-            require_between("wear.crest_loss_mm", lost, 0.0, 2.0, remedy)
-        if self.edge_radius is not None:
-            radius, remedy = self.edge_radius / MM, "give the radius in mm"
-            require_between("wear.edge_radius_mm", radius, SHARPEST / MM, 10.0, remedy)
+        require_ranges(self, "wear", "give the radius in mm")
 
     def loss(self, dog: Dog, energy: float, friction: float, shifts: float) -> float:
         """Compute the height that ``shifts`` take from the crest of a dog, m.

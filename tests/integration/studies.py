@@ -14,7 +14,7 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import key_and_value
-from dogshape.sim.files import adding
+from dogshape.sim.files import writing
 from tests.conftest import SMALL
 
 #: Keys of the study file that make a study small, with their values; None takes a key out.
@@ -47,7 +47,7 @@ def made_once(
     if "PYTEST_XDIST_WORKER" in os.environ:
         base = base.parent
     ended = base / "shared" / f"{name}.ended"
-    with adding(ended):
+    with writing(ended.with_suffix(".lock"), patience=3600.0):
         if not ended.exists():
             shutil.rmtree(ended.with_suffix(""), ignore_errors=True)
             make(ended.with_suffix(""))

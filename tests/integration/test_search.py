@@ -383,7 +383,6 @@ def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
             "search.limits.first_try_share is 1.5, but no share engaged in time at the first try "
             "is above 1;",
         ),
-        ("search.limits.feasible_probability=95", "is above 1;"),
         ("search.limits.expected_shift_time_s=-0.06", "every expected shift time is above 0;"),
         ("search.limits.smallest_margin_worst=10", "is above 1;"),
         ("search.limits.impact_impulse_Ns=nan", "it must be finite"),

@@ -14,17 +14,13 @@ import pytest
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import (
     SMALLEST_RADIUS,
-    Lines,
     dog_corners,
     lands,
-    largest_root_radius,
-    mated,
-    part_volume,
     profile,
     ring_part,
 )
-from dogshape.sim.shift.geometry import LAND, Dog
-from dogshape.sim.shift.mesh import Mesh, Plane, dog_planes, rotation
+from dogshape.sim.shift.geometry import LAND, Dog, root_radius_room
+from dogshape.sim.shift.mesh import Lines, Mesh, Plane, dog_planes, rotation
 from dogshape.sim.strength.manufacture import ManufacturingLimits, manufacturing_checks
 from dogshape.sim.units import DEG, MM
 from tests.conftest import needed
@@ -64,7 +60,7 @@ def designs(seed: int, number: int) -> list[Design]:
             continue
         dog, radius = design
         if rng.random() < 0.1:
-            radius = (1.0 - 1e-6) * largest_root_radius(dog)
+            radius = root_radius_room(dog)
         if radius == 0.0 or (radius > SMALLEST_RADIUS and lands(dog, radius).min() >= LAND):
             found.append((dog, radius))
     return found
@@ -128,13 +124,12 @@ def _pierces(ends: np.ndarray, corners: np.ndarray) -> np.ndarray:
 
 
 def test_every_accepted_design_is_a_sound_part(many: list[Design]) -> None:
-    """Closed, of the exact volume and without degenerate triangles."""
+    """Closed and without degenerate triangles."""
     for dog, radius in many:
         mesh = ring_part(dog, radius, BODY, **COARSE)
         said = f"{dog}, root radius {radius}"
         assert open_edges(mesh.cells) == 0, said
         assert len(np.unique(mesh.cells)) == len(mesh.vertices), said
-        assert mesh.volume == pytest.approx(part_volume(dog, radius, BODY), rel=1e-3), said
         assert altitudes(mesh).min() > 1e-9, said
 
 
@@ -154,10 +149,16 @@ def test_the_checks_can_fail(prototype: Dog, monkeypatch: pytest.MonkeyPatch) ->
     spoilt = sound.vertices.copy()
     spoilt[np.argmax(spoilt[: len(spoilt) // 15, 2])] += np.array([1.0, 0.7, -20.0]) * MM
     assert piercings(Mesh(spoilt, sound.cells), 2, 15) > 0
-    too_large = largest_root_radius(prototype) + 2.0 * LAND
+    too_large = root_radius_room(prototype) + 2.0 * LAND
     monkeypatch.setattr("dogshape.sim.part.require_room", lambda *_: None)
     crossed = ring_part(prototype, too_large, BODY, **COARSE)
     assert piercings(crossed, 2, 15) > 0
+
+
+def mated(dog: Dog, mesh: Mesh, opening: float = 0.0) -> Mesh:
+    """Return the other ring of a pair at full depth, or ``opening`` (m) back from it."""
+    turn = rotation(0.5 * dog.pitch_angle) @ np.diag([1.0, -1.0, -1.0])
+    return Mesh(mesh.vertices @ turn.T + [0.0, 0.0, opening], mesh.cells)
 
 
 def clearance(dog: Dog, radius: float, points: np.ndarray) -> np.ndarray:
@@ -210,7 +211,6 @@ def test_few_and_many_dogs_are_sound_as_well(prototype: Dog, count: int) -> None
     mesh = ring_part(dog, 0.05 * MM, BODY, **COARSE)
     assert open_edges(mesh.cells) == 0
     assert piercings(mesh, 2, count) == 0
-    assert mesh.volume == pytest.approx(part_volume(dog, 0.05 * MM, BODY), rel=1e-3)
     assert abs(clearance(dog, 0.05 * MM, mate_points(dog, 0.05 * MM)).min()) < NEAR
 
 

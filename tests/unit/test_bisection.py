@@ -7,8 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dogshape.sim.statistics.bisection import Values, halves, mean_round_the_pitch
-from dogshape.sim.statistics.expectation import even_phases, variance_of_mean
+from dogshape.sim.statistics.expectation import (
+    Values,
+    even_phases,
+    halves,
+    mean_round_the_pitch,
+    variance_of_mean,
+)
 
 Time = Callable[[Values], Values]
 
@@ -72,12 +77,6 @@ def test_a_jump_that_cancels_its_slope_is_found() -> None:
     times[0] = times[7] - 0.015  # the end of the pitch falls like all of it
     assert times[5] == pytest.approx(times[4])
     assert 4.5 / 8.0 in halves(phases, times, 2)
-
-
-def test_order_does_not_matter() -> None:
-    phases, times = sampled(missed, 5)
-    mixed = np.random.default_rng(0).permutation(len(phases))
-    assert mean_round_the_pitch(phases[mixed], times[mixed]) == mean_round_the_pitch(phases, times)
 
 
 def test_a_shift_that_does_not_engage_stands_for_the_next_below_it() -> None:

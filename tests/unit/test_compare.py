@@ -12,7 +12,7 @@ import pytest
 import dogshape as ds
 from dogshape.check import check_design
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.shift.contact import CONTACT_SETS
+from dogshape.sim.shift.clutch import CONTACT_SETS
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Said
 from tests.kept import kept_folder

@@ -85,26 +85,6 @@ def test_what_lands_too_hard_is_not_the_best(study: Setup) -> None:
     assert found.sentence.startswith("With the cause the chosen design (low) fails; blunt is best.")
 
 
-def test_a_blow_on_an_edge_has_the_energy_of_the_bed_that_was_simulated() -> None:
-    def on_edges(blocks: Sequence[Block]) -> list[list[Record]]:
-        loads = [2000.0] + [0.0] * (len(OVERLAPS) - 1)
-        return [[{**_row(b), "landing_loads_N_mm": loads}] * len(b.angles) for b in blocks]
-
-    def margins(stiffness: float, *changes: str) -> tuple[float, float]:
-        given = load_study("mq200_paper", ["load.edge_contact=line", *changes])
-        cause = {"contact_stiffness": {"stiffness_Pa_m": stiffness}}
-        only = {"prototype": dict(given.prototype)}
-        (one,) = consequence(given, only, cause, EFFECTS, on_edges).candidates
-        assert one.landing_with.name == "edge_pressure_impact"
-        return one.landing.margin, one.landing_with.margin
-
-    soft, hard = 3e11, 8e12
-    before, less = margins(soft)
-    assert less < before < margins(hard)[1]
-    # With a study of that bed it is the margin without any effect.
-    assert margins(hard, f"contact.stiffness_Pa_m={soft}")[0] == pytest.approx(less)
-
-
 def test_a_design_that_failed_at_the_new_angles_is_left_out(tmp_path: Path) -> None:
     folder = kept_folder(tmp_path / "mine")
     _, before = studied(folder.root)

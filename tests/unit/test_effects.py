@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import sys
 from collections.abc import Callable
 from dataclasses import fields, replace
 from itertools import combinations
@@ -11,9 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.diagnose.bank_diagnosis import Means, _require_working
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effect import Effect, Parameter
@@ -25,38 +22,13 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS, Mechanism
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import clutch_record
-from dogshape.sim.units import suffix_of
-from tests.conftest import Listener, Said
+from tests.conftest import Said
 
 Point = Callable[[float, float], OperatingPoint]
 
 EFFECTS = load()
 
-#: The names that stored diagnoses use.
-NAMES = [
-    "actuation_delay",
-    "actuation_lag",
-    "force_scale",
-    "force_loss",
-    "force_rise",
-    "sleeve_friction",
-    "viscous_damping",
-    "moving_mass",
-    "linkage_compliance",
-    "free_play",
-    "detent_force",
-    "contact_friction",
-    "contact_dissipation",
-    "contact_stiffness",
-    "spline_friction",
-    "drag_torque",
-    "sliding_inertia",
-    "mismatch_speed",
-    "axial_gap",
-    "chamfer_angle",
-    "relative_angle",
-    "reversed_mismatch",
-]
+NAMES = sorted(EFFECTS)
 #: Of the paper's study at its first operating point, without any mechanism.
 PHYSICS, FIRST = "d9069ea6093eea848d23", "3d538982a61536408d1f"
 
@@ -70,34 +42,20 @@ def _values(effect: Effect) -> dict[str, float]:
     return {p.name: p.at(0.4 if p.name == "dynamic_friction" else 0.6) for p in effect.parameters}
 
 
-def test_effects_are_those_of_the_contract() -> None:
-    assert sorted(EFFECTS) == sorted(NAMES)
-    own = [
-        ("actuation_delay", "delay_s"),
-        ("sleeve_friction", "friction_N"),
-        ("moving_mass", "added_mass_kg"),
-        ("contact_friction", "static_friction"),
-    ]
-    for name, parameter in own:
-        assert EFFECTS[name].parameters[0].name == parameter
-    assert EFFECTS["contact_friction"].parameters[1].name == "dynamic_friction"
-    assert EFFECTS["reversed_mismatch"].parameters == ()
-
-
-@pytest.mark.parametrize("effect", EFFECTS.values(), ids=EFFECTS)
-def test_every_effect_says_what_it_is(effect: Effect) -> None:
-    assert len(effect.parameters) <= 2
-    assert len(effect.meaning) > 20
-    assert effect.test.how.endswith(".")
-    assert effect.test.name
-    for parameter in effect.parameters:
-        assert len(parameter.source) > 20
-        whole = ("_friction", "_factor", "concentration", "_pitch")
-        assert suffix_of(parameter.name) or parameter.name.endswith(whole)
+def test_effects_are_those_of_the_contract_and_work(setting: Setting) -> None:
+    for effect in EFFECTS.values():
+        assert len(effect.parameters) <= 2
+        effect.require_working(setting)
+    reversed_ = EFFECTS["reversed_mismatch"]
+    assert reversed_.apply(setting, {}) == setting.with_point(mismatch=-setting.point.mismatch)
+    still = setting.with_point(mismatch=0.0)
+    assert reversed_.apply(still, {}).block((0.1,)).keys == still.block((0.1,)).keys
 
 
 def test_the_notes_list_every_effect_with_its_range() -> None:
     notes = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
+    named = re.findall(r"^\| `(\w+)` \| \*\*", notes, re.MULTILINE)
+    assert sorted(named) == NAMES, "the names that stored diagnoses use"
     for effect in EFFECTS.values():
         row = next(line for line in notes.splitlines() if line.startswith(f"| `{effect.name}` |"))
         assert f"**{effect.plain}**:" in row
@@ -120,18 +78,6 @@ def test_effects_compose_in_either_order(setting: Setting, one: str, two: str) -
     back = first.apply(second.apply(setting, _values(second)), _values(first))
     assert there == back
     assert there not in (setting, first.apply(setting, _values(first)))
-
-
-def test_the_reversed_sense_negates_the_mismatch_and_twice_is_none(setting: Setting) -> None:
-    effect = EFFECTS["reversed_mismatch"]
-    other = effect.apply(setting, {})
-    assert other.point.mismatch == -setting.point.mismatch
-    assert other == setting.with_point(mismatch=-setting.point.mismatch)
-    assert effect.apply(other, {}) == setting
-    still = setting.with_point(mismatch=0.0)
-    assert effect.apply(still, {}).block((0.1,)).keys == still.block((0.1,)).keys
-    with pytest.raises(InputError, match="is not a parameter of reversed_mismatch"):
-        effect.apply(setting, {"mismatch_rpm": 1.0})
 
 
 def test_priors_run_from_end_to_end() -> None:
@@ -221,24 +167,17 @@ def test_a_users_file_is_an_effect(tmp_path: Path, setting: Setting) -> None:
         ("free_play.py", OWN.format(name="free_play"), "'free_play', but there is one of that"),
         ("mine.py", "import nothing_of_this_name", r"cannot be run \(ModuleNotFoundError"),
         ("mine.py", "def (", r"cannot be run \(SyntaxError"),
+        (
+            "mine.py",
+            OWN.format(name="mine").replace('"uniform"', '"unifrom"'),
+            "scale of damping_Ns_m is 'unifrom', .*did you mean 'uniform'",
+        ),
     ],
 )
 def test_mistakes_in_a_users_file(tmp_path: Path, file: str, text: str, words: str) -> None:
     (tmp_path / file).write_text(text)
     with pytest.raises(InputError, match=words):
         load(tmp_path)
-
-
-def test_an_effect_written_for_other_folders_says_what_to_import(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "sim", None)  # a checkout has a folder of that name
-    (tmp_path / "mine.py").write_text("from sim.effect import Effect\n")
-    with pytest.raises(InputError, match="write 'from dogshape import Effect, "):
-        load(tmp_path)
-
-
-def test_a_missing_folder_of_effects(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no folder"):
         load(tmp_path / "nowhere")
 
@@ -274,33 +213,6 @@ def test_a_users_program_that_is_wrong_is_a_sentence(
             effect.possible(setting, {"damping_Ns_m": 3.0})
 
 
-def test_effects_of_the_list_work(setting: Setting) -> None:
-    for effect in EFFECTS.values():
-        effect.require_working(setting)
-
-
-def test_a_neutral_value_is_a_number(setting: Setting) -> None:
-    def missing(_: Setting) -> float:
-        raise KeyError("nothing")
-
-    wrong = replace(EFFECTS["drag_torque"], parameters=(
-        replace(EFFECTS["drag_torque"].parameters[0], neutral=missing),
-    ))  # fmt: skip
-    with pytest.raises(EffectError, match=r"a neutral value of .* is no number \(KeyError"):
-        wrong.require_working(setting)
-
-
-@pytest.mark.parametrize(
-    ("scale", "hint"),
-    [("unifrom", "did you mean 'uniform'"), ("linear", "valid are log-uniform, uniform")],
-)
-def test_a_scale_that_there_is_not_is_refused(tmp_path: Path, scale: str, hint: str) -> None:
-    text = OWN.format(name="thick_oil").replace('"uniform"', f'"{scale}"')
-    (tmp_path / "thick_oil.py").write_text(text)
-    with pytest.raises(InputError, match=f"scale of damping_Ns_m is '{scale}', .*{hint}"):
-        load(tmp_path)
-
-
 def test_a_wrong_effect_is_refused_before_anything_is_simulated(
     tmp_path: Path, dogshape: Callable[..., Said]
 ) -> None:
@@ -314,14 +226,6 @@ def test_a_wrong_effect_is_refused_before_anything_is_simulated(
     said = dogshape("gap", "mq200_stand", "--effects", mine)
     assert said.status == 2
     assert f"{mine}/thick_oil.py: with_mechanism has no field 'drag_Nm'" in said.sentence
-
-
-def test_a_folder_without_effects_is_said(tmp_path: Path) -> None:
-    said: list[str] = []
-    (tmp_path / "_notes.py").write_text("x = 1")
-    means = Means(effects=tmp_path, progress=Listener(said))
-    _require_working(EFFECTS, load_bench("mq200_stand"), means)
-    assert said == [f"{tmp_path} has no effect: no file NAME.py without an underscore before it"]
 
 
 def test_the_documentation_has_every_field(setting: Setting) -> None:

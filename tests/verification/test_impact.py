@@ -10,8 +10,7 @@ import pytest
 from pydrake.systems.framework import Context
 
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
-from dogshape.sim.shift.contact import CONTACT_SETS, ContactSet
+from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, ContactSet, OperatingPoint, Solver
 from dogshape.sim.shift.mesh import rigid_dog
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, solver_for
+from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, solver_for
 from dogshape.sim.shift.conclusion import Engagement, Outcome
-from dogshape.sim.shift.contact import CONTACT_SETS
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM

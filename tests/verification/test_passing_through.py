@@ -93,7 +93,7 @@ def test_a_shift_whose_dogs_pass_through_is_simulated_with_finer_steps(pitches: 
 def test_a_shift_that_passes_through_again_has_diverged(
     pitches: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("dogshape.sim.shift.engagement.FINER", 1.0)
+    monkeypatch.setattr("dogshape.sim.shift.conclusion.FINER", 1.0)
     result = _shift(-1000.0, 3000.0, 0.05, pitches)
     assert result.outcome is Outcome.DIVERGED
     assert result.shift_time is None

@@ -12,9 +12,8 @@ from dogshape.sim.engines import engage
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import LaggedProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, solver_for
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import Outcome, penetration
-from dogshape.sim.shift.contact import contact_set
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.plant import ClutchPlant

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.shift.geometry import Dog, Flank
-from dogshape.sim.strength.notch import Load, root_mises, root_tension
+from dogshape.sim.strength.dog_strength import Load, root_tension
 from dogshape.validation.finite_elements import root_stress
 from dogshape.validation.finite_elements.root_mesh import RootShape
 from dogshape.validation.finite_elements.root_stress import BANDS, RootModel, fem_available
@@ -159,4 +159,3 @@ def test_closed_form_agrees(prototype: Dog, design: int) -> None:
             found = model.stress(flank, band, FORCE)
             load = Load(FORCE, flank, found.lever)
             assert root_tension(dog, rho, load) == pytest.approx(found.tension, rel=0.10)
-            assert root_mises(dog, rho, load) == pytest.approx(found.mises, rel=0.12)

@@ -19,9 +19,8 @@ from benchmarks.common import measure
 from benchmarks.second_engine import FLIP, POINTS, Agreement, measure_second, narrow_stiff
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, solver_for
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.shift.contact import contact_set
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace

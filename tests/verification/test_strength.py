@@ -10,23 +10,26 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part import dog_corners, largest_root_radius
+from dogshape.sim.part import dog_corners, lands
 from dogshape.sim.shift.geometry import FLANKS, LAND, Dog, Flank, flank_contact, root_radius_room
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.strength.checks import Check, Rule
 from dogshape.sim.strength.dog_strength import (
     Limits,
+    Load,
     keeps_limits,
+    notch_factor,
+    outside_fit,
     root_load,
+    root_nominal,
     root_of,
-    root_stress,
+    root_tension,
     strength_checks,
 )
 from dogshape.sim.strength.landing import landing_checks
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import axial_force, blocking_force
 from dogshape.sim.strength.materials import MATERIALS, Material, material_of
-from dogshape.sim.strength.notch import Load, notch_factor, outside_fit, root_nominal, root_tension
 from dogshape.sim.units import DEG, MPA
 from tests.conftest import dog_of
 
@@ -131,14 +134,14 @@ def test_a_case_within_the_notch_does_not_help(prototype: Dog) -> None:
     bare = replace(Limits(), material=replace(MATERIALS["16MnCr5"], case_depth=0.0))
     for flank in FLANKS:
         assert root_of(prototype, bare, flank).core == pytest.approx(
-            root_stress(prototype, bare, flank)
+            root_of(prototype, bare, flank).tension
         )
 
 
 def test_root_stress_grows_with_the_load_height(prototype: Dog) -> None:
     """Half the height, 0.9 and the tip: 597, 732 and 774 MPa by the closed form."""
     found = [
-        root_stress(prototype, Limits(load=LoadCase(load_height=height)), "traction") / MPA
+        root_of(prototype, Limits(load=LoadCase(load_height=height)), "traction").tension / MPA
         for height in (0.5, 0.9, 1.0)
     ]
     assert found == pytest.approx([597, 732, 774], abs=2)
@@ -160,7 +163,7 @@ def test_closed_form_outside_its_fit_stays_safe_and_says_so(
     dog = dog_of(wide, values)
     assert notch_factor(dog, 0.3e-3, "traction") >= 1.0
     assert (
-        root_stress(dog, Limits(), "traction")
+        root_of(dog, Limits(), "traction").tension
         >= root_nominal(dog, root_load(dog, Limits(), "traction"))
         > 0.0
     )
@@ -306,7 +309,8 @@ def test_room_for_the_root_radius_agrees_with_the_solid(prototype: Dog) -> None:
         if dog is None or root_radius_room(dog) < 0.3e-3:
             continue
         seen += 1
-        assert root_radius_room(dog) == pytest.approx(largest_root_radius(dog), abs=0.6 * LAND)
+        left = lands(dog, root_radius_room(dog)).min()
+        assert 0.0 < left < 3.0 * LAND
 
 
 def _dog_or_none(prototype: Dog, values: np.ndarray) -> Dog | None:

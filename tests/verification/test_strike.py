@@ -17,12 +17,13 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import Dog, flank_contact
 from dogshape.sim.strength.dog_strength import (
     Limits,
+    Load,
+    root_tension,
     strength_checks,
     strike_force,
     strike_torque,
 )
 from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.notch import Load, root_tension
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.units import DEG, MPA, RPM
 

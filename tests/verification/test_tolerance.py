@@ -9,7 +9,7 @@ import pytest
 
 from dogshape.sim.shift.geometry import Dog, flank_contact
 from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
-from dogshape.sim.strength.tolerance import (
+from dogshape.sim.strength.manufacture import (
     Spread,
     Tolerances,
     clearance_check,

@@ -16,9 +16,8 @@ import numpy as np
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, solver_for
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.contact import contact_set
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.validation.blind.mujoco_shift import DETENT_WIDTH, SPLINE_PLACE, Draw, Shift

@@ -10,8 +10,7 @@ import numpy as np
 
 from dogshape.pipeline.record import Table
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank
-from dogshape.sim.strength.dog_strength import Limits, root_load
-from dogshape.sim.strength.notch import Load, root_tension
+from dogshape.sim.strength.dog_strength import Limits, Load, root_load, root_tension
 from dogshape.sim.units import MM, MPA
 from dogshape.validation.finite_elements.root_mesh import RootShape
 from dogshape.validation.finite_elements.root_stress import BANDS, Band, RootModel
