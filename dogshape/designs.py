@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,6 +12,7 @@ from dogshape.check import check_design
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.data_sheet import (
     NamedDesign,
     design_record,
@@ -23,7 +24,7 @@ from dogshape.pipeline.reports.data_sheet import (
     words_of,
     write_sheet,
 )
-from dogshape.pipeline.reports.look import Row
+from dogshape.pipeline.reports.provenance import flat_keys
 from dogshape.pipeline.reports.text import axis, check_name, percent, time_text
 from dogshape.pipeline.simulate.design import weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets
@@ -114,7 +115,7 @@ class SideBySide(Result):
         """Give a column for each item and a row for each quantity, dotted where keys are nested."""
         import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
 
-        return pd.DataFrame([_flat(item) for item in self.items]).set_index("label").T
+        return pd.DataFrame([flat_keys(item) for item in self.items]).set_index("label").T
 
 
 def compare(*names: str) -> SideBySide:
@@ -173,20 +174,11 @@ def _contact_sets(names: Sequence[str]) -> list[ContactSet]:
 def _differing(studies: Sequence[Setup]) -> list[dict[str, Any]]:
     """Select the dotted keys of study files that differ, with the value of each study."""
     files = [comparable(study.file) for study in studies]
-    flat = [_flat({k: v for k, v in file.items() if k not in APART}) for file in files]
+    flat = [flat_keys({k: v for k, v in file.items() if k not in APART}) for file in files]
     keys = dict.fromkeys(key for one in flat for key in one)
     values = {key: [one.get(key) for one in flat] for key in keys}
     unlike = [k for k, every in values.items() if len(set(map(json.dumps, every))) > 1]
     return [{key: values[key][index] for key in unlike} for index in range(len(studies))]
-
-
-def _flat(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested records as one, keys joined by dots."""
-    found: dict[str, Any] = {}
-    for key, value in record.items():
-        inner = _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else None
-        found |= {f"{prefix}{key}": value} if inner is None else inner
-    return found
 
 
 def _cells(item: dict[str, Any]) -> dict[str, str]:

@@ -13,9 +13,13 @@ from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.data_sheet import named_design
-from dogshape.pipeline.reports.designs import designs_frame, front_frame, goals_of
-from dogshape.pipeline.reports.study_figures import front_figure, sure_figure
-from dogshape.pipeline.reports.study_page import at_own_places, front_table, publish
+from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
+from dogshape.pipeline.reports.study_page import (
+    at_own_places,
+    front_figure,
+    front_table,
+    publish,
+)
 from dogshape.pipeline.reports.study_summary import gained, headline, summary_tables
 from dogshape.pipeline.simulate.executor import end_workers
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
@@ -63,8 +67,8 @@ class StudyResult(Result):
 
     @property
     def front(self) -> pd.DataFrame:
-        """Designs that no other dominates, best first: variables, objectives, standard errors."""
-        return front_frame(self.record, list(self.config.variables))
+        """Designs that no other dominates, best first, a row each."""
+        return designs_frame(self.record, list(self.config.variables), self.record["front"])
 
     @property
     def trials(self) -> pd.DataFrame:
@@ -126,11 +130,9 @@ class StudyResult(Result):
     def plot(self, objective: str | None = None) -> go.Figure:
         """Draw the front: the leading objective against another one, by default the next.
 
-        With one objective alone, the intervals of the front's designs.
+        With one objective alone, against the smallest margin.
         """
-        others = [goal.name for goal in goals_of(self.record)[1:]]
-        if not others:
-            return sure_figure(self.record)
+        others = [goal.name for goal in goals_of(self.record)[1:]] or [MARGIN]
         return front_figure(self.record, list(self.config.variables), objective or others[0])
 
     def data_sheet(self, design: int, path: str | Path, why: str = "") -> Path:

@@ -17,6 +17,7 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, find_study, load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.record import Table, number_or_none
+from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.designs import (
     confirmation_of,
     engaged_shifts,
@@ -25,7 +26,6 @@ from dogshape.pipeline.reports.designs import (
     margins_of,
     weakest_at_worst,
 )
-from dogshape.pipeline.reports.look import Row
 from dogshape.pipeline.reports.provenance import command_of, now
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
@@ -232,31 +232,32 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
         simulated |= {"source": "new angles", "confirmed": True, "shifts_engaged": counts}
     if is_measured(known):
         simulated |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
-        simulated |= {} if confirmed is None else _point_facts(result, row, confirmed)
+        if confirmed is not None:
+            keys = ("mismatch_rpm", "force_N", "mean_s", "standard_error_s")
+            slow = max(confirmed["points"], key=lambda p: p["mean_s"])
+            simulated["slowest_point"] = {key: slow[key] for key in keys}
+            own = result["confirmation"]["prototype"]
+            if not row["prototype"] and is_measured(own):
+                simulated |= _gain_over(own, confirmed)
     return design_record(
         study,
         {name: row[name] for name in study.variables},
         margins_of(row, confirmed),
-        weakest_at_worst(study, row),
+        weakest_at_worst(row),
         design=int(row["trial"]),
         prototype=bool(row["prototype"]),
         **simulated,
     )
 
 
-def _point_facts(result: Row, row: Row, confirmed: Row) -> Row:
-    """Collect the slowest operating point, and gain and greatest loss over the prototype."""
-    slow = max(confirmed["points"], key=lambda p: p["mean_s"])
-    keys = ("mismatch_rpm", "force_N", "mean_s", "standard_error_s")
-    found: Row = {"slowest_point": {key: slow[key] for key in keys}}
-    own = result["confirmation"]["prototype"]
-    if row["prototype"] or not is_measured(own):
-        return found
-    errors = [one["standard_error_s"] or 0.0 for one in (own, confirmed)]
-    found["gain_s"] = own[SIMULATED] - confirmed[SIMULATED]
-    found["gain_standard_error_s"] = math.hypot(*errors)
-    points = point_gains(own, confirmed)
-    if points:
+def _gain_over(prototype: Row, confirmed: Row) -> Row:
+    """Record gain and greatest loss over the prototype."""
+    errors = [one["standard_error_s"] or 0.0 for one in (prototype, confirmed)]
+    found: Row = {
+        "gain_s": prototype[SIMULATED] - confirmed[SIMULATED],
+        "gain_standard_error_s": math.hypot(*errors),
+    }
+    if points := point_gains(prototype, confirmed):
         worst = min(points, key=lambda one: one["gain_s"])
         found["worst_against_prototype"] = {
             "mismatch_rpm": worst["mismatch_rpm"],
@@ -418,29 +419,34 @@ def _dimensions(study: Setup) -> list[Row]:
     return rows
 
 
-def engine_of(result: Row) -> str:
-    """Name the engine that simulated the shifts of a search."""
-    return ENGINES[result["engine"]]
+def operated_facts(study: Setup) -> dict[str, str]:
+    """List operating points, contact and mechanism of a study in words."""
+    contact = study.clutch.contact
+    return {
+        "operating points": study.operating_text,
+        "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
+        f"{contact.dynamic_friction:g} dynamic, stiffness {contact.stiffness:.3g} Pa/m, "
+        f"dissipation {contact.dissipation:g} s/m",
+        "mechanism": ", ".join(f"{name} {one:.4g}" for name, one in study.mechanism.items()),
+    }
 
 
 def _provenance(one: NamedDesign) -> dict[str, str]:
-    study, result = one.study, one.result
-    load, contact = study.file.load, study.clutch.contact
-    simulated, brought = "as by 'dogshape check'", versions()
+    study, result, load = one.study, one.result, one.study.file.load
+    simulated, used, own = "as by 'dogshape check'", versions(), ""
     if result is not None:
-        confirmation, brought = result["confirmation"], result["versions"]
+        confirmation, used = result["confirmation"], result["versions"]
         angles = f", confirmed at {confirmation['angles']} new angles" if confirmation else ""
-        simulated = f"{result['n_simulated_shifts']} shifts by {engine_of(result)}{angles}"
-    return {
+        engine = ENGINES[result["engine"]]
+        simulated = f"{result['n_simulated_shifts']} shifts by {engine}{angles}"
+        own = f", result {content_key(result)}"
+    facts = {
         "study": command_of(study) or f"{study.name}, its file in study.json",
         "simulated": simulated,
-        "operating points": study.operating_text,
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
         "material": study.limits.material.name,
-        "mechanism": ", ".join(f"{k} {v:.4g}" for k, v in study.mechanism.items()) or "-",
-        "contact": f"{contact.name}, friction {contact.static_friction:g} static, "
-        f"{contact.dynamic_friction:g} dynamic",
-        "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}"
-        + ("" if result is None else f", result {content_key(result)}"),
-        "versions": ", ".join(f"{name} {version}" for name, version in brought.items()),
+        **operated_facts(study),
+        "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{own}",
+        "versions": ", ".join(f"{name} {version}" for name, version in used.items()),
     }
+    return {name: words for name, words in facts.items() if words}

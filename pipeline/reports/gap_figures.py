@@ -12,7 +12,7 @@ from dogshape.diagnosis.bench.comparison import Comparison, PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.record import Record, key, number_or_none
-from dogshape.pipeline.reports.look import BLUE, GREY, INK, ORANGE, Row, styled
+from dogshape.pipeline.reports.charts import BLUE, GREY, INK, ORANGE, Row, styled
 from dogshape.pipeline.reports.text import minus, place_name
 from dogshape.sim.units import RPM
 

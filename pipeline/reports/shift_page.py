@@ -19,7 +19,7 @@ from pydrake.common import FindResourceOrThrow
 
 from dogshape.pipeline.export.drawing import outline
 from dogshape.pipeline.record import Table
-from dogshape.pipeline.reports.look import BLUE, GREEN, GREY, INK, ORANGE
+from dogshape.pipeline.reports.charts import BLUE, GREEN, GREY, INK, ORANGE
 from dogshape.pipeline.reports.report import (
     as_script_json,
     figure_html,

@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Table
+from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.data_sheet import (
     difference,
-    engine_of,
     ms_or_dash,
     point_gains,
     searched_record,
@@ -24,15 +24,12 @@ from dogshape.pipeline.reports.designs import (
     failed_words,
     goals_of,
     is_measured,
-    least_margins,
     margins_of,
-    shown_goals,
-    weakest_at_worst,
 )
-from dogshape.pipeline.reports.look import Row
 from dogshape.pipeline.reports.text import (
     check_name,
     label,
+    minus,
     ms_with_error,
     percent,
     place_name,
@@ -44,7 +41,6 @@ from dogshape.pipeline.simulate.design import SIMULATED, WORST
 from dogshape.pipeline.simulate.failing import failing_words
 
 END = 0.01  #: share of a search range within which a value lies at its end
-APART = 3.0  #: combined standard errors between search and new angles that are a fact
 LANDING = "_impact"  #: end of the names of the checks of a landing
 #: Columns of the alternatives, of the words of a record.
 COLUMNS = (
@@ -52,6 +48,7 @@ COLUMNS = (
     "smallest margin, nominal size", "at worst-case tolerances", "locks above friction",
     "length, mm",
 )  # fmt: skip
+Pair = tuple[float, float]
 
 
 def headline(result: Row) -> str:
@@ -60,29 +57,30 @@ def headline(result: Row) -> str:
     if best is None:
         how = _most_failed(result)
         return f"No design of this search passes every check{f': {how}' if how else ''}."
-    name, lead = design_name(best), goals_of(result)[0]
+    name = design_name(best)
     if not c:
+        lead = goals_of(result)[0]
         words = lead.words(lead.shown(best), lead.error(best)) if is_measured(best) else "no time"
         return f"Best so far, not confirmed: {name}, {lead.label} {words}."
     failed = failed_words(c["best"])
     fails = f", but fails {failed} at the new angles" if failed else ""
     if best["prototype"]:
         return f"No design of this search is chosen before the prototype{fails}."
+    return f"{name.capitalize()} {_gain_words(result)}{fails}."
+
+
+def _gain_words(result: Row) -> str:
     gains = gained(result)
-    if not gains or gains[0][0].name != lead.name:
-        engaged, shifts = engaged_shifts(c["best"])
-        return f"{name.capitalize()} engages in {engaged} of {shifts} shifts{fails}."
+    if not gains or gains[0][0].name != result["leading"]:
+        return "engages in {} of {} shifts".format(*engaged_shifts(result["confirmation"]["best"]))
     goal, (before, _), (after, _), (gain, error) = gains[0]
-    quick = goal.name == SIMULATED
-    word = ("faster", "slower") if quick else ("better", "worse")
     if abs(gain) < 2.0 * error or not gain:
-        return f"{name.capitalize()} cannot be told from the prototype{fails}."
-    share = f"{abs(gain / before):.0%}".replace("%", " %") if before else goal.words(abs(gain))
-    what = "" if quick else f" in the {goal.label}, {goal.words(after)}"
-    return f"{name.capitalize()} is {share} {word[gain < 0.0]} than the prototype{what}{fails}."
-
-
-Pair = tuple[float, float]
+        return "cannot be told from the prototype"
+    share = f"{100 * abs(gain / before):.0f} %" if before else goal.words(abs(gain))
+    if goal.name == SIMULATED:
+        return f"is {share} {'faster' if gain > 0.0 else 'slower'} than the prototype"
+    what = f"{goal.label}, {goal.words(after)}"
+    return f"is {share} {'better' if gain > 0.0 else 'worse'} than the prototype in the {what}"
 
 
 def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
@@ -93,17 +91,17 @@ def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
     not engage.
     """
     c, best = result["confirmation"], result["best"]
-    prototype = next((row for row in result["trials"] if row["prototype"]), None)
     if not c or best is None or best["prototype"]:
         return []
+    own = next((row for row in result["trials"] if row["prototype"]), {})
     found, timed = [], is_measured(c["prototype"]) and is_measured(c["best"])
-    for goal in shown_goals(result):
+    for goal in goals_of(result, SIMULATED):
         if goal.objective.simulated and (timed or goal.unit != "ms"):
             gain = c["gains"][goal.name]
             pairs = goal.estimate(c["prototype"]), goal.estimate(c["best"])
             change = goal.factor * gain["value"], goal.factor * (gain["standard_error"] or 0.0)
-        elif not goal.objective.simulated and (prototype or {}).get(goal.name) is not None:
-            pairs = (goal.shown(prototype or {}), 0.0), (goal.shown(best), 0.0)
+        elif not goal.objective.simulated and own.get(goal.name) is not None:
+            pairs = (goal.shown(own), 0.0), (goal.shown(best), 0.0)
             change = goal.objective.sign * (pairs[0][0] - pairs[1][0]), 0.0
         else:
             continue
@@ -120,9 +118,8 @@ def summary_tables(study: Setup, result: Row) -> list[Table]:
         for goal, before, after, gain in gained(result)
     ]
     heads = (f"at {result['confirmation']['angles']} new angles", "prototype", "chosen", "gain")
-    facts = Table(("", ""), list(facts_of(study, result)))
-    others = alternatives_table(study, result)
-    return [*([Table(heads, gains)] if gains else []), *([others] if others.rows else []), facts]
+    tables = [Table(heads, gains), alternatives_table(study, result)]
+    return [*(t for t in tables if t.rows), Table(("", ""), list(facts_of(study, result)))]
 
 
 def _change(goal: Goal, before: float, gain: Pair) -> str:
@@ -137,15 +134,13 @@ def alternatives_table(study: Setup, result: Row) -> Table:
 
     Costs are differences to the chosen design, ± one standard error.
     """
-    best = result["best"]
+    best, own = result["best"], [row for row in result["trials"] if row["prototype"]]
     rows, looks = list[list[str]](), {0: "best"}
-    if not best["prototype"] and all(name in best for name in study.variables):
-        own = [row for row in result["trials"] if row["prototype"]]
-        front = [row for row in result["front"] if row["trial"] != best["trial"]]
+    if not best["prototype"]:
         chosen = searched_record(study, result, best)
-        others = [searched_record(study, result, row) for row in front]
-        known = [one for one in others if one["passes"] and one["confirmed"]
-                 and not one["prototype"]]  # fmt: skip
+        front = [searched_record(study, result, row) for row in result["front"]
+                 if row["trial"] != best["trial"] and not row["prototype"]]  # fmt: skip
+        known = [one for one in front if one["passes"] and one["confirmed"]]
         known.sort(key=lambda one: one[SIMULATED] or math.inf)
         for one in (chosen, *known, *(searched_record(study, result, row) for row in own)):
             words, cost = words_of(one), difference(chosen, one)
@@ -162,38 +157,74 @@ def alternatives_table(study: Setup, result: Row) -> Table:
 def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     """List the facts of a confirmed design; what speaks against it is marked as bad."""
     c, best = result["confirmation"], result["best"]
-    if not best["prototype"]:
-        for one in c.get("gains_by_contact", ()):
-            if one["gain_s"] is not None:
-                words = ms_with_error(one["gain_s"], one["gain_standard_error_s"])
-                yield f"gain with {one['contact']}", f"{words} ms"
-    elif how := _most_failed(result):
-        yield "designs that fail", how
-    margins = margins_of(best, c["best"])
-    yield "smallest margin, nominal size", margin_cell(least_margins(margins)[0])
-    yield "at worst-case tolerances", margin_cell(weakest_at_worst(study, best))
-    if best["margin_root_sum_square"] is not None:
-        yield "by root sum of squares", share_cell(best["margin_root_sum_square"])
-    landing = [(n, m) for n, m in margins.items() if n.endswith(LANDING)]
+    if best["prototype"]:
+        if how := _most_failed(result):
+            yield "designs that fail", how
+    else:
+        yield from _gain_facts(study, result)
+    landing = [one for one in margins_of(best, c["best"]).items() if one[0].endswith(LANDING)]
     if landing:
         yield "hardest landing at the new angles", margin_cell(min(landing, key=lambda one: one[1]))
-    if not best["prototype"]:
-        yield from _point_facts(c)
     yield from _failure_facts(result)
-    yield from _search_facts(study, result)
+    drake, audit = c["best"].get("drake"), result.get("audit")
+    for name, found in (("chosen design in Drake", drake), ("audit", audit)):
+        if found is not None:
+            words = minus(agreement_words(found))
+            yield name, words if found["agrees"] else Bad(words)
 
 
 def _failure_facts(result: Row) -> Iterator[tuple[str, str]]:
-    best = result["best"]
-    own = next((row for row in result["trials"] if row["prototype"]), None)
-    if words := failed_words(result["confirmation"]["best"]):
+    c, best = result["confirmation"], result["best"]
+    if words := failed_words(c["best"]):
         yield "fails at the new angles", Bad(words)
-    if own is not None and own["failed"] and not best["prototype"]:
+    own = next((row for row in result["trials"] if row["prototype"]), best)
+    if own["failed"] and not best["prototype"]:
         yield "the prototype itself fails", Bad(", ".join(failure(n, own) for n in own["failed"]))
-    out = [row for row in failed_at_new_angles(result) if row["trial"] != best["trial"]]
+    confirmed = confirmed_designs(result)
+    out = [row["trial"] for row in failed_at_new_angles(result) if row["trial"] != best["trial"]]
     if out:
-        names = ", ".join(str(row["trial"]) for row in out)
-        yield "designs out, failed at the new angles", names
+        words = "; ".join(f"{trial}: {failed_words(confirmed[trial])}" for trial in out)
+        yield "designs out, failed at the new angles", words
+    for trial, one in confirmed.items():
+        if one.get("agrees") is False:
+            words = f"{one['errors_apart']:.1f} standard errors apart"
+            yield f"search and new angles of design {trial}", Bad(words)
+    if left := c.get("left_out"):
+        yield "designs not confirmed", f"{', '.join(map(str, left))}; raise search.confirm_designs"
+
+
+def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+    """List the facts of a chosen design beside the prototype."""
+    c, best = result["confirmation"], result["best"]
+    for one in c.get("gains_by_contact", ()):
+        if one["gain_s"] is not None:
+            words = ms_with_error(one["gain_s"], one["gain_standard_error_s"])
+            yield f"gain with {one['contact']}", f"{words} ms"
+    timed = is_measured(c["best"]) and is_measured(c["prototype"])
+    if found := point_gains(c["prototype"], c["best"]) if timed else []:
+        slower = [one for one in found if one["gain_s"] < 0.0]
+        words = f"{len(slower)} of {len(found)}"
+        if slower:
+            most = min(slower, key=lambda one: float(one["gain_s"]))
+            clear = sum(one["clear"] for one in slower)
+            loss = ms_with_error(-most["gain_s"], most["error_s"])
+            at = place_name(most["mismatch_rpm"], most["force_N"])
+            words += f" ({clear} clearly), most by {loss} ms at {at}"
+            words = Bad(words) if clear else words
+        yield "operating points slower than the prototype", words
+    (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
+    words = f"{own} of {n} shifts; prototype {other} of {m}"
+    yield "engaged at the first try", Bad(words) if own < n else words
+    if own < n and (again := c["best"].get("mean_engaged_s")) is not None:
+        yield "expected shift time without retries", time_text(again)
+    ends = [
+        f"{label(name)} {value(name, best[name])}"
+        for name, (low, high) in study.variables.items()
+        if not low < best[name] < high or (name != "count" and min(
+            best[name] - low, high - best[name]) <= END * (high - low))
+    ]  # fmt: skip
+    if ends:
+        yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
 
 
 def margin_cell(one: tuple[str, float] | None) -> str:
@@ -202,72 +233,6 @@ def margin_cell(one: tuple[str, float] | None) -> str:
         return Bad("no dog")
     text = f"{percent(one[1])} {check_name(one[0])}"
     return Bad(text) if one[1] < 0.0 else text
-
-
-def share_cell(margin: float) -> str:
-    """Print a margin; below zero it is marked as bad."""
-    return Bad(percent(margin)) if margin < 0.0 else percent(margin)
-
-
-def _point_facts(c: Row) -> Iterator[tuple[str, str]]:
-    timed = is_measured(c["best"]) and is_measured(c["prototype"])
-    found = point_gains(c["prototype"], c["best"]) if timed else []
-    slower = sorted((g for g in found if g["gain_s"] < 0.0), key=lambda g: float(g["gain_s"]))
-    words = f"{len(slower)} of {len(found)}"
-    if slower:
-        first, clear = slower[0], sum(g["clear"] for g in slower)
-        loss = ms_with_error(-first["gain_s"], first["error_s"])
-        at = place_name(first["mismatch_rpm"], first["force_N"])
-        words += f" ({clear} clearly), most by {loss} ms at {at}"
-        words = Bad(words) if clear else words
-    if found:
-        yield "operating points slower than the prototype", words
-    (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
-    words = f"{own} of {n} shifts; prototype {other} of {m}"
-    yield "engaged at the first try", Bad(words) if own < n else words
-    if own < n and (again := c["best"].get("mean_engaged_s")) is not None:
-        yield "expected shift time without retries", time_text(again)
-
-
-def _search_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
-    c, best, lead = result["confirmation"], result["best"], goals_of(result)[0]
-    rows = {row["trial"]: row for row in result["trials"]}
-    for trial, one in confirmed_designs(result).items():
-        row = rows[trial]
-        if row.get(lead.name) is None or not (is_measured(row) and is_measured(one)):
-            continue
-        (after, error), before = lead.estimate(one), lead.shown(row)
-        both = math.hypot(error, lead.error(row))
-        if both and abs(after - before) / both > APART:
-            words = (
-                f"{lead.cell(row)} and {lead.words(after, error)}, {abs(after - before) / both:.1f}"
-            )
-            yield f"search and new angles of design {trial}", Bad(f"{words} standard errors apart")
-    if not best["prototype"] and (ends := ", ".join(_at_the_ends(best, study))):
-        yield "at the end of the search range", Bad(f"{ends}; widen [variables]")
-    if left := c.get("left_out"):
-        yield "designs not confirmed", f"{', '.join(map(str, left))}; raise search.confirm_designs"
-    if (error := c["best"]["numerical_error_s"]) is not None:
-        yield "numerical error of the expected shift time", f"{1e3 * error:.2g} ms"
-    words = f"{c['angles']} new angles at each operating point"
-    if c.get("drake_angles"):
-        words += f", {c['drake_angles']} of them of Drake too"
-    count = f"{result['n_simulated_shifts']}, the search by {engine_of(result)}"
-    yield "shifts simulated", f"{count}; {words}"
-    for name, found in (
-        ("chosen design in Drake", c["best"].get("drake")),
-        ("audit", result.get("audit")),
-    ):
-        if found is not None:
-            words = agreement_words(found)
-            yield name, words if found["agrees"] else Bad(words)
-
-
-def _at_the_ends(best: Row, study: Setup) -> Iterator[str]:
-    for name, (low, high) in study.variables.items():
-        room = END * (high - low) if name != "count" else 0.0
-        if best[name] <= low + room or best[name] >= high - room:
-            yield f"{label(name)} {value(name, best[name])}"
 
 
 def _most_failed(result: Row) -> str:

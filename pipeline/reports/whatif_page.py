@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.look import Row
+from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.report import as_script_json, write_page
 from dogshape.pipeline.reports.text import label
 from dogshape.pipeline.reports.whatif_checks import known_of

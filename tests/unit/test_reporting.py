@@ -19,32 +19,22 @@ from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.record import Bad
 from dogshape.pipeline.reports import single_shifts
-from dogshape.pipeline.reports.designs import designs_frame, goals_of, of_kinds, weakest_at_worst
+from dogshape.pipeline.reports.designs import goals_of, of_kinds, simulated_frame
 from dogshape.pipeline.reports.provenance import command_of, dates_of, file_of
 from dogshape.pipeline.reports.report import link
 from dogshape.pipeline.reports.single_shifts import (
-    Distribution,
     Shifts,
     drawn_variant,
-    extremes,
     replays_of,
-    weights_of,
     write_replays,
 )
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.reports.study_summary import facts_of, gained, headline
 from dogshape.pipeline.reports.text import percent
 from dogshape.pipeline.reports.variable_effects import learn_effects, stored_effects
-from dogshape.pipeline.simulate.design import (
-    SUMMARIES,
-    design_of,
-    margins_within,
-)
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.training_rows import known_surrogate
-from dogshape.sim.versions import bundled_root
 from dogshape.surrogate.hypervolume import hypervolume
 from dogshape.surrogate.store import save
 from tests.found import TIME, VARIABLES, Row, shift
@@ -70,39 +60,28 @@ def test_hypervolume_in_two_and_three_dimensions() -> None:
     assert hypervolume(values, corner) == pytest.approx(below, abs=4e-3)
 
 
-def test_shifts_of_a_design_without_repeats_of_other_accuracy(study: Setup) -> None:
-    own, seed = study.prototype, study.file.expectation.seed
+def test_fastest_and_slowest_shift_of_a_design(study: Setup) -> None:
+    """A blocked shift is the slowest; what was repeated with finer steps counts once."""
+    own = study.prototype
     rows = (
         shift(study, own, 1.0, 0.05),
-        shift(study, own, 2.0, None, seed=seed + NEW_ANGLES),
-        shift(study, own, 3.0, 0.07, accuracy=1e-9),
+        shift(study, own, 2.0, None),
+        shift(study, own, 3.0, 0.04, accuracy=1e-9),
         shift(study, own, 4.0, None, outcome="diverged"),
         shift(study, own | {"chamfer_deg": 9.0}, 1.0, 0.02),
     )
-    found = Shifts(study, rows)
-    assert [row["relative_angle_deg"] for row in found.of(own)] == [1.0, 2.0]
-    assert [row["relative_angle_deg"] for row in found.confirmed(own)] == [2.0]
-    fast, slow = extremes(found.of(own)) or pytest.fail("no shifts")
-    assert (fast["shift_time_s"], slow["outcome"]) == (0.05, "blocked")
-    assert extremes([]) is None
-
-
-def test_operating_points_keep_their_weight(study: Setup) -> None:
-    heavy = tuple(replace(p, weight=3.0 if k == 0 else 1.0) for k, p in enumerate(study.points))
-    own = study.prototype
-    first = {"mismatch_rpm": 5.0, "force_N": 235.2}
-    other = {"mismatch_rpm": 5.0, "force_N": 315.5}
-    rows = [shift(study, own, 1.0, 0.1, **first)]
-    rows += [shift(study, own, angle, 0.2, **other) for angle in (1.0, 2.0)]
-    weights = weights_of(replace(study, points=heavy), rows)
-    assert weights == pytest.approx([0.75, 0.125, 0.125])
-    times = Distribution(np.array([0.1, 0.2, 0.2]), np.cumsum(weights))
-    assert (times.quantile(0.75), times.quantile(0.76)) == (0.1, 0.2)
+    ((fast, slow),) = replays_of(Shifts(study, rows), [{**own, "trial": 0, "prototype": True}])
+    assert (fast.words, slow.words) == (
+        "50.0 ms at 50 1/min, 469.0 N",
+        "blocked at 50 1/min, 469.0 N",
+    )
+    assert fast.path.startswith("shifts/prototype-fastest-")
+    assert replays_of(Shifts(study, ()), [{**own, "trial": 0, "prototype": True}]) == []
 
 
 def test_every_simulated_design_is_in_the_table(result: Row) -> None:
     result["trials"][2]["time_within_tolerances"] = {"worst_case_s": 0.002, "by_dimension_s": {}}
-    text = designs_frame(result, VARIABLES, simulated=True).to_csv(index=False)
+    text = simulated_frame(result, VARIABLES).to_csv(index=False)
     kind, data = link(text, "text/csv", "all.csv", "all").split('"')[3].split(",", 1)
     assert kind == "data:text/csv;charset=utf-8"
     table = pd.read_csv(io.StringIO(unquote(data)))
@@ -149,17 +128,15 @@ def against(study: Setup, result: Row) -> list[str]:
     return [name for name, words in facts_of(study, result) if isinstance(words, Bad)]
 
 
-def test_facts_have_the_checks_behind_both_margins(few: Setup, result: Row) -> None:
+def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: Row) -> None:
+    result["confirmation"]["designs"][0] |= {"agrees": False, "errors_apart": 8.6}
     found = facts(few, result)
-    assert found["smallest margin, nominal size"] == "3.0 % tip width"
-    assert found["at worst-case tolerances"] == "\N{MINUS SIGN}2.0 % root fatigue"
     assert found["engaged at the first try"] == "32 of 32 shifts; prototype 24 of 32"
     assert found["operating points slower than the prototype"].startswith("1 of 2 (1 clearly)")
     assert against(few, result) == [
-        "at worst-case tolerances", "operating points slower than the prototype",
-        "search and new angles of design 2",
+        "operating points slower than the prototype", "search and new angles of design 2",
     ]  # fmt: skip
-    result["confirmation"]["designs"][0]["estimates"][TIME]["value"] = 0.0725
+    result["confirmation"]["designs"][0]["agrees"] = True
     assert not any("search and new angles" in name for name in facts(few, result))
     result["best"] |= {"chamfer_deg": 0.0}
     assert "chamfer" in facts(few, result)["at the end of the search range"]
@@ -195,28 +172,8 @@ def test_headline_says_what_was_found(result: Row) -> None:
 def test_a_limit_on_the_margin_at_worst_names_the_check_behind_it(few: Setup, result: Row) -> None:
     for row in result["trials"]:
         row["margins"]["smallest_margin_worst"] = -0.02
-    assert facts(few, result)["smallest margin, nominal size"] == "3.0 % tip width"
     said = headline(result | {"best": None})
     assert "6 of 6 fail root fatigue at worst-case tolerances, the nearest of them by 2" in said
-
-
-@pytest.mark.parametrize(
-    ("name", "trial"), [("mq200", 34), ("mq200_robust", None), ("mq200_paper", None)]
-)
-def test_a_kept_result_without_the_name_gets_it_from_its_dimensions(
-    name: str, trial: int | None
-) -> None:
-    study = load_study(name)
-    result = json.loads((bundled_root() / name / "result.json").read_text())
-    trial = result["best"]["trial"] if trial is None else trial
-    row = next(row for row in result["trials"] if row["trial"] == trial)
-    row.pop("weakest_check_worst_case", None)
-    found = weakest_at_worst(study, row)
-    assert found is not None
-    within = margins_within(study, design_of(study, {key: row[key] for key in study.variables}))
-    assert found[0] == min(within, key=lambda one: within[one]["worst_case"])
-    assert found[0] not in SUMMARIES
-    assert found[1] == pytest.approx(within[found[0]]["worst_case"], abs=1e-6)
 
 
 def engages(result: Row, share: float, *keys: str) -> Row:
@@ -245,18 +202,13 @@ def test_what_does_not_engage_has_no_time_and_no_gain(
     assert not any("gain" in name or "slower" in name for name in said)
 
 
-def test_one_point_where_most_shifts_do_not_engage_leaves_no_time(result: Row) -> None:
-    result["confirmation"]["best"]["points"][0]["engaged"] = 0.25
-    assert headline(result).startswith("Design 2 engages in 20 of 32 shifts")
-
-
 def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -> None:
     check = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
     c = result["confirmation"]
     (own,) = c["designs"]
     c["designs"] = [{"trial": 1, **c["best"], "checks": [check]}, own]
     said = "designs out, failed at the new angles"
-    assert facts(few, result)[said] == "1"
+    assert facts(few, result)[said].startswith("1: edge pressure impact")
     c["best"]["checks"] = own["checks"] = [check]
     found = facts(few, result)
     assert found["fails at the new angles"].startswith("edge pressure impact")
@@ -287,42 +239,30 @@ def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Setup) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    "change",
-    [
-        "operating={points=[{mismatch_rpm=-50, force_N=300, weight=3}]}",
-        "operating.mismatch_rpm={distribution='normal', mean=60, sd=20}",
-        "uncertain.friction_factor={distribution='uniform', low=0.7, high=1.3}",
-    ],
-)
-def test_command_holds_tables(change: str) -> None:
-    command = command_of(load_study("mq200_paper", [change]))
-    assert command is not None
-    overrides = [word for word in shlex.split(command)[3:] if word != "--set"]
-    assert (
-        load_study("mq200_paper", overrides).config_hash
-        == load_study("mq200_paper", [change]).config_hash
-    )
-
-
 def test_provenance_has_dates_and_the_file_as_it_was_run(tmp_path: Path) -> None:
     stored = tmp_path / "result.json"
     stored.touch()
     os.utime(stored, (86400.0 * 365, 86400.0 * 365))
-    dates = dates_of(stored)
-    assert dates["stored"] == "1971-01-01"
-    assert dates["written"] > dates["stored"]
+    assert dates_of(stored).startswith("result stored 1971-01-01, report written ")
     told = json.loads(file_of(load_study("mq200_paper", ["search.trials=12"])))
     assert build_study(StudyFile.model_validate(told)).file.search.trials == 12
 
 
-def test_command_runs_the_same_study_again() -> None:
-    changes = ["search.trials=12", "operating.mismatch_rpm=[50, 149]", "contact.set=adams2019"]
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [],
+        ["search.trials=12", "operating.mismatch_rpm=[50, 149]", "contact.set=adams2019"],
+        ["uncertain.friction_factor={distribution='uniform', low=0.7, high=1.3}"],
+    ],
+)
+def test_command_runs_the_same_study_again(changes: list[str]) -> None:
     study = load_study("mq200_paper", changes)
     command = command_of(study)
     assert command is not None
-    assert command.startswith("dogshape study mq200_paper --set ")
-    assert command_of(load_study("mq200_paper")) == "dogshape study mq200_paper"
+    assert command.startswith("dogshape study mq200_paper")
+    overrides = [word for word in shlex.split(command)[3:] if word != "--set"]
+    assert load_study("mq200_paper", overrides).config_hash == study.config_hash
     file = study.file.model_copy(update={"name": "elsewhere"})
     assert command_of(replace(study, file=file)) is None
 
@@ -334,8 +274,6 @@ def test_a_page_that_cannot_be_made_is_said_and_left_out(
     shifts = Shifts(study, (shift(study, own, 1.0, 0.05), shift(study, own, 2.0, None)))
     pairs = replays_of(shifts, [{**own, "trial": 0, "prototype": True}])
     (fast, slow) = pairs[0]
-    assert slow.words == "blocked at 50 1/min, 469.0 N"
-    assert fast.path.startswith("shifts/prototype-fastest-")
 
     def fails(*_: Any) -> None:
         raise RuntimeError("no solution")
@@ -356,7 +294,7 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     stored = known_surrogate(study)
     assert stored is not None
     save(folder.surrogate, stored)
-    known: Row = {"effects": {"designs": 3}, "indices": [], "prices": []}
+    known: Row = {"effects": {"designs": 3}, "prices": []}
     calls: list[str] = []
 
     def learned(*_: Any) -> Row:
@@ -366,7 +304,6 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     place = "dogshape.pipeline.reports.variable_effects"
     monkeypatch.setattr(f"{place}.Over", lambda *_: None)
     monkeypatch.setattr(f"{place}._effects_record", learned)
-    monkeypatch.setattr(f"{place}._indices_record", lambda *_: [])
     monkeypatch.setattr(f"{place}.prices", lambda *_: [])
     learn_effects(folder, calls.append)
     learn_effects(folder, calls.append)
@@ -390,7 +327,7 @@ def test_effects_are_not_drawn_where_they_are_extrapolated(
 ) -> None:
     effects = {"designs": 150, "outside_trained_range": outside, "mean_expected_shift_time_s": 0.08,
                "variables": [_effect(-0.01, 0.01, [0.0, 0.005])]}  # fmt: skip
-    known = {"effects": effects, "indices": [], "prices": []}
+    known = {"effects": effects, "prices": []}
     monkeypatch.setattr("dogshape.pipeline.reports.study_page.stored_effects",
                         lambda _: known)  # fmt: skip
     page = write_report(kept_folder(tmp_path / "mq200")).read_text()
