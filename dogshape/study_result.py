@@ -83,24 +83,16 @@ class StudyResult(Result):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Chosen design with its leading objective, the gain over the prototype, and the effort."""
-        effort = {
+        """Headline, leading objective of the chosen design, its gain, and the effort."""
+        facts = {"result": headline(self.record)}
+        for goal, _, chosen, gain in gained(self.record)[:1]:
+            facts[goal.label] = goal.words(*chosen)
+            facts["gain over the prototype"] = goal.words(*gain)
+        return facts | {
             "front": f"{len(self.record['front'])} designs",
             "designs simulated": str(self.record["n_simulated_designs"]),
             "shifts": str(self.record["n_simulated_shifts"]),
         }
-        best, lead = self.best, goals_of(self.record)[0]
-        if best is None:
-            return {"best": "no design passes every check", **effort}
-        facts = {"best": "prototype" if best["prototype"] else f"design {best['trial']}"}
-        if self.confirmation is None:
-            facts[lead.label] = lead.words(lead.shown(best), lead.error(best)) + ", not confirmed"
-        else:
-            facts["result"] = headline(self.record)
-            for goal, _, chosen, gain in gained(self.record)[:1]:
-                facts[goal.label] = goal.words(*chosen)
-                facts["gain over the prototype"] = goal.words(*gain)
-        return facts | effort
 
     @property
     def parts(self) -> list[str | Table]:

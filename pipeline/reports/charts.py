@@ -92,33 +92,30 @@ def times_by_point(sides: Mapping[str, Sequence[Row]]) -> go.Figure:
 
 
 def margins(checks: Sequence[Check], within: Mapping[str, Mapping[str, float]]) -> go.Figure:
-    """Draw the margin of each check as a bar, and within it a thinner one of the worst case.
+    """Draw the margin of each check as a bar, with a mark at that of the worst case.
 
-    ``within`` has the margins left within the tolerances by check and kind; where no dog is left
-    the bar is a word.
+    ``within`` has the margins left within the tolerances by check and kind.
     """
     ordered = sorted(checks, key=lambda check: list(GROUPS).index(check.rule.group))
-    worst = [(c.name, within[c.name]["worst_case"]) for c in ordered if c.name in within]
-    bars: list[tuple[str, list[tuple[str, float]], Row, float]] = [
-        ("passed", [(c.name, c.margin) for c in ordered if c.passed], {"color": BLUE}, 0.72),
-        ("failed", [(c.name, c.margin) for c in ordered if not c.passed],
-         {"color": RED, "pattern": {"shape": "/", "fgcolor": "white"}}, 0.72),
-        ("worst case within the tolerances", worst, {"color": INK}, 0.2),
-    ]  # fmt: skip
-    figure = go.Figure()
-    for name, rows, marker, width in bars:
-        drawn = [(check, 100 * margin) for check, margin in rows if math.isfinite(margin)]
+    names, figure = [check.name for check in ordered], go.Figure()
+    for name, passed, marker in (
+        ("passed", True, {"color": BLUE}),
+        ("failed", False, {"color": RED, "pattern": {"shape": "/", "fgcolor": "white"}}),
+    ):
+        mine = [check for check in ordered if check.passed == passed]
         figure.add_bar(
-            x=[margin for _, margin in drawn], y=[check for check, _ in drawn], name=name,
-            orientation="h", marker=marker, width=width,
-            hovertemplate=f"%{{y}}, {name}: %{{x:.1f}} %<extra></extra>",
+            x=[100.0 * check.margin for check in mine], y=[check.name for check in mine],
+            name=name, orientation="h", marker=marker,
         )  # fmt: skip
-    for name, margin in worst:
+    worst = {name: 100.0 * within[name]["worst_case"] for name in names if name in within}
+    figure.add_scatter(
+        x=list(worst.values()), y=list(worst), name="worst case within the tolerances",
+        mode="markers", marker={"color": INK, "symbol": "line-ns-open", "size": 14},
+    )  # fmt: skip
+    for name, margin in worst.items():
         if math.isinf(margin):
             figure.add_annotation(x=0, y=name, text="no dog left", showarrow=False, xanchor="right")
-    figure.update_layout(barmode="overlay")
     title = "margin to the limit, % of the limit"
     figure.update_xaxes(title=title, zeroline=True, zerolinecolor=INK)
-    names = [check.name for check in ordered]
     figure.update_yaxes(categoryarray=names, autorange="reversed", automargin=True)
-    return styled(figure, 150 + 24 * len(names))
+    return styled(figure, 150 + 24 * len(names)).update_layout(barmode="overlay")

@@ -12,7 +12,7 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, section_svg
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports.charts import BLUE, INK, MARKS, Row, styled, times_by_point, window
-from dogshape.pipeline.reports.data_sheet import ms_or_dash, operated_facts
+from dogshape.pipeline.reports.data_sheet import ms_or_dash, provenance_of
 from dogshape.pipeline.reports.designs import (
     MARGIN,
     confirmation_of,
@@ -25,20 +25,16 @@ from dogshape.pipeline.reports.designs import (
     simulated_frame,
 )
 from dogshape.pipeline.reports.prices import prices_table
-from dogshape.pipeline.reports.provenance import command_of, dates_of, file_of
+from dogshape.pipeline.reports.provenance import dates_of, file_of
 from dogshape.pipeline.reports.report import Report, link
 from dogshape.pipeline.reports.single_shifts import Shifts, read_shifts, replays_of, write_replays
 from dogshape.pipeline.reports.study_summary import headline, margin_cell, summary_tables
-from dogshape.pipeline.reports.text import ENGINES, axis, check_name, in_ms, percent, time_text
+from dogshape.pipeline.reports.text import axis, check_name, in_ms, percent, time_text
 from dogshape.pipeline.reports.variable_effects import effects_figure, learn_effects, stored_effects
-from dogshape.pipeline.simulate.design import SIMULATED, limits_of
+from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.files import naming
-from dogshape.sim.shift.loads import Landing
-from dogshape.sim.strength.checks import GROUPS
-from dogshape.sim.strength.dog_strength import strength_checks
-from dogshape.sim.strength.landing import landing_checks
 from dogshape.surrogate.validation_figures import validation_of
 
 Say = Callable[[str], None]
@@ -118,7 +114,7 @@ def _add_front(page: Report, study: Setup, result: Row) -> None:
             f"All {result['n_simulated_designs']} simulated designs with every column (CSV)",
         ),
         f"{barred} of {len(trials)} proposed designs failed a check and were not simulated.",
-        margin_table(study, result),
+        margin_table(result),
     )  # fmt: skip
 
 
@@ -170,26 +166,25 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
 
 
 def front_table(study: Setup, result: Row) -> Table:
-    """Tabulate prototype and front: variables, objectives by search and new angles."""
+    """Tabulate prototype and front: variables, objectives at the new angles, else by the search."""
     rows, looks = list[list[str]](), dict[int, str]()
     goals = [goal for goal in goals_of(result, SIMULATED) if goal.name != MARGIN]
     for row in designs_shown(result):
-        if row["trial"] == result["best"]["trial"]:
-            looks[len(rows)] = "best"
-        elif row["prototype"]:
-            looks[len(rows)] = "prototype"
-        repeated = confirmation_of(result, row)
-        cells = [goal.cell(row) for goal in goals]
-        for place, goal in enumerate(goals):
-            if repeated and goal.name in repeated["estimates"] and is_measured(repeated):
-                cells[place] += f"\n{goal.pair(*goal.estimate(repeated))}"
+        chosen, repeated = row["trial"] == result["best"]["trial"], confirmation_of(result, row)
+        if chosen or row["prototype"]:
+            looks[len(rows)] = "best" if chosen else "prototype"
+        known = repeated["estimates"] if repeated and is_measured(repeated) else {}
         within = row["time_within_tolerances"]
         rows.append([
-            _short_name(row), *(f"{row[name]:.4g}" for name in study.variables), *cells,
+            _short_name(row), *(f"{row[name]:.4g}" for name in study.variables),
+            *(goal.pair(*goal.estimate(repeated)) if goal.name in known else goal.cell(row)
+              for goal in goals),
             "" if within is None else in_ms(within["root_sum_square_s"]),
         ])  # fmt: skip
     heads = ("design", *map(axis, study.variables), *(goal.title for goal in goals))
-    note = "By the search, ± one standard error; second line: at the new angles."
+    note = (
+        "At the new angles; by the search where a design was not confirmed. ± one standard error."
+    )
     return Table((*heads, "within tolerances, ± ms"), rows, looks, (), note)
 
 
@@ -197,27 +192,20 @@ def _short_name(row: Row) -> str:
     return "prototype" if row["prototype"] else str(row["trial"])
 
 
-def margin_table(study: Setup, result: Row) -> Table:
+def margin_table(result: Row) -> Table:
     """Tabulate every margin of the prototype and the first designs of the front, by the search."""
-    dog, limits, shown = study.clutch.dog, study.limits, designs_shown(result)[:BESIDE]
-    own = [(quantity.rule(limit), limit) for quantity, limit in limits_of(study)]
-    closed = (*strength_checks(dog, limits), *landing_checks(dog, Landing(), limits))
-    rules = [*own, *((check.rule, check.limit) for check in closed)]
-    rows, looks = list[list[str]](), dict[int, str]()
-    for group, title in GROUPS.items():
-        mine = [(rule, limit) for rule, limit in rules if rule.group == group]
-        if mine:
-            looks[len(rows)] = "group"
-            rows.append([title])
-        for rule, limit in mine:
-            found = [row["margins"].get(rule.name) for row in shown]
-            cells = ["" if m is None else Bad(percent(m)) if m < 0.0 else percent(m) for m in found]
-            limited = f"{'≤' if rule.at_most else '≥'} {limit:.4g} {rule.unit}"
-            rows.append([check_name(rule.name), limited, *cells])
+    every = designs_shown(result)
+    shown = every[:BESIDE]
+    names = dict.fromkeys(name for row in shown for name in row["margins"])
+    margins = [[row["margins"].get(name) for row in shown] for name in names]
+    rows = [
+        [check_name(name),
+         *("" if m is None else Bad(percent(m)) if m < 0.0 else percent(m) for m in of_check)]
+        for name, of_check in zip(names, margins, strict=True)
+    ]  # fmt: skip
     note = "Distance to the limit over the limit, at nominal size, by the search."
-    if len(designs_shown(result)) > BESIDE:
-        note += f" The first {BESIDE} designs; the CSV has all."
-    return Table(("check", "limit", *map(_short_name, shown)), rows, looks, (), note)
+    note += f" The first {BESIDE} designs; the CSV has all." if len(every) > BESIDE else ""
+    return Table(("margin", *map(_short_name, shown)), rows, note=note)
 
 
 def _add_limits(page: Report, folder: StudyFolder) -> None:
@@ -288,27 +276,21 @@ def _provenance(folder: StudyFolder, study: Setup, result: Row) -> list[tuple[st
         judged = judged if validation_of(fitted).useful else Bad(f"{judged}: useless")
     solver, numerical = study.clutch.solver, (c.get("best") or {}).get("numerical_error_s")
     facts = {
-        "command": command_of(study) or "dogshape study FILE, of what study.json holds",
+        **provenance_of(study, result),
         "dates": dates_of(folder.result),
         "search": f"{search.sampler}, {len(result['trials'])} designs, seed {search.seed}, "
         f"{study.file.expectation.angles} angles",
-        "simulated": f"{result['n_simulated_designs']} designs, {result['n_simulated_shifts']} "
-        f"shifts by {ENGINES[result['engine']]}, each in shifts.jsonl with its inputs",
-        "confirmation": f"{c['angles']} new angles at each operating point, "
-        f"{c.get('drake_angles') or 0} of them in Drake too" if c else "",
+        "angles in Drake too": str(c.get("drake_angles") or ""),
         "numerical error": "" if numerical is None else f"{1e3 * numerical:.2g} ms",
         "surrogate": judged,
         "uncertain": "; ".join(
             f"{name.replace('_', ' ')} {text}"
             for name, text in (study.uncertainty.source if study.uncertainty else ())
         ),
-        **operated_facts(study),
         "solver": f"{solver.scheme}, accuracy {solver.accuracy}, steps up to "
         f"{1e3 * solver.max_step} ms",
         "retry": f"time-out {study.clutch.timeout} s and retraction {study.retraction} s",
-        "versions": ", ".join(f"{name} {version}" for name, version in result["versions"].items()),
-        "hashes": f"configuration {result['config_hash']}, physics {result['physics_hash']}",
-    }  # fmt: skip
+    }
     return [pair for pair in facts.items() if pair[1]]
 
 

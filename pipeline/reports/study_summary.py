@@ -11,7 +11,7 @@ from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.data_sheet import (
     difference,
     ms_or_dash,
-    point_gains,
+    point_differences,
     searched_record,
     words_of,
 )
@@ -201,14 +201,16 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
             words = ms_with_error(one["gain_s"], one["gain_standard_error_s"])
             yield f"gain with {one['contact']}", f"{words} ms"
     timed = is_measured(c["best"]) and is_measured(c["prototype"])
-    if found := point_gains(c["prototype"], c["best"]) if timed else []:
-        slower = [one for one in found if one["gain_s"] < 0.0]
+    if found := point_differences(c["prototype"], c["best"]) if timed else []:
+        slower = [one for one in found if one["difference_s"] > 0.0]
         words = f"{len(slower)} of {len(found)}"
         if slower:
-            most = min(slower, key=lambda one: float(one["gain_s"]))
-            clear = sum(one["clear"] for one in slower)
-            loss = ms_with_error(-most["gain_s"], most["error_s"])
+            most = max(slower, key=lambda one: float(one["difference_s"]))
+            loss = ms_with_error(most["difference_s"], most["standard_error_s"] or 0.0)
             at = place_name(most["mismatch_rpm"], most["force_N"])
+            clear = sum(
+                p["difference_s"] >= 2.0 * (p["standard_error_s"] or math.inf) for p in slower
+            )
             words += f" ({clear} clearly), most by {loss} ms at {at}"
             words = Bad(words) if clear else words
         yield "operating points slower than the prototype", words

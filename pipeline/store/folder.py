@@ -12,7 +12,7 @@
 ``mix.jsonl``        rows of designs at all operating points of the study
 ``chosen.json``      which of these designs were chosen as likely to be among the best
 ``best.json``        which designs apart are of the best tenth
-``effects.json``     effects and indices from the surrogate, for the report
+``effects.json``     effects and prices from the surrogate, for the report
 ``report.html``      the report
 ``designs.csv``      every simulated design of the search as a table
 ``shifts/``          pages of the shifts that the report links

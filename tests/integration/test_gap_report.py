@@ -18,18 +18,22 @@ from dogshape.diagnosis.bench.bench_data import Reading, gather
 from dogshape.diagnosis.report.phase_times import PHASES, PhaseGap
 from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.diagnose.consequence import Extras
-from dogshape.pipeline.reports.gap_figures import before_figure, cells_of, gap_map_figure
-from dogshape.pipeline.reports.gap_page import duration_table, inclusion_table, publish
+from dogshape.pipeline.reports.gap_page import (
+    cells_figure,
+    cells_of,
+    duration_table,
+    inclusion_table,
+    publish,
+)
 from dogshape.sim.units import RPM
 from tests.browser import PROBE, REPORT_PROBE, look, print_pdf
 from tests.diagnosed import EFFECTS, POSTERIOR, STAND, diagnosis_of, reading
 
 MINUS = "\N{MINUS SIGN}"
 PARTS = [
-    "gap-by-operating-point", "hypotheses", "residuals", "next-test", "design-choice", "phases",
-    "data-and-settings",
+    "hypotheses", "next-test", "residuals", "design-choice", "phases", "data-and-settings",
 ]  # fmt: skip
-FIGURES = ["gap-by-operating-point-0", "residuals-1"]
+FIGURES = ["residuals-1"]
 
 
 def _changed(one: Reading) -> Reading:
@@ -88,7 +92,7 @@ def test_every_part_is_there_in_its_order(page: Path) -> None:
         "Part of the cause: dead time of the actuation", "The best design hardly moves.", "0.9 ms",
         "height h, mm", "run-down of the sliding ring", "times start with the force",
         "best rival, dead time of the actuation, drag torque on the sliding ring and oil damping",
-        "chance alone", "shifts that engaged, of those made",
+        "chance alone", "4 of them without a time",
     ):  # fmt: skip
         assert words in text, words
     body = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
@@ -130,40 +134,14 @@ def test_record_and_table_lie_beside_the_report_and_within(full: Any, page: Path
     assert known.tolist() == [cell.n > 0 for cell in full.bench.cells]
 
 
-def test_map_has_numbers_marks_and_frames(full: Any) -> None:
-    cells = cells_of(full)
-    figure = gap_map_figure(cells)
-    (in_ms,) = figure.data
-    assert list(in_ms.x) == ["235.2", "315.5", "469", "641.5"]
-    assert in_ms.text[4][0].endswith(" (10/11)")
-    marks = [a.text for a in figure.layout.annotations]
-    assert sorted(marks) == ["not engaged"] + ["unknown"] * 3
-    clear = [cell for cell in cells if cell.z is not None and abs(cell.z) >= 2.0]
-    framed = [shape for shape in figure.layout.shapes if shape.line.width == 2]
-    assert len(framed) == len(clear)
-
-
-def test_points_that_are_no_grid_have_a_line_each(full: Any) -> None:
-    cells = [
-        cell.model_copy(update={"mismatch_rpm": -5.0 * k, "force_N": 300.0 + k})
-        for k, cell in enumerate(cells_of(full)[:20], start=1)
-    ]
-    figure = gap_map_figure(cells)
-    assert list(figure.data[0].x) == ["gap"]
-    assert figure.data[0].y[-1] == f"{MINUS}100 1/min, 320 N"
-    names = ["without effects", "leading hypothesis, point held out", "bench"]
-    assert [trace.name for trace in before_figure(cells).data] == names
-
-
-def test_mean_times_have_a_panel_for_each_force(full: Any) -> None:
-    figure = before_figure(cells_of(full))
-    bench = [trace for trace in figure.data if trace.name == "bench"]
-    after = [trace for trace in figure.data if trace.name == "leading hypothesis, point held out"]
-    assert (len(bench), len(after)) == (4, 4)
-    assert figure.layout.xaxis.type == "log"
-    assert len(bench[0].x) == 6  # one of seven did not engage
-    alone = before_figure(cells_of(diagnosis_of({NONE: 1.0})))
-    assert {trace.name for trace in alone.data if trace.name} == {"without effects", "bench"}
+def test_bench_and_both_simulations_have_their_times(full: Any) -> None:
+    sides = {trace.name: trace for trace in cells_figure(cells_of(full)).data}
+    assert list(sides) == ["without effects", "leading hypothesis, point held out", "bench"]
+    held_out = 1e3 * full.held_out.mean
+    assert list(sides["leading hypothesis, point held out"].x) == pytest.approx(list(held_out))
+    assert len(sides["bench"].x) == sum(cell.n > 0 for cell in full.bench.cells)
+    alone = cells_figure(cells_of(diagnosis_of({NONE: 1.0}))).data
+    assert [trace.name for trace in alone] == ["without effects", "bench"]
 
 
 def test_named_effects_are_marked(full: Any) -> None:

@@ -79,7 +79,7 @@ def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
     assert {check["name"]: check["margin"] for check in sheet["checks"]}.items() <= {
         check.name: check.margin for check in found.design.checks
     }.items()
-    assert sheet["provenance"]["study"] == "dogshape study mq200 --set dog.chamfer_deg=12.0"
+    assert sheet["provenance"]["command"] == "dogshape study mq200 --set dog.chamfer_deg=12.0"
 
 
 def test_a_design_is_drawn_and_printed_by_its_number(dogshape: Call) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import shlex
 from dataclasses import replace
 from pathlib import Path
@@ -15,12 +14,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import Setup, build_study, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.record import Bad
 from dogshape.pipeline.reports import single_shifts
 from dogshape.pipeline.reports.designs import goals_of, of_kinds, simulated_frame
-from dogshape.pipeline.reports.provenance import command_of, dates_of, file_of
+from dogshape.pipeline.reports.provenance import command_of
 from dogshape.pipeline.reports.report import link
 from dogshape.pipeline.reports.single_shifts import (
     Shifts,
@@ -30,7 +28,6 @@ from dogshape.pipeline.reports.single_shifts import (
 )
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.reports.study_summary import facts_of, gained, headline
-from dogshape.pipeline.reports.text import percent
 from dogshape.pipeline.reports.variable_effects import learn_effects, stored_effects
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -94,26 +91,6 @@ def test_every_simulated_design_is_in_the_table(result: Row) -> None:
     assert table["within_tolerances_worst_case_s"][2] == 0.002
 
 
-@pytest.mark.parametrize(
-    ("margin", "words"),
-    [
-        (0.00048, "0.05 %"),
-        (0.0, "0.0 %"),
-        (0.011, "1.1 %"),
-        (-0.14, "\N{MINUS SIGN}14 %"),
-        (1.3, "130 %"),
-    ],
-)
-def test_margins_in_percent(margin: float, words: str) -> None:
-    assert percent(margin) == words
-
-
-def in_words(sentence: str, *facts: str) -> bool:
-    """Whether a sentence has all these facts, in this order."""
-    places = [sentence.find(fact) for fact in facts]
-    return min(places) >= 0 and places == sorted(places)
-
-
 @pytest.fixture
 def few(study: Setup) -> Setup:
     """The study with the two variables of the search made by hand."""
@@ -148,32 +125,28 @@ def test_facts_are_marked_where_they_speak_against_a_design(few: Setup, result: 
     assert "gain with dissipation 1 s/m" not in facts(few, result)
 
 
-def test_the_leading_objective_is_in_the_headline(result: Row) -> None:
+def test_headline_is_the_gain_in_the_leading_objective(result: Row) -> None:
+    assert headline(result) == "Design 2 is 20 % faster than the prototype."
+    gains = {TIME: {"value": 0.001, "standard_error": 0.001}}
+    unclear = result["confirmation"] | {"gains": gains}
+    assert "cannot be told from the prototype" in headline(result | {"confirmation": unclear})
+    assert "not confirmed" in headline(result | {"confirmation": None})
+    for row in result["trials"]:
+        row["margins"]["smallest_margin_worst"] = -0.02
+    said = headline(result | {"best": None})
+    assert "6 of 6 fail root fatigue at worst-case tolerances, the nearest of them by 2" in said
     name = "shift_time_quantile_s"
     result |= {"objectives": [TIME, name], "leading": name, "quantile": 0.9}
     c = result["confirmation"]
     for key, value in (("prototype", 0.2), ("best", 0.15)):
         c[key]["estimates"][name] = {"value": value, "standard_error": 0.002}
     c["gains"][name] = {"value": 0.05, "standard_error": 0.003}
-    assert in_words(headline(result), "Design 2 is 25 % better", "90 % quantile", "150.0 ms")
+    assert headline(result) == (
+        "Design 2 is 25 % better than the prototype in the 90 % quantile of the shift time, "
+        "150.0 ms."
+    )
     assert [goal.name for goal, *_ in gained(result)] == [name, TIME]
     assert goals_of(result)[0].title == "90 % quantile of the shift time, ms"
-
-
-def test_headline_says_what_was_found(result: Row) -> None:
-    assert in_words(headline(result), "Design 2", "20 % faster", "prototype")
-    gains = {TIME: {"value": 0.001, "standard_error": 0.001}}
-    unclear = result["confirmation"] | {"gains": gains}
-    assert "cannot be told from the prototype" in headline(result | {"confirmation": unclear})
-    assert "not confirmed" in headline(result | {"confirmation": None})
-    assert "No design" in headline(result | {"best": None})
-
-
-def test_a_limit_on_the_margin_at_worst_names_the_check_behind_it(few: Setup, result: Row) -> None:
-    for row in result["trials"]:
-        row["margins"]["smallest_margin_worst"] = -0.02
-    said = headline(result | {"best": None})
-    assert "6 of 6 fail root fatigue at worst-case tolerances, the nearest of them by 2" in said
 
 
 def engages(result: Row, share: float, *keys: str) -> Row:
@@ -184,26 +157,20 @@ def engages(result: Row, share: float, *keys: str) -> Row:
     return result
 
 
-@pytest.mark.parametrize(
-    ("share", "keys", "words"),
-    [
-        (0.0625, ("best", "prototype"), ("Design 2 engages in 2 of 32 shifts",)),
-        (0.25, ("best",), ("Design 2 engages in 8 of 32 shifts",)),
-    ],
-)
+@pytest.mark.parametrize(("share", "keys"), [(0.0625, ("best", "prototype")), (0.25, ("best",))])
 def test_what_does_not_engage_has_no_time_and_no_gain(
-    few: Setup, result: Row, share: float, keys: tuple[str, ...], words: tuple[str, ...]
+    few: Setup, result: Row, share: float, keys: tuple[str, ...]
 ) -> None:
     found = engages(result, share, *keys)
-    assert in_words(headline(found), *words)
-    assert "faster" not in headline(found)
+    assert headline(found) == f"Design 2 engages in {32 * share:.0f} of 32 shifts."
     assert [goal.unit for goal, *_ in gained(found)] == ["mm"]
-    said = facts(few, found)
-    assert not any("gain" in name or "slower" in name for name in said)
+    assert not any("gain" in name or "slower" in name for name in facts(few, found))
 
 
 def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -> None:
     check = {"name": "edge_pressure_impact", "margin": -0.1, "passed": False}
+    result["trials"][0] |= {"failed": ["contact_ratio"]}
+    assert facts(few, result)["the prototype itself fails"] == "contact ratio"
     c = result["confirmation"]
     (own,) = c["designs"]
     c["designs"] = [{"trial": 1, **c["best"], "checks": [check]}, own]
@@ -213,14 +180,7 @@ def test_designs_that_fail_at_the_new_angles_are_said(few: Setup, result: Row) -
     found = facts(few, result)
     assert found["fails at the new angles"].startswith("edge pressure impact")
     assert found["hardest landing at the new angles"].startswith("\N{MINUS SIGN}10 % edge")
-    assert in_words(headline(result), "but fails edge pressure impact", "at the new angles.")
-
-
-def test_a_prototype_that_fails_is_said_on_the_first_page(few: Setup, result: Row) -> None:
-    own = next(row for row in result["trials"] if row["prototype"])
-    own["failed"], own["margins"] = ["contact_ratio"], {"contact_ratio": -0.028}
-    words = facts(few, result)["the prototype itself fails"]
-    assert words == "contact ratio"
+    assert "but fails edge pressure impact" in headline(result)
 
 
 def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Setup) -> None:
@@ -237,15 +197,6 @@ def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Setup) -> None:
         pytest.approx(0.9 * study.points[0].profile.force),
         0.2,
     )
-
-
-def test_provenance_has_dates_and_the_file_as_it_was_run(tmp_path: Path) -> None:
-    stored = tmp_path / "result.json"
-    stored.touch()
-    os.utime(stored, (86400.0 * 365, 86400.0 * 365))
-    assert dates_of(stored).startswith("result stored 1971-01-01, report written ")
-    told = json.loads(file_of(load_study("mq200_paper", ["search.trials=12"])))
-    assert build_study(StudyFile.model_validate(told)).file.search.trials == 12
 
 
 @pytest.mark.parametrize(
@@ -319,9 +270,7 @@ def _effect(low: float, high: float, lines: list[float]) -> Row:
             "low_s": [low] * many, "high_s": [high] * many, "distinguishable": True}  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("outside", "drawn"), [(0.0, True), (0.4, True), (0.95, False), (1.0, False)]
-)
+@pytest.mark.parametrize(("outside", "drawn"), [(0.4, True), (0.95, False)])
 def test_effects_are_not_drawn_where_they_are_extrapolated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, outside: float, drawn: bool
 ) -> None:
@@ -334,11 +283,10 @@ def test_effects_are_not_drawn_where_they_are_extrapolated(
     assert ("Accumulated local effects" in page) == drawn
 
 
-@pytest.mark.parametrize("name", ["mq200", "mq200_paper"])
 def test_a_page_where_nothing_was_found_compares_the_prototype_with_nothing(
-    name: str, tmp_path: Path
+    tmp_path: Path,
 ) -> None:
-    folder = kept_folder(tmp_path / name, name)
+    folder = kept_folder(tmp_path / "mq200", "mq200")
     result = folder.stored_result()
     own = next(row for row in result["trials"] if row["prototype"])
     c = result["confirmation"]
@@ -352,13 +300,10 @@ def test_a_page_where_nothing_was_found_compares_the_prototype_with_nothing(
     assert 'id="operating-points"' not in page
 
 
-@pytest.mark.parametrize("keys", [("best",), ("prototype",), ("best", "prototype")])
-def test_a_page_of_a_clutch_that_does_not_engage_has_counts(
-    keys: tuple[str, ...], tmp_path: Path
-) -> None:
+def test_a_page_of_a_clutch_that_does_not_engage_has_counts(tmp_path: Path) -> None:
     folder = kept_folder(tmp_path / "mq200", "mq200")
     result = folder.stored_result()
-    for key in keys:
+    for key in ("best", "prototype"):
         found = result["confirmation"][key] | {"expected_shift_time_s": 21.0}
         found["points"] = [{**p, "engaged": 0.0, "mean_s": 21.0} for p in found["points"]]
         found["points"][0]["engaged"] = 1.0
