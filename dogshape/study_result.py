@@ -17,7 +17,6 @@ from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
 from dogshape.pipeline.reports.study_page import (
     at_own_places,
     front_figure,
-    front_table,
     publish,
 )
 from dogshape.pipeline.reports.study_summary import gained, headline, summary_tables
@@ -99,9 +98,7 @@ class StudyResult(Result):
         """Headline, gain, alternatives, facts and front, as the report has them."""
         record = at_own_places(self.config, self.record)
         parts: list[str | Table] = [headline(record)]
-        tables = summary_tables(self.config, record)
-        tables += [front_table(self.config, record)] if self.best is not None else []
-        for table in tables:
+        for table in summary_tables(self.config, record):
             parts += ["", table]
         for reason, count in record["failed_shifts"].items():
             again = "; --resume simulates them again" if depends_on_clock(reason) else ""

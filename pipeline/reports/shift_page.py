@@ -6,6 +6,7 @@ is installed, so that a page needs no network.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +28,14 @@ from dogshape.pipeline.reports.report import (
     script_beside,
     write_page,
 )
-from dogshape.pipeline.reports.text import ENGINES, in_ms
+from dogshape.pipeline.reports.text import ENGINES, check_name, in_ms, value
 from dogshape.sim.files import naming
-from dogshape.sim.shift.conclusion import DEAD_TIME, Engagement, Outcome
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.events import crests_cross, touching
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import peak_duration
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.shift.trace import Trace
+from dogshape.sim.statistics.blocks import events_record, loads_record
 from dogshape.sim.units import DEG, MM, MS, RPM
 
 SAMPLES = 6000  #: most points of a series on a page; longer ones are thinned
@@ -113,7 +114,7 @@ def write_animation(
         angle=result.relative_angle / DEG,
         end=float(result.trace.time[-1]) / MS,
         engine=ENGINES[result.clutch.solver.engine],
-        facts=facts(result, torque_peak),
+        facts=[*event_facts(result), *load_facts(result, torque_peak)],
         phases=phases,
         data=as_script_json(data, allow_nan=True),
         curves=figure_html(curves(result), "curves"),
@@ -192,11 +193,6 @@ def phase_table(result: Engagement) -> Table:
     return Table(("phase", "start, ms", "end, ms", "length, ms"), rows)
 
 
-def facts(result: Engagement, torque_peak: float | None) -> list[str]:
-    """List the facts on a shift beside its phases; ``torque_peak`` in N m."""
-    return [*_meeting(result), *event_facts(result), *load_facts(result, torque_peak)]
-
-
 def phase_title(name: str) -> str:
     """Name a phase for people; records keep the name itself."""
     return "free flight" if name == "free fly" else name
@@ -204,49 +200,21 @@ def phase_title(name: str) -> str:
 
 def event_facts(result: Engagement) -> list[str]:
     """List the events of a shift, in words."""
-    events = result.events
-    slid = f"faces slid {events.face_slide / MM:.1f} mm" if events.chamfer_slid else "no face slid"
-    facts = [
-        _counted(events.face_contacts, "face contact"),
-        f"{_counted(events.slots_skipped, 'slot')} skipped",
-        f"thrown back {events.rebound / MM:.2f} mm",
-        f"held dog on dog {in_ms(events.time_blocked)} ms",
-        slid,
-    ]
+    facts = _words(events_record(result))
     last = result.trace.relative_angle[-1:], result.trace.displacement[-1:]
     if result.outcome is Outcome.BLOCKED and crests_cross(result.clutch, *last)[0]:
         facts.append("stands crest across crest, where no chamfer lets go")
     return facts
 
 
-def _counted(number: int, thing: str) -> str:
-    return f"{number or 'no'} {thing}{'' if number == 1 else 's'}"
-
-
 def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
     """List the loads of a shift, in words; ``torque_peak`` in N m."""
-    loads, lasts = result.loads, peak_duration(result.trace) / MS
-    facts = [
-        f"peak force of rigid rings axial {loads.peak_axial_force:.0f} N, "
-        f"tangential {loads.peak_tangential_force:.0f} N for {lasts:.2g} ms",
-        f"hardest ms {loads.impact_impulse:.3g} N s, takes {loads.strike_mismatch / RPM:.3g} 1/min",
-        f"dissipated {loads.energy_dissipated:.3g} J",
-    ]
-    if loads.residual_mismatch is not None:
-        facts.append(f"flanks close with {loads.residual_mismatch / RPM:.3g} 1/min")
-    if torque_peak is not None:
-        facts.append(f"driveline peak {torque_peak:.3g} N m")
-    return facts
+    return _words({**loads_record(result), "driveline_peak_Nm": torque_peak})
 
 
-def _meeting(result: Engagement) -> list[str]:
-    """Describe the first contact of the rings; without a face it is their crests that pass."""
-    flight, face = [phase for phase in result.phases if phase.name != DEAD_TIME][:2]
-    if flight.end >= result.trace.time[-1]:
-        return []
-    speed = np.interp(flight.end, result.trace.time, result.trace.axial_speed)
-    what = "first touch" if face.end > face.start else "crests meet"
-    return [f"{what} with {abs(speed):.2f} m/s"]
+def _words(record: Mapping[str, Any]) -> list[str]:
+    numbers = {key: one for key, one in record.items() if type(one) in (int, float)}
+    return [f"{check_name(key)} {value(key, number)}" for key, number in numbers.items()]
 
 
 def solids(dog: Dog) -> dict[str, Any]:

@@ -15,7 +15,6 @@ from dogshape.pipeline.reports.charts import BLUE, INK, MARKS, Row, styled, time
 from dogshape.pipeline.reports.data_sheet import ms_or_dash, provenance_of
 from dogshape.pipeline.reports.designs import (
     MARGIN,
-    confirmation_of,
     design_name,
     designs_shown,
     goals_of,
@@ -29,7 +28,7 @@ from dogshape.pipeline.reports.provenance import dates_of, file_of
 from dogshape.pipeline.reports.report import Report, link
 from dogshape.pipeline.reports.single_shifts import Shifts, read_shifts, replays_of, write_replays
 from dogshape.pipeline.reports.study_summary import headline, margin_cell, summary_tables
-from dogshape.pipeline.reports.text import axis, check_name, in_ms, percent, time_text
+from dogshape.pipeline.reports.text import axis, check_name, percent, time_text
 from dogshape.pipeline.reports.variable_effects import effects_figure, learn_effects, stored_effects
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
@@ -107,7 +106,6 @@ def _add_front(page: Report, study: Setup, result: Row) -> None:
         *(front_figure(result, variables, name) for name in others),
         "No design beats one of the front, named by its number, in every objective. Bars are 95 % "
         "intervals. Point at a mark to read its design; designs far off lie outside the axes.",
-        front_table(study, result),
         link(
             simulated_frame(result, variables).to_csv(index=False), "text/csv",
             f"{study.name}-designs.csv",
@@ -163,29 +161,6 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
     figure.update_xaxes(title=lead.title, range=ends[0])
     figure.update_yaxes(title=second.title, range=ends[1])
     return styled(figure, 480)
-
-
-def front_table(study: Setup, result: Row) -> Table:
-    """Tabulate prototype and front: variables, objectives at the new angles, else by the search."""
-    rows, looks = list[list[str]](), dict[int, str]()
-    goals = [goal for goal in goals_of(result, SIMULATED) if goal.name != MARGIN]
-    for row in designs_shown(result):
-        chosen, repeated = row["trial"] == result["best"]["trial"], confirmation_of(result, row)
-        if chosen or row["prototype"]:
-            looks[len(rows)] = "best" if chosen else "prototype"
-        known = repeated["estimates"] if repeated and is_measured(repeated) else {}
-        within = row["time_within_tolerances"]
-        rows.append([
-            _short_name(row), *(f"{row[name]:.4g}" for name in study.variables),
-            *(goal.pair(*goal.estimate(repeated)) if goal.name in known else goal.cell(row)
-              for goal in goals),
-            "" if within is None else in_ms(within["root_sum_square_s"]),
-        ])  # fmt: skip
-    heads = ("design", *map(axis, study.variables), *(goal.title for goal in goals))
-    note = (
-        "At the new angles; by the search where a design was not confirmed. ± one standard error."
-    )
-    return Table((*heads, "within tolerances, ± ms"), rows, looks, (), note)
 
 
 def _short_name(row: Row) -> str:

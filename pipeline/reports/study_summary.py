@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Table
@@ -16,7 +16,9 @@ from dogshape.pipeline.reports.data_sheet import (
     words_of,
 )
 from dogshape.pipeline.reports.designs import (
+    MARGIN,
     Goal,
+    confirmation_of,
     confirmed_designs,
     design_name,
     engaged_shifts,
@@ -27,7 +29,9 @@ from dogshape.pipeline.reports.designs import (
     margins_of,
 )
 from dogshape.pipeline.reports.text import (
+    axis,
     check_name,
+    in_ms,
     label,
     minus,
     ms_with_error,
@@ -42,12 +46,9 @@ from dogshape.pipeline.simulate.failing import failing_words
 
 END = 0.01  #: share of a search range within which a value lies at its end
 LANDING = "_impact"  #: end of the names of the checks of a landing
+TIME_WORDS = "expected shift time, ms"
 #: Columns of the alternatives, of the words of a record.
-COLUMNS = (
-    "expected shift time, ms", "worst point against the prototype, ms",
-    "smallest margin, nominal size", "at worst-case tolerances", "locks above friction",
-    "length, mm",
-)  # fmt: skip
+COLUMNS = ("smallest margin, nominal size", "at worst-case tolerances", "locks above friction")
 Pair = tuple[float, float]
 
 
@@ -110,16 +111,19 @@ def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
 
 
 def summary_tables(study: Setup, result: Row) -> list[Table]:
-    """Tabulate the gain, the alternatives to the chosen design, and the facts about it."""
-    if not result["confirmation"] or result["best"] is None:
+    """Tabulate the gain, the designs worth a choice, and the facts about the chosen one."""
+    if result["best"] is None:
         return []
-    gains = [
-        (goal.title, goal.pair(*before), goal.pair(*after), _change(goal, before[0], gain))
-        for goal, before, after, gain in gained(result)
-    ]
-    heads = (f"at {result['confirmation']['angles']} new angles", "prototype", "chosen", "gain")
-    tables = [Table(heads, gains), alternatives_table(study, result)]
-    return [*(t for t in tables if t.rows), Table(("", ""), list(facts_of(study, result)))]
+    tables = [alternatives_table(study, result)]
+    if result["confirmation"]:
+        gains = [
+            (goal.title, goal.pair(*before), goal.pair(*after), _change(goal, before[0], gain))
+            for goal, before, after, gain in gained(result)
+        ]
+        angles = f"at {result['confirmation']['angles']} new angles"
+        tables = [Table((angles, "prototype", "chosen", "gain"), gains), *tables]
+        tables.append(Table(("", ""), list(facts_of(study, result))))
+    return [table for table in tables if table.rows]
 
 
 def _change(goal: Goal, before: float, gain: Pair) -> str:
@@ -134,24 +138,45 @@ def alternatives_table(study: Setup, result: Row) -> Table:
 
     Costs are differences to the chosen design, ± one standard error.
     """
-    best, own = result["best"], [row for row in result["trials"] if row["prototype"]]
-    rows, looks = list[list[str]](), {0: "best"}
+    best, confirmed = result["best"], bool(result["confirmation"])
+    goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in (SIMULATED, MARGIN)]
+
+    def recorded(rows: Iterable[Row]) -> list[tuple[Row, Row]]:
+        return [(row, searched_record(study, result, row)) for row in rows]
+
+    shown = recorded(row for row in result["trials"] if row["prototype"])
     if not best["prototype"]:
-        chosen = searched_record(study, result, best)
-        front = [searched_record(study, result, row) for row in result["front"]
-                 if row["trial"] != best["trial"] and not row["prototype"]]  # fmt: skip
-        known = [one for one in front if one["passes"] and one["confirmed"]]
-        known.sort(key=lambda one: one[SIMULATED] or math.inf)
-        for one in (chosen, *known, *(searched_record(study, result, row) for row in own)):
-            words, cost = words_of(one), difference(chosen, one)
-            name = "prototype" if one["prototype"] else f"design {one['design']}"
-            name += ", chosen" if one is chosen else ""
-            price = "" if one is chosen else "-" if cost is None else ms_or_dash(*cost, "+")
-            if one["prototype"]:
-                looks[len(rows)] = "prototype"
-            rows.append([name, *(words[column] for column in COLUMNS), price])
+        front = [row for row in result["front"]
+                 if not row["prototype"] and row["trial"] != best["trial"]]  # fmt: skip
+        others = [pair for pair in recorded(front)
+                  if pair[1]["passes"] and pair[1]["confirmed"] == confirmed]  # fmt: skip
+        others.sort(key=lambda pair: pair[1][SIMULATED] or math.inf)
+        shown = [*recorded([best]), *others, *shown]
+    chosen, rows, looks = shown[0][1], list[list[str]](), dict[int, str]()
+    for row, one in shown:
+        if one["prototype"] or one is chosen:
+            looks[len(rows)] = "prototype" if one["prototype"] else "best"
+        words, cost, worst = words_of(one), difference(chosen, one), one["worst_against_prototype"]
+        repeated = confirmation_of(result, row)
+        estimates = repeated["estimates"] if repeated else {}
+        rows.append([
+            "prototype" if one["prototype"] else str(row["trial"]),
+            *(f"{row[name]:.4g}" for name in study.variables), words[TIME_WORDS],
+            *(goal.pair(*goal.estimate(repeated)) if goal.name in estimates else goal.cell(row)
+              for goal in goals),
+            "-" if worst is None else ms_or_dash(
+                worst["difference_s"], worst["standard_error_s"], "+"
+            ),
+            *(words[column] for column in COLUMNS),
+            "" if one is chosen else "-" if cost is None else ms_or_dash(*cost, "+"),
+        ])  # fmt: skip
+    heads = (
+        *("design", *map(axis, study.variables), TIME_WORDS, *(goal.title for goal in goals)),
+        *("worst point less prototype, ms", *COLUMNS, "costs, ms"),
+    )
+    words = [heads.index(column) for column in COLUMNS[:2]]
     note = "Designs of the front that pass every check at the new angles; ± one standard error."
-    return Table(("design", *COLUMNS, "costs, ms"), rows, looks, (2, 3, 4), note)
+    return Table(heads, rows, looks, words, note)
 
 
 def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
@@ -219,6 +244,8 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     yield "engaged at the first try", Bad(words) if own < n else words
     if own < n and (again := c["best"].get("mean_engaged_s")) is not None:
         yield "expected shift time without retries", time_text(again)
+    if within := best["time_within_tolerances"]:
+        yield "shift time within tolerances", f"± {in_ms(within['root_sum_square_s'])} ms"
     ends = [
         f"{label(name)} {value(name, best[name])}"
         for name, (low, high) in study.variables.items()

@@ -5,7 +5,7 @@ They are computed once and stored beside the surrogate.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from itertools import islice
 
 import plotly.graph_objects as go
@@ -71,24 +71,19 @@ def _effects_record(study: Setup, surrogate: Surrogate, over: Over) -> Row:
     seed = study.file.surrogate.seed + APART
     x = study.rows(islice(filling_designs(study, seed, border=False), DESIGNS))
 
-    def rounded(values: Iterable[float]) -> list[float]:
-        return [float(f"{value:.6g}") for value in values]
-
     return {
         "designs": len(x),
         "outside_trained_range": 1.0 - float(in_range(surrogate, x).mean()),
         "mean_expected_shift_time_s": float(over.predict(x)[0].mean()),
         "variables": [
-            {
-                "variable": one.variable,
-                "values": rounded(one.values),
-                "effect_s": rounded(one.effect),
-                "low_s": rounded(one.low),
-                "high_s": rounded(one.high),
-            }
+            {"variable": one.variable, **{
+                key: [float(f"{number:.6g}") for number in values]
+                for key, values in (("values", one.values), ("effect_s", one.effect),
+                                    ("low_s", one.low), ("high_s", one.high))
+            }}
             for one in effects(over, surrogate.data.variables, x)
         ],
-    }
+    }  # fmt: skip
 
 
 def effects_figure(found: Row) -> go.Figure:

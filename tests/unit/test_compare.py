@@ -116,7 +116,7 @@ def test_contact_sets(dogshape: Call) -> None:
     assert said.json["kind"] == "contact_sets"
     for item in said.json["items"]:
         assert item["static_friction"] == CONTACT_SETS[item["label"]].static_friction
-    assert "static friction" in dogshape("compare", "lubricated_steel", "adams2019").out
+    assert "static_friction" in dogshape("compare", "lubricated_steel", "adams2019").out
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dogshape.pipeline.reports.shift_page import facts, phase_table, solids
+from dogshape.pipeline.reports.shift_page import event_facts, load_facts, phase_table, solids
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.geometry import Dog
@@ -36,8 +36,9 @@ def test_phases_have_the_names_of_the_field(plant: ClutchPlant, point: Point) ->
     assert "free fly" not in names
 
 
-def test_facts_list_events_and_loads(plant: ClutchPlant, point: Point) -> None:
-    listed = facts(engage(plant, point(50.0, 469.0), 10 * DEG), 12.3)
-    assert listed[0].startswith("first touch")
-    assert any(" skipped" in fact for fact in listed)
-    assert listed[-1].endswith("12.3 N m")
+def test_facts_are_events_and_loads_with_their_units(plant: ClutchPlant, point: Point) -> None:
+    result = engage(plant, point(50.0, 469.0), 10 * DEG)
+    listed = [*event_facts(result), *load_facts(result, 12.3)]
+    assert "face contacts 1" in listed
+    assert f"peak axial force {result.loads.peak_axial_force:.4g} N" in listed
+    assert listed[-1] == "driveline peak 12.3 N m"
