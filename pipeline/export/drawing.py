@@ -63,10 +63,9 @@ def rounded(points: Sequence[Point], radii: Sequence[float]) -> str:
         u, v = ((side - here) / math.dist(side, here) for side in (before, after))
         cut = radius / math.tan(0.5 * math.acos(np.clip(u @ v, -1.0, 1.0)))
         sweep = int(u[0] * v[1] < u[1] * v[0])
-        arc = f"A{radius:.2f},{radius:.2f} 0 0 {sweep}"
-        commands.append(
-            "L{:.2f},{:.2f} {} {:.2f},{:.2f}".format(*(here + cut * u), arc, *(here + cut * v))
-        )
+        commands.append("L{:.2f},{:.2f}".format(*(here + cut * u)))
+        end = "{:.2f},{:.2f}".format(*(here + cut * v))
+        commands.append(f"A{radius:.2f},{radius:.2f} 0 0 {sweep} {end}")
     return " ".join([*commands, "L{:.2f},{:.2f}".format(*places[-1])])
 
 

@@ -27,7 +27,6 @@ RED = "#b3261e"
 MARKS: dict[str, Row] = {
     "dominated": {"color": GREY, "size": 8, "symbol": "circle-open"},
     "fails when simulated": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
-    "infeasible": {"color": INK, "size": 8, "symbol": "triangle-down-open"},
     "front": {"color": BLUE, "size": 10, "symbol": "circle"},
     "chosen": {
         "color": BLUE, "size": 17, "symbol": "diamond", "line": {"color": INK, "width": 1.5},

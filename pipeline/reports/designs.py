@@ -104,11 +104,6 @@ def design_name(row: Row) -> str:
     return "prototype" if row["prototype"] else f"design {row['trial']}"
 
 
-def is_barred(row: Row) -> bool:
-    """Check whether a design failed a check that needs no simulation, and so was not simulated."""
-    return not row["feasible"] and not row["points"]
-
-
 def is_measured(found: Row) -> bool:
     """Check whether a row or a confirmed design has a time that shifts say, not retries alone.
 
@@ -176,7 +171,7 @@ def failed_at_new_angles(result: Row) -> list[Row]:
 
 
 def of_kinds(result: Row) -> dict[str, list[Row]]:
-    """Sort the designs of a search by kind; each is of one kind, empty kinds too.
+    """Sort the simulated designs of a search by kind; each is of one kind, empty kinds too.
 
     Confirmed ones have the values of their confirmation.
     """
@@ -189,15 +184,13 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
             return "chosen"
         if row["prototype"]:
             return "prototype"
-        if is_barred(row):
-            return "infeasible"
         if not row["feasible"] or row["trial"] in failed:
             return "fails when simulated"
         return "front" if row["trial"] in front else "dominated"
 
-    kinds = ("dominated", "fails when simulated", "infeasible", "front", "chosen", "prototype")
+    kinds = ("dominated", "fails when simulated", "front", "chosen", "prototype")
     found: dict[str, list[Row]] = {name: [] for name in kinds}
-    for row in result["trials"]:
+    for row in (row for row in result["trials"] if row[SIMULATED] is not None):
         found[kind(row)].append(front.get(row["trial"], row))
     return found
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from scipy.stats import qmc
@@ -26,6 +25,7 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import margin_losses
 from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.expected_time import Over
 
 FACTORS = {"less_s": 0.9, "now_s": 1.0, "more_s": 1.1}  #: on a limit, by the key of the best time
 FILLING = 13  #: power of two of designs that fill the space
@@ -35,13 +35,6 @@ CLEAR = 2e-4  #: s for a tenth of a limit from which it has a price
 #: Natural step of a limit by its unit, for what a step costs.
 STEPS = {"mm": 0.1, "N": 1000.0, "MPa": 100.0, "deg": 1.0, "": 0.01, "s": 0.001, "%": 10.0}
 TOLERANCES = "tolerances at their worst"  #: row of all tolerances together, in % of what they are
-
-
-class Times(Protocol):
-    """Expected times of designs."""
-
-    def predict(self, designs: Array) -> tuple[Array, Array]:
-        """Predict expected times of designs (m, d) with their errors, each (m,), s."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +63,7 @@ class Pool:
         return None if best is None else float(self.times[best])
 
 
-def prices(study: Setup, times: Times, seed: int = 1) -> list[Row]:
+def prices(study: Setup, times: Over, seed: int = 1) -> list[Row]:
     """Compute what each limit of a study costs, in the order of its checks.
 
     Each row has the check's ``name``, ``key``, ``unit``, ``limit`` and ``at_most``, and the best
@@ -169,7 +162,7 @@ def _margins(study: Setup, designs: Array, count: int) -> tuple[Array, Array]:
     return rows, losses
 
 
-def _pool(study: Setup, times: Times, checks: Sequence[Check], seed: int) -> Pool:
+def _pool(study: Setup, times: Over, checks: Sequence[Check], seed: int) -> Pool:
     """Fill the space, then look about the best design under each limit."""
     bounds = np.array(list(study.variables.values()))
     whole = np.array([name == "count" for name in study.variables])

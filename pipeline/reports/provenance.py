@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 from collections.abc import Mapping
 from datetime import UTC, datetime
@@ -45,11 +44,6 @@ def dates_of(result: Path) -> str:
     """Write the days (UTC) on which a result was stored, by its file, and its report written."""
     stored = datetime.fromtimestamp(result.stat().st_mtime, UTC)
     return f"result stored {stored:%Y-%m-%d}, report written {datetime.now(UTC):%Y-%m-%d} (UTC)"
-
-
-def file_of(study: Setup) -> str:
-    """Write the study file as it was run, overrides included, as JSON."""
-    return json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
 
 
 def now() -> str:

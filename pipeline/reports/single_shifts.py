@@ -46,9 +46,9 @@ class Shifts:
         ]  # fmt: skip
 
 
-def read_shifts(study: Setup, journal: ShiftJournal) -> Shifts:
-    """Read the shifts of a journal."""
-    return Shifts(study, tuple(journal.rows.values()))
+def read_shifts(folder: StudyFolder, study: Setup) -> Shifts:
+    """Read the shifts of a folder."""
+    return Shifts(study, tuple(ShiftJournal(folder.shifts, only_read=True).rows.values()))
 
 
 def _lateness(row: Record) -> tuple[float, bool, str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -18,13 +19,12 @@ from dogshape.pipeline.reports.designs import (
     design_name,
     designs_shown,
     goals_of,
-    is_barred,
     is_measured,
     of_kinds,
     simulated_frame,
 )
 from dogshape.pipeline.reports.prices import prices_table
-from dogshape.pipeline.reports.provenance import dates_of, file_of
+from dogshape.pipeline.reports.provenance import dates_of
 from dogshape.pipeline.reports.report import Report, link
 from dogshape.pipeline.reports.single_shifts import Shifts, read_shifts, replays_of, write_replays
 from dogshape.pipeline.reports.study_summary import headline, margin_cell, summary_tables
@@ -32,7 +32,6 @@ from dogshape.pipeline.reports.text import axis, check_name, percent, time_text
 from dogshape.pipeline.reports.variable_effects import effects_figure, learn_effects, stored_effects
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.files import naming
 from dogshape.surrogate.validation_figures import validation_of
 
@@ -49,7 +48,7 @@ def publish(folder: StudyFolder, say: Say) -> Path:
     study, result = folder.stored_study(), folder.stored_result()
     require_targets({"the report": folder.report})
     learn_effects(folder, say)
-    shifts = read_shifts(study, ShiftJournal(folder.shifts, only_read=True))
+    shifts = read_shifts(folder, study)
     pairs = replays_of(shifts, designs_shown(result) if result["best"] else [])
     write_replays(folder, shifts, [one for pair in pairs for one in pair], say)
     return write_report(folder, shifts)
@@ -58,7 +57,7 @@ def publish(folder: StudyFolder, say: Say) -> Path:
 def write_report(folder: StudyFolder, shifts: Shifts | None = None) -> Path:
     """Write ``report.html`` and ``designs.csv`` from what the study stored; return the report."""
     study, result = folder.stored_study(), folder.stored_result()
-    shifts = shifts or read_shifts(study, ShiftJournal(folder.shifts, only_read=True))
+    shifts = shifts or read_shifts(folder, study)
     with naming(folder.designs):
         simulated_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
     report_of(folder, study, result, shifts).save(folder.report)
@@ -93,14 +92,15 @@ def report_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) ->
         page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
     file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
     facts = _provenance(folder, study, result)
-    page.add("Search and provenance", Table(("", ""), facts), file.format(file_of(study)))
+    run = json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
+    page.add("Search and provenance", Table(("", ""), facts), file.format(run))
     return page
 
 
 def _add_front(page: Report, study: Setup, result: Row) -> None:
     variables, trials = list(study.variables), result["trials"]
     others = [goal.name for goal in goals_of(result)[1:]] or [MARGIN]
-    barred = sum(map(is_barred, trials))
+    barred = sum(row[SIMULATED] is None for row in trials)
     page.add(
         "Front",
         *(front_figure(result, variables, name) for name in others),

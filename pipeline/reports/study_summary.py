@@ -94,7 +94,7 @@ def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
     c, best = result["confirmation"], result["best"]
     if not c or best is None or best["prototype"]:
         return []
-    own = next((row for row in result["trials"] if row["prototype"]), {})
+    own: Row = next((row for row in result["trials"] if row["prototype"]), {})
     found, timed = [], is_measured(c["prototype"]) and is_measured(c["best"])
     for goal in goals_of(result, SIMULATED):
         if goal.objective.simulated and (timed or goal.unit != "ms"):
@@ -157,13 +157,12 @@ def alternatives_table(study: Setup, result: Row) -> Table:
         if one["prototype"] or one is chosen:
             looks[len(rows)] = "prototype" if one["prototype"] else "best"
         words, cost, worst = words_of(one), difference(chosen, one), one["worst_against_prototype"]
-        repeated = confirmation_of(result, row)
-        estimates = repeated["estimates"] if repeated else {}
+        repeated = confirmation_of(result, row) or {"estimates": {}}
         rows.append([
             "prototype" if one["prototype"] else str(row["trial"]),
             *(f"{row[name]:.4g}" for name in study.variables), words[TIME_WORDS],
-            *(goal.pair(*goal.estimate(repeated)) if goal.name in estimates else goal.cell(row)
-              for goal in goals),
+            *(goal.pair(*goal.estimate(repeated)) if goal.name in repeated["estimates"]
+              else goal.cell(row) for goal in goals),
             "-" if worst is None else ms_or_dash(
                 worst["difference_s"], worst["standard_error_s"], "+"
             ),
@@ -174,9 +173,9 @@ def alternatives_table(study: Setup, result: Row) -> Table:
         *("design", *map(axis, study.variables), TIME_WORDS, *(goal.title for goal in goals)),
         *("worst point less prototype, ms", *COLUMNS, "costs, ms"),
     )
-    words = [heads.index(column) for column in COLUMNS[:2]]
+    texts = [heads.index(column) for column in COLUMNS[:2]]
     note = "Designs of the front that pass every check at the new angles; ± one standard error."
-    return Table(heads, rows, looks, words, note)
+    return Table(heads, rows, looks, texts, note)
 
 
 def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
