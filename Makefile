@@ -129,8 +129,6 @@ $(OUT)/report.html:
 # The pictures of the README: one shift at 45 ms and the report, drawn without a screen.
 picture: $(VENV)/ready $(OUT)/report.html
 	mkdir -p build docs
-	$(BIN)/python -m benchmarks.drawings mismatch > docs/mismatch.svg
-	$(BIN)/python -m benchmarks.drawings dog > docs/dog.svg
 	$(BIN)/dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10 \
 	  --html build/shift.html
 	$(SHOOT) --window-size=1280,880 --force-device-scale-factor=0.9375 \

@@ -19,7 +19,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import timely, wait_of
-from dogshape.diagnosis.prediction.simulations import read_time, settings_of
+from dogshape.diagnosis.prediction.simulations import read_times, settings_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import even_block
@@ -44,7 +44,7 @@ def main() -> None:
     found, begin = [], time.process_time()
     for setting, block, mine in zip(settings, places, rows, strict=True):
         second = second_times(engine, setting, block.angles)
-        first = np.array([read_time(setting, row) for row in mine])
+        first = read_times(setting, mine)
         found.append(_row(setting, first, second))
     each = (time.process_time() - begin) / (len(settings) * angles)
     errors = np.array(found)

@@ -47,14 +47,12 @@ from dogshape.pipeline.search.sampler import Pool, SurrogateSampler
 from dogshape.pipeline.search.search import open_search, run
 from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.search.unit_cube import Space
-from dogshape.pipeline.simulate.design import SIMULATED, design_of, exact_losses, values_of
+from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.training_rows import known_surrogate, study_mix
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.hypervolume import hypervolume, not_dominated
 
 START = 10  #: designs that every sampler begins with, the prototype among them
@@ -62,8 +60,6 @@ PARTS = (0.25, 0.5, 1.0)  #: of the minutes, at which fronts are compared
 MOST_ASKED = 4000  #: proposals after which a search gives up: most may be forbidden
 BEYOND = 1.25  #: the hypervolume's reference point, over the prototype's time and length
 WIDE, NEAR = 2048, 100  #: allowed designs among which ``AllowedGP`` proposes: of the space, near
-MANY, ABOUT, ROUNDS = 8000, 3000, 4  #: designs of the search by the surrogate: wide, near, rounds
-KEPT = 24  #: designs of its front that are simulated
 OWN = "own"
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 PROBLEM = (
@@ -236,33 +232,6 @@ def front_at(record: Run, minutes: float) -> list[Values]:
     return list(spent[-1]["front"]) if spent else []
 
 
-def emulated_front(study: Setup) -> list[Values]:
-    """Return the front of a search over 20 000 designs by the surrogate that the package brings."""
-    known = known_surrogate(study)
-    if known is None:
-        raise SystemExit("the package brings no surrogate for this physics")
-    over, space = Over(known.surrogate, study_mix(study)), Space(search_space(study))
-    pool, rng = Pool(DogGuide(study), 1), np.random.default_rng(1)
-
-    def judged(designs: Sequence[Values]) -> tuple[Any, Array]:
-        losses = exact_losses(study, [*designs])
-        losses[:, 0] = over.predict(study.rows(designs))[0]
-        order = np.lexsort((losses[:, 1], losses[:, 0]))
-        shortest = np.minimum.accumulate(losses[order, 1])
-        kept = np.zeros(len(losses), dtype=bool)
-        kept[order] = np.concatenate([[True], losses[order[1:], 1] < shortest[:-1]])
-        return np.flatnonzero(kept), losses
-
-    designs = pool.drawn(space, rng, MANY, None)
-    for _ in range(ROUNDS):
-        best = [designs[k] for k in judged(designs)[0]]
-        designs = best + pool.drawn(space, rng, ABOUT, best)
-    places, losses = judged(designs)
-    places = places[np.argsort(losses[places, 0])]
-    spread = np.unique(np.linspace(0, len(places) - 1, KEPT).astype(int))
-    return [designs[k] for k in places[spread]]
-
-
 class Truth:
     """Objectives of designs at new angles: (time in s, length in mm), inf if not feasible.
 
@@ -305,11 +274,10 @@ class Truth:
 def tell(runs: Sequence[Run], minutes: Sequence[float], truth: Truth) -> None:
     """Judge the fronts of all runs and print the tables."""
     study = problem()
-    emulated = emulated_front(study)
     fronts = {
         (one["sampler"], one["seed"]): [front_at(one, part) for part in minutes] for one in runs
     }
-    every = [study.prototype, *emulated, *(d for f in fronts.values() for part in f for d in part)]
+    every = [study.prototype, *(d for f in fronts.values() for part in f for d in part)]
     truth.learn(every)
     prototype = truth.of([study.prototype])[0]
     beyond, values = BEYOND * prototype, truth.of(every)
@@ -319,10 +287,8 @@ def tell(runs: Sequence[Run], minutes: Sequence[float], truth: Truth) -> None:
         for key, parts in fronts.items()
     }
     best = int(not_dominated(np.unique(values, axis=0)).sum())
-    by_surrogate = hypervolume(truth.of(emulated), beyond) / reference
     print(f"prototype {prototype[0] * 1e3:.1f} ms, {prototype[1]:.2f} mm; reference: front of "
-          f"{best} designs, best of all here; the search by")  # fmt: skip
-    print(f"the surrogate alone has {by_surrogate:.3f} of it")
+          f"{best} designs, best of all here")  # fmt: skip
     print("\nshare of the reference front's hypervolume, median of the seeds (least, largest)")
     print(f"{'':<14}" + "".join(f"{part:>19.2f} min" for part in minutes) + "  seeds")
     for name in (*SAMPLERS, OWN):

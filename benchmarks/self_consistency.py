@@ -12,16 +12,17 @@ which a stopped run goes on.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Sequence
+import json
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from joblib import Parallel, delayed
 from scipy.stats import kstest
 
-from benchmarks.kept_rows import kept_rows
 from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading, load_bench
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
@@ -206,7 +207,7 @@ def answer(bench: Bench, model: Model, seed: int) -> Answer:
     truth = draw_truth(model, generator)
     kind = "means" if seed % 2 else "singles"
     drawn = draw_cells(bench, model, truth, generator, kind)
-    return figures(truth, diagnose(drawn, {"sleeve": model}, advise=False))
+    return figures(truth, diagnose(drawn, {"sleeve": model}))
 
 
 def figures(truth: Truth, found: Diagnosis) -> Answer:
@@ -325,6 +326,33 @@ def _right(one: Answer) -> bool:
     cause = cause_of(one)
     said = {"none": NONE, "unknown": UNKNOWN, "effect": tuple(one.causes)}.get(one.verdict)
     return said == cause
+
+
+def kept_rows(
+    path: Path, keys: Iterable[tuple[Any, ...]], work: Callable[..., Any], jobs: int
+) -> dict[tuple[Any, ...], Any]:
+    """Work out the row of each key that the file lacks, and give the rows of all keys in order.
+
+    Parameters
+    ----------
+    work : gives the row of a key's parts as JSON; picklable where ``jobs`` is above one.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True)
+    lines = path.read_text(encoding="utf-8").splitlines() if path.exists() else []
+    known = {tuple(key): row for key, row in map(json.loads, lines)}
+    every = list(keys)
+    left = [key for key in every if key not in known]
+    pool = Parallel(n_jobs=jobs, return_as="generator_unordered")
+    with path.open("a", encoding="utf-8") as file:
+        for key, row in pool(delayed(_row)(work, key) for key in left):
+            known[key] = row
+            file.write(json.dumps([key, row]) + "\n")
+            file.flush()
+    return {key: known[key] for key in every}
+
+
+def _row(work: Callable[..., Any], key: tuple[Any, ...]) -> tuple[tuple[Any, ...], Any]:
+    return key, work(*key)
 
 
 def main() -> None:

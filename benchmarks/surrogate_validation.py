@@ -19,11 +19,11 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training import fill, references_of, train
-from dogshape.surrogate.dataset import Reference
+from dogshape.surrogate.dataset import Dataset
 from dogshape.surrogate.validation_figures import rank_correlation
 
 DRAWS = 1000  #: of the errors of references
-REFERENCE_ERROR = 0.003  #: relative standard error of the expected time of a reference
+REFERENCE_ANGLES = 64  #: of each operating point of a reference
 SEED = 20  #: of designs, angles and references: no form or number was chosen by these
 POINTS = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0]}
 CLUTCHES: dict[str, dict[str, object]] = {
@@ -60,15 +60,17 @@ CLUTCHES: dict[str, dict[str, object]] = {
 }  #: settings of clutches upon ``mq200_paper``
 
 
-def ceiling(best: Reference) -> float:
+def ceiling(best: Dataset) -> float:
     """Compute the rank correlation that exact times have with references, by their errors.
 
     The mean over draws: true times are the references' with as much less scatter as errors add.
     """
-    rng, about = np.random.default_rng(0), best.time - best.time.mean()
-    unsure = float((best.error**2).mean())
+    grid, weights, rng = best.engaging, best.mix.weights, np.random.default_rng(0)
+    times, errors = grid.means @ weights, np.sqrt(grid.errors**2 @ weights**2)
+    about = times - times.mean()
+    unsure = float((errors**2).mean())
     true = about * max(0.0, 1.0 - unsure / float(about.var())) ** 0.5
-    drawn = true + best.error * rng.standard_normal((DRAWS, len(true)))
+    drawn = true + errors * rng.standard_normal((DRAWS, len(true)))
     return float(np.mean([rank_correlation(true, one) for one in drawn]))
 
 
@@ -76,7 +78,7 @@ def study_of(clutch: str) -> Setup:
     """Return the study of a clutch: denser references than a fit makes."""
     more: dict[str, object] = {
         "name": f"surrogate_validation-{clutch}",
-        "surrogate.reference_error": REFERENCE_ERROR,
+        "surrogate.reference_angles": REFERENCE_ANGLES,
         "surrogate.seed": SEED,
     }
     return load_study("mq200_paper", CLUTCHES[clutch] | more)
@@ -88,10 +90,10 @@ def judge(clutch: str, jobs: int) -> None:
     folder = StudyFolder(Path("results") / study.name)
     fill(study, folder, jobs)
     stored = train(folder)
-    own, v = stored.surrogate.own, stored.validation
+    v = stored.validation
     _, best = references_of(study.working, folder)
     print(
-        f"{clutch:<10}{0 if own is None else len(own.x):8d}{v.rmse_s * 1e3:9.2f}"
+        f"{clutch:<10}{len(stored.surrogate.data):8d}{v.rmse_s * 1e3:9.2f}"
         f"{v.bias_s * 1e3:+9.2f}{v.noise_s * 1e3:9.2f}  {v.q2:.3f}{v.coverage_95:9.0%}"
         f"{v.q2_points:11.3f}{v.coverage_points:9.0%}{v.rank_best or np.nan:14.2f}"
         f"{ceiling(best):16.2f}",

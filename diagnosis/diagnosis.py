@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -14,9 +14,8 @@ from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import PointGap
-from dogshape.diagnosis.inference.fit import Fit, Interval, fit
-from dogshape.diagnosis.inference.held_out import HeldOut, held_out
-from dogshape.diagnosis.inference.next_test import NextTest, choose
+from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, held_out
+from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.ranking import Ranking, rank
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
@@ -25,8 +24,14 @@ from dogshape.diagnosis.inference.static_readings import (
     log_unknown,
     measured_facts,
 )
-from dogshape.diagnosis.inference.verdict import Verdict, decide, inclusion, within_margin
-from dogshape.diagnosis.inference.visible import Unseen, seen_apart, unseen
+from dogshape.diagnosis.inference.verdict import (
+    Verdict,
+    decide,
+    inclusion,
+    seen_apart,
+    unseen,
+    within_margin,
+)
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.mark_density import log_flights
 from dogshape.diagnosis.likelihood.mark_density import log_unknown as log_unknown_flights
@@ -34,13 +39,15 @@ from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.settings import USUAL, Settings
-from dogshape.diagnosis.terms import NONE, REVERSED, UNKNOWN, Array, Hypothesis
+from dogshape.diagnosis.terms import DELAY, NONE, REVERSED, UNKNOWN, Array, Hypothesis
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
 Record = dict[str, Any]  #: gap.json
-DELAY = "actuation_delay"
+#: Keys of the record of a data set, and of a fact.
+RECORD = ("time_zero", "displacement_at", "sense", "empty_cells")
+FACT = ("effect", "parameter", "value", "low", "high", "sentence")
 FITTED = 1e-3  #: probability from which a hypothesis is fitted
 
 
@@ -154,27 +161,21 @@ class Diagnosis:
             whole = sum(p for _, p in mine)
             if whole < FITTED:
                 continue
-            parts = [self._sizes_in(h, name, p / whole) for h, p in mine]
-            values = np.vstack(parts)
-            columns = zip(effect.parameters, values.T, strict=True)
-            found[name] = {parameter.name: Interval.of(column) for parameter, column in columns}
+            parts = []
+            for h, p in mine:
+                one, count = self.fits[h], len(self.fits[h].shares)
+                rows = np.linspace(0, count - 1, int(np.ceil(p / whole * count))).astype(int)
+                columns = one.space.columns(name) if effect.parameters else slice(0)
+                parts.append(one.values[rows][:, columns])
+            drawn = zip(effect.parameters, np.vstack(parts).T, strict=True)
+            found[name] = {parameter.name: Interval.of(column) for parameter, column in drawn}
         return found
-
-    def _sizes_in(self, hypothesis: Hypothesis, name: str, share: float) -> Array:
-        """Give as many draws of an effect's values as its hypothesis has of the probability."""
-        one = self.fits[hypothesis]
-        count = int(np.ceil(share * len(one.shares)))
-        rows = np.linspace(0, len(one.shares) - 1, count).astype(int)
-        if name == REVERSED:
-            return np.zeros((count, 0))
-        return one.values[rows][:, one.space.columns(name)]
 
     def to_dict(self) -> Record:
         """Write ``gap.json``."""
         gaps, top = self.held_out, self.fits[self.leading]
         missing = max(gaps.baseline - gaps.chance, 1e-6)
         amplitude = Interval.of(top.amplitude)
-        record = self.bench.record
         return {
             "bench": self.bench.name,
             "engine": self.bench.clutch.solver.engine,
@@ -209,12 +210,7 @@ class Diagnosis:
                 }
                 for one in self.gaps
             ],
-            "record": {
-                "time_zero": record.time_zero,
-                "displacement_at": record.displacement_at,
-                "sense": record.sense,
-                "empty_cells": record.empty_cells,
-            },
+            "record": {key: getattr(self.bench.record, key) for key in RECORD},
             "readings": [
                 {
                     "key": one.key,
@@ -227,18 +223,8 @@ class Diagnosis:
             ],
             "next_test": self.tests[0].to_dict() if self.tests else None,
             "tests": [one.to_dict() for one in self.tests[:8]],
-            "facts": [
-                {
-                    "effect": fact.effect,
-                    "parameter": fact.parameter,
-                    "value": fact.value,
-                    "low": fact.low,
-                    "high": fact.high,
-                    "sentence": fact.sentence,
-                }
-                for fact in self.facts
-            ],
-            "drift": self._drift(),
+            "facts": [{key: getattr(fact, key) for key in FACT} for fact in self.facts],
+            "drift": None if self.seen.drift is None else self.seen.drift.to_dict(),
             "credible_set": [list(h) for h in self.verdict.credible],
             "seconds": self.seconds,
             "settings": self.settings.as_dict(),
@@ -249,13 +235,6 @@ class Diagnosis:
         """Sets of names that no data of shifts can part."""
         named = {n for h in self.verdict.credible for n in h if n in self.effects}
         return [[n, *self.effects[n].aliases] for n in sorted(named) if self.effects[n].aliases]
-
-    def _drift(self) -> Record | None:
-        drift = self.seen.drift
-        if drift is None:
-            return None
-        low, high = drift.mean - 1.645 * drift.sd, drift.mean + 1.645 * drift.sd
-        return {"share": {"mean": drift.mean, "low": low, "high": high}, "informed": drift.informed}
 
     def _hypothesis(self, hypothesis: Hypothesis) -> Record:
         found = self.fits.get(hypothesis)
@@ -272,58 +251,59 @@ class Diagnosis:
         return record
 
 
-def diagnose(
-    bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL, *, advise: bool = True
-) -> Diagnosis:
-    """Diagnose a data set.
+def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL) -> Diagnosis:
+    """Diagnose a data set, without advice on the next test.
 
     Parameters
     ----------
     models : by the place at which the displacement may be read: one where that is known.
     settings : errors of the simulation, priors, and limits of the answer.
-    advise : whether to rank the tests.
     """
     begin = time.process_time()
     answers = [
-        one for place, model in models.items() for one in _answers(bench, place, model, settings)
+        a for place, model in models.items() for a in _answers(bench, place, model, settings)
     ]
-    whole = logsumexp([one.log for one in answers])
-    answers = [replace(one, log=one.log - whole) for one in answers]
-    evidence = _floored(_mixed(answers), answers[0].ranking, settings)
+    evidence = _mixed(answers, settings)
     best = max(answers, key=lambda one: one.log).ranking
     likelihood = best.likelihood
+    model = likelihood.model
+    flights = Flights(model.effects, model.settings)
     plausible = [h for h, p in evidence.items() if p > FITTED and h in best.samples]
-    flights = Flights(likelihood.model.effects, likelihood.model.settings)
     fits = {h: fit(likelihood, best.samples[h], flights) for h in dict.fromkeys((NONE, *plausible))}
     shares = unseen(likelihood, fits, evidence)
     posterior = seen_apart(shares, evidence)
     within = within_margin(likelihood, fits, evidence, bench.margin)
-    verdict = decide(posterior, fits, within, settings)
     known = [h for h in posterior if h in fits]
     rival = next((h for h in known[1:] if h != NONE), None)
     plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
     times = np.array([np.nan if cell.time is None else cell.time for cell in bench.cells])
-    effects = dict(likelihood.model.effects)
-    if likelihood.model.turned is not None:
-        effects[REVERSED] = registry.load()[REVERSED]
-    found = Diagnosis(
+    turned = {} if model.turned is None else {REVERSED: registry.load()[REVERSED]}
+    total, readings = logsumexp([one.log for one in answers]), []
+    keys = dict.fromkeys(item for one in answers for item in one.record.items())
+    for key, value in keys:
+        mine = [one for one in answers if one.record.get(key) == value]
+        chances = seen_apart(shares, _mixed(mine, settings))
+        prior = 1.0 / sum(k == key for k, _ in keys)
+        probability = float(np.exp(logsumexp([one.log for one in mine]) - total))
+        probability = (1.0 - settings.floor) * probability + settings.floor * prior
+        verdict = decide(chances, fits, within, settings)
+        readings.append(Reading(key, value, probability, verdict, chances))
+    return Diagnosis(
         bench,
-        dict(sorted(effects.items())),
+        dict(sorted({**model.effects, **turned}.items())),
         settings,
         likelihood,
         posterior,
         evidence,
         fits,
-        verdict,
+        decide(posterior, fits, within, settings),
         within,
         held_out(likelihood, fits[known[0]], fits[rival] if rival else None, times - plain),
-        _readings(answers, shares, fits, settings, within),
-        (*facts_of(bench), *measured_facts(bench, likelihood.model.effects)),
+        tuple(readings),
+        (*facts_of(bench), *measured_facts(bench, model.effects)),
         flights,
-        0.0,
+        time.process_time() - begin,
     )
-    tests = choose(found, found.flights.marks) if advise else ()
-    return replace(found, tests=tests, seconds=time.process_time() - begin)
 
 
 @dataclass(frozen=True)
@@ -332,8 +312,12 @@ class _Answer:
 
     record: Mapping[str, str]
     ranking: Ranking
-    log: float
     logs: Mapping[Hypothesis, float]
+
+    @cached_property
+    def log(self) -> float:
+        """Log of prior times evidence of this meaning."""
+        return float(logsumexp(list(self.logs.values())))
 
 
 def _answers(bench: Bench, place: str, model: Model, settings: Settings) -> list[_Answer]:
@@ -352,93 +336,51 @@ def _answers(bench: Bench, place: str, model: Model, settings: Settings) -> list
         return found
 
     beside = sum(log_unknown(fact, model.effects) for fact in facts)
-    if seen.flights:
-        beside += log_unknown_flights(seen.flights, flights)
+    beside += log_unknown_flights(seen.flights, flights)
     turned = settings.reversed_known if record.sense == "known" else settings.reversed_unknown
     ranking = rank(likelihood, more, turned, beside)
+    at_force = settings.zero_at_force
     grid: dict[str, dict[str, float]] = {}
     if record.displacement_at == "unknown":
         grid["displacement_at"] = {place: 0.5}
     if record.time_zero == "unknown" and DELAY in model.effects:
-        share = settings.zero_at_force
-        grid["time_zero"] = {"command": 1.0 - share, "force": share}
+        grid["time_zero"] = {"command": 1.0 - at_force, "force": at_force}
     if record.sense == "unknown" and model.turned is not None:
         grid["sense"] = {"as_noted": 1.0 - turned, "reversed": turned}
-    if record.empty_cells == "unknown" and seen.untold.any():
-        grid["empty_cells"] = {
-            "not_made": 1.0 - settings.empty_failed,
-            "failed": settings.empty_failed,
-        }
     found = []
     for values in itertools.product(*grid.values()):
         meant = dict(zip(grid, values, strict=True))
         prior = sum(np.log(grid[key][value]) for key, value in meant.items())
-        logs = _logs(ranking, meant)
-        found.append(_Answer(meant, ranking, prior + float(logsumexp(list(logs.values()))), logs))
+        logs = {h: prior + _log(ranking, h, meant) for h in (*ranking.samples, UNKNOWN)}
+        found.append(_Answer(meant, ranking, logs))
     return found
 
 
-def _logs(ranking: Ranking, meant: Mapping[str, str]) -> dict[Hypothesis, float]:
+def _log(ranking: Ranking, h: Hypothesis, meant: Mapping[str, str]) -> float:
     """Compute log of prior times evidence where the record means something."""
-    odds, settings = 0.0, ranking.likelihood.settings
+    log, settings = ranking.log_joint(h), ranking.likelihood.settings
+    if h == UNKNOWN:
+        return log
     if meant.get("time_zero") == "force":
         # The sets without a dead time take the whole prior.
-        odds = -np.log1p(-settings.prior(DELAY))
-    found = {}
-    for h in (*ranking.samples, UNKNOWN):
-        log = ranking.log_joint(h)
-        if meant.get("time_zero") == "force" and h != UNKNOWN:
-            log = -np.inf if DELAY in h else log + odds
-        if "sense" in meant and h != UNKNOWN:
-            mine = (REVERSED in h) == (meant["sense"] == "reversed")
-            log = log - np.log(settings.reversed_unknown) if mine else -np.inf
-        if meant.get("empty_cells") == "failed":
-            log += ranking.log_failed(h)
-        found[h] = float(log)
-    return found
+        log = -np.inf if DELAY in h else log - np.log1p(-settings.prior(DELAY))
+    if "sense" in meant:
+        mine = (REVERSED in h) == (meant["sense"] == "reversed")
+        log = log - np.log(settings.reversed_unknown) if mine else -np.inf
+    return float(log)
 
 
-def _mixed(answers: Sequence[_Answer]) -> dict[Hypothesis, float]:
-    """Mix the probabilities of hypotheses over what the record may mean."""
-    found: dict[Hypothesis, float] = {}
+def _mixed(answers: Sequence[_Answer], settings: Settings) -> dict[Hypothesis, float]:
+    """Mix the probabilities of hypotheses over what the record may mean, the largest first.
+
+    The prior keeps its share, the floor: no answer is surer than the model of errors.
+    """
+    whole, priors = logsumexp([one.log for one in answers]), answers[0].ranking.log_prior
+    found = dict.fromkeys((h for one in answers for h in one.logs), 0.0)
     for one in answers:
-        whole = logsumexp(list(one.logs.values()))
         for h, log in one.logs.items():
-            found[h] = found.get(h, 0.0) + float(np.exp(one.log + log - whole))
-    return found
-
-
-def _floored(
-    found: Mapping[Hypothesis, float], ranking: Ranking, settings: Settings
-) -> dict[Hypothesis, float]:
-    """Leave the prior its share: no answer is surer than the model of errors."""
-    prior = {
-        h: float(np.exp(ranking.log_prior[h])) if h in ranking.log_prior else 0.0 for h in found
-    }
-    whole = sum(prior.values())
-    mixed = {
-        h: (1.0 - settings.floor) * p + settings.floor * prior[h] / whole for h, p in found.items()
-    }
+            found[h] += float(np.exp(log - whole))
+    prior = {h: float(np.exp(priors[h])) if h in priors else 0.0 for h in found}
+    floor = settings.floor / sum(prior.values())
+    mixed = {h: (1.0 - settings.floor) * p + floor * prior[h] for h, p in found.items()}
     return dict(sorted(mixed.items(), key=lambda item: -item[1]))
-
-
-def _readings(
-    answers: Sequence[_Answer],
-    shares: Unseen,
-    fits: Mapping[Hypothesis, Fit],
-    settings: Settings,
-    within: float,
-) -> tuple[Reading, ...]:
-    """Give the answer under each meaning of the record that nobody noted."""
-    found = []
-    keys = dict.fromkeys((k, v) for one in answers for k, v in one.record.items())
-    for key, value in keys:
-        mine = [one for one in answers if one.record.get(key) == value]
-        log = float(logsumexp([one.log for one in mine]))
-        mine = [replace(one, log=one.log - log) for one in mine]
-        posterior = seen_apart(shares, _floored(_mixed(mine), mine[0].ranking, settings))
-        verdict = decide(posterior, fits, within, settings)
-        prior = 1.0 / sum(k == key for k, _ in keys)
-        probability = (1.0 - settings.floor) * float(np.exp(log)) + settings.floor * prior
-        found.append(Reading(key, value, probability, verdict, posterior))
-    return tuple(found)

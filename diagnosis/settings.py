@@ -120,10 +120,6 @@ class Settings:
     zero_at_force: float = constant(
         0.5, "probability", "that times start with the force where nobody noted it", "judged", ""
     )
-    empty_failed: float = constant(
-        0.1, "probability", "that empty cells were tried and failed where nobody noted it",
-        "judged", "a shift that fails is news and mostly noted",
-    )  # fmt: skip
     floor: float = constant(
         0.01, "probability", "that the data say nothing, since they are unlike the model of errors",
         "judged", "one data set in a hundred; no answer is surer",

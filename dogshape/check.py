@@ -31,7 +31,6 @@ from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.locking import blocking_force
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.strength.tolerance import Spread
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
@@ -154,15 +153,13 @@ NORMAL_95 = 1.96
 class Quick:
     """Shifts of a design by the compiled engine: its expected time and what landings demand.
 
-    ``engaged`` is the least share engaged at a point, ``refusal`` why there is no time; ``rows``
-    are what a surrogate learns from, (k, d + 8).
+    ``engaged`` is the least share engaged at a point, ``refusal`` why there is no time.
     """
 
     expected: Expected | None
     engaged: float
     refusal: str
     measured: Measured
-    rows: Array
     shifts: int
 
 
@@ -433,4 +430,4 @@ def simulate_quickly(config: Setup) -> Quick:
             retries=float(weights @ ((1.0 - share) / share)),
             retries_error=float(np.linalg.norm(unsure)),
         )
-    return Quick(expected, found.engaged, refusal, one.measured, one.rows, found.shifts)
+    return Quick(expected, found.engaged, refusal, one.measured, found.shifts)

@@ -50,16 +50,9 @@ class Fitted(Result):
             "Q2": f"{found.q2:.3f}",
             "root-mean-square error": time_text(found.rmse_s),
             "within 95 %": f"{found.coverage_95:.0%} of {found.n} designs",
-            "designs": self._designs,
+            "designs": str(len(self.stored.surrogate.data)),
             "shifts": f"{self.stored.surrogate.data.shifts} of {self.engine}",
         }
-
-    @property
-    def _designs(self) -> str:
-        model = self.stored.surrogate
-        said = str(len(model.data.designs))
-        own = "" if model.own is None else f", {len(model.own.x)} at all of the study's points"
-        return said + own
 
     @property
     def engine(self) -> str:
@@ -78,14 +71,14 @@ class Fitted(Result):
              f"{v.coverage_points:.0%}"),
         ]  # fmt: skip
         parts: list[str | Table] = [
-            f"{len(data.designs)} designs, {len(data)} operating points, {data.shifts} shifts",
+            f"{len(data)} designs at {len(data.mix.points)} operating points, {data.shifts} shifts",
             Table(("judged by", "Q2", "rmse, ms", "within 95 %"), rows),
         ]
         for named, q2 in (("expected times", v.q2), ("single operating points", v.q2_points)):
             if q2 < LEAST_Q2:
                 parts.append(
                     f"warning: Q2 {q2:.3f} of {named} explains less than half of their variance: "
-                    "useless; raise surrogate.designs or surrogate.mix_shifts"
+                    "useless; raise surrogate.mix_shifts"
                 )
         parts.append(
             f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, "
@@ -96,19 +89,15 @@ class Fitted(Result):
         return [*parts, f"written to {self.path}"]
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the validation, what was fitted, and the file.
-
-        ``mix_designs`` counts the designs that have all of the study's operating points.
-        """
-        own, shifts = self.stored.surrogate.own, self.stored.surrogate.data.shifts
+        """Give the validation, what was fitted, and the file."""
+        data = self.stored.surrogate.data
         return {
             **self.stored.validation.as_dict(),
             "engine": self.engine,
-            "shifts_drake": shifts if self.engine == "drake" else 0,
-            "shifts_planar": shifts if self.engine == "planar" else 0,
+            "shifts_drake": data.shifts if self.engine == "drake" else 0,
+            "shifts_planar": data.shifts if self.engine == "planar" else 0,
             "seconds": self.seconds,
-            "designs": len(self.stored.surrogate.data.designs),
-            "mix_designs": 0 if own is None else len(own.x),
+            "designs": len(data),
             "file": str(self.path),
         }
 

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.bench.bench_data import load_bench, require_times
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
+from dogshape.diagnosis.report.phase_times import PhaseGap, phase_gaps
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import (
@@ -19,13 +20,14 @@ from dogshape.pipeline.diagnose.calibrated_study import (
     calibrated_study,
     require_new_study,
 )
-from dogshape.pipeline.diagnose.consequence import Consequence, Extras, extras_of, price_of, studied
+from dogshape.pipeline.diagnose.consequence import Consequence, price_of, studied
 from dogshape.pipeline.diagnose.gap_update import (
     asked_of,
     before_of,
     joined,
     keep_data,
     require_no_updates,
+    settle_data,
     update_record,
     updates_of,
     write_updates,
@@ -52,7 +54,6 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 
-TIMES = "before", "after"  #: keys of an update
 SHOWN = 6  #: hypotheses in the table of an update
 
 
@@ -141,7 +142,8 @@ class Diagnosis(Result):
 
     def report(self, path: str | Path) -> Path:
         """Write the report as one page that opens offline; give its path."""
-        write_page(self.inference, Path(path), self._extras)
+        found = self.inference
+        write_page(found, Path(path), phase_gaps(found.bench), self.consequence)
         return Path(path)
 
     def calibrated(
@@ -172,10 +174,6 @@ class Diagnosis(Result):
         made = calibrated_study(self.inference, target, base, draws, causes=causes)
         made.write(target)
         return made
-
-    @property
-    def _extras(self) -> Extras:
-        return replace(extras_of(self.inference), consequence=self.consequence)
 
 
 class _Read(Protocol):
@@ -217,7 +215,13 @@ def diagnose(
     InputError, DataError, EffectError
         For a data set, an effect or a study that cannot be used, with the remedy.
     """
-    given = _data_of(bench, correct)
+    if isinstance(bench, str | Path):
+        given = load_bench(bench, correct)
+    elif correct:
+        rule = "which was read already; give the corrections where it is read"
+        raise InputError(f"corrections {', '.join(correct)} are for a data set, {rule}")
+    else:
+        given = bench if isinstance(bench, BenchData) else bench.data
     own = None if effects is None else Path(effects)
     means = Means(Path(bank), own, jobs, progress, engine)
     folder = None if out is None else Path(out)
@@ -225,37 +229,21 @@ def diagnose(
         require_no_updates(folder)
     if study is not None:
         studied(study)  # refuses a study without a result before the long work
-    with writing(folder) if folder is not None else nullcontext():
-        found = Diagnosis(diagnosed(given, means), None, folder)
-        extras = Extras() if folder is None else extras_of(found.inference)
+    with nullcontext() if folder is None else writing(folder):
+        found, where = diagnosed(given, means), "not written, for lack of --out"
+        phases: tuple[PhaseGap, ...] = ()
         if folder is not None:
-            publish(found.inference, folder, extras)
+            phases = phase_gaps(found.bench)
+            where = f"written to {publish(found, folder, phases)}"
             keep_data(given, folder, means.effects)
         if study is None:
-            return found
-        progress.say(_before_price(found))
-        price = price_of(found.inference, study, means, folder or Path(bank))
+            return Diagnosis(found, None, folder)
+        verdict = headline_of(found.verdict, found.effects)
+        progress.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
+        price = price_of(found, study, means, folder or Path(bank))
         if folder is not None:
-            publish(found.inference, folder, replace(extras, consequence=price))
-    return replace(found, consequence=price)
-
-
-def _data_of(bench: str | Path | BenchData | _Read, correct: Sequence[str]) -> BenchData:
-    """Read a data set, where it was not read yet; corrections belong to its reading."""
-    if isinstance(bench, str | Path):
-        return load_bench(bench, correct)
-    if correct:
-        rule = "which was read already; give the corrections where it is read"
-        raise InputError(f"corrections {', '.join(correct)} are for a data set, {rule}")
-    return bench if isinstance(bench, BenchData) else bench.data
-
-
-def _before_price(found: Diagnosis) -> str:
-    where = "not written, for lack of --out"
-    if found.folder is not None:
-        where = f"written to {found.folder / 'report.html'}"
-    verdict = headline_of(found.inference.verdict, found.inference.effects)
-    return f"{verdict}. The report is {where}; next: simulation of the study's designs"
+            publish(found, folder, phases, price)
+    return Diagnosis(found, price, folder)
 
 
 @dataclass(frozen=True, repr=False)
@@ -285,9 +273,9 @@ class Update(Result):
     @property
     def parts(self) -> list[str | Table]:
         """Probabilities before and now, both verdicts, and the next test."""
-        both, record = [self.record[when]["probabilities"] for when in TIMES], self.to_dict()
-        names = sorted({*both[0], *both[1]}, key=lambda name: -both[1].get(name, 0.0))[:SHOWN]
-        rows = [[name, *(chance(one.get(name, 0.0)) for one in both)] for name in names]
+        record, frame = self.to_dict(), self.to_frame()
+        frame = frame.sort_values("after", ascending=False, kind="stable")[:SHOWN]
+        rows = [[row[0], *map(chance, row[1:])] for row in frame.itertuples()]
         return [
             self.record["sentence"],
             "",
@@ -312,7 +300,7 @@ class Update(Result):
         """Give a row for each hypothesis: probability before and after."""
         import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
 
-        both = {when: self.record[when]["probabilities"] for when in TIMES}
+        both = {when: self.record[when]["probabilities"] for when in ("before", "after")}
         return pd.DataFrame(both).fillna(0.0).rename_axis("hypothesis")
 
 
@@ -343,20 +331,17 @@ def update_diagnosis(
     place = Path(folder)
     asked = asked_of(place)
     with writing(place):
-        data = joined(place, Path(new), asked)
-        require_times(data.bench)
+        bench, sheet = joined(place, Path(new), asked)
+        require_times(bench)
         count = len(asked.joined)
-        before, cells = before_of(place, count)
+        before = before_of(place, count)
         own = effects if effects is not None else asked.effects
-        folders = Path(bank), None if own is None else Path(own)
-        means = Means(*folders, jobs, progress, before["engine"])
-        inference = diagnosed(data.bench, means)
-        record = update_record(before, cells, inference, data.new, count)
+        own = None if own is None else Path(own)
+        found = diagnosed(bench, Means(Path(bank), own, jobs, progress, before["engine"]))
+        record = update_record(before, found, sheet, count)
         updates = [*updates_of(place, count), record]
         history = {f"update {one['update']}": one["sentence"] for one in updates}
-        extras = extras_of(inference)
-        extras = replace(extras, provenance={**extras.provenance, **history})
-        publish(inference, place, extras)
+        publish(found, place, phase_gaps(bench), history=history)
         write_updates(place, updates)
-        data.settle()
-    return Update(Diagnosis(inference, None, place), record, place)
+        settle_data(place)
+    return Update(Diagnosis(found, None, place), record, place)

@@ -9,26 +9,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
-from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan
-from dogshape.pipeline.diagnose.bank_diagnosis import (
-    BANK,
-    Means,
-    Wanted,
-    planned,
-    points_from,
-    sheet,
-)
+from dogshape.diagnosis.bench.table import COLUMNS
+from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan, shift_plan
+from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, points_from, predicted_field
+from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.store.folder import require_targets
 from dogshape.result import Result
-from dogshape.sim.errors import StorageError, number
+from dogshape.sim.errors import InputError, StorageError, number
 from dogshape.sim.files import write_whole
 from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
     import pandas as pd
-
 
 SHOWN = 4  #: rivals in a row
 HALF = 0.5  #: share of the strengths from which two effects count as distinguished
@@ -58,27 +52,24 @@ class Plan(Result):
             "operating points": str(np.count_nonzero(plan.shifts)),
             "work": f"{plan.hours:.1f} h",
             "decides a pair rightly": f"{plan.worth:.0%}",
-            "spread over all points": f"{plan.evenly:.0%}",
         }
 
     @property
     def parts(self) -> list[str | Table]:
         """Visits in their order, what distinguishes each cause, and the worth of the plan."""
-        plan, record = self.inference, self.to_dict()
+        plan, causes = self.inference, []
         visits = [
             [str(one["visit"]), number(one["mismatch_rpm"]), number(one["force_N"]),
              str(one["shifts"]), "reference" if one["reference"] else ""]
             for one in self._visits
         ]  # fmt: skip
-        effects, causes = plan.field.hypotheses, []
-        for place, hypothesis in enumerate(effects):
-            if hypothesis:
-                seen, apart, left = self.unlike(place)
-                names = ", ".join(effects[k][0] for k in left[:SHOWN]) or "-"
-                more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
-                whole = f"{len(apart)} of {len(apart) + len(left)}"
-                causes.append([hypothesis[0], f"{seen:.0%}", whole, f"{names}{more}"])
-        evenly, cells = record["all_points"], plan.field.cells
+        names = self._names
+        for truth in range(1, len(names)):
+            seen, apart, left = self.unlike(truth)
+            more = f" and {len(left) - SHOWN} more" if len(left) > SHOWN else ""
+            rivals = ", ".join(names[k] for k in left[:SHOWN]) or "-"
+            whole = f"{len(apart)} of {len(apart) + len(left)}"
+            causes.append([names[truth], f"{seen:.0%}", whole, f"{rivals}{more}"])
         return [
             Table(("visit", "mismatch, 1/min", "force, N", "shifts", ""), visits),
             "",
@@ -87,11 +78,9 @@ class Plan(Result):
                  "not distinguished in most strengths"), causes,
             ),
             "",
-            f"{sum(plan.shifts)} shifts at {np.count_nonzero(plan.shifts)} of {cells} operating "
-            f"points, about {number(plan.hours)} h: chance to decide a pair of causes rightly "
-            f"{plan.worth:.1%}, {self.told_apart:.0%} of pairs and strengths distinguished",
-            f"as many spread evenly over all {cells}, about {number(plan.hours_evenly)} h: "
-            f"{plan.evenly:.1%}, {evenly['told_apart']:.0%}",
+            f"{sum(plan.shifts)} shifts at {np.count_nonzero(plan.shifts)} of {plan.field.cells} "
+            f"operating points, about {number(plan.hours)} h: chance to decide a pair of causes "
+            f"rightly {plan.worth:.1%}, {self.told_apart:.0%} of pairs and strengths distinguished",
             "distinguished: expected odds of 4.5 : 1 and more for the true cause, over the "
             "strengths of the priors. Combinations of effects are not planned for.",
             *([f"table to fill in: {self.sheet}"] if self.sheet else []),
@@ -108,11 +97,6 @@ class Plan(Result):
             "order": self._visits,
             "worth": plan.worth,
             "told_apart": self.told_apart,
-            "all_points": {
-                "hours": plan.hours_evenly,
-                "worth": plan.evenly,
-                "told_apart": self._share(plan.apart_evenly),
-            },
             "threshold_nats": APART,
             "hypotheses": names,
             "pairs": [
@@ -122,9 +106,7 @@ class Plan(Result):
                     "log_bayes_factor": float(plan.log_odds[i, j]),
                     "told_apart": float(plan.apart[i, j]),
                 }
-                for i in range(len(names))
-                for j in range(len(names))
-                if i != j
+                for i, j in np.argwhere(~np.eye(len(names), dtype=bool)).tolist()
             ],
             "sheet": None if self.sheet is None else str(self.sheet),
         }
@@ -136,6 +118,19 @@ class Plan(Result):
         return pd.DataFrame(self._visits).set_index("visit")
 
     @property
+    def told_apart(self) -> float:
+        """Share of ordered pairs and strengths that the plan distinguishes."""
+        apart = self.inference.apart
+        return float(apart[~np.eye(len(apart), dtype=bool)].mean())
+
+    def unlike(self, truth: int) -> tuple[float, list[int], list[int]]:
+        """Return the share of strengths that are seen, the distinct rivals, and the others."""
+        apart = self.inference.apart[truth]
+        others = sorted((k for k in range(1, len(apart)) if k != truth), key=apart.__getitem__)
+        distinct = [k for k in others if apart[k] >= HALF]
+        return float(apart[0]), distinct, others[: len(others) - len(distinct)]
+
+    @property
     def _visits(self) -> list[dict[str, Any]]:
         again = self.inference.reference
         return [
@@ -144,29 +139,12 @@ class Plan(Result):
         ]
 
     @property
-    def told_apart(self) -> float:
-        """Share of ordered pairs and strengths that the plan distinguishes."""
-        return self._share(self.inference.apart)
-
-    def unlike(self, truth: int) -> tuple[float, list[int], list[int]]:
-        """Return the share of strengths that are seen, the distinct rivals, and the others."""
-        apart = self.inference.apart[truth]
-        others = [k for k in range(1, len(apart)) if k != truth]
-        distinct = [k for k in others if apart[k] >= HALF]
-        left = sorted((k for k in others if apart[k] < HALF), key=lambda k: float(apart[k]))
-        return float(apart[0]), distinct, left
-
-    @property
     def _names(self) -> list[str]:
         return [h[0] if h else "none" for h in self.inference.field.hypotheses]
 
     def _point(self, place: int) -> dict[str, float]:
         point = self.bench.cells[place].point
         return {"mismatch_rpm": point.mismatch / RPM, "force_N": point.profile.force}
-
-    @staticmethod
-    def _share(table: np.ndarray) -> float:
-        return float(table[~np.eye(len(table), dtype=bool)].mean())
 
 
 def plan_shifts(
@@ -190,7 +168,8 @@ def plan_shifts(
     shifts : in all.
     points : operating points that are used, at most; None for any number.
     seed : of the order.
-    out : file for the table to fill in at the bench, which must not be there yet.
+    out : file for the table to fill in at the bench, which must not be there yet. It is a
+        ``shifts.csv`` without times; its column ``order`` shows a drift afterwards.
     bank, effects, jobs, progress : as in ``diagnose``.
 
     Raises
@@ -203,8 +182,19 @@ def plan_shifts(
         raise StorageError(f"--out is {file}, which is there already; name another file")
     require_targets({"--out": file})
     bench = points_from(where)
+    if points is not None and not 1 <= points <= len(bench.cells):
+        raise InputError(
+            f"number of operating points is {points}, but {bench.name} has {len(bench.cells)}; "
+            f"give 1 to {len(bench.cells)}"
+        )
     means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress)
-    found = Plan(bench, planned(bench, Wanted(shifts, seed, points), means), file)
+    plan = shift_plan(predicted_field(bench, means), shifts, seed, points)
     if file is not None:
-        write_whole(file, sheet(bench, found.inference))
-    return found
+        lines = [",".join((*COLUMNS[:7], "order"))]
+        for place, count in plan.order:
+            point = bench.cells[place].point
+            values = rounded(point.mismatch / RPM), rounded(point.profile.force), point.profile.rise
+            for _ in range(count):
+                lines.append(f"{','.join(map(str, values))},1,,,,{len(lines)}")
+        write_whole(file, "\n".join(lines) + "\n")
+    return Plan(bench, plan, file)

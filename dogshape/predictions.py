@@ -12,11 +12,8 @@ from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.train.design_table import (
     Predicted,
     predict,
-    predicted_record,
-    predicted_rows,
     require_another,
     text_table,
-    write_predicted,
 )
 from dogshape.pipeline.train.training_rows import mix_over, stored_surrogate
 from dogshape.result import Result
@@ -83,14 +80,11 @@ class Predictions(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give counts, impossible rows with their reasons, and the best designs."""
-        return predicted_record(self.predicted, self.written)
+        return self.predicted.record(self.written)
 
     def to_frame(self) -> pd.DataFrame:
         """Give a row for each design: its keys, predicted time, interval, checks; kept columns."""
-        import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
-
-        numbers = [number for number, _ in self.predicted.asked.table.rows]
-        return pd.DataFrame(predicted_rows(self.predicted), index=pd.Index(numbers, name="row"))
+        return self.predicted.frame()
 
 
 def predict_designs(
@@ -124,5 +118,5 @@ def predict_designs(
     table = text_table(designs, stored.surrogate.data.variables)
     found = Predictions(config, predict(config, stored.surrogate, mix, table), out)
     if out is not None:
-        write_predicted(found.predicted, out)
+        found.predicted.write(out)
     return found

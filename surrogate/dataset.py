@@ -1,24 +1,21 @@
-"""Simulated operating points as data of the surrogate: one row a design at a point.
+"""Simulated designs as data of the surrogate: times of each at every operating point of a study.
 
-A row holds what the shifts of one design at one operating point gave: mean of those that
-engaged, its standard error, their standard deviation, how many engaged of how many, and the
-seed that drew their angles. Rows of different physics never meet in one data set.
+Simulations give rows: one design at one operating point, with the mean of the shifts that
+engaged, its standard error, their standard deviation, how many engaged of how many, and the seed
+that drew their angles. A ``Dataset`` collects the rows of designs that have every point of a
+``Mix``, which says where a clutch is shifted, and how often. Data of different physics never meet
+in one data set.
 
-A ``Mix`` of operating points says where a clutch is shifted, and how often.
-
-A ``Reference`` holds expected times from the simulation, to judge the surrogate. Times are those of
-shifts that engage. One shift in some hundreds may hang crest on crest and cost a second. Dense
-simulations of a design hold one such shift or none, and their mean would depend on that draw.
-Shares engaged are compared by their counts instead, over all references.
+Times are those of shifts that engage. One shift in some hundreds may hang crest on crest and cost
+a second. Dense simulations of a design hold one such shift or none, and their mean would depend
+on that draw. Shares engaged have a model of their own.
 """
 
 from __future__ import annotations
 
-import hashlib
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -28,7 +25,7 @@ from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.statistics.shift_records import Record, content_key, result_of
 from dogshape.sim.units import RPM
-from dogshape.surrogate.covariance import Array, Mask, Places
+from dogshape.surrogate.covariance import Array, Mask
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -44,91 +41,150 @@ GIVEN = -1  #: stands for the seed of angles that were given and not drawn
 
 
 @dataclass(frozen=True)
+class Mix:
+    """Operating points with weights that add up to one.
+
+    Parameters
+    ----------
+    points : mismatch in 1/min and force in N, (q, 2).
+    weights : (q,).
+    retry : time that a shift which does not engage costs, s.
+    """
+
+    points: Array
+    weights: Array
+    retry: float
+
+    def places(self, points: Array) -> Mask:
+        """Mark which of these points each of others (p, 2) is, (p, q) of bool."""
+        near = np.abs(points[:, None, :] - self.points) < 1e-6
+        return np.asarray(near.all(axis=2), dtype=bool)
+
+    def equals(self, other: Mix) -> bool:
+        """Check whether another mix has the same points in their order, and their weights."""
+        return (
+            self.points.shape == other.points.shape
+            and np.allclose(self.points, other.points, rtol=0.0, atol=1e-6)
+            and np.allclose(self.weights, other.weights, atol=1e-9)
+        )
+
+
+def mix_of(points: Sequence[OperatingPoint], retry: float) -> Mix:
+    """Return the mix of weighted operating points; ``retry`` in s."""
+    weights = np.array([point.weight for point in points])
+    rows = [(point.mismatch / RPM, point.profile.force) for point in points]
+    return Mix(np.array(rows), weights / weights.sum(), retry)
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Designs that were simulated at every point of a mix.
+
+    Parameters
+    ----------
+    x : designs, (n, d), edge units.
+    means, errors : of the shifts that engage at each point, s, (n, q); NaN where none does.
+    sds : standard deviation of such a shift, s, (n, q).
+    engaged, shifts : how many engaged, by their share of the pitch, and how many were made, (n, q).
+    """
+
+    x: Array
+    means: Array
+    errors: Array
+    sds: Array
+    engaged: Array
+    shifts: Array
+
+    def subset(self, designs: Any) -> Grid:
+        """Give the designs at places, or of a mask, alone."""
+        return Grid(*(getattr(self, field.name)[designs] for field in fields(self)))
+
+
+@dataclass(frozen=True)
 class Dataset:
-    """Rows of simulated operating points.
+    """Simulated designs with what they share.
 
     Parameters
     ----------
     variables : names of the d design variables, in edge units.
     low, high : search range of each variable, (d,).
-    rows : designs and then ``COLUMNS``, (n, d + 8); the mean is NaN where none engaged.
-    physics : everything else that a shift depends on; rows share it.
-    engine : versions of the programs that simulated the rows.
+    physics : everything else that a shift depends on.
+    engine : versions of the programs that simulated the shifts.
+    mix : operating points of every design.
+    grid : the designs and their times.
     """
 
     variables: tuple[str, ...]
     low: Array
     high: Array
-    rows: Array
     physics: Record
     engine: Record
+    mix: Mix
+    grid: Grid
 
     def __len__(self) -> int:
-        return len(self.rows)
-
-    def column(self, name: str) -> Array:
-        """Return one of ``COLUMNS``, (n,)."""
-        return self.rows[:, len(self.variables) + COLUMNS.index(name)]
+        return len(self.x)
 
     @property
     def x(self) -> Array:
         """Designs, (n, d), edge units."""
-        return self.rows[:, : len(self.variables)]
-
-    @property
-    def points(self) -> Array:
-        """Mismatch in 1/min and force in N, (n, 2)."""
-        cut = len(self.variables)
-        return self.rows[:, cut : cut + 2]
-
-    @cached_property
-    def designs(self) -> Array:
-        """Distinct designs, (k, d)."""
-        return self._distinct[0]
-
-    @cached_property
-    def design_of_row(self) -> Places:
-        """Place of each row's design in ``designs``, (n,)."""
-        return self._distinct[1]
-
-    @cached_property
-    def _distinct(self) -> tuple[Array, Places]:
-        designs, places = np.unique(self.x, axis=0, return_inverse=True)
-        return designs, places.ravel()
+        return self.grid.x
 
     @property
     def shifts(self) -> int:
-        """Number of simulated shifts behind the rows."""
-        return int(self.column("shifts").sum())
+        """Number of simulated shifts behind the data."""
+        return int(self.grid.shifts.sum())
+
+    @property
+    def engaging(self) -> Grid:
+        """Designs that engage at every point."""
+        return self.grid.subset(np.isfinite(self.grid.means).all(axis=1))
 
     def scaled(self, x: Array) -> Array:
         """Scale designs (m, d) to the unit cube of the search range."""
         return (np.atleast_2d(x) - self.low) / (self.high - self.low)
 
-    def subset(self, rows: Any) -> Dataset:
-        """Return the data set with only ``rows``: places or (n,) of bool."""
-        return replace(self, rows=self.rows[rows])
-
-    @property
-    def digest(self) -> str:
-        """Hash of rows and physics."""
-        content = np.ascontiguousarray(self.rows).tobytes()
-        return hashlib.sha256(content + content_key(self.physics).encode()).hexdigest()[:20]
+    def subset(self, designs: Any) -> Dataset:
+        """Return the data of the designs at places, or of a mask, alone."""
+        return replace(self, grid=self.grid.subset(designs))
 
     def frame(self) -> pd.DataFrame:
-        """Return the rows as a table with contact set and versions."""
+        """Return a row for each design and operating point, with contact set and versions."""
         import pandas as pd  # noqa: PLC0415  slow to load, and asking does without
 
-        table = pd.DataFrame(self.rows, columns=[*self.variables, *COLUMNS])
-        whole = {c: int for c in ("count", "engaged", "shifts", "seed") if c in table}
+        each, size, grid = np.repeat(self.x, len(self.mix.points), axis=0), len(self), self.grid
+        table = pd.DataFrame(each, columns=list(self.variables))
+        table[list(COLUMNS[:2])] = np.tile(self.mix.points, (size, 1))
+        for name, values in zip(
+            COLUMNS[2:7],
+            (grid.means, grid.errors, grid.sds, grid.engaged, grid.shifts),
+            strict=True,
+        ):
+            table[name] = values.ravel()
+        whole = {name: int for name in ("count", "shifts") if name in table}
         known = {"contact_set": self.physics.get("contact_set"), **self.engine}
         return table.astype(whole).assign(**known)
 
 
-def once(rows: Array) -> Array:
-    """Return each of the rows (n, k) once, in their order."""
-    first = np.unique(np.nan_to_num(rows, nan=-1.0), axis=0, return_index=True)[1]
-    return rows[np.sort(first)]
+def grid_of(rows: Array, mix: Mix) -> Grid:
+    """Collect the designs of rows (n, d + 8) that have every point of a mix, in sorted order.
+
+    A row counts once; rows of several seeds at one point count by their shifts.
+    """
+    rows = np.unique(np.nan_to_num(rows, nan=0.0), axis=0)
+    cut, size = rows.shape[1] - len(COLUMNS), len(mix.points)
+    x, design = np.unique(rows[:, :cut], axis=0, return_inverse=True)
+    row, point = np.nonzero(mix.places(rows[:, cut : cut + 2]))
+    mean, error, sd, good, made = rows[row, cut + 2 : cut + 7].T
+    sums = np.zeros((5, len(x), size))
+    for total, values in zip(
+        sums, (made, good, good * mean, (good * error) ** 2, good * sd**2), strict=True
+    ):
+        np.add.at(total, (design.ravel()[row], point), values)
+    shifts, engaged, time, variance, spread = sums[:, (sums[0] > 0).all(axis=1)]
+    with np.errstate(invalid="ignore"):
+        means, errors, sds = time / engaged, variance**0.5 / engaged, (spread / engaged) ** 0.5
+    return Grid(x[(sums[0] > 0).all(axis=1)], means, errors, sds, engaged, shifts)
 
 
 def among(x: Array, designs: Array) -> Mask:
@@ -143,12 +199,10 @@ def differences(mine: Record, theirs: Record) -> str:
         for k in {**mine, **theirs}
         if content_key({"v": mine.get(k)}) != content_key({"v": theirs.get(k)})
     ]
-    parts = [f"{k} is {_said(mine, k)} here and {_said(theirs, k)} there" for k in keys[:3]]
+    parts = [
+        f"{k} is {mine.get(k, 'absent')} here and {theirs.get(k, 'absent')} there" for k in keys[:3]
+    ]
     return ", ".join(parts) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")
-
-
-def _said(record: Record, key: str) -> Any:
-    return record.get(key, "absent")
 
 
 def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | None:
@@ -189,106 +243,3 @@ def rows_of(variables: Sequence[str], shifts: Iterable[Record]) -> Array:
     found = [row_of(design, group) for (design, _, _), group in groups.items()]
     rows = [row for row in found if row is not None]
     return np.array(rows, dtype=float).reshape(-1, len(variables) + len(COLUMNS))
-
-
-@dataclass(frozen=True)
-class Mix:
-    """Operating points with weights that add up to one.
-
-    Parameters
-    ----------
-    points : mismatch in 1/min and force in N, (m, 2).
-    weights : (m,).
-    retry : time that a shift which does not engage costs, s.
-    """
-
-    points: Array
-    weights: Array
-    retry: float
-
-    def at(self, index: int) -> Mix:
-        """Return the mix that is one of the points alone."""
-        return Mix(self.points[index : index + 1], np.ones(1), self.retry)
-
-
-def mix_of(points: Sequence[OperatingPoint], retry: float) -> Mix:
-    """Return the mix of weighted operating points; ``retry`` in s."""
-    weights = np.array([point.weight for point in points])
-    rows = [(point.mismatch / RPM, point.profile.force) for point in points]
-    return Mix(np.array(rows), weights / weights.sum(), retry)
-
-
-@dataclass(frozen=True)
-class Reference:
-    """Designs that were simulated at every point of a mix.
-
-    Parameters
-    ----------
-    x : designs, (k, d), edge units.
-    time, error : expected time of the shifts that engage over the mix, and its standard
-        error, (k,), s.
-    means, errors : of the shifts that engage at each point, (k, m), s.
-    spreads : standard deviation of such a shift, (k, m), s.
-    lost, shifts : how many did not engage, and how many were made, (k, m).
-    """
-
-    x: Array
-    time: Array
-    error: Array
-    means: Array
-    errors: Array
-    spreads: Array
-    lost: Array
-    shifts: Array
-
-    def __len__(self) -> int:
-        return len(self.time)
-
-    def of(self, designs: Array) -> Reference:
-        """Return the references that are among ``designs`` (k, d)."""
-        kept = among(self.x, designs)
-        return Reference(*(getattr(self, field.name)[kept] for field in fields(self)))
-
-
-def reference_of(data: Dataset, mix: Mix) -> Reference:
-    """Return the designs of a data set that have every point of the mix and engage at each.
-
-    Rows of several seeds at one point count by their shifts.
-    """
-    count, size = len(data.designs), len(mix.points)
-    node = _node_of(data.points, mix.points)
-    place = data.design_of_row
-    engaged, shifts = np.zeros((count, size)), np.zeros((count, size))
-    time, variance, spread = (np.zeros((count, size)) for _ in range(3))
-    of_row = zip(
-        place, node, data.column("engaged"), data.column("shifts"), data.column("mean_s"),
-        data.column("standard_error_s"), data.column("sd_s"), strict=True,
-    )  # fmt: skip
-    for k, j, good, n, mean, error, sd in of_row:
-        if j < 0:
-            continue
-        shifts[k, j] += n
-        if good > 0:
-            engaged[k, j] += good
-            time[k, j] += good * mean
-            variance[k, j] += (good * error) ** 2
-            spread[k, j] += good * sd**2
-    whole = (engaged > 0).all(axis=1)
-    engaged, shifts = engaged[whole], shifts[whole]
-    means, errors = time[whole] / engaged, np.sqrt(variance[whole]) / engaged
-    return Reference(
-        x=data.designs[whole],
-        time=means @ mix.weights,
-        error=np.sqrt(errors**2 @ mix.weights**2),
-        means=means,
-        errors=errors,
-        spreads=np.sqrt(spread[whole] / engaged),
-        lost=shifts - engaged,
-        shifts=shifts,
-    )
-
-
-def _node_of(points: Array, nodes: Array) -> list[int]:
-    """Return for each operating point (n, 2) its place among the nodes, -1 if it is none."""
-    places = {tuple(np.round(node, 6)): j for j, node in enumerate(nodes)}
-    return [places.get(tuple(np.round(point, 6)), -1) for point in points]

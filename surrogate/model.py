@@ -1,30 +1,21 @@
-r"""The surrogate: shift time, spread and share engaged over designs and operating points.
+r"""The surrogate: expected shift time, spread and share engaged over designs and operating points.
 
-Times are modelled by their logarithm :math:`y = \ln t`, which keeps them positive and makes
-errors relative; t is the mean of the shifts that engage. The covariance has a term over
-operating points alone, a smooth one over both, and two that grow with the mismatch: there a
-dog is thrown back once more or once less, and the mean runs in steps, of which short ones are
-rough: no design nearby predicts them.
+Processes over designs have the logarithm of the expected time over a study's operating points,
+and those of the times at each point, for which one covariance serves. Beside its variables a
+design has coordinates that its shape follows from: the play with which a dog enters, the width of
+its tip and how deep its face falls, all at the mean radius; and for each angle
+:math:`\tanh((\tan\theta - \mu)/0.04)`, for a face or flank turns from holding to letting go where
+its tangent passes the friction coefficient.
 
-Expected time over a mix with weights :math:`w_j` and mean and covariance :math:`\mu, C` of the
-logarithms (Bayesian quadrature, O'Hagan 1991, for a process of logarithms):
+Times at another operating point *o* are interpolated between the study's points :math:`o_j`, with
+Matern's correlation *R* (simple kriging about the mean over the points, Rasmussen and Williams
+2006),
 
-.. math:: T_j = e^{\mu_j + C_{jj}/2}, \qquad E = \sum_j w_j T_j + w_j \frac{1 - p_j}{p_j} t_r,
-   \qquad s^2 = \sum_{jk} w_j w_k T_j T_k (e^{C_{jk}} - 1) + s_p^2
+.. math:: y(o) = \bar y + r(o)^T R^{-1} (y - \bar y), \quad s^2 = v (1 + \nu - r^T R^{-1} r),
 
-Retries after a time :math:`t_r` (time-out and retraction) follow the share *p*
-(``surrogate.model``); its errors :math:`s_p` go together as far as the points are near.
-
-**Share that engages.** Engaged and all shifts of the rows are counted with a weight that falls with
-their distance, on top of a prior with the overall share (correlated Beta process, Goetschalckx,
-Poupart and Hoey 2011):
-
-.. math:: p(z) \sim Beta(s \bar p + \sum_i c_i k_i,\; s (1 - \bar p) + \sum_i c_i (n_i - k_i)),
-   \quad c_i = e^{-|z - z_i|^2/2\ell^2}
-
-Length :math:`\ell` and strength *s* of the prior are those that best predict the counts of
-designs left out. A Gaussian process of the logit would pull shares that are nearly always
-one away from it, and each thousandth costs a retry.
+*v* being the likeliest variance over all designs. The **share that engages** counts shifts with a
+weight that falls with their distance, on a prior with the overall share (correlated Beta process,
+Goetschalckx, Poupart and Hoey 2011). Retries after a time :math:`t_r` add :math:`t_r (1 - p)/p`.
 """
 
 from __future__ import annotations
@@ -36,112 +27,116 @@ from math import inf
 import numpy as np
 
 from dogshape.sim.errors import InputError
-from dogshape.surrogate.covariance import Array, Places, Term, distance
-from dogshape.surrogate.dataset import Dataset, Mix
-from dogshape.surrogate.mix_times import MixTimes
-from dogshape.surrogate.process import FLOOR, Process, design_coordinates, point_coordinates
+from dogshape.surrogate.covariance import Array, Term, distance, matern
+from dogshape.surrogate.dataset import Dataset, Grid, Mix
+from dogshape.surrogate.process import Effort, Process, fit_process
 
-LENGTHS = (0.1, 0.2, 0.4, inf)  #: of designs scaled to one, and of operating points
-STRENGTHS = (1.0, 10.0, 100.0)
+#: Far and near effects of the shape, and steps that no design nearby predicts.
+TERMS = (Term(), Term(scales=(0.05, 3.0), first=0.3), Term(scales=(0.1, 0.1), first=0.1))
+POINT_EFFORT = Effort(designs=250, steps=15)  #: of the points, from the parameters of the mix
+MIN_DESIGNS = 10  #: fewer determine no length scale
+EXACT = 1e-4  #: least relative error of a time
+CHUNK = 2000  #: designs that are predicted at a time
+ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")  #: of what holds or lets go
+WIDTH = 0.04  #: of the change from holding to letting go, tangent of an angle
+SHAPE = (*ANGLES, "height_mm", "count", "outer_diameter_mm", "inner_diameter_mm")
+LENGTHS = (0.1, 0.2, 0.4, inf)  #: of the share, of designs scaled to one and of operating points
+STRENGTHS = (1.0, 10.0, 100.0)  #: shifts that the prior of the share counts for
+POINT_LENGTHS = np.array([0.6, 2.0])  #: of an interpolation, likeliest with 28 points of MQ200
+POINT_NUGGET = 0.03  #: its part that no other point predicts
+
+
+def coordinates(data: Dataset, x: Array) -> Array:
+    """Compute coordinates of designs (m, d) in edge units, scaled by the data's, (m, c)."""
+    places = [k for k, name in enumerate(data.variables) if name in ANGLES]
+    tangents = np.tan(np.radians(x[:, places]))
+    ridge = np.tanh((tangents - data.physics["dynamic_friction"]) / WIDTH)
+    shape, known = shape_of(data, x), shape_of(data, data.x)
+    if shape is None or known is None:
+        return np.concatenate([data.scaled(x), ridge], axis=1)
+    low, span = known.min(axis=0), np.ptp(known, axis=0)
+    shape = (shape - low) / np.where(span > 0.0, span, 1.0)
+    return np.concatenate([data.scaled(x), ridge, shape], axis=1)
+
+
+def shape_of(data: Dataset, x: Array) -> Array | None:
+    """Compute entry play, tip width and fall of the face of designs (m, d), mm, (m, 3).
+
+    As ``sim.shift.geometry.Dog`` has them. None where neither variables nor physics determine them.
+    """
+    known = {name: x[:, place] for place, name in enumerate(data.variables)}
+    known |= {k: np.full(len(x), float(data.physics[k])) for k in SHAPE if k in data.physics}
+    if any(name not in known for name in SHAPE):
+        return None
+    chamfer, traction, braking = (np.tan(np.radians(known[name])) for name in ANGLES)
+    radius = 0.25 * (known["outer_diameter_mm"] + known["inner_diameter_mm"])
+    play = known["height_mm"] * (traction + braking)
+    tip = np.pi * radius / known["count"] - 0.5 * play
+    return np.column_stack([play, tip, tip * chamfer / (1.0 - chamfer * braking)])
+
+
+def point_coordinates(points: Array) -> Array:
+    """Compute coordinates of operating points, mismatch in 1/min and force in N, (m, 2).
+
+    Logarithmic but for mismatches near zero, which may have either sign.
+    """
+    return np.column_stack([np.arcsinh(points[:, 0] / 5.0) / 4.0, np.log(points[:, 1] / 400.0)])
 
 
 @dataclass(frozen=True)
 class Share:
-    """Counts with their inputs, the length and the strength of the prior.
+    """Share of shifts that engage: counts at designs and points, length and strength of the prior.
 
     Parameters
     ----------
-    designs : number of coordinates of a design.
-    inputs : (n, d + p).
-    engaged, shifts : counts of each row, (n,).
+    designs, points : coordinates, (n, c) and (q, 2).
+    engaged, shifts : counts, (n, q).
     """
 
-    designs: int
-    inputs: Array
+    designs: Array
+    points: Array
     engaged: Array
     shifts: Array
     length: float
     strength: float
 
+    def predict(self, x: Array, points: Array) -> tuple[Array, Array]:
+        """Predict share and its variance at coordinates (m, c) and (p, 2), (m, p) each."""
+        return self._beta(self.nearness(x, self.designs), self.nearness(self.points, points))
+
+    def nearness(self, a: Array, b: Array) -> Array:
+        """Compute the weight of designs, or points, (m, c) for others (k, c), (m, k)."""
+        if self.length == inf:
+            return np.ones((len(a), len(b)))
+        return np.exp(-0.5 * (distance(a, b) / self.length) ** 2)
+
+    def _beta(self, designs: Array, points: Array) -> tuple[Array, Array]:
+        # Jeffreys' overall share is never 0 or 1.
+        overall = (self.engaged.sum() + 0.5) / (self.shifts.sum() + 1.0)
+        a = designs @ self.engaged @ points + self.strength * overall
+        b = designs @ (self.shifts - self.engaged) @ points + self.strength * (1.0 - overall)
+        return a / (a + b), a * b / ((a + b) ** 2 * (a + b + 1.0))
+
     @property
-    def overall(self) -> float:
-        """Share of all shifts after Jeffreys, which is never 0 or 1."""
-        return float((self.engaged.sum() + 0.5) / (self.shifts.sum() + 1.0))
-
-    def at(self, inputs: Array) -> tuple[Array, Array]:
-        """Return share and its variance at inputs (m, d + p), each (m,)."""
-        cut = self.designs
-        near = _nearness(inputs[:, :cut], self.inputs[:, :cut], self.length)
-        near *= _nearness(inputs[:, cut:], self.inputs[:, cut:], self.length)
-        return self._beta(near @ self.engaged, near @ (self.shifts - self.engaged))
-
-    def over(self, x: Array, nodes: Array, known: Array, place: Places) -> tuple[Array, Array]:
-        """Return share and variance of designs (m, d) at operating points (q, p), each (m, q).
-
-        ``known`` are the distinct designs of the rows (k, d), ``place`` that of each row (n,).
-        """
-        here = _nearness(nodes, self.inputs[:, self.designs :], self.length)
-        counts = []
-        for count in (self.engaged, self.shifts - self.engaged):
-            summed = np.zeros((len(known), len(nodes)))
-            np.add.at(summed, place, (here * count).T)
-            counts.append(_nearness(x, known, self.length) @ summed)
-        return self._beta(*counts)
-
-    def alike(self, inputs: Array) -> Array:
-        """Compute the correlation of errors of the share at inputs (m, d + p), (m, m)."""
-        x, points = inputs[:, : self.designs], inputs[:, self.designs :]
-        return self.near(x, x) * self.near(points, points)
-
-    def near(self, a: Array, b: Array) -> Array:
-        """Compute the nearness of designs, or operating points, (m, c) and (k, c), (m, k)."""
-        return _nearness(a, b, self.length)
-
-    def _beta(self, engaged: Array, lost: Array) -> tuple[Array, Array]:
-        a = engaged + self.strength * self.overall
-        b = lost + self.strength * (1.0 - self.overall)
-        total = a + b
-        return a / total, a * b / (total**2 * (total + 1.0))
+    def likelihood(self) -> float:
+        """Logarithmic probability of the counts of each design, predicted by the others."""
+        designs = self.nearness(self.designs, self.designs)
+        np.fill_diagonal(designs, 0.0)
+        share = self._beta(designs, self.nearness(self.points, self.points))[0]
+        lost = self.shifts - self.engaged
+        return float((self.engaged * np.log(share) + lost * np.log1p(-share)).sum())
 
 
-def fit_share(designs: int, inputs: Array, counts: tuple[Array, Array], place: Places) -> Share:
-    """Fit length and strength: those that best predict the counts of designs left out.
-
-    ``counts`` are those of engaged and of all shifts, each (n,); ``place`` the design's of
-    each row, (n,).
-    """
-    engaged, shifts = counts
+def fit_share(designs: Array, points: Array, engaged: Array, shifts: Array) -> Share:
+    """Fit length and strength: those that best predict the counts of designs left out."""
     if (engaged == shifts).all():
-        return Share(designs, inputs, engaged, shifts, inf, STRENGTHS[-1])
-    others = place[:, None] != place[None, :]
-    best, found = -inf, None
-    for length in LENGTHS:
-        near = _nearness(inputs, inputs, length) * others
-        for strength in STRENGTHS:
-            one = Share(designs, inputs, engaged, shifts, length, strength)
-            share = one._beta(near @ engaged, near @ (shifts - engaged))[0]
-            likely = float((engaged * np.log(share) + (shifts - engaged) * np.log1p(-share)).sum())
-            if likely > best:
-                best, found = likely, one
-    assert found is not None
-    return found
-
-
-def _nearness(a: Array, b: Array, length: float) -> Array:
-    if length == inf:
-        return np.ones((len(a), len(b)))
-    return np.exp(-0.5 * (distance(a, b) / length) ** 2)
-
-
-CHUNK = 2000  #: designs that are predicted at a time
-MIN_DESIGNS = 10  #: fewer say nothing about five length scales
-
-SMOOTH = Term(design=True, point=True)
-POINT = Term(design=False, point=True)
-STEPS = Term(design=True, point=True, grows=True, scales=(0.1, 3.0), first=0.3)
-ROUGH = Term(design=True, point=True, grows=True, scales=(0.1, 0.1), first=0.1)
-#: Over operating points alone; smooth in both; steps of fast shifts, and rough ones.
-TERMS = (POINT, SMOOTH, STEPS, ROUGH)
+        return Share(designs, points, engaged, shifts, inf, STRENGTHS[-1])
+    tried = [
+        Share(designs, points, engaged, shifts, length, strength)
+        for length in LENGTHS
+        for strength in STRENGTHS
+    ]
+    return max(tried, key=lambda share: share.likelihood)
 
 
 @dataclass(frozen=True)
@@ -171,128 +166,210 @@ class Expected:
 
 @dataclass(frozen=True)
 class Surrogate:
-    """Fitted processes with their data; ``surrogate.learning.fit`` makes one.
+    """Fitted processes with their data; ``fit`` makes one.
 
-    ``own`` has the times at the study's own operating points, where designs were simulated at all
-    of them; whatever mix it has is asked of it.
+    Parameters
+    ----------
+    time : process of the logarithm of the expected time over the data's own mix.
+    points : process of those at each of its points.
     """
 
     data: Dataset
-    times: Process
-    spreads: Process
+    time: Process
+    points: Process
     share: Share
-    own: MixTimes | None = None
-
-    def coordinates(self, x: Array) -> Array:
-        """Return coordinates of designs (m, d) in edge units, (m, c)."""
-        return design_coordinates(self.data, x)
-
-    @cached_property
-    def known(self) -> Array:
-        """Coordinates of the distinct simulated designs, (k, c)."""
-        return self.coordinates(self.data.designs)
-
-    def inputs(self, x: Array, points: Array) -> Array:
-        """Return coordinates of designs (m, d) at operating points (m, 2), (m, c + 2)."""
-        return np.concatenate([self.coordinates(x), point_coordinates(points)], axis=1)
-
-    def crossed(self, x: Array, points: Array) -> Array:
-        """Return coordinates of each design (m, d) at each of the points (q, 2), (m q, c + 2)."""
-        return self.inputs(np.repeat(x, len(points), axis=0), np.tile(points, (len(x), 1)))
 
     def expected(self, x: Array, mix: Mix) -> Expected:
         """Predict one design (d,) over a mix."""
-        inputs = self.crossed(x[None, :], mix.points)
-        own = self.own_process(mix)
-        if own is None:
-            return self.summed(inputs, *self.times.joint(inputs), mix)
-        mean, covariance = own.joint(self.own_coordinates(x[None, :]))
-        time = float(np.exp(mean[0] + 0.5 * covariance[0, 0]))
-        variance = time**2 * float(np.expm1(covariance[0, 0]))
-        return self._with_retries(inputs, np.exp(self.times.mean(inputs)), (time, variance), mix)
-
-    def own_process(self, mix: Mix) -> Process | None:
-        """Return the process that has a mix of the study's own points, None where none has."""
-        return None if self.own is None else self.own.process_of(mix)
-
-    def own_coordinates(self, x: Array) -> Array:
-        """Return coordinates of designs (m, d), edge units, for ``own_process``, (m, c)."""
-        assert self.own is not None
-        return self.own.coordinates(x)
-
-    def mean(self, x: Array, mix: Mix) -> float:
-        """Predict one design (d,) over a mix without its error, at once, s."""
-        inputs = self.crossed(x[None, :], mix.points)
-        share = self.share.at(inputs)[0]
-        retries = float(mix.weights @ ((1.0 - share) / share)) * mix.retry
-        own = self.own_process(mix)
-        if own is not None:
-            return float(np.exp(own.mean(self.own_coordinates(x[None, :]))[0])) + retries
-        return float(mix.weights @ np.exp(self.times.mean(inputs))) + retries
-
-    def times_at(self, x: Array, points: Array, retry: float) -> Array:
-        """Predict designs (m, d), each at its operating point (m, 2), without error, (m,), s.
-
-        Points are in 1/min and N; ``retry`` is the time of a shift that does not engage, s.
-        """
-        inputs, found = self.inputs(x, points), []
-        for some in (inputs[k : k + CHUNK] for k in range(0, len(x), CHUNK)):
-            share = self.share.at(some)[0]
-            found.append(np.exp(self.times.mean(some)) + (1.0 - share) / share * retry)
-        return np.concatenate(found)
-
-    def summed(self, inputs: Array, mean: Array, covariance: Array, mix: Mix) -> Expected:
-        """Sum a mix from the mean (m,) and covariance (m, m) of logarithms at its inputs."""
-        times = np.exp(mean + 0.5 * np.diag(covariance))
-        parts = mix.weights * times
-        variance = float(parts @ np.expm1(covariance) @ parts)
-        return self._with_retries(inputs, times, (float(parts.sum()), variance), mix)
-
-    def _with_retries(
-        self, inputs: Array, times: Array, engaged: tuple[float, float], mix: Mix
-    ) -> Expected:
-        """Add retries to the time of shifts that engage and its variance, s and s2.
-
-        ``times`` are those at the inputs (m, c + 2), (m,).
-        """
-        time, variance = engaged
-        share, unsure = self.share.at(inputs)
-        retries = float(mix.weights @ ((1.0 - share) / share)) * mix.retry
-        lost = mix.weights * np.sqrt(unsure) / share**2 * mix.retry
-        retry_error = float(lost @ self.share.alike(inputs) @ lost) ** 0.5
-        within = self.spread(inputs) ** 2 + (times - time) ** 2
-        error = (max(variance, 0.0) + retry_error**2) ** 0.5
-        low, high = interval(np.array([time + retries]), np.array([error]))
-        sd = float(mix.weights @ within) ** 0.5
+        x = x[None, :]
+        (time,), (variance,) = self._engaging(x, mix)
+        share, retries, lost = self._retries(x, mix)
+        times, _ = self.at_points(x, mix)
+        within = (self.variation(mix.points) * times) ** 2 + (times - time) ** 2
+        retries_error = float(np.sqrt((lost @ self._together(mix) * lost).sum()))
+        error = float(np.hypot(variance**0.5, retries_error))
+        total = float(time + retries[0])
+        low, high = interval(np.array([total]), np.array([error]))
         return Expected(
-            time=time + retries,
+            time=total,
             low=float(low[0]),
             high=float(high[0]),
             error=error,
-            sd=sd,
+            sd=float(mix.weights @ within[0]) ** 0.5,
             engaged=float(share.min()),
-            retries=retries,
-            retries_error=retry_error,
+            retries=float(retries[0]),
+            retries_error=retries_error,
         )
 
-    def spread(self, inputs: Array) -> Array:
-        """Return the standard deviation of a shift at inputs (m, c + 2), (m,), s."""
-        return np.maximum(np.exp(self.spreads.mean(inputs)) - FLOOR, 0.0)
+    def predict(self, x: Array, mix: Mix | None = None) -> tuple[Array, Array]:
+        """Predict expected time and standard error of designs (m, d), edge units, (m,), s.
+
+        ``mix`` is None for the data's own.
+        """
+        mix, found = mix or self.data.mix, []
+        for some in (x[k : k + CHUNK] for k in range(0, len(x), CHUNK)):
+            time, variance = self._engaging(some, mix)
+            _, retries, lost = self._retries(some, mix)
+            unsure = (lost @ self._together(mix) * lost).sum(axis=1)
+            found.append((time + retries, np.sqrt(variance + unsure)))
+        return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+
+    def joint(self, x: Array) -> tuple[Array, Array]:
+        """Predict designs (m, d) over the data's own mix with the covariance of their errors.
+
+        (m,) in s and (m, m) in s2, retries included; of the smooth part, which draws can share.
+        """
+        where, mix = coordinates(self.data, x), self.data.mix
+        mean, covariance = self.time.joint(where, smooth=True)
+        engaged = np.exp(mean + 0.5 * np.diag(covariance))
+        _, retries, lost = self._retries(x, mix)
+        errors = np.outer(engaged, engaged) * np.expm1(covariance)
+        errors += lost @ self._together(mix) @ lost.T * self.share.nearness(where, where)
+        return engaged + retries, errors
+
+    def medians(self, x: Array, mix: Mix) -> Array:
+        """Predict expected times of designs (m, d) without their errors, at once, (m,), s."""
+        retries = self._retries(x, mix)[1]
+        if mix.equals(self.data.mix):
+            return np.exp(self.time.mean(coordinates(self.data, x))[:, 0]) + retries
+        return np.exp(self._logarithms(x) @ self._links(mix.points)[0].T) @ mix.weights + retries
+
+    def times_by_row(self, x: Array, points: Array) -> Array:
+        """Predict shifts that engage, of designs (m, d), each at its own point (m, 2), (m,), s."""
+        return np.exp((self._logarithms(x) * self._links(points)[0]).sum(axis=1))
+
+    def at_points(self, x: Array, mix: Mix) -> tuple[Array, Array]:
+        """Predict time at each point and variance of its logarithm, (m, p) each; s."""
+        logarithms, variance = self.points.predict(coordinates(self.data, x))
+        links, unsure = self._links(mix.points)
+        # Errors at the points between which a time is interpolated go together.
+        variance = (np.sqrt(variance) * self.misfit @ np.abs(links.T)) ** 2 + unsure
+        return np.exp(logarithms @ links.T + 0.5 * variance), variance
+
+    def _engaging(self, x: Array, mix: Mix) -> tuple[Array, Array]:
+        """Predict the expected time of shifts that engage, and its variance, (m,), s and s2."""
+        if mix.equals(self.data.mix):
+            mean, variance = self.time.predict(coordinates(self.data, x))
+            time = np.exp(mean[:, 0] + 0.5 * variance[:, 0])
+            return time, time**2 * np.expm1(variance[:, 0])
+        times, variance = self.at_points(x, mix)
+        parts = mix.weights * times
+        errors = parts * np.sqrt(np.expm1(variance))
+        where = point_coordinates(mix.points)
+        return parts.sum(axis=1), (errors @ _alike(where, where) * errors).sum(axis=1)
+
+    def _retries(self, x: Array, mix: Mix) -> tuple[Array, Array, Array]:
+        """Predict share engaged (m, p), time of retries (m,), and errors by point (m, p), s."""
+        where = point_coordinates(mix.points)
+        share, unsure = self.share.predict(coordinates(self.data, x), where)
+        weights = mix.weights * mix.retry
+        return share, (1.0 - share) / share @ weights, np.sqrt(unsure) / share**2 * weights
+
+    def engaged(self, x: Array, mix: Mix) -> Array:
+        """Predict the share of shifts that engage of designs (m, d) at each point, (m, p)."""
+        return self._retries(x, mix)[0]
+
+    def _together(self, mix: Mix) -> Array:
+        where = point_coordinates(mix.points)
+        return self.share.nearness(where, where)
+
+    def _logarithms(self, x: Array) -> Array:
+        """Predict the logarithms of times at the data's points, (m, q)."""
+        return self.points.mean(coordinates(self.data, x))
+
+    @cached_property
+    def misfit(self) -> Array:
+        """Root-mean-square error of designs left out over its prediction, at each point, (q,)."""
+        mean, variance = self.points.left_out()
+        unsure = variance + self.points.noise[:, None] * self.points.scale**2
+        return np.sqrt(((mean - self.points.targets) ** 2 / unsure).mean(axis=0))
+
+    @cached_property
+    def _inverse(self) -> tuple[Array, float]:
+        """Inverse of the points' correlation, (q, q), and variance of times over the points."""
+        where, times = point_coordinates(self.data.mix.points), self.points.targets
+        correlation = _alike(where, where) + POINT_NUGGET * np.eye(len(where))
+        inverse: Array = np.linalg.inv(correlation).astype(float)
+        apart = times - times.mean(axis=1, keepdims=True)
+        return inverse, float((apart @ inverse * apart).mean())
+
+    def _links(self, points: Array) -> tuple[Array, Array]:
+        """Weigh the data's points for others (p, 2), (p, q), with the variance left, (p,)."""
+        own, (inverse, variance) = self.data.mix, self._inverse
+        near = _alike(point_coordinates(points), point_coordinates(own.points))
+        links, size = near @ inverse, len(own.points)
+        left = variance * (1.0 + POINT_NUGGET - (links * near).sum(axis=1))
+        links += (1.0 - links.sum(axis=1, keepdims=True)) / size
+        same = own.places(points)
+        known = np.asarray(same.any(axis=1), dtype=bool)
+        return np.where(known[:, None], same, links), np.where(known, 0.0, left)
+
+    def variation(self, points: Array) -> Array:
+        """Interpolate the relative standard deviation of a shift, (p,): median of the designs."""
+        grid = self.data.engaging
+        own = np.median(grid.sds / grid.means, axis=0)
+        return np.maximum(self._links(points)[0] @ own, 0.0)
 
     @cached_property
     def spacing(self) -> float:
         """Median distance of a simulated design to the next one, in shares of the range."""
-        known = self.data.scaled(self.data.designs)
+        known = self.data.scaled(self.data.x)
         apart = distance(known, known)
         np.fill_diagonal(apart, np.inf)
         return float(np.median(apart.min(axis=1)))
 
     def distance(self, x: Array) -> Array:
-        """Return the distance of designs (m, d) to the next simulated one, in ``spacing``, (m,)."""
-        known = self.data.scaled(self.data.designs)
-        scaled = self.data.scaled(x)
+        """Measure how far designs (m, d) are from the next simulated one, in ``spacing``, (m,)."""
+        known, scaled = self.data.scaled(self.data.x), self.data.scaled(x)
         parts = (scaled[k : k + CHUNK] for k in range(0, len(x), CHUNK))
         return np.concatenate([distance(one, known).min(axis=1) for one in parts]) / self.spacing
+
+
+def logarithms_of(grid: Grid, mix: Mix) -> tuple[Array, Array]:
+    """Compute the logarithms of the expected time and of that at each point with their variances.
+
+    (n, 1 + q) each. The logarithm of a noisy mean lies half its variance low, which is put back.
+    """
+    times = np.column_stack([grid.means @ mix.weights, grid.means])
+    errors = np.column_stack([np.sqrt(grid.errors**2 @ mix.weights**2), grid.errors])
+    noise = np.maximum((errors / times) ** 2, EXACT**2)
+    return np.log(times) + 0.5 * noise, noise
+
+
+Parameters = tuple[Array, Array, float, float]  #: of both processes; length, strength of the share
+
+
+def fit(
+    data: Dataset,
+    effort: Effort = Effort(),  # noqa: B008  a frozen value
+    point_effort: Effort = POINT_EFFORT,
+    known: Parameters | None = None,
+) -> Surrogate:
+    """Fit the surrogate to a data set, unless its parameters are known.
+
+    Parameters of the points start from those of the mix. Raises InputError for fewer than
+    ``MIN_DESIGNS`` designs that engage at every point.
+    """
+    grid = data.engaging
+    if len(grid.x) < MIN_DESIGNS:
+        raise InputError(
+            f"{len(grid.x)} designs engage at every operating point of the study, but the "
+            f"surrogate needs at least {MIN_DESIGNS}; raise surrogate.mix_shifts for 'fit', "
+            "search.trials for 'study'"
+        )
+    where, points = coordinates(data, grid.x), point_coordinates(data.mix.points)
+    logs, noise = logarithms_of(grid, data.mix)
+    # A mean that is low by luck has a low error too: designs share the mean of theirs.
+    noise = np.broadcast_to(noise.mean(axis=0), noise.shape)
+    counts = coordinates(data, data.x), points, data.grid.engaged, data.grid.shifts
+    first, second, share = None, None, None
+    if known is not None:
+        effort = point_effort = Effort(steps=0)
+        first, second, share = known[0], known[1], Share(*counts, *known[2:])
+    time = fit_process(TERMS, where, logs[:, :1], noise[:, :1], start=first, effort=effort)
+    second = time.covariance.theta if second is None else second
+    each = fit_process(TERMS, where, logs[:, 1:], noise[:, 1:], start=second, effort=point_effort)
+    return Surrogate(data, time, each, share or fit_share(*counts))
 
 
 def interval(time: Array, error: Array) -> tuple[Array, Array]:
@@ -304,12 +381,6 @@ def interval(time: Array, error: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def require_enough(data: Dataset) -> None:
-    """Raise InputError for fewer than ``MIN_DESIGNS`` designs with a time and its scatter."""
-    counted = len(np.unique(data.x[data.column("engaged") > 2], axis=0))
-    if counted < MIN_DESIGNS:
-        raise InputError(
-            f"the surrogate has {counted} designs with three shifts that engage at an operating "
-            f"point, but it needs at least {MIN_DESIGNS}; raise surrogate.designs or "
-            "surrogate.angles for 'fit', search.trials for 'study'"
-        )
+def _alike(a: Array, b: Array) -> Array:
+    """Correlate times at coordinates of operating points (n, 2) and (m, 2), (n, m)."""
+    return matern(distance(a / POINT_LENGTHS, b / POINT_LENGTHS))

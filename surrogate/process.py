@@ -1,17 +1,14 @@
-r"""A Gaussian process given its data: what is known anywhere, and how well.
+r"""A Gaussian process over designs, given its data: prediction and fit.
 
-With covariance *k*, noise variances :math:`s_i^2` of the rows and targets *y* about their
-mean *c*,
+With covariance *k*, noise variance *s* and targets *y* about their mean *c*,
 
-.. math:: \mu(z) = c + k(z)^T \alpha, \quad \alpha = (K + S)^{-1} (y - c), \qquad
-   C(z, z') = k(z, z') - k(z)^T (K + S)^{-1} k(z')
+.. math:: \mu(x) = c + k(x)^T \alpha, \quad \alpha = (K + s I)^{-1} (y - c), \qquad
+   C(x, x') = k(x, x') - k(x)^T (K + s I)^{-1} k(x')
 
-(Rasmussen and Williams 2006, ch. 2). Numpy alone: asking must start fast.
-
-**Targets** are logarithms of the rows with their known noise. A face or flank turns from holding to
-letting go where the tangent of its angle passes the friction coefficient, and times change there.
-So designs have a further coordinate for each angle, which runs from -1 to 1 there,
-:math:`\tanh((\tan\theta - \mu)/0.04)`.
+(Rasmussen and Williams 2006, ch. 2). Several targets, each scaled to a standard deviation of one,
+share the covariance. Its parameters are the likeliest ones of all targets, ch. 5. The cost of a
+likelihood grows with the cube of the designs, so parameters come from a random part of them and
+the data from all.
 """
 
 from __future__ import annotations
@@ -21,19 +18,16 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.surrogate.covariance import Array, Covariance, Mask
-from dogshape.surrogate.dataset import Dataset
-
-BLOCK = 100  #: rows of a triangular system that are solved at a time
+from dogshape.surrogate.covariance import Array, Covariance, Term, first_parameters
 
 
-def root_of(covariance: Array) -> Array:
-    """Return a matrix whose product with its transpose is a covariance, each (m, m).
+@dataclass(frozen=True)
+class Effort:
+    """Cost limit of a fit: designs that parameters are fitted to, drawn by seed, and steps."""
 
-    By eigenvalues, so that one that is singular, or not quite positive, has one too.
-    """
-    values, vectors = np.linalg.eigh(covariance)
-    return vectors * np.sqrt(np.maximum(values, 0.0))
+    designs: int = 400
+    steps: int = 60
+    seed: int = 0
 
 
 @dataclass(frozen=True)
@@ -42,150 +36,99 @@ class Process:
 
     Parameters
     ----------
-    covariance : with fitted parameters.
-    inputs : (n, d + p), coordinates of designs and operating points.
-    targets : (n,).
-    noise : variance of each target, (n,).
-    known : weights worked out before, (n,); None to have them worked out.
+    covariance : of targets scaled to a standard deviation of one, with fitted parameters.
+    inputs : coordinates of designs, (n, c).
+    targets : (n, k).
+    noise : variance of each design's scaled targets, (n,).
+    level, scale : of each target, what is subtracted and then divided by, (k,).
     """
 
     covariance: Covariance
     inputs: Array
     targets: Array
     noise: Array
-    known: Array | None = None
-
-    @cached_property
-    def centre(self) -> float:
-        """Mean of the targets."""
-        return float(self.targets.mean())
-
-    @cached_property
-    def matrix(self) -> Array:
-        """Covariance of the targets, noise included, (n, n)."""
-        matrix = self.covariance.among(self.inputs)
-        matrix[np.diag_indices_from(matrix)] += self.noise
-        return matrix
+    level: Array
+    scale: Array
 
     @cached_property
     def inverse(self) -> Array:
-        """Inverse of ``matrix``, (n, n)."""
-        return np.linalg.inv(self.matrix).astype(float)
+        """Inverse of the covariance of the scaled targets, noise included, (n, n)."""
+        matrix = self.covariance.between(self.inputs, self.inputs)
+        return np.linalg.inv(matrix + np.diag(self.noise)).astype(float)
 
     @cached_property
     def weights(self) -> Array:
-        """Weight of each row in a prediction, (n,)."""
-        if self.known is not None:
-            return self.known
-        return self.inverse @ (self.targets - self.centre)
+        """Weight of each design in a prediction, (n, k)."""
+        return self.inverse @ (self.targets - self.level)
 
-    def mean(self, inputs: Array) -> Array:
-        """Predict inputs (m, d + p), (m,)."""
-        return self.centre + self.covariance.between(inputs, self.inputs) @ self.weights
+    def mean(self, x: Array) -> Array:
+        """Predict the targets at coordinates (m, c), (m, k)."""
+        return self.level + self.covariance.between(x, self.inputs) @ self.weights
 
-    def predict(self, inputs: Array) -> tuple[Array, Array]:
-        """Return mean and variance of inputs (m, d + p), each (m,)."""
-        cross = self.covariance.between(inputs, self.inputs)
-        taken = np.einsum("ij,ij->i", cross @ self.inverse, cross)
-        variance = np.maximum(self.covariance.variance(inputs) - taken, 0.0)
-        return self.centre + cross @ self.weights, variance
+    def predict(self, x: Array) -> tuple[Array, Array]:
+        """Predict mean and variance of the targets at coordinates (m, c), (m, k) each."""
+        cross = self.covariance.between(x, self.inputs)
+        known = np.einsum("ij,ij->i", cross @ self.inverse, cross)
+        variance = np.maximum(self.covariance.variance() - known, 0.0)
+        return self.level + cross @ self.weights, variance[:, None] * self.scale**2
 
-    def joint(self, inputs: Array) -> tuple[Array, Array]:
-        """Return mean (m,) and covariance (m, m) of inputs (m, d + p)."""
-        cross = self.covariance.between(inputs, self.inputs)
-        white = self._whitened(cross.T)
-        covariance = self.covariance.between(inputs, inputs) - white.T @ white
-        return self.centre + cross @ self.weights, covariance
+    def joint(self, x: Array, *, smooth: bool = False) -> tuple[Array, Array]:
+        """Predict the first target at coordinates (m, c): mean (m,) and covariance (m, m).
 
-    @cached_property
-    def _root(self) -> Array:
-        """Lower root of ``matrix``, (n, n)."""
-        return np.linalg.cholesky(self.matrix).astype(float)
+        The covariance is that of all terms, or of the smooth ones alone.
+        """
+        cross = self.covariance.between(x, self.inputs, smooth=smooth)
+        covariance = self.covariance.between(x, x, smooth=smooth) - cross @ self.inverse @ cross.T
+        return self.mean(x)[:, 0], covariance * self.scale[0] ** 2
 
-    @cached_property
-    def whitening(self) -> Array:
-        """Inverse of the lower root of ``matrix``, (n, n)."""
-        return self._whitened(np.eye(len(self._root)))
-
-    def _whitened(self, columns: Array) -> Array:
-        """Return the inverse of the root times columns (n, m), block by block, (n, m)."""
-        white = columns.copy()
-        for k in range(0, len(white), BLOCK):
-            rows = slice(k, k + BLOCK)
-            white[rows] -= self._root[rows, :k] @ white[:k]
-            white[rows] = np.linalg.solve(self._root[rows, rows], white[rows])
-        return white
+    def left_out(self) -> tuple[Array, Array]:
+        """Predict each design from all others: mean and variance of the targets, (n, k) each."""
+        inner = np.diag(self.inverse)[:, None]
+        variance = np.maximum(1.0 / inner - self.noise[:, None], 0.0)
+        return self.targets - self.weights / inner, variance * self.scale**2
 
 
-Targets = tuple[Array, Array, Array]  #: inputs (n, c + 2), targets (n,), noise variances (n,)
+def fit_process(
+    terms: tuple[Term, ...],
+    inputs: Array,
+    targets: Array,
+    noise: Array,
+    *,
+    start: Array | None = None,
+    effort: Effort = Effort(),
+    scale: Array | None = None,
+) -> Process:
+    """Fit the likeliest process of targets (n, k) at coordinates (n, c).
 
-ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")  #: that hold or let go
-WIDTH = 0.04  #: of the ridge, tangent of an angle
-FLOOR = 2e-4  #: s, added to a spread before its logarithm is taken
-LIKE = 150  #: rows of like mismatch that share their noise
-
-
-def design_coordinates(data: Dataset, x: Array) -> Array:
-    """Return coordinates of designs (m, d) in edge units: scaled, and the ridge's, (m, c)."""
-    scaled = data.scaled(x)
-    friction = data.physics["dynamic_friction"]
-    angles = [i for i, name in enumerate(data.variables) if name in ANGLES]
-    tangents = np.tan(np.radians(np.atleast_2d(x)[:, angles]))
-    return np.concatenate([scaled, np.tanh((tangents - friction) / WIDTH)], axis=1)
-
-
-def point_coordinates(points: Array) -> Array:
-    """Return coordinates of operating points, mismatch in 1/min and force in N, (m, 2).
-
-    Logarithmic but for mismatches near zero, which may have either sign.
+    ``noise`` are the variances of the targets, (n, k) or what fits it. ``start`` are parameters to
+    begin with, (size,); an effort of no steps keeps them. ``scale`` is the standard deviation of
+    the targets, (k,), None for that of these.
     """
-    return np.column_stack([np.arcsinh(points[:, 0] / 5.0) / 4.0, np.log(points[:, 1] / 400.0)])
+    level, spread = targets.mean(axis=0), targets.std(axis=0)
+    scale = np.where(spread > 0.0, spread, 1.0) if scale is None else scale
+    relative = (noise / scale**2 * np.ones_like(targets)).mean(axis=1)
+    theta, bounds = first_parameters(terms, inputs.shape[1])
+    if start is not None:
+        theta = np.clip(start, bounds[:, 0], bounds[:, 1])
+    if effort.steps:
+        from dogshape.surrogate.regression import likeliest  # noqa: PLC0415  slow to load
+
+        few = np.random.default_rng(effort.seed).permutation(len(targets))[: effort.designs]
+        data = inputs[few], (targets[few] - level) / scale, relative[few]
+        theta = likeliest(Covariance(terms, inputs.shape[1], theta), bounds, data, effort.steps)
+    covariance = Covariance(terms, inputs.shape[1], theta)
+    return Process(covariance, inputs, targets, relative, level, scale)
 
 
-def timed(data: Dataset) -> Mask:
-    """Mark the rows with a time, (n,) of bool: some shift engaged."""
-    return np.isfinite(data.column("mean_s"))
+def draw_jointly(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:
+    """Draw from a normal distribution with mean (m,) and covariance (m, m), (count, m)."""
+    return mean + rng.standard_normal((count, len(mean))) @ root_of(covariance).T
 
 
-def known_noise(data: Dataset) -> Array:
-    """Return the variance of the logarithm of each mean, (n,).
+def root_of(covariance: Array) -> Array:
+    """Compute a matrix whose product with its transpose is a covariance, each (m, m).
 
-    A mean that is low by luck has a low standard error too. Weighted by its own error, such a mean
-    would draw all times down (by a percent, eight angles a row). Rows share the mean of those with
-    the nearest mismatch instead, each for its own number of shifts that engaged.
+    By eigenvalues, so that one that is singular, or not quite positive, has one too.
     """
-    count = data.column("engaged")
-    one = count * (data.column("standard_error_s") / data.column("mean_s")) ** 2
-    sure = count > 2  # fewer say nothing of their scatter
-    one = np.where(sure, one, np.median(one[sure]) if sure.any() else 1.0)
-    size = min(len(one), LIKE)
-    order = np.argsort(data.points[:, 0], kind="stable")
-    running = np.convolve(one[order], np.ones(size) / size, mode="valid")
-    place = np.clip(np.arange(len(one)) - size // 2, 0, len(one) - size)
-    shared = np.empty(len(one))
-    shared[order] = running[place]
-    return shared / count
-
-
-def row_inputs(data: Dataset) -> Array:
-    """Return the coordinates of all rows, (n, c + 2)."""
-    designs = design_coordinates(data, data.x)
-    return np.concatenate([designs, point_coordinates(data.points)], axis=1)
-
-
-def time_targets(data: Dataset) -> Targets:
-    """Return the logarithms of the mean times with their known noise.
-
-    The logarithm of a noisy mean lies half its variance low, which is put back.
-    """
-    rows = data.subset(timed(data))
-    noise = known_noise(rows)
-    return row_inputs(rows), np.log(rows.column("mean_s")) + 0.5 * noise, noise
-
-
-def spread_targets(data: Dataset) -> Targets:
-    """Compute log standard deviations with the variance of their sampling noise."""
-    rows = data.subset(data.column("engaged") > 2)
-    noise = 0.5 / (rows.column("engaged") - 1.0) + 0.05
-    # The logarithm of a deviation from few shifts lies half its variance low, too.
-    return row_inputs(rows), np.log(rows.column("sd_s") + FLOOR) + 0.5 * noise, noise
+    values, vectors = np.linalg.eigh(covariance)
+    return vectors * np.sqrt(np.maximum(values, 0.0))

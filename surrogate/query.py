@@ -87,25 +87,14 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
 
 def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
     """Give an expected time with its parts, s; None with a reason where there is none."""
+    keys = ("expected_shift_time_s", "low_s", "high_s", "standard_error_s", "sd_s", "engaged",
+            "without_retries_s", "without_retries_error_s", "retries_s",
+            "retries_error_s")  # fmt: skip
     if found is None:
-        keys = ("expected_shift_time_s", "low_s", "high_s", "standard_error_s", "sd_s", "engaged",
-                "without_retries_s", "without_retries_error_s", "retries_s",
-                "retries_error_s")  # fmt: skip
         return {**dict.fromkeys(keys), "reason": refusal}
-    bare, error = found.without_retries
-    return {
-        "expected_shift_time_s": found.time,
-        "low_s": found.low,
-        "high_s": found.high,
-        "standard_error_s": found.error,
-        "sd_s": found.sd,
-        "engaged": found.engaged,
-        "without_retries_s": bare,
-        "without_retries_error_s": error,
-        "retries_s": found.retries,
-        "retries_error_s": found.retries_error,
-        "reason": None,
-    }
+    values = (found.time, found.low, found.high, found.error, found.sd, found.engaged,
+              *found.without_retries, found.retries, found.retries_error)  # fmt: skip
+    return {**dict(zip(keys, values, strict=True)), "reason": None}
 
 
 def faces_hold(data: Dataset, x: Array) -> Mask:
@@ -146,9 +135,9 @@ def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[s
 
 
 def _point_warnings(data: Dataset, points: Array) -> list[str]:
-    found = []
+    found: list[str] = []
     for column, (name, unit) in enumerate((("mismatch", "1/min"), ("shift force", "N"))):
-        known, asked = data.points[:, column], points[:, column]
+        known, asked = data.mix.points[:, column], points[:, column]
         low, high = float(known.min()), float(known.max())
         ends = np.array([asked.min(), asked.max()])
         outside = ends[~_within(ends, low, high)].tolist()
@@ -179,17 +168,3 @@ def in_range(
     inside = _within(x, data.x.min(axis=0), data.x.max(axis=0))
     apart = surrogate.distance(x) if distance is None else distance
     return inside.all(axis=1) & (apart <= FAR) & ~faces_hold(data, x)
-
-
-def half_difference(
-    surrogate: Surrogate, design: dict[str, float], mix: Mix, variable: str, step: float
-) -> float:
-    """Return half of the predicted time's change from ``step`` below to above, s.
-
-    ``design`` and ``step`` are in edge units; the other variables stay.
-    """
-    names = surrogate.data.variables
-    x = np.array([[design[name] for name in names]] * 2, dtype=float)
-    x[:, names.index(variable)] += [-step, step]
-    below, above = (surrogate.mean(row, mix) for row in x)
-    return 0.5 * (above - below)

@@ -32,7 +32,7 @@ from SALib.analyze import sobol as analysis
 from SALib.sample import sobol as sampling
 
 from dogshape.surrogate.covariance import Array, Places
-from dogshape.surrogate.expected_time import Over
+from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.process import root_of
 
 INTERVALS = 12  #: of each variable, at most
@@ -78,7 +78,7 @@ class Accumulation:
     form: Array
 
 
-def effects(over: Over, variables: Sequence[str], x: Array) -> list[Effect]:
+def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
     """Return the main effect of each variable over designs (n, d) in edge units.
 
     A variable that has one value in all of them has none.
@@ -86,7 +86,7 @@ def effects(over: Over, variables: Sequence[str], x: Array) -> list[Effect]:
     found = []
     for column, variable in enumerate(variables):
         if np.ptp(x[:, column]) > 0.0:
-            found.append(_effect(over, variable, accumulate(x, column)))
+            found.append(_effect(surrogate, variable, accumulate(x, column)))
     return found
 
 
@@ -116,8 +116,8 @@ def _form(place: Places, intervals: int) -> Array:
     return np.concatenate([-added, added], axis=1)
 
 
-def _effect(over: Over, variable: str, asked: Accumulation) -> Effect:
-    times, covariance = over.joint(asked.moved)
+def _effect(surrogate: Surrogate, variable: str, asked: Accumulation) -> Effect:
+    times, covariance = surrogate.joint(asked.moved)
     effect, errors = asked.form @ times, asked.form @ covariance @ asked.form.T
     half = 1.96 * np.sqrt(np.maximum(np.diag(errors), 0.0))
     return Effect(variable, asked.values, effect, effect - half, effect + half, _chance(errors))

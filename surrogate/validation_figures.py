@@ -1,8 +1,4 @@
-"""Figures of a validation: how good the surrogate is on designs that it has not seen.
-
-Splits are by design: all rows of a design are on the same side, else a design's own shifts at other
-operating points would predict it.
-"""
+"""Figures of a validation: how good the surrogate is on designs that it has not seen."""
 
 from __future__ import annotations
 
@@ -11,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from dogshape.sim.errors import InputError
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import Mix, Reference
+from dogshape.surrogate.dataset import Dataset
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.process import FLOOR
 
 LEAST_Q2 = 0.5  #: of a surrogate that is of use
 LEAST = 10  #: designs that figures of their expected times need
+FLOOR = 2e-4  #: s, added to a standard deviation before its logarithm is taken
 
 
 @dataclass(frozen=True)
@@ -37,7 +34,8 @@ class Validation:
     lost, lost_expected : shifts that did not engage, and how many the surrogate expected.
     rank_best, n_best : rank correlation (Spearman) among designs of the best tenth, and their
         number; None for fewer than ten.
-    source : ``references``, dense simulations of designs apart, or ``held out``.
+    source : ``references``, dense simulations of designs apart, or ``held out``, each design from
+        all others, with parameters of all.
     shifts : simulated shifts behind the fit.
     """
 
@@ -66,95 +64,69 @@ class Validation:
         """
         return (self.q2 if self.n >= LEAST else self.q2_points) >= LEAST_Q2
 
+    @classmethod
+    def from_dict(cls, record: dict[str, Any]) -> Validation:
+        """Read the figures from a record; KeyError where it lacks some."""
+        return cls(**{field.name: record[field.name] for field in fields(cls)})
+
     def as_dict(self) -> dict[str, Any]:
         """Return the figures by name."""
         return asdict(self)
 
 
-def validation_of(record: dict[str, Any]) -> Validation:
-    """Return the figures from a record; TypeError or KeyError where it lacks some."""
-    return Validation(**{field.name: record[field.name] for field in fields(Validation)})
-
-
-@dataclass(frozen=True)
-class Prediction:
-    """Predictions of the surrogate for reference designs.
-
-    ``time`` and ``error`` are of the expected time of shifts that engage, (k,); ``means`` is
-    that at each point, ``relative`` the standard deviation of its logarithm, ``spreads`` the
-    standard deviation of a single shift, ``shares`` the share engaged, (k, m).
-    """
-
-    time: Array
-    error: Array
-    means: Array
-    relative: Array
-    spreads: Array
-    shares: Array
-
-
-def predict(surrogate: Surrogate, x: Array, mix: Mix) -> Prediction:
-    """Predict designs (k, d) over a mix and at each of its points."""
-    engaging = replace(mix, retry=0.0)
-    found = [_predicted(surrogate, row, engaging) for row in x]
-    return Prediction(*(np.array(column) for column in zip(*found, strict=True)))
-
-
-def _predicted(surrogate: Surrogate, x: Array, mix: Mix) -> tuple[float | Array, ...]:
-    """Return the fields of a prediction for one design (d,)."""
-    inputs = surrogate.crossed(x[None, :], mix.points)
-    own = surrogate.own
-    if own is not None and own.covers(mix):
-        expected = surrogate.expected(x, mix)
-        mean, variance = (found[0] for found in own.at_points(x[None, :]))
+def validate(surrogate: Surrogate, reference: Dataset | None = None) -> Validation:
+    """Judge a surrogate by references at its own points, or else by leaving out each design."""
+    data = surrogate.data if reference is None else reference
+    grid, mix = data.engaging, replace(data.mix, retry=0.0)
+    if not len(grid.x):
+        raise InputError(
+            "no design was simulated at every operating point and engaged at each, so nothing "
+            "can judge the surrogate; simulate more designs"
+        )
+    if reference is None:
+        (mean, variance), each = surrogate.time.left_out(), surrogate.points.left_out()
+        time = np.exp(mean + 0.5 * variance)[:, 0]
+        error = time * np.sqrt(np.expm1(variance[:, 0]))
+        relative = np.sqrt(each[1]) * surrogate.misfit
+        means = np.exp(each[0] + 0.5 * relative**2)
     else:
-        mean, covariance = surrogate.times.joint(inputs)
-        expected = surrogate.summed(inputs, mean, covariance, mix)
-        variance = np.maximum(np.diag(covariance), 0.0)
-    return (
-        expected.time,
-        expected.error,
-        np.exp(mean + 0.5 * variance),
-        np.sqrt(variance),
-        surrogate.spread(inputs),
-        surrogate.share.at(inputs)[0],
-    )
-
-
-def figures(reference: Reference, prediction: Prediction, source: str, shifts: int) -> Validation:
-    """Return the figures of predictions against references."""
-    residual = prediction.time - reference.time
-    within = np.hypot(prediction.error, reference.error)
-    points = prediction.means - reference.means
-    apart = np.abs(np.log(prediction.means / reference.means))
-    noise = np.hypot(prediction.relative, reference.errors / reference.means)
-    spread = np.log((prediction.spreads + FLOOR) / (reference.spreads + FLOOR))
+        time, error = surrogate.predict(grid.x, mix)
+        means, spread = surrogate.at_points(grid.x, mix)
+        relative = np.sqrt(spread)
+    own, own_error = grid.means @ mix.weights, np.sqrt(grid.errors**2 @ mix.weights**2)
+    share = surrogate.engaged(data.x, mix)
+    deviations = surrogate.variation(mix.points) * means
+    residual, points = time - own, means - grid.means
+    noise = np.hypot(relative, grid.errors / grid.means)
+    within = np.abs(residual) <= 1.96 * np.hypot(error, own_error)
+    within_points = np.abs(np.log(means / grid.means)) <= 1.96 * noise
     return Validation(
-        q2=_q2(residual, reference.time),
-        coverage_95=float((np.abs(residual) <= 1.96 * within).mean()),
+        q2=_q2(residual, own),
+        coverage_95=float(within.mean()),
         rmse_s=_rms(residual),
         bias_s=float(residual.mean()),
-        n=len(reference),
-        noise_s=_rms(reference.error),
-        q2_points=_q2(points.ravel(), reference.means.ravel()),
-        coverage_points=float((apart <= 1.96 * noise).mean()),
+        n=len(own),
+        noise_s=_rms(own_error),
+        q2_points=_q2(points.ravel(), grid.means.ravel()),
+        coverage_points=float(within_points.mean()),
         rmse_points_s=_rms(points),
-        spread_error=_rms(spread),
-        lost=int(reference.lost.sum()),
-        lost_expected=float(((1.0 - prediction.shares) * reference.shifts).sum()),
+        spread_error=_rms(np.log((deviations + FLOOR) / (grid.sds + FLOOR))),
+        lost=round((data.grid.shifts - data.grid.engaged).sum()),
+        lost_expected=float(((1.0 - share) * data.grid.shifts).sum()),
         rank_best=None,
         n_best=0,
-        source=source,
-        shifts=shifts,
+        source="held out" if reference is None else "references",
+        shifts=surrogate.data.shifts,
     )
 
 
-def ranked(validation: Validation, reference: Reference, predicted: Array) -> Validation:
-    """Return the figures with the rank correlation of references that are all of the best."""
-    if len(reference) < LEAST:
+def ranked(validation: Validation, surrogate: Surrogate, best: Dataset) -> Validation:
+    """Add the rank correlation of references that are all of the best."""
+    grid, mix = best.engaging, replace(best.mix, retry=0.0)
+    if len(grid.x) < LEAST:
         return validation
-    rank = rank_correlation(reference.time, predicted)
-    return replace(validation, rank_best=rank, n_best=len(reference))
+    rank = rank_correlation(grid.means @ mix.weights, surrogate.predict(grid.x, mix)[0])
+    return replace(validation, rank_best=rank, n_best=len(grid.x))
 
 
 def rank_correlation(one: Array, other: Array) -> float:

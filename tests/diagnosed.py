@@ -17,6 +17,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
 from dogshape.diagnosis.inference.verdict import Verdict
+from dogshape.diagnosis.next_test import choose
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
@@ -194,6 +195,7 @@ def record_of(found: Any) -> dict[str, Any]:
             for h, p in found.posterior.items()
         ],
         "inclusion": found.inclusion,
+        "credible_set": [list(h) for h in found.verdict.credible],
         "record": {"time_zero": "unknown", "sense": "unknown"},
         "next_test": {"name": found.tests[0].name, "why": found.tests[0].why},
     }
@@ -232,4 +234,5 @@ def simulated_diagnosis(
 ) -> Diagnosis:
     """Diagnose a bench of the closed form, among a few effects."""
     models = build_models(bench, {name: EFFECTS[name] for name in FEW}, settings, made_up)
-    return diagnose(bench, models, settings, advise=advise)
+    found = diagnose(bench, models, settings)
+    return replace(found, tests=choose(found, found.flights.marks)) if advise else found

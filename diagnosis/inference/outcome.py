@@ -9,9 +9,8 @@ the errors of the test. The probability after the test is
 where *V* is the covariance of the means :math:`\mu_k` and :math:`\sqrt{1 - a^2}` the kernel width
 of Silverman (1986), so that few draws keep the moments of the posterior (West 1993).
 
-Beside each effect stands an *imitator*: a cause outside the list that acts on shift times as the
-effect does. A test that reads the effect itself finds of the imitator what it finds of *unknown*;
-any other test finds the same of both. An imitator beyond its odds counts as *unknown*.
+Beside each effect stands an *imitator*, a cause outside the list that acts on shift times alike. A
+test that reads the effect finds of it what it finds of *unknown*; beyond its odds it counts so.
 """
 
 from __future__ import annotations
@@ -19,14 +18,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
+from dogshape.sim.errors import number
+from dogshape.sim.units import RPM
 
 OUTCOMES = 256  #: drawn of each test
+EDGE = 0.02  #: least share of shifts that engage or fail, and its simulated error
+SETUP, TRACING, SHIFT = 0.5, 1.5, 0.02  #: hours for an operating point, for traces, for a shift
 
 Densities = tuple[Array, Array, Array]  #: shares (k,), means (k, d) and covariances (k, d, d)
 
@@ -145,3 +148,73 @@ class Outcome:
         right = sure[np.arange(every.size), truth[every]]
         wrong = sure.any(axis=1) & ~right
         return max(0.0, gain), float(weights @ right), float(weights @ wrong)
+
+
+@dataclass(frozen=True)
+class NextTest:
+    """Bench test with its cost in hours and its worth.
+
+    Parameters
+    ----------
+    effects, parameters : that a direct test reads, in the order of its outcome.
+    cell, point, shifts : place of the operating point, its mismatch in rad/s and force in N, and
+        the number of shifts there.
+    question : key of the record in question.
+    outcome : predicted shares of the ranges, or mean time in s and share engaged, or marks in s;
+        None for a question, and where no hypothesis predicts it.
+    information : nats; None where no hypothesis predicts the outcome.
+    settles, misleads : chances.
+    """
+
+    name: str
+    how: str
+    kind: Literal["direct", "shifts", "traces", "record"]
+    hours: float
+    effects: tuple[str, ...] = ()
+    parameters: tuple[str, ...] = ()
+    cell: int | None = None
+    point: tuple[float, float] | None = None
+    shifts: int = 0
+    question: str = ""
+    outcome: Outcome | None = None
+    information: float | None = None
+    settles: float = 0.0
+    misleads: float = 0.0
+
+    @property
+    def foreseen(self) -> dict[Hypothesis, tuple[Array, Array]]:
+        """Mean and standard deviation of each hypothesis' outcome."""
+        if self.outcome is None:
+            return {}
+        return {h: self.outcome.moments(k) for k, h in enumerate(self.outcome.hypotheses)}
+
+    @property
+    def why(self) -> str:
+        """Sentences of the test, its chance to settle the cause and its cost."""
+        cost = f"({number(self.hours)} h of work)"
+        if self.information is None:
+            return f"{self.how} They show where along the shift the residual arises {cost}."
+        return f"{self.how} Chance to settle the cause: {100.0 * self.settles:.0f} % {cost}."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record ``next_test``."""
+        predicted = self.information is not None
+        record: dict[str, Any] = {
+            "name": self.name,
+            "why": self.why,
+            "kind": self.kind,
+            "information_nats": self.information,
+            "chance_to_settle": self.settles if predicted else None,
+            "misleads": self.misleads if predicted else None,
+            "hours": self.hours,
+        }
+        if self.kind == "direct":
+            record["parameters"] = list(self.parameters)
+        if self.point is not None:
+            record["mismatch_rpm"], record["force_N"] = self.point[0] / RPM, self.point[1]
+            record["shifts"] = self.shifts
+        record["foreseen"] = [
+            {"effects": list(h), "mean": mean.tolist(), "sd": sd.tolist()}
+            for h, (mean, sd) in self.foreseen.items()
+        ]
+        return record

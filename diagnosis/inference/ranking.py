@@ -16,7 +16,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.inference.sampling import More, Sample, refined, screened, widened
+from dogshape.diagnosis.inference.sampling import (
+    More,
+    Sample,
+    refined,
+    screened,
+    systematic,
+    widened,
+)
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings
@@ -51,19 +58,8 @@ class Ranking:
 
     def log_joint(self, hypothesis: Hypothesis) -> float:
         """Compute the log of prior times evidence."""
-        evidence = (
-            self.log_unknown if hypothesis == UNKNOWN else self.samples[hypothesis].log_evidence
-        )
-        return self.log_prior[hypothesis] + evidence
-
-    def log_failed(self, hypothesis: Hypothesis) -> float:
-        """Compute the log probability that all untold shifts were tried and failed."""
-        untold = self.likelihood.seen.untold
-        if hypothesis == UNKNOWN:
-            return -float(np.log1p(untold).sum())
-        one = self.samples[hypothesis]
-        log = self.likelihood.log_failed(one.predicted)
-        return float(logsumexp(log + one.log_weights) - one.log_evidence)
+        known = self.samples.get(hypothesis)
+        return self.log_prior[hypothesis] + (known.log_evidence if known else self.log_unknown)
 
 
 def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed_: float) -> float:
@@ -109,11 +105,12 @@ class _Search:
     def screen(self, hypotheses: Sequence[Hypothesis]) -> None:
         """Sample hypotheses by their prior draws."""
         for one in screened(self.likelihood, list(hypotheses), self.more, self.distance):
-            h = one.hypothesis
-            self.samples[h] = one
-            self.priors[h] = log_prior(
-                h, self.likelihood.model, self.likelihood.settings, self.reversed_
-            )
+            self.samples[one.hypothesis] = one
+            self.priors[one.hypothesis] = self.prior(one.hypothesis)
+
+    def prior(self, h: Hypothesis) -> float:
+        """Compute the log prior probability."""
+        return log_prior(h, self.likelihood.model, self.likelihood.settings, self.reversed_)
 
     def distance(self, p: Predicted) -> Array:
         """Compute squared distances of predicted means and engagement from the data, (m,).
@@ -141,12 +138,11 @@ class _Search:
 
     def refine(self, step: int, among: Sequence[Hypothesis] | None = None) -> None:
         """Refine the hypotheses near the best."""
-        names = list(self.samples if among is None else among)
-        score = {h: self.promise(h) if step == 0 else self.value(h) for h in names}
-        top = max(self.promise(h) if step == 0 else self.value(h) for h in self.samples)
-        within, many, rounds = STEPS[step]
-        near = [h for h in sorted(names, key=lambda h: -score[h]) if score[h] > top - within]
-        for h in near[:many]:
+        rate = self.promise if step == 0 else self.value
+        score, (within, many, rounds) = {h: rate(h) for h in self.samples}, STEPS[step]
+        least = max(score.values()) - within
+        names = sorted(score if among is None else among, key=lambda h: -score[h])
+        for h in [h for h in names if score[h] > least][:many]:
             self.samples[h] = refined(
                 self.likelihood, self.samples[h], self.more, rounds, self.generator
             )
@@ -154,21 +150,19 @@ class _Search:
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""
         top = max(self.value(h) for h in self.samples)
-        within = dict[Hypothesis, list[Sample]]()
-        promise, priors = dict[Hypothesis, float](), dict[Hypothesis, float]()
+        within, promise = dict[Hypothesis, list[Sample]](), dict[Hypothesis, float]()
         for h in hypotheses_of(self.likelihood.model, 3):
             pairs = [tuple(n for n in h if n != name) for name in forward(h)]
             parts = [self.samples[p] for p in pairs if p in self.samples]
             parts = [one for one in parts if np.isfinite(one.log_evidence)]
-            prior = log_prior(h, self.likelihood.model, self.likelihood.settings, self.reversed_)
-            best = max((one.log_evidence for one in parts), default=-np.inf)
-            if best + prior > top - FOR_THIRD:
-                within[h], promise[h], priors[h] = parts, best + prior, prior
+            best = max((one.log_evidence for one in parts), default=-np.inf) + self.prior(h)
+            if best > top - FOR_THIRD:
+                within[h], promise[h] = parts, best
         chosen = sorted(promise, key=lambda h: -promise[h])[:THIRDS]
         parts_of = {h: within[h] for h in chosen}
         for one in widened(self.likelihood, parts_of, self.more, self.generator):
             self.samples[one.hypothesis] = one
-            self.priors[one.hypothesis] = priors[one.hypothesis]
+            self.priors[one.hypothesis] = self.prior(one.hypothesis)
         return chosen
 
 
@@ -196,41 +190,32 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     return Ranking(likelihood, search.samples, priors, _unlisted(search) + beside)
 
 
+STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
+
+
 def _unlisted(search: _Search) -> float:
-    """Compute the log evidence of a gap that no listed effect explains, on top of any of them."""
+    """Compute the log evidence of a gap that no listed effect explains, on top of any of them.
+
+    With such a gap the posterior is wider, so draws count by a low power of their likelihood.
+    """
     like, settings = search.likelihood, search.likelihood.settings
     singles = [h for h in search.samples if len(forward(h)) < 2]
-    pairs = sorted(
-        (h for h in search.samples if len(forward(h)) == 2), key=lambda h: -search.value(h)
-    )
+    pairs = [h for h in search.samples if len(forward(h)) == 2]
+    some = (*singles, *sorted(pairs, key=lambda h: -search.value(h))[:3])
+    options = [*itertools.product(settings.unlisted_sizes, settings.unlisted_lengths, STRETCHES)]
     logs = []
-    for h in (*singles, *pairs[:3]):
+    for h in some:
         one = search.samples[h]
-        best, density = _spread_out(one)
-        p = one.predicted.only(best)
-        for size, length in itertools.product(settings.unlisted_sizes, settings.unlisted_lengths):
-            for stretch in STRETCHES:
-                wider = replace(p, sd=stretch * p.sd)
-                log = like.terms(wider, (size, length)).log
-                log = np.where(np.isfinite(one.log[best]), log, -np.inf)
-                logs.append(logsumexp(log - density) + search.priors[h])
-    options = len(settings.unlisted_sizes) * len(settings.unlisted_lengths) * len(STRETCHES)
-    known = logsumexp([search.priors[h] for h in (*singles, *pairs[:3])])
-    return float(logsumexp(logs) - math.log(options) - known)
-
-
-def _spread_out(one: Sample) -> tuple[np.ndarray, Array]:
-    """Draw places for a gap on top of a hypothesis, and the log density of each, (k,).
-
-    With such a gap the posterior is wider, so likelihoods count by a low power.
-    """
-    if len(one.log) <= OPEN:
-        return np.arange(len(one.log)), one.log_density
-    log = FLATTENED * one.log - one.log_density
-    weights = np.exp(log - logsumexp(log))
-    steps = (np.arange(OPEN) + 0.5) / OPEN
-    places = np.minimum(np.searchsorted(weights.cumsum(), steps), len(weights) - 1)
-    return places, one.log_density[places] + np.log(OPEN * weights[places])
-
-
-STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
+        places, density = np.arange(len(one.log)), one.log_density
+        if len(one.log) > OPEN:
+            log = FLATTENED * one.log - one.log_density
+            weights = np.exp(log - logsumexp(log))
+            places = systematic(weights, OPEN)
+            density = one.log_density[places] + np.log(OPEN * weights[places])
+        p = one.predicted.only(places)
+        for size, length, stretch in options:
+            log = like.terms(replace(p, sd=stretch * p.sd), (size, length)).log
+            log = np.where(np.isfinite(one.log[places]), log, -np.inf)
+            logs.append(logsumexp(log - density) + search.priors[h])
+    known = logsumexp([search.priors[h] for h in some])
+    return float(logsumexp(logs) - math.log(len(options)) - known)

@@ -18,7 +18,7 @@ from scipy.special import gammaln, logsumexp
 from scipy.stats import qmc
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
-from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.terms import Array, Hypothesis, forward
 
 PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters
@@ -63,9 +63,8 @@ class Proposal:
         size = apart.shape[1]
         narrow = (4.0 / (CENTRES * (size + 2.0))) ** (2.0 / (size + 4.0))
         covariance = narrow * WIDE * (apart.T * weights) @ apart + 1e-6 * np.eye(size)
-        steps = (np.arange(CENTRES) + 0.5) / CENTRES
-        places = np.minimum(np.searchsorted(weights.cumsum(), steps), len(log) - 1)
-        return cls(sample.shares[places], np.linalg.cholesky(covariance), np.arange(size))
+        centres = sample.shares[systematic(weights, CENTRES)]
+        return cls(centres, np.linalg.cholesky(covariance), np.arange(size))
 
     def draw(self, size: int, generator: np.random.Generator) -> Array:
         """Draw shares of so many parameters, those within their ranges, (n, size)."""
@@ -141,9 +140,13 @@ class Sample:
 
     def draw(self, count: int, generator: np.random.Generator) -> np.ndarray:
         """Draw places of equally weighted draws, (count,), systematically."""
-        steps = (np.arange(count) + generator.random()) / count
-        places = np.searchsorted(self.weights.cumsum(), steps)
-        return np.minimum(places, len(self.log) - 1)
+        return systematic(self.weights, count, float(generator.random()))
+
+
+def systematic(weights: Array, count: int, offset: float = 0.5) -> np.ndarray:
+    """Draw places by weights (n,) that sum to 1, at even steps, (count,)."""
+    places = np.searchsorted(weights.cumsum(), (np.arange(count) + offset) / count)
+    return np.minimum(places, len(weights) - 1)
 
 
 @lru_cache(maxsize=16)
@@ -154,14 +157,6 @@ def prior_shares(size: int) -> Array:
     return np.asarray(qmc.Sobol(size, seed=7).random(PRIOR.get(size, MANY)))
 
 
-def log_likelihood(
-    likelihood: Likelihood, hypothesis: Hypothesis, shares: Array, p: Predicted, more: More
-) -> Array:
-    """Compute the log likelihood of draws, -inf where there is no such bench, (m,)."""
-    log = likelihood.terms(p).log + more(hypothesis, shares)
-    return np.where(likelihood.model.possible(hypothesis, shares), log, -np.inf)
-
-
 def screened(
     likelihood: Likelihood,
     hypotheses: Sequence[Hypothesis],
@@ -170,9 +165,16 @@ def screened(
 ) -> Iterator[Sample]:
     """Sample hypotheses by their prior draws nearest to the data, some hypotheses at once."""
     for start in range(0, len(hypotheses), BATCH):
-        some = hypotheses[start : start + BATCH]
-        near = [(h, *_nearest(likelihood.model, h, distance), ()) for h in some]
-        yield from _sampled(likelihood, near, more)
+        some = []
+        for h in hypotheses[start : start + BATCH]:
+            shares = prior_shares(len(likelihood.model.space(h).parameters))
+            p, whole = likelihood.model.predict(h, shares), len(shares)
+            count = max(NEAR, whole // SHARE)
+            if whole > count:
+                near = np.argpartition(distance(p), count)[:count]
+                shares, p = shares[near], p.only(near)
+            some.append((h, shares, p, whole, ()))
+        yield from _sampled(likelihood, some, more)
 
 
 def _sampled(
@@ -180,26 +182,16 @@ def _sampled(
     drawn: Sequence[tuple[Hypothesis, Array, Predicted, int, tuple[Proposal, ...]]],
     more: More,
 ) -> Iterator[Sample]:
-    """Sample hypotheses at their drawn shares, the likelihood of all at once."""
+    """Sample hypotheses at their drawn shares, the likelihood of all at once.
+
+    It is -inf where there is no such bench.
+    """
     log = likelihood.terms(Predicted.joined([p for _, _, p, _, _ in drawn])).log
     ends = np.cumsum([len(shares) for _, shares, _, _, _ in drawn])[:-1]
     for (h, shares, p, whole, proposals), mine in zip(drawn, np.split(log, ends), strict=True):
         beside = mine + more(h, shares)
         possible = likelihood.model.possible(h, shares)
         yield Sample(h, shares, p, np.where(possible, beside, -np.inf), whole, proposals)
-
-
-def _nearest(
-    model: Model, hypothesis: Hypothesis, distance: Callable[[Predicted], Array]
-) -> tuple[Array, Predicted, int]:
-    """Select the prior draws nearest to the data: shares, predictions, number of all draws."""
-    shares = prior_shares(len(model.space(hypothesis).parameters))
-    p = model.predict(hypothesis, shares)
-    count = max(NEAR, len(shares) // SHARE)
-    if len(shares) <= count:
-        return shares, p, len(shares)
-    near = np.argpartition(distance(p), count)[:count]
-    return shares[near], p.only(near), len(shares)
 
 
 def widened(
@@ -244,13 +236,12 @@ def refined(
         if not len(shares):
             break
         p = likelihood.model.predict(sample.hypothesis, shares)
-        log = log_likelihood(likelihood, sample.hypothesis, shares, p, more)
-        sample = Sample(
-            sample.hypothesis,
-            np.vstack([sample.shares, shares]),
-            Predicted.joined([sample.predicted, p]),
-            np.concatenate([sample.log, log]),
-            sample.drawn,
-            (*sample.proposals, proposal),
+        (new,) = _sampled(likelihood, [(sample.hypothesis, shares, p, 0, ())], more)
+        sample = replace(
+            sample,
+            shares=np.vstack([sample.shares, shares]),
+            predicted=Predicted.joined([sample.predicted, p]),
+            log=np.concatenate([sample.log, new.log]),
+            proposals=(*sample.proposals, proposal),
         )
     return sample

@@ -1,36 +1,30 @@
 r"""Plan of shifts before any is made: operating points, numbers, order, and pairs told apart.
 
-With the errors that *n* shifts at each operating point leave, the squared distance of two values of
-hypotheses is
+With the errors that *n* shifts at each operating point leave, two values of hypotheses lie apart by
 
 .. math:: D = \delta^T (V + A A^T)^{-1} \delta + \sum \delta_s^2 / v_s + \sum \delta_p^2 / v_p,
 
-:math:`\delta`, :math:`\delta_s`, :math:`\delta_p` the differences of the means, of the logarithms
-of the spread and of the shares that engage, *V* the variances of means and *A* all errors in common
-(``diagnosis.likelihood.likelihood``). A rival imitates a truth by its nearest value, so *D* is the
-least over these, less the part of emulation. *D*/2 is about the expected log Bayes factor, and
-:math:`\Phi(\sqrt D / 2)` the probability to decide between two points. Its mean over all ordered
-pairs of hypotheses and all strengths is the worth of a plan. Shifts go in lots, each to the
-operating point that adds most.
+:math:`\delta`, :math:`\delta_s`, :math:`\delta_p` the differences of means, ln spreads and shares
+that engage, *V* the variances of means, *A* all errors in common. A rival imitates a truth by its
+nearest value. *D*/2 is about the expected log Bayes factor, :math:`\Phi(\sqrt D / 2)` the
+probability to decide a pair; its mean over all pairs and strengths is the worth of a plan. Shifts
+go in lots, each to the operating point that adds most.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import ndtr, polygamma
 from scipy.stats import qmc
 
-from dogshape.diagnosis.inference.next_test import EDGE, SETUP, SHIFT
+from dogshape.diagnosis.inference.outcome import EDGE, SETUP, SHIFT
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.terms import NONE, Array, Hypothesis
 from dogshape.sim.errors import InputError, refusal
-
-if TYPE_CHECKING:
-    from dogshape.diagnosis.likelihood.likelihood import Likelihood
-    from dogshape.diagnosis.prediction.model import Model, Predicted
 
 LOT, LOTS = 5, 20  #: shifts given at once, at least; lots of a plan, at most
 VISITS = 3  #: to the reference point: at the beginning, in the middle, at the end
@@ -102,14 +96,6 @@ class Field:
         right = [ndtr(0.5 * np.sqrt(one)).mean(axis=0) for one in self.distances(shifts)]
         return float(np.array(right)[~np.eye(len(right), dtype=bool)].mean())
 
-    def log_odds(self, shifts: Array) -> Array:
-        """Compute mean expected log Bayes factors of truth (row) and rival, (h, h)."""
-        return np.array([0.5 * one.mean(axis=0) for one in self.distances(shifts)])
-
-    def told_apart(self, shifts: Array) -> Array:
-        """Compute the share of a truth's strengths that differ from a rival, (h, h)."""
-        return np.array([(0.5 * one > APART).mean(axis=0) for one in self.distances(shifts)])
-
 
 def field_of(likelihood: Likelihood) -> Field:
     """Predict none and each effect alone at the operating points of a likelihood."""
@@ -120,8 +106,7 @@ def field_of(likelihood: Likelihood) -> Field:
     smooth = settings.discrepancy * time[:, None] * likelihood.smooth
     common = np.hstack([smooth, likelihood.columns(base)[0]])
     truths, rivals = (
-        tuple(_values(model.predict(h, _shares(model, h, count)), base) for h in hypotheses)
-        for count in (TRUTHS, RIVALS)
+        tuple(_values(model, h, count, base) for h in hypotheses) for count in (TRUTHS, RIVALS)
     )
     return Field(
         hypotheses,
@@ -134,17 +119,13 @@ def field_of(likelihood: Likelihood) -> Field:
     )
 
 
-def _shares(model: Model, hypothesis: Hypothesis, count: int) -> Array:
-    """Spread shares evenly over the range of a hypothesis, those that give a bench, (m, p)."""
+def _values(model: Model, hypothesis: Hypothesis, count: int, base: Predicted) -> Array:
+    """Predict a hypothesis at shares spread over its range that give a bench, (m, 4, cells)."""
     size = len(model.space(hypothesis).parameters)
-    even = ((np.arange(count) + 0.5) / count)[:, None]
-    shares = even if size == 1 else np.zeros((1, 0))
+    shares = ((np.arange(count) + 0.5) / count)[:, None] if size == 1 else np.zeros((1, 0))
     if size > 1:
         shares = np.asarray(qmc.Sobol(size, seed=1).random(count))
-    return shares[model.possible(hypothesis, shares)]
-
-
-def _values(one: Predicted, base: Predicted) -> Array:
+    one = model.predict(hypothesis, shares[model.possible(hypothesis, shares)])
     own = np.maximum(0.0, one.error**2 - base.error**2)
     # Where nothing engages the share says so, and there is no mean to compare.
     return np.nan_to_num(np.stack([one.mean, np.log(one.sd), one.engaged, own], axis=1))
@@ -159,9 +140,9 @@ class ShiftPlan:
     shifts : at each operating point, (cells,), whole numbers.
     order : visits, each an operating point's place and its number of shifts.
     reference : place of the point that is visited at the beginning, in the middle and at the end.
-    worth, evenly : mean probability to decide a pair rightly, by the plan and by as many shifts
-        spread evenly over all operating points.
-    log_odds, apart, apart_evenly : of truth and rival, (h, h) each.
+    worth : mean probability to decide a pair rightly.
+    log_odds : mean expected log Bayes factors of truth (row) and rival, (h, h).
+    apart : share of a truth's strengths that differ from a rival, (h, h).
     """
 
     field: Field
@@ -169,20 +150,13 @@ class ShiftPlan:
     order: tuple[tuple[int, int], ...]
     reference: int
     worth: float
-    evenly: float
     log_odds: Array
     apart: Array
-    apart_evenly: Array
 
     @property
     def hours(self) -> float:
         """Hours of work: each visit is set up."""
         return len(self.order) * SETUP + sum(self.shifts) * SHIFT
-
-    @property
-    def hours_evenly(self) -> float:
-        """The same for all operating points, the reference thrice too."""
-        return (self.field.cells + VISITS - 1) * SETUP + sum(self.shifts) * SHIFT
 
 
 def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None) -> ShiftPlan:
@@ -204,7 +178,9 @@ def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None)
         rule = f"it must lie between {least} and 1000000: a reference point is visited {VISITS} "
         rule += f"times with {LOT} shifts each, and {LOT} more are the least that say anything else"
         raise InputError(refusal("number of shifts", count, "", rule, "plan more shifts"))
-    reference = steadiest(field)
+    # Where single shifts scatter least a drift shows first.
+    engaging = np.where(field.baseline.engaged[0] > 0.5, field.baseline.sd[0], np.nan)
+    reference = int(np.nanargmin(engaging))
     shifts = np.zeros(field.cells)
     shifts[reference] = VISITS * LOT
     lot = max(LOT, -(-(count - VISITS * LOT) // LOTS))
@@ -213,24 +189,14 @@ def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None)
         full = np.count_nonzero(shifts) >= (most or field.cells)
         more = shifts + step * np.eye(field.cells)[(shifts > 0) | (not full)]
         shifts = more[int(np.argmax([field.worth(one) for one in more]))]
-    whole, even = [int(n) for n in shifts], np.full(field.cells, count / field.cells)
-    return ShiftPlan(
-        field,
-        tuple(whole),
-        visits(whole, reference, seed),
-        reference,
-        field.worth(shifts),
-        field.worth(even),
-        field.log_odds(shifts),
-        field.told_apart(shifts),
-        field.told_apart(even),
+    whole = tuple(int(n) for n in shifts)
+    half = [0.5 * one for one in field.distances(shifts)]
+    odds, apart = (
+        np.array([one.mean(axis=0) for one in part])
+        for part in (half, [one > APART for one in half])
     )
-
-
-def steadiest(field: Field) -> int:
-    """Find the operating point whose single shifts scatter least: drift shows there first."""
-    scatter = field.baseline.sd[0]
-    return int(np.nanargmin(np.where(field.baseline.engaged[0] > 0.5, scatter, np.nan)))
+    order = visits(whole, reference, seed)
+    return ShiftPlan(field, whole, order, reference, field.worth(shifts), odds, apart)
 
 
 def visits(shifts: Sequence[int], reference: int, seed: int) -> tuple[tuple[int, int], ...]:

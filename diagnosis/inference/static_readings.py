@@ -1,38 +1,30 @@
 r"""Readings beside the shifts: facts about an effect, from the actuator at rest or a direct test.
 
-Static readings of the actuator after engagement, displacement *x* over force *F* at the arm, lie on
-a line :math:`x = x_0 + F/k` where the linkage is elastic. With the linkage's ratio *i* and
-efficiency :math:`\eta` a compliance at the arm is :math:`c = (1/k)/(i^2 \eta)` at the sleeve, where
-forces are :math:`i \eta` times those at the arm; :math:`\eta` is at most one. The travel without
-force gives the ratio again, :math:`i = x_0/\text{travel}`, and so the factor of the nominal forces
-at the sleeve.
+Static readings of the actuator, displacement *x* over force *F* at the arm, lie on a line
+:math:`x = x_0 + F/k` where the linkage is elastic. With its ratio *i* and efficiency :math:`\eta` a
+compliance at the arm is :math:`(1/k)/(i^2 \eta)` at the sleeve. The travel without force gives the
+ratio again, :math:`i = x_0/\text{travel}`, and so the factor of the forces at the sleeve.
 
-The result of a direct test (``[[measured]]`` of the data set) counts with the shifts, with the
-parameter's neutral value where the effect is absent. Of *unknown* the test finds nothing, half, or
-anything within the range.
+The result of a direct test (``[[measured]]``) counts with the shifts, neutral where the effect is
+absent. Of *unknown* the test finds nothing, half, or anything within the range.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
-from dogshape.diagnosis.bench.stand_file import Measured
+from dogshape.diagnosis.likelihood.observed import Observed
+from dogshape.diagnosis.prediction.model import Model, Space
 from dogshape.diagnosis.terms import NONE, Array
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, did_you_mean
 from dogshape.sim.units import MM
-
-if TYPE_CHECKING:
-    from dogshape.diagnosis.likelihood.observed import Observed
-    from dogshape.diagnosis.prediction.model import Model, Space
 
 LEAST = 3  #: readings that a line needs
 SURE = 1.645  #: standard errors to the ends of 90 %
@@ -84,31 +76,27 @@ def log_density(facts: Sequence[Fact], space: Space, values: Array) -> Array:
 
 def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
     """Compute the log density of a fact where no known effect is the cause."""
-    effect = _effect(fact.effect, effects)
+    effect = effects.get(fact.effect) or registry.load()[fact.effect]
     (parameter,) = (p for p in effect.parameters if p.name == fact.parameter)
     values = [fact.neutral, *(parameter.at((k + 0.5) / ANY) for k in range(ANY))]
     weights = [0.5, *[0.5 / ANY] * ANY]
     return float(logsumexp(fact.log_density(np.array(values)), b=weights))
 
 
-def explained(fact: Fact, model: Model, seen: Observed) -> tuple[float, float]:
-    """Compute the part of the gap that an effect of the fact's size explains alone.
+def explained(fact: Fact, model: Model, seen: Observed) -> float:
+    """Compute the decrease of the gap by an effect of the fact's size alone, s.
 
-    Returns
-    -------
-    Decrease of the gap's root mean square over the operating points by the effect, s, negative
-    where the gap grows, and that root mean square without it, s. Other parameters of the effect are
-    neutral.
+    That is of its root mean square over the operating points, negative where the gap grows. Other
+    parameters of the effect are neutral.
     """
     effect = model.effects[fact.effect]
     values = effect.neutral(model.setting) | {fact.parameter: fact.value}
     shares = np.array([[p.share(values[p.name]) for p in effect.parameters]])
-    gaps = [
-        seen.mean - model.predict(hypothesis, some).mean[0]
-        for hypothesis, some in ((NONE, np.zeros((1, 0))), ((fact.effect,), shares))
-    ]
-    before, after = (math.sqrt(np.mean(gap[seen.count > 0] ** 2)) for gap in gaps)
-    return before - after, before
+    before, after = (
+        float(np.sqrt(((seen.mean - model.predict(h, some).mean[0])[seen.count > 0] ** 2).mean()))
+        for h, some in ((NONE, np.zeros((1, 0))), ((fact.effect,), shares))
+    )
+    return before - after
 
 
 def facts_of(bench: Bench) -> tuple[Fact, ...]:
@@ -122,36 +110,29 @@ def facts_of(bench: Bench) -> tuple[Fact, ...]:
     line, matrix = np.polyfit(force, way, 1, cov="unscaled")
     slope, start = map(float, line)
     scatter = float(np.sqrt(((way - start - slope * force) ** 2).sum() / (len(known) - 2)))
-    errors = (scatter * np.sqrt(np.diag(matrix))).tolist()
-    given = 1.0 if efficiency is None else efficiency
-    found = [_compliance(slope, errors[0], ratio, given)] if slope > 0.0 else []
-    return (*found, _scale(start, errors[1], ratio, bench.clutch.dog.travel))
-
-
-def _compliance(slope: float, error: float, ratio: float, efficiency: float) -> Fact:
-    """Derive the compliance at the sleeve, between the given efficiency and none lost."""
-    ends = np.array([slope / ratio**2, slope / (ratio**2 * efficiency)]) * 1e6
-    value = float(ends.mean())
-    spread = float(np.hypot(np.ptp(ends) / 12.0**0.5, value * error / slope))
-    sentence = (
-        f"static readings of the actuator give {slope * 1e6:.3g} mm/kN at the arm, which is "
-        f"{ends[0]:.3g} to {ends[1]:.3g} mm/kN at the sleeve (without loss, or with an efficiency "
-        f"of {efficiency:.3g})"
-    )
-    error = max(spread, SPREAD * value)
-    return Fact("linkage_compliance", "compliance_mm_kN", 0.0, value, error, sentence)
-
-
-def _scale(start: float, error: float, ratio: float, travel: float) -> Fact:
-    """Derive the force over the nominal one, if the ratio is that of travels without force."""
+    slope_error, start_error = (scatter * np.sqrt(np.diag(matrix))).tolist()
+    given, travel = 1.0 if efficiency is None else efficiency, bench.clutch.dog.travel
     value = start / travel / ratio
-    sentence = (
+    said = (
         f"without force the actuator moves {start / MM:.3g} mm for {travel / MM:.3g} mm of the "
         f"sleeve, a ratio of {start / travel:.3g} instead of {ratio:.3g}, so that forces at the "
         f"sleeve would be {value:.3g} of the nominal ones"
     )
-    spread = max(error / travel / ratio, SPREAD * value)
-    return Fact("force_scale", "force_factor", 1.0, value, spread, sentence)
+    error = max(start_error / travel / ratio, SPREAD * value)
+    scale = Fact("force_scale", "force_factor", 1.0, value, error, said)
+    if slope <= 0.0:
+        return (scale,)
+    # The compliance at the sleeve lies between the given efficiency and none lost.
+    ends = np.array([slope / ratio**2, slope / (ratio**2 * given)]) * 1e6
+    value = float(ends.mean())
+    spread = float(np.hypot(np.ptp(ends) / 12.0**0.5, value * slope_error / slope))
+    said = (
+        f"static readings of the actuator give {slope * 1e6:.3g} mm/kN at the arm, which is "
+        f"{ends[0]:.3g} to {ends[1]:.3g} mm/kN at the sleeve (without loss, or with an efficiency "
+        f"of {given:.3g})"
+    )
+    error = max(spread, SPREAD * value)
+    return Fact("linkage_compliance", "compliance_mm_kN", 0.0, value, error, said), scale
 
 
 def require_measured(bench: Bench, effects: Mapping[str, Effect]) -> None:
@@ -161,7 +142,7 @@ def require_measured(bench: Bench, effects: Mapping[str, Effect]) -> None:
             hint = did_you_mean(one.effect, effects)
             raise DataError(f"{bench.name}: '{one.effect}' in [[measured]] is no effect; {hint}")
         names = [parameter.name for parameter in effects[one.effect].parameters]
-        if _parameter(one, effects[one.effect]) not in names:
+        if one.parameter not in names and (one.parameter or len(names) != 1):
             given = f"'{one.parameter}'" if one.parameter else "left out"
             raise DataError(
                 f"{bench.name}: the parameter of {one.effect} in [[measured]] is {given}, but must "
@@ -173,23 +154,12 @@ def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, .
     """List the facts of direct tests, whether their effects are in question or not."""
     found = []
     for one in bench.measured:
-        effect = _effect(one.effect, effects)
-        name = _parameter(one, effect) or ""
+        effect = effects.get(one.effect) or registry.load()[one.effect]
+        name = one.parameter or effect.parameters[0].name
         sentence = (
             f"a direct test gives {name} = {one.value:.4g} (standard error "
             f"{one.standard_error:.2g}), which counts with the shifts"
         )
         neutral = effect.neutral(setting_of(bench))[name]
-        fact = Fact(one.effect, name, neutral, one.value, one.standard_error, sentence)
-        found.append(fact)
+        found.append(Fact(one.effect, name, neutral, one.value, one.standard_error, sentence))
     return tuple(found)
-
-
-def _effect(name: str, effects: Mapping[str, Effect]) -> Effect:
-    """Find an effect in question, or else of the program's own."""
-    return effects.get(name) or registry.load()[name]
-
-
-def _parameter(one: Measured, effect: Effect) -> str | None:
-    names = [parameter.name for parameter in effect.parameters]
-    return names[0] if one.parameter is None and len(names) == 1 else one.parameter

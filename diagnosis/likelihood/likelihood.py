@@ -7,19 +7,14 @@ The mean of the shifts at an operating point *k* is
 
 with :math:`m_k` the predicted time without dead time. *B* is the root of the discrepancy's
 covariance over the points, whose amplitude *s* is summed over. The columns of *F* are all other
-errors that points have in common: contact stiffness and dissipation, systematic errors of nominal
-force and mismatch, drift, the half step of a quantised clock, and effects together against alone.
-:math:`e_k` has the errors of each point.
-
-A variance of single shifts over the predicted one follows Fisher's *F*, since the predicted spread
-has an error too; kurtosis changes its degrees of freedom. Within a mean, or among few single
-shifts, any number of late shifts may hide, and a mean may be odd: each point takes the most
-probable of these given the fitted common errors, with the probability of all of them.
+errors in common: nuisances of the contact, systematic errors of nominal values, drift, the clock's
+half step, and effects together. :math:`e_k` has the errors of each point. A variance of single
+shifts over the predicted one follows Fisher's *F*. Any number of late shifts may hide in a mean,
+and a mean may be odd: each point takes the most probable of these, with the probability of all.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -83,52 +78,42 @@ class Likelihood:
     @cached_property
     def smooth(self) -> Array:
         """Root *B* of the discrepancy's correlation over all points, (C, r)."""
-        near, slope = self._distances
+        where = np.log(abs(self.seen.mismatch) + RPM) / self.settings.discrepancy_length
+        force = np.log(self.seen.force)
+        force = (force - force.mean()) / max(float(force.std()), 0.1)
+        near = np.exp(-0.5 * (where[:, None] - where[None]) ** 2)
         shape = self.settings.discrepancy_shape
-        whole = shape[0] + shape[1] * near + shape[2] * near * slope
+        whole = shape[0] + shape[1] * near + shape[2] * near * np.outer(force, force)
         values, vectors = np.linalg.eigh(whole)
         kept = values > KEPT * values.max()
         return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
     @cached_property
-    def _distances(self) -> tuple[Array, Array]:
-        where = np.log(abs(self.seen.mismatch) + RPM) / self.settings.discrepancy_length
-        force = np.log(self.seen.force)
-        force = (force - force.mean()) / max(float(force.std()), 0.1)
-        near = np.exp(-0.5 * (where[:, None] - where[None]) ** 2)
-        return near, np.outer(force, force)
-
-    @cached_property
     def relative(self) -> Array:
-        """Common errors that are shares of the predicted time, (C, q): nuisances."""
-        parts = [self._nuisance(name) for name in self.model.nuisances]
-        return np.hstack(parts) if parts else np.zeros((self.model.cells, 0))
+        """Common errors that are shares of the predicted time, (C, q): nuisances.
 
-    def _nuisance(self, name: str) -> Array:
-        """Compute the first two directions in which a nuisance changes ln time, (C, 2)."""
-        effect = self.model.nuisances[name]
-        (only,) = effect.parameters
-        nominal = only.neutral_of(self.model.setting)
-        factors = nominal * self.settings.nuisance**QUANTILES
-        values = np.clip(factors, only.low, only.high)[:, None]
-        changes = self.model.changes(name, values).moments[..., 0] / len(QUANTILES) ** 0.5
-        _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
-        return np.asarray((sizes[:2, None] * directions[:2]).T)
+        They are the first two directions in which each nuisance changes ln time.
+        """
+        parts = [np.zeros((self.model.cells, 0))]
+        for name, effect in self.model.nuisances.items():
+            (only,) = effect.parameters
+            factors = only.neutral_of(self.model.setting) * self.settings.nuisance**QUANTILES
+            values = np.clip(factors, only.low, only.high)[:, None]
+            changes = self.model.changes(name, values).moments[..., 0] / len(QUANTILES) ** 0.5
+            _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
+            parts.append((sizes[:2, None] * directions[:2]).T)
+        return np.hstack(parts)
 
     @cached_property
     def sensitivity(self) -> tuple[Array, Array]:
         """Changes of ln time with ln force and with mismatch in rad/s, (C,) each."""
         ends = np.array([1.0 - STEP, 1.0 + STEP])
         force = self.model.changes("force_scale", ends[:, None]).moments
-        offset = [np.zeros(2), ends] if self._factor_last else [ends, np.zeros(2)]
-        speed = self.model.changes("mismatch_speed", np.stack(offset, axis=1)).moments
+        offset_factor = np.stack([np.zeros(2), ends], axis=1)
+        speed = self.model.changes("mismatch_speed", offset_factor).moments
         slopes = [(one[1, :, 0] - one[0, :, 0]) / (2.0 * STEP) for one in (force, speed)]
         slip = np.maximum(abs(self.seen.mismatch), RPM) * np.sign(self.seen.mismatch + 1e-12)
         return slopes[0], slopes[1] / slip
-
-    @property
-    def _factor_last(self) -> bool:
-        return self.model.effects["mismatch_speed"].parameters[1].name == "mismatch_factor"
 
     def _nominal(self, size: Tolerance) -> Array:
         """Compute relative errors of the mean by errors of nominal values, (C, q)."""
@@ -156,24 +141,23 @@ class Likelihood:
     @cached_property
     def absolute(self) -> Array:
         """Errors in common in s, (C, q): drift, half a step of the clock."""
-        columns = []
-        if self.seen.drift is not None:
-            columns.append(self.seen.drift.offsets)
-        if self.clock_step:
-            columns.append(np.full(self.model.cells, 0.5 * self.clock_step))
-        return np.stack(columns, axis=1) if columns else np.zeros((self.model.cells, 0))
-
-    @property
-    def clock_step(self) -> float:
-        """Step of a quantised clock, s; 0 for none."""
-        return float(getattr(self.bench, "clock_step", 0.0))
+        drift = [] if self.seen.drift is None else [self.seen.drift.offsets]
+        step = self.bench.clock_step or 0.0
+        columns = [*drift, *([np.full(self.model.cells, 0.5 * step)] if step else [])]
+        return np.array(columns).reshape(-1, self.model.cells).T
 
     def own_variance(self, p: Predicted) -> Array:
         """Compute the variance of each mean by errors of its own but scatter, s^2, (m, C)."""
         simulated = p.mean - p.delay
         model = np.maximum(self.settings.model_error * simulated, self.settings.least_error)
-        clock = self.clock_step**2 / 12.0 / np.maximum(self.seen.count, 1.0)
+        clock = (self.bench.clock_step or 0.0) ** 2 / 12.0 / np.maximum(self.seen.count, 1.0)
         return np.asarray(p.error**2 + model**2 + self.each * simulated**2 + clock)
+
+    def all_columns(self, p: Predicted, amplitude: Array | float) -> Array:
+        """Compute all errors in common with a discrepancy of amplitude (m,), s, (m, C, r + q)."""
+        size = np.asarray(amplitude).reshape(-1, 1, 1)
+        smooth = size * (p.mean - p.delay)[..., None] * self.smooth
+        return np.concatenate([smooth, self.columns(p)], axis=2)
 
     def columns(self, p: Predicted) -> Array:
         """Compute all errors in common but the discrepancy, s, (m, C, q)."""
@@ -194,21 +178,20 @@ class Likelihood:
         if unlisted is not None:
             size, length = unlisted
             own = own + (1.0 - self.settings.unlisted_smooth) * (size * (q.mean - q.delay)) ** 2
-            fixed = np.concatenate([fixed, size * self._free(length, q)], axis=2)
+            free = (q.mean - q.delay)[..., None] * self._unlisted_root(length)
+            fixed = np.concatenate([fixed, size * free], axis=2)
         residual, variance, other = self._chosen(q, own, basis, fixed)
         log, nodes = _integrated(residual, variance, basis, fixed, self.settings.discrepancy)
-        log = log + (other + self.log_engaged(p))
-        nodes = nodes + (other + self.log_engaged(p))[:, None]
-        return Terms(log, nodes, residual, variance)
+        other = other + self.log_engaged(p)
+        return Terms(log + other, nodes + other[:, None], residual, variance)
 
-    def _free(self, length: float, q: Predicted) -> Array:
-        where = np.stack([np.log(self.seen.force), np.log(abs(self.seen.mismatch) + RPM)], axis=1)
-        where = where[self.having]
-        square = ((where[:, None] - where[None]) ** 2).sum(axis=2)
+    def _unlisted_root(self, length: float) -> Array:
+        """Compute the root of the covariance of what no effect explains, (c, r)."""
+        where = np.log([self.seen.force, abs(self.seen.mismatch) + RPM])[:, self.having]
+        square = ((where[:, :, None] - where[:, None]) ** 2).sum(axis=0)
         values, vectors = np.linalg.eigh(np.exp(-0.5 * square / length**2))
         kept = values > KEPT * values.max()
-        root = vectors[:, kept] * np.sqrt(self.settings.unlisted_smooth * values[kept])
-        return np.asarray((q.mean - q.delay)[..., None] * root)
+        return np.asarray(vectors[:, kept] * np.sqrt(self.settings.unlisted_smooth * values[kept]))
 
     def _chosen(
         self, q: Predicted, own: Array, basis: Array, fixed: Array
@@ -244,8 +227,7 @@ class Likelihood:
     def _options(self) -> _Options:
         """Numbers of late shifts that each mean may have within, and an odd mean."""
         some, seen = self.having, self.seen
-        n, late = seen.count[some], seen.late[some]
-        hidden = seen.hidden[some]
+        n, late, hidden = seen.count[some], seen.late[some], seen.hidden[some]
         most = int(min(MOST_LATE, n[hidden].max())) if hidden.any() else 0
         k, width = _late_numbers(n[:, None], most)
         within = np.where(hidden[:, None], k, 0.0)
@@ -267,11 +249,9 @@ class Likelihood:
 
     def _scatter(self, q: Predicted) -> Array:
         """Estimate the variance of timely shifts by prediction and observation, (m, c)."""
-        seen, some = self.seen, self.having
+        seen, some, other = self.seen, self.having, 0.5 / self._spread_error(q)
         freedom = np.where(seen.freedom[some] > 0.0, self._freedom[some], 0.0)
-        other = 0.5 / self._spread_error(q)
-        whole = (other * q.sd**2 + freedom * seen.variance[some]) / (other + freedom)
-        return np.asarray(whole)
+        return np.asarray((other * q.sd**2 + freedom * seen.variance[some]) / (other + freedom))
 
     def _spread(self, q: Predicted, variance: Array) -> Array:
         """Compute the log density of the variance of single shifts with each option, (m, P).
@@ -321,20 +301,9 @@ class Likelihood:
 
     @cached_property
     def _engaged(self) -> _Table:
-        tried = self.seen.engaged + self.seen.failed
-        return self._log_counts(self.seen.engaged, tried)
-
-    def _log_counts(self, count: Array, whole: Array) -> _Table:
-        shares = _shares(0.01, 0.99)[:, None]
-        return _Table(0.01, 0.99, _log_number(shares, count, whole, self.settings.late_known))
-
-    def log_failed(self, p: Predicted) -> Array:
-        """Compute the log probability that all untold shifts were tried and failed, (m,)."""
-        return np.asarray(self._failed.at(p.engaged).sum(axis=1))
-
-    @cached_property
-    def _failed(self) -> _Table:
-        return self._log_counts(0.0 * self.seen.untold, self.seen.untold)
+        shares, engaged = _shares(0.01, 0.99)[:, None], self.seen.engaged
+        known = self.settings.late_known
+        return _Table(0.01, 0.99, _log_number(shares, engaged, engaged + self.seen.failed, known))
 
     def late_mean(self, p: Predicted) -> Array:
         """Compute the mean of all shifts, late ones too, s, (m, C)."""
@@ -346,9 +315,7 @@ class Likelihood:
         weights = np.exp(found.nodes - logsumexp(found.nodes, axis=1, keepdims=True))
         pick = (generator.random((len(weights), 1)) > weights.cumsum(axis=1)).sum(axis=1)
         amplitude = self.settings.discrepancy * NODES[np.minimum(pick, len(NODES) - 1)]
-        simulated = (p.mean - p.delay)[..., None]
-        discrepancy = amplitude[:, None, None] * simulated * self.smooth
-        every = np.concatenate([discrepancy, self.columns(p)], axis=2)
+        every = self.all_columns(p, amplitude)
         some = every[:, self.having]
         scaled = some / found.variance[..., None]
         size = every.shape[2]
@@ -482,9 +449,8 @@ def _integrated(
     return np.asarray(logsumexp(nodes, axis=1)), np.asarray(nodes)
 
 
-def squared_distance(residual: Array, variance: Array, columns: Sequence[Array] | Array) -> Array:
-    """Compute squared distances of residuals under errors in common, (m,)."""
-    fixed = np.asarray(columns)
+def squared_distance(residual: Array, variance: Array, fixed: Array) -> Array:
+    """Compute squared distances of residuals (m, c) under errors in common (m, c, q), (m,)."""
     scaled = fixed / variance[..., None]
     precision = np.eye(fixed.shape[2]) + np.einsum("mcr,mcs->mrs", fixed, scaled)
     pulled = np.einsum("mcr,mc->mr", scaled, residual)

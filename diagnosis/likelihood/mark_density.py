@@ -6,14 +6,10 @@ distribution of few degrees of freedom, so that one odd profile decides nothing 
 .. math:: \ln L = c_k - \tfrac12 \ln |\Sigma| - \tfrac{\nu + k}2 \ln(1 + d^2/\nu), \qquad
           d^2 = (t - \hat t)^T \Sigma^{-1} (t - \hat t).
 
-:math:`\Sigma` holds the errors of the seen marks (``diagnosis.bench.flight_marks``), of the
-predicted ones, and the creep of a ring that friction holds.
-
-The force of a trace is either the one that acts, with its delay, lag and scale, or the nominal one.
-The source rarely states which, so both readings count a half, each for all profiles together.
-
-*Unknown* has the baseline's marks, or these moved by offsets: a Gaussian process over the
-logarithms of force and of the mark's share, apart for displacement and force, of several sizes.
+:math:`\Sigma` holds the errors of seen and predicted marks, and the creep of a ring that friction
+holds. The force of a trace is the one that acts or the nominal one, a half each. *Unknown* has the
+baseline's marks, or these moved by offsets: a Gaussian process over the logarithms of force and
+share, apart for displacement and force, of several sizes.
 """
 
 from __future__ import annotations

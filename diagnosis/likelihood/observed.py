@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
@@ -25,9 +26,7 @@ from dogshape.diagnosis.terms import Array
 
 MANY = 4  #: single shifts, from which late ones can be seen
 DRIFT = 0.1  #: of the mean time, standard deviation of a drift over the whole series
-ALIKE = 4.0  #: degrees of freedom that the scatter of all points counts as at each
 INSIDE = 0.95  #: probability below the upper end of an interval that holds 90 %
-ROUNDS = 4  #: of slope and scatter in turn
 
 
 @dataclass(frozen=True)
@@ -35,22 +34,20 @@ class Drift:
     """Drift over the series as a share of the mean time, by shifts at one operating point.
 
     ``mean`` and ``sd`` are its distribution, ``offsets`` what one ``sd`` makes of each cell's mean,
-    s, (C,); ``informed`` is the share of the prior's variance that repeated points have taken. The
-    series runs from ``first`` to ``last``, ``middle`` is the mean place of all shifts within it.
+    s, (C,); ``informed`` is the share of the prior's variance that repeated points have taken, and
+    ``places`` has those of each cell's times in a series of length one, of zero mean.
     """
 
     mean: float
     sd: float
     offsets: Array = field(repr=False)
     informed: float
-    first: float
-    last: float
-    middle: float
+    places: tuple[Array, ...] = field(repr=False)
 
-    def places(self, rows: Sequence[Reading]) -> Array:
-        """Compute places of readings in the series, of which the whole is one long, (k,)."""
-        found = np.array([self.first if r.place is None else r.place for r in rows], dtype=float)
-        return (found - self.first) / (self.last - self.first) - self.middle
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record ``drift``, with the interval that holds 90 %."""
+        low, high = self.mean - 1.645 * self.sd, self.mean + 1.645 * self.sd
+        return {"share": {"mean": self.mean, "low": low, "high": high}, "informed": self.informed}
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,7 @@ class Observed:
     variance, freedom : of single shifts, s^2, and its degrees of freedom, (C,).
     late : number of late shifts beside the mean, (C,).
     hidden : whether late shifts may be within the mean, (C,).
-    engaged, failed, untold : numbers of shifts that engaged, failed, or may not have been tried.
+    engaged, failed : numbers of shifts.
     mismatch, force : of each point, rad/s and N.
     drift : None where the order is not known.
     flights : marks of the free flight in traces.
@@ -77,7 +74,6 @@ class Observed:
     hidden: Array
     engaged: Array
     failed: Array
-    untold: Array
     mismatch: Array
     force: Array
     drift: Drift | None
@@ -92,13 +88,12 @@ class Observed:
 def observe(bench: Bench, model: Model) -> Observed:
     """Gather the observations of a data set at the operating points of a model."""
     drift = drift_of(bench.cells, model.far)
-    rows = [
-        _observed(cell, far, drift)
-        for cell, far in zip(bench.cells, model.far.tolist(), strict=True)
-    ]
+    rows = []
+    for k, (cell, far) in enumerate(zip(bench.cells, model.far.tolist(), strict=True)):
+        rows.append(_observed(cell, far, 0.0 if drift is None else drift.mean * drift.places[k]))
     count, mean, variance, freedom, late, hidden = np.array(rows, dtype=float).reshape(-1, 6).T
-    tried = [(cell.engaged, cell.failed, cell.unknown) for cell in bench.cells]
-    engaged, failed, untold = np.array(tried, dtype=float).reshape(-1, 3).T
+    tried = [(cell.engaged, cell.failed) for cell in bench.cells]
+    engaged, failed = np.array(tried, dtype=float).reshape(-1, 2).T
     return Observed(
         count,
         mean,
@@ -108,7 +103,6 @@ def observe(bench: Bench, model: Model) -> Observed:
         hidden.astype(bool),
         engaged,
         failed,
-        untold,
         np.array([cell.point.mismatch for cell in bench.cells]),
         np.array([cell.point.profile.force for cell in bench.cells]),
         drift,
@@ -116,15 +110,16 @@ def observe(bench: Bench, model: Model) -> Observed:
     )
 
 
-def _observed(cell: Cell, far: float, drift: Drift | None) -> tuple[float, ...]:
-    """Count one cell: number, mean, variance, freedom, late ones, whether some may hide."""
+def _observed(cell: Cell, far: float, drift: Array | float) -> tuple[float, ...]:
+    """Count one cell: number, mean, variance, freedom, late ones, whether some may hide.
+
+    ``drift`` is that of each time, as a share of the mean.
+    """
     rows = [r for r in cell.readings if r.time is not None]
     if not rows:
         return 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
     times, numbers, late = _split(rows, far)
-    if drift is not None:
-        off = drift.mean * np.average(times, weights=numbers) * drift.places(rows)
-        times = np.maximum(times - off, 0.1 * times)
+    times = np.maximum(times - drift * np.average(times, weights=numbers), 0.1 * times)
     hides = bool((numbers > 1).any()) or len(times) < MANY
     squares = [(r.sd**2 * (r.n - 1), r.n - 1.0) for r in rows if r.sd is not None and r.n > 1]
     single = times[(numbers == 1) & ~late]
@@ -150,52 +145,39 @@ def _split(rows: Sequence[Reading], far: float) -> tuple[Array, Array, np.ndarra
 def drift_of(cells: Sequence[Cell], far: Array) -> Drift | None:
     """Estimate the drift over the series; None where the order of the shifts is not known."""
     rows = [[r for r in cell.readings if r.time is not None] for cell in cells]
-    places = [r.place for row in rows for r in row]
-    if not places or any(place is None for place in places):
+    known = [r.place for row in rows for r in row if r.place is not None]
+    if len(known) < sum(map(len, rows)) or len(set(known)) < 2:
         return None
-    known = [place for place in places if place is not None]
-    first, last = min(known), max(known)
-    if first == last:
-        return None
-    numbers = [r.n for row in rows for r in row]
-    middle = float(np.average((np.array(known) - first) / (last - first), weights=numbers))
-    plain = Drift(0.0, DRIFT, np.zeros(len(cells)), 0.0, first, last, middle)
+    whole = (np.array(known) - min(known)) / (max(known) - min(known))
+    whole = whole - np.average(whole, weights=[r.n for row in rows for r in row])
+    places = tuple(np.split(whole, np.cumsum([len(row) for row in rows])[:-1]))
     parts, centres, means = [], np.zeros(len(cells)), np.zeros(len(cells))
     for k, (row, least) in enumerate(zip(rows, far.tolist(), strict=True)):
         if not row:
             continue
         times, weights, late = _split(row, least)
-        times, weights, where = times[~late], weights[~late], plain.places(row)[~late]
+        times, weights, where = times[~late], weights[~late], places[k][~late]
         means[k] = np.average(times, weights=weights)
         centres[k] = np.average(where, weights=weights)
-        parts.append((weights, means[k] * (where - centres[k]), times - means[k], means[k]))
+        parts.append((weights, where - centres[k], times / means[k] - 1.0))
     mean, variance = _within(parts)
     sd = float(np.sqrt(variance))
-    return Drift(mean, sd, sd * means * centres, 1.0 - variance / DRIFT**2, first, last, middle)
+    return Drift(mean, sd, sd * means * centres, 1.0 - variance / DRIFT**2, places)
 
 
-def _within(parts: Sequence[tuple[Array, Array, Array, float]]) -> tuple[float, float]:
+def _within(parts: Sequence[tuple[Array, Array, Array]]) -> tuple[float, float]:
     """Compute mean and variance of a drift by what shifts at one operating point say of it.
 
-    ``parts`` have numbers of shifts, places times mean, times less mean, and the mean, of each.
+    A regression with a level of each point and one relative scatter. ``parts`` have numbers of
+    shifts, places, and times over their mean, each less those of their point.
     """
-    slope = 0.0
+    weights, places, times = (np.concatenate(part) for part in zip(*parts, strict=True))
+    freedom, square = weights.size - len(parts), float((weights * places**2).sum())
+    if freedom < 2.0 or square == 0.0:
+        return 0.0, DRIFT**2
+    pull = float((weights * places * times).sum())
+    scatter = max(float((weights * times**2).sum()) - pull**2 / square, 1e-12) / (freedom - 1.0)
     # The 90 % interval of the slope is that of Student's distribution.
-    freedom = sum(len(weights) - 1.0 for weights, *_ in parts)
-    if freedom < 2.0:
-        return slope, DRIFT**2
-    for _ in range(ROUNDS):
-        left = [float((w * (t - slope * x) ** 2).sum()) / m**2 for w, x, t, m in parts]
-        pooled = sum(left) / (freedom - 1.0)
-        unsure = float(student.ppf(INSIDE, freedom - 1.0) / norm.ppf(INSIDE)) ** 2
-        scatter = [
-            unsure * m**2 * (square + ALIKE * pooled) / (len(w) - 1.0 + ALIKE)
-            for square, (w, _, _, m) in zip(left, parts, strict=True)
-        ]
-        pull, information = 0.0, DRIFT**-2.0
-        for (w, x, t, _), sigma in zip(parts, scatter, strict=True):
-            if sigma > 0.0:
-                pull += float((w * x * t).sum()) / sigma
-                information += float((w * x**2).sum()) / sigma
-        slope = pull / information
-    return slope, 1.0 / information
+    scatter *= float(student.ppf(INSIDE, freedom - 1.0) / norm.ppf(INSIDE)) ** 2
+    information = DRIFT**-2.0 + square / scatter
+    return pull / scatter / information, 1.0 / information

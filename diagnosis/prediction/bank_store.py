@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -36,7 +36,6 @@ class BankStore:
     """
 
     paths: Sequence[Path]
-    _fresh: dict[str, Record] = field(default_factory=dict, init=False)
 
     @cached_property
     def series(self) -> dict[str, Record]:
@@ -52,28 +51,21 @@ class BankStore:
         return [block for key, block in found.items() if key not in self.series]
 
     def times(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
-        """Return the shifts of blocks; what no file has is simulated by ``run`` and written."""
-        rows = self._answered(blocks, run)
-        if self._fresh:
-            self._write()
-            self._fresh.clear()
-        return rows
+        """Return the shifts of blocks; what no file has is simulated by ``run`` and written.
 
-    def _answered(self, blocks: Sequence[Block], run: Runner) -> list[list[Record]]:
-        """Return the shifts of blocks; a series that the clock cut short is simulated again."""
+        A series that the clock cut short is simulated again the next time.
+        """
         keys = [series_key(block) for block in blocks]
         left = {k: b for k, b in zip(keys, blocks, strict=True) if k not in self.series}
-        done = run(list(left.values())) if left else []
-        for key, rows in zip(left, done, strict=True):
+        fresh = dict[str, Record]()
+        for key, rows in zip(left, run(list(left.values())) if left else [], strict=True):
             self.series[key] = _kept(rows)
             if not any(unfinished(row) for row in rows):
-                self._fresh[key] = self.series[key]
+                fresh[key] = self.series[key]
+        if fresh:
+            path = self.paths[-1]
+            self._put(path, {**(_read(path) if path.exists() else {}), **fresh})
         return [_rows(self.series[key]) for key in keys]
-
-    def _write(self) -> None:
-        """Write the last file as a whole or not at all, a power cut included."""
-        path = self.paths[-1]
-        self._put(path, {**(_read(path) if path.exists() else {}), **self._fresh})
 
     def save(self, path: Path, keys: Iterable[str]) -> None:
         """Write the series of some keys to a file of their own; KeyError where one is missing."""
@@ -100,29 +92,30 @@ def series_key(block: Block) -> str:
 
 def _kept(rows: Sequence[Record]) -> Record:
     """Return the times of a series; None failed to integrate, ``LATE`` did not engage."""
-    kept: Record = {"t": [_ticks(row, row["shift_time_s"]) for row in rows]}
-    there = [_ticks(row, row.get("actuator_time_s", row["shift_time_s"])) for row in rows]
+
+    def ticks(row: Record, time: float | None) -> int | None:
+        if row["outcome"] == Outcome.DIVERGED.value:
+            return None
+        return LATE if time is None else round(time / TICK)
+
+    kept: Record = {"t": [ticks(row, row["shift_time_s"]) for row in rows]}
+    there = [ticks(row, row.get("actuator_time_s", row["shift_time_s"])) for row in rows]
     return kept if there == kept["t"] else {**kept, "actuator": there}
-
-
-def _ticks(row: Record, time: float | None) -> int | None:
-    if row["outcome"] == Outcome.DIVERGED.value:
-        return None
-    return LATE if time is None else round(time / TICK)
 
 
 def _rows(kept: Record) -> list[Record]:
     times: Ticks = kept["t"]
-    there: Ticks = kept.get("actuator", times)
-    return [_row(*both) for both in zip(times, there, strict=True)]
-
-
-def _row(time: int | None, there: int | None) -> Record:
-    if time is None:
-        return {"outcome": Outcome.DIVERGED.value, "shift_time_s": None}
-    found = [None if t is None or t == LATE else t * TICK for t in (time, there)]
-    outcome = Outcome.TIMED_OUT if found[0] is None else Outcome.ENGAGED
-    return {"outcome": outcome.value, "shift_time_s": found[0], "actuator_time_s": found[1]}
+    found: list[Record] = []
+    for time, there in zip(times, kept.get("actuator", times), strict=True):
+        if time is None:
+            found.append({"outcome": Outcome.DIVERGED.value, "shift_time_s": None})
+            continue
+        sleeve, actuator = (None if t in (None, LATE) else t * TICK for t in (time, there))
+        outcome = Outcome.TIMED_OUT if sleeve is None else Outcome.ENGAGED
+        found.append(
+            {"outcome": outcome.value, "shift_time_s": sleeve, "actuator_time_s": actuator}
+        )
+    return found
 
 
 def _read(path: Path) -> dict[str, Record]:

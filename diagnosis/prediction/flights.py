@@ -5,16 +5,15 @@ Until dogs touch, ring and actuator move along the shaft alone, with the equatio
 
 .. math:: m_s \ddot x = L - R_0 \sigma(\dot x) - D(x) - c \dot x, \qquad m_a \ddot y = F(t) - L.
 
-The compiled engine integrates these in 0.1 ms. Simulated shifts in Drake have the same flight
-(``tests/verification/test_flights.py``). The draws of all hypotheses need some :math:`10^5`
-flights, so :math:`y = t^{-1/2}` of each mark, margins and creep are interpolated:
+The compiled engine integrates these in 0.1 ms; Drake has the same flight
+(``tests/verification/test_flights.py``). For some :math:`10^5` draws, :math:`y = t^{-1/2}` of each
+mark, margins and creep are interpolated:
 
 .. math:: y(v) = y_0 + \sum_i a_i(v_i) + \sum_{i<j} b_{ij}(v_i, v_j).
 
 :math:`a_i` is a cubic spline over flights with one effect, :math:`b_{ij}` one over what flights
 with two effects differ from the sum; both are flown at their first use. A power of the time nears 0
-without a jump where the ring no longer arrives; of the powers tried, -1/2 misses least for pairs.
-A delay of the force adds to all marks, exactly.
+without a jump where the ring no longer arrives. A delay of the force adds to all marks, exactly.
 """
 
 from __future__ import annotations
@@ -30,8 +29,10 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.ndimage import distance_transform_edt, maximum_filter
 
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
+from dogshape.diagnosis.prediction.model import Space
+from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.terms import Array, Hypothesis
-from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import numbers_of
@@ -101,16 +102,15 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
         displacement, m, (n, ways).
     """
     ways, forces = gap * np.array(WAYS), force * np.array(FORCES)
-    knots = [np.array(setting.point.profile.knots()) for setting in settings]
-    paths = [_motion(*pair, float(ways[-1])) for pair in zip(settings, knots, strict=True)]
-    spans = [
-        np.hstack([_spans(time, way, speed, ways), _spans(one[0], one[1], one[2], forces)])
-        for (time, way, speed, *_), one in zip(paths, knots, strict=True)
-    ]
-    late = np.array([[setting.clutch.timeout] for setting in settings])
-    times = np.fmin(_crossings(np.array(spans), np.concatenate([ways, forces])), late)
-    creep, rings = np.zeros_like(times), np.empty((len(settings), ways.size))
-    for k, (time, _, speed, ring, rest) in enumerate(paths):
+    times, creep = np.zeros((2, len(settings), SIZE))
+    rings = np.zeros((len(settings), ways.size))
+    for k, setting in enumerate(settings):
+        knots = np.array(setting.point.profile.knots())
+        time, way, speed, ring, rest = _motion(setting, knots, float(ways[-1]))
+        found = [crossing(time, way, speed, level) for level in ways]
+        found += [crossing(knots[0], knots[1], knots[2], level) for level in forces]
+        late = setting.clutch.timeout
+        times[k] = [late if mark is None else min(mark, late) for mark in found]
         marks = times[k, : ways.size]
         rings[k] = np.interp(marks, time, ring)
         creep[k, : ways.size] = CREEP * SLIP * rest / np.fmax(np.interp(marks, time, speed), SLIP)
@@ -184,33 +184,6 @@ def _advanced(
     return times[: made + 1], states[: made + 1]
 
 
-def _spans(time: Array, values: Array, rates: Array, levels: Array) -> Array:
-    """Find the steps of a series (n,) in which it first reaches levels (k,).
-
-    Ends of the steps in time, value and rate, (6, k); NaN where a level is not reached.
-    """
-    after = np.searchsorted(np.maximum.accumulate(values), levels)
-    reached = after < time.size
-    after = np.where(reached, after, time.size - 1)
-    before = np.maximum(after - 1, 0)
-    found = np.array([part[k] for part in (time, values, rates) for k in (before, after)])
-    return np.where(reached, found, np.nan)
-
-
-def _crossings(spans: Array, levels: Array) -> Array:
-    """Find when cubic steps (m, 6, k) reach levels (k,), s, (m, k), by bisection."""
-    t0, t1, x0, x1, v0, v1 = np.moveaxis(spans, 1, 0)
-    step = t1 - t0
-    low, high = np.zeros_like(t0), np.ones_like(t0)
-    for _ in range(40):
-        s = 0.5 * (low + high)
-        r = 1.0 - s
-        way = (1.0 + 2.0 * s) * r * r * x0 + s * s * (3.0 - 2.0 * s) * x1
-        over = way + s * r * step * (r * v0 - s * v1) >= levels
-        low, high = np.where(over, low, s), np.where(over, s, high)
-    return t0 + 0.5 * (low + high) * step
-
-
 @dataclass(frozen=True)
 class _Grid:
     """Table over an even grid of shares of priors, (n1, n2, ...) nodes with K columns.
@@ -221,11 +194,6 @@ class _Grid:
     sizes: tuple[int, ...]
     rows: Array
     error: Array
-
-    @property
-    def moves(self) -> bool:
-        """Whether anything but a delay is changed."""
-        return bool(self.rows[:, :-1].any())
 
     @classmethod
     def fitted(cls, sizes: tuple[int, ...], rows: Array) -> _Grid:
@@ -289,18 +257,20 @@ class Flights:
 
     def marks(self, h: Hypothesis, values: Array, profile: ForceProfile) -> Marks:
         """Predict the marks at values (m, p); KeyError for a profile of no operating point."""
-        places, parameters = self._columns(h)
-        shares = np.empty(values.shape)
-        for k, parameter in enumerate(parameters):
-            shares[:, k] = _shares(parameter, values[:, k])
+        space, shares = self._space(h), np.empty(values.shape)
+        for k, parameter in enumerate(space.parameters):
+            ends, mine = np.array([parameter.low, parameter.high]), values[:, k]
+            if parameter.scale == "log-uniform":
+                ends, mine = np.log(ends), np.log(np.maximum(mine, parameter.low))
+            shares[:, k] = np.interp(mine, ends, [0.0, 1.0])
         least = self.settings[profile].clutch.timeout ** -0.5
         still = self._flown((), np.zeros((1, 0)), profile)
         whole, square = np.tile(still, (len(values), 1)), np.zeros((len(values), SIZE))
         law, joint = np.zeros_like(square), np.zeros_like(square)
-        moving = [name for name in h if self._grid((name,), profile).moves]
+        moving = [name for name in h if self._grid((name,), profile).rows[:, :-1].any()]
         for part in (*((name,) for name in h), *itertools.combinations(moving, 2)):
-            columns = [k for name in part for k in places[name]]
-            rows, error = self._grid(part, profile).at(shares[:, columns])
+            mine = np.hstack([shares[:, space.columns(name)] for name in part])
+            rows, error = self._grid(part, profile).at(mine)
             whole, square = whole + rows, square + error**2
             if len(part) == 2:
                 joint = np.maximum(joint, abs(rows[:, :SIZE]))
@@ -315,28 +285,19 @@ class Flights:
         creep = np.maximum(whole[:, SIZE : 2 * SIZE], 0.0)
         return Marks(times + whole[:, -1:], np.sqrt(square), creep)
 
-    def _columns(self, h: Hypothesis) -> tuple[dict[str, range], list[Parameter]]:
-        """Find the columns of each effect's values, and list all parameters."""
-        places: dict[str, range] = {}
-        parameters: list[Parameter] = []
-        for name in h:
-            mine = self.effects[name].parameters
-            places[name] = range(len(parameters), len(parameters) + len(mine))
-            parameters += mine
-        return places, parameters
+    def _space(self, h: Hypothesis) -> Space:
+        return Space(tuple(self.effects[name] for name in h), next(iter(self.settings.values())))
 
     def _grid(self, h: Hypothesis, profile: ForceProfile) -> _Grid:
         """Fly one or two effects at their nodes: their change, of two beyond that of each alone."""
         if (h, profile) not in self._grids:
-            places, _ = self._columns(h)
-            along = [PAIRED, NODES][len(h) == 1]
-            sizes = tuple(
-                n for one in places.values() for n in len(one) * (along[min(len(one), 4)],)
-            )
+            space, along = self._space(h), [PAIRED, NODES][len(h) == 1]
+            counts = [len(effect.parameters) for effect in space.effects]
+            sizes = tuple(n for count in counts for n in count * (along[min(count, 4)],))
             nodes = _nodes(sizes)
             rows = self._flown(h, nodes, profile) - self._flown((), np.zeros((1, 0)), profile)
-            for name in h[: 2 * (len(h) == 2)]:
-                rows = rows - self._grid((name,), profile).at(nodes[:, places[name]])[0]
+            for name in h if len(h) == 2 else ():
+                rows = rows - self._grid((name,), profile).at(nodes[:, space.columns(name)])[0]
             self._grids[h, profile] = _Grid.fitted(sizes, rows)
         return self._grids[h, profile]
 
@@ -345,17 +306,15 @@ class Flights:
 
         Columns of marks, creep, margins and delay, (m, COLUMNS); NaN where no such bench is.
         """
-        base, places = self.settings[profile], self._columns(h)[0]
+        base, effects = self.settings[profile], {name: self.effects[name] for name in h}
         keys: dict[int, Hashable] = {}
         new: dict[Hashable, Setting] = {}
         rows = np.full((len(shares), COLUMNS), np.nan)
+        parameters = self._space(h).parameters
         for k, row in enumerate(shares.tolist()):
+            values = tuple(p.at(share) for p, share in zip(parameters, row, strict=True))
             with suppress(DogshapeError):
-                setting = base
-                for name, mine in places.items():
-                    parameters = zip(self.effects[name].parameters, mine, strict=True)
-                    values = {p.name: p.at(row[place]) for p, place in parameters}
-                    setting = self.effects[name].apply(setting, values)
+                setting = Level(h, values).setting(effects, base)
                 axial, force = numbers_of(setting.clutch)[AXIAL].tobytes(), setting.point.profile
                 keys[k] = profile, force, axial, setting.sensor, setting.clutch.timeout
                 new[keys[k]] = setting
@@ -370,11 +329,3 @@ class Flights:
             rows[k, : 2 * SIZE] = *np.maximum(times, FIRST) ** -0.5, *creep
             rows[k, 2 * SIZE : -1] -= ring
         return rows
-
-
-def _shares(parameter: Parameter, values: Array) -> Array:
-    """Compute the shares of a prior below values (m,)."""
-    ends = np.array([parameter.low, parameter.high])
-    if parameter.scale == "log-uniform":
-        ends, values = np.log(ends), np.log(np.maximum(values, parameter.low))
-    return np.interp(values, ends, [0.0, 1.0])

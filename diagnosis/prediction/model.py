@@ -60,7 +60,6 @@ LEAST_PART = 0.5  #: of the product, below which added changes of shorter times 
 MOMENTS = 4
 RECENT = 256  #: results that are kept
 TRIED = 9  #: values of each parameter at which the range of an effect is examined
-ALIKE = 8  #: values of a reading that are compared between operating points
 
 
 @dataclass(frozen=True)
@@ -82,8 +81,12 @@ class Space:
 
     def values(self, shares: Array) -> Array:
         """Compute values (m, p) at shares (m, p) of the ranges."""
-        columns = [_at(p, shares[:, k]) for k, p in enumerate(self.parameters)]
-        return np.stack(columns, axis=1) if columns else np.zeros((len(shares), 0))
+        found = np.empty((len(shares), len(self.parameters)))
+        for k, p in enumerate(self.parameters):
+            even = p.low + shares[:, k] * (p.high - p.low)
+            uniform = p.scale == "uniform"
+            found[:, k] = even if uniform else p.low * (p.high / p.low) ** shares[:, k]
+        return found
 
     def columns(self, name: str) -> slice:
         """Find the columns of an effect's parameters."""
@@ -94,13 +97,6 @@ class Space:
                 return slice(start, end)
             start = end
         raise KeyError(name)
-
-
-def _at(parameter: Parameter, shares: Array) -> Array:
-    low, high = parameter.low, parameter.high
-    if parameter.scale == "uniform":
-        return np.asarray(low + shares * (high - low))
-    return np.asarray(low * (high / low) ** shares)
 
 
 @dataclass(frozen=True)
@@ -241,24 +237,16 @@ class Model:
         slots, and its delay scatters as much.
         """
         times, late = self._every
-        middle = np.array(
-            [np.median(row[np.isfinite(row)]) if np.isfinite(row).any() else 0.0 for row in times]
-        )
-        levels = np.moveaxis(self.simulated.times, 1, 0)
-        (own,) = _quantiles(levels, (0.5,))
-        medians = np.hstack(
-            [
-                np.repeat(middle[:, None], self.simulated.baseline.shape[1], 1),
-                np.repeat(own, ANGLES, 1),
-            ]
-        )
+        (own,) = _quantiles(np.moveaxis(self.simulated.times, 1, 0), (0.5,))
+        dense = self.simulated.baseline.shape[1]
         timeout = np.array([one.clutch.timeout for one in self.settings])
         mean = np.minimum(SLOTS * self.waits, 0.5 * timeout)
         sd = mean.copy()
-        for cell in range(self.cells):
-            mine = (times[cell] - medians[cell])[late[cell]]
-            if mine.size >= ENOUGH_LATE:
-                mean[cell], sd[cell] = mine.mean(), mine.std(ddof=1)
+        for cell in np.flatnonzero(late.sum(axis=1) >= ENOUGH_LATE):
+            middle = np.median(times[cell][np.isfinite(times[cell])])
+            medians = np.append(np.repeat(middle, dense), np.repeat(own[cell], ANGLES))
+            mine = (times[cell] - medians)[late[cell]]
+            mean[cell], sd[cell] = mine.mean(), mine.std(ddof=1)
         return mean, sd
 
     def space(self, hypothesis: Hypothesis) -> Space:
@@ -297,38 +285,27 @@ class Model:
         engaged = expit(self.base[:, 3] + rest[..., 2])
         return Predicted(added + delay, sd, error, emulated, common, late, engaged, delay)
 
-    @cached_property
-    def read_only(self) -> frozenset[str]:
-        """Effects that change the reading of a shift alone."""
-        return frozenset(n for n, e in self.effects.items() if reads_only(e, self.setting))
-
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
-        space = self.space(hypothesis)
-        found = np.ones(len(shares), dtype=bool)
+        space, found = self.space(hypothesis), np.ones(len(shares), dtype=bool)
         for effect in space.effects:
-            there = self._existing[effect.name]
-            if there.all():
-                continue
-            mine = shares[:, space.columns(effect.name)]
-            below = np.minimum((mine * (TRIED - 1)).astype(int), TRIED - 2)
-            steps = itertools.product((0, 1), repeat=mine.shape[1])
-            corners = np.array([there[tuple((below + step).T)] for step in steps])
-            found &= corners.any(axis=0)
-            for k in np.flatnonzero(found & ~corners.all(axis=0)):
-                found[k] = self._exists(effect, mine[k].tolist())
+            if effect.name in self._limited:
+                mine = shares[:, space.columns(effect.name)].tolist()
+                found &= np.array([self._exists(effect, row) for row in mine], dtype=bool)
         return found
 
     @cached_property
-    def _existing(self) -> dict[str, np.ndarray]:
-        """Mark on a grid over the range of each effect where there is a bench, (TRIED, ...)."""
+    def _limited(self) -> frozenset[str]:
+        """Effects of which some values within their ranges give no bench."""
         ticks = np.linspace(0.0, 1.0, TRIED).tolist()
-        found = {}
-        for name, effect in self.effects.items():
-            size = len(effect.parameters)
-            there = [self._exists(effect, row) for row in itertools.product(ticks, repeat=size)]
-            found[name] = np.array(there).reshape((TRIED,) * size)
-        return found
+        grids = {
+            n: itertools.product(ticks, repeat=len(e.parameters)) for n, e in self.effects.items()
+        }
+        return frozenset(
+            name
+            for name, rows in grids.items()
+            if not all(self._exists(self.effects[name], row) for row in rows)
+        )
 
     def _exists(self, effect: Effect, shares: Sequence[float]) -> bool:
         given = {p.name: p.at(s) for p, s in zip(effect.parameters, shares, strict=True)}
@@ -337,6 +314,18 @@ class Model:
     @cached_property
     def _extremes(self) -> list[Setting]:
         return extremes(self.settings)
+
+    @cached_property
+    def _read_only(self) -> frozenset[str]:
+        return frozenset(n for n, e in self.effects.items() if reads_only(e, self._extremes))
+
+    @cached_property
+    def _curves(self) -> dict[str, Callable[[Array], Changes]]:
+        return {}
+
+    @cached_property
+    def _recent(self) -> dict[object, Changes]:
+        return {}
 
     def changes(self, name: str, values: Array) -> Changes:
         """Compute the changes by an effect at values (m, p).
@@ -348,28 +337,32 @@ class Model:
             if len(self._recent) >= RECENT:
                 self._recent.clear()
             effect = self.effects.get(name) or self.nuisances[name]
-            reads = name in self.read_only
-            self._recent[key] = self._read(effect, values) if reads else self._curve(effect)(values)
+            if name in self._read_only:
+                self._recent[key] = self._read(effect, values)
+            else:
+                if name not in self._curves:
+                    self._curves[name] = self._curve(effect)
+                self._recent[key] = self._curves[name](values)
         return self._recent[key]
 
-    @cached_property
-    def _recent(self) -> dict[object, Changes]:
-        return {}
-
     def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
-        """Build the interpolator of an effect's changes, once.
+        """Build the interpolator of an effect's changes.
 
         Its error is a share of what it misses at nearby nodes when it is built without them, and
         ``BLOCKED`` where no shift engages.
         """
-        if effect.name in self._curves:
-            return self._curves[effect.name]
         x, whole = self._nodes(effect)
         size = self.cells * MOMENTS
         whole, missed = whole[:, : -self.cells], BLOCKED * whole[:, -self.cells :]
         if x.shape[1]:
-            own, inner, places = whole[:, :size:MOMENTS], _inner(x), _scaled(x, x)
-            left = np.array([abs(own[k] - _without(x, own, k)) for k in inner])
+            own, every, places = whole[:, :size:MOMENTS], np.arange(len(x)), _scaled(x, x)
+            inner = every[1:-1] if x.shape[1] == 1 else every  # without the ends of a line
+            left = np.array(
+                [
+                    abs(own[k] - _interpolator(x[every != k], own[every != k])(x[[k]])[0])
+                    for k in inner
+                ]
+            )
             near = np.linalg.norm(places[:, None] - places[None, inner], axis=2).argmin(axis=1)
             missed += MISSED[min(x.shape[1], 2) - 1] * left[near] * (own != 0.0)
         at = _interpolator(x, np.hstack([whole, missed]))
@@ -379,12 +372,7 @@ class Model:
             moments, delay, error = np.split(found, (size, size + self.cells), axis=1)
             return Changes(moments.reshape(-1, self.cells, MOMENTS), delay, np.maximum(error, 0.0))
 
-        self._curves[effect.name] = changes
         return changes
-
-    @cached_property
-    def _curves(self) -> dict[str, Callable[[Array], Changes]]:
-        return {}
 
     def _nodes(self, effect: Effect) -> tuple[Array, Array]:
         """List coordinates of levels and baseline, (n, d), and what is interpolated, (n, k).
@@ -428,52 +416,13 @@ class Model:
 
     def _read(self, effect: Effect, values: Array) -> Changes:
         """Compute the changes by an effect of the reading: dead time, weights of the angles."""
-        change = np.zeros((len(values), self.cells, MOMENTS))
         exact = np.zeros((len(values), self.cells))
-        if effect.name not in self._slopes:
-            self._slopes[effect.name] = self._dead_times(effect)
-        slopes = self._slopes[effect.name]
-        if slopes is not None:
-            return Changes(change, values[:, :1] * slopes, exact)
-        found = self._readings(effect, values)
-        if found[..., 1:].any():
-            change = self._weighted(found[..., 1:2], found[..., 2:])
-        return Changes(change, found[..., 0], exact)
-
-    @cached_property
-    def _slopes(self) -> dict[str, Array | None]:
-        return {}
-
-    def _dead_times(self, effect: Effect) -> Array | None:
-        """Compute the dead time for each unit of the only parameter, (C,); None for another law."""
-        if len(effect.parameters) != 1:
-            return None
-        (only,) = effect.parameters
-        ends = np.array([[only.low], [0.5 * (only.low + only.high)], [only.high]])
-        found = self._readings(effect, ends)
-        slopes = found[2, :, 0] / ends[2, 0]
-        linear = np.allclose(found[..., 0], ends * slopes) and not found[..., 1:].any()
-        return np.asarray(slopes) if linear else None
-
-    def _readings(self, effect: Effect, values: Array) -> Array:
-        """Give dead time, concentration and centre of values (m, p) at each point, (m, C, 3)."""
-        rows = values.tolist()
-        some = [[self._reading(effect, row, s) for s in self._extremes] for row in rows[:ALIKE]]
-        if all(one == row[0] for row in some for one in row):  # the same at all operating points
-            found = np.array([self._reading(effect, row, self.setting) for row in rows])
-            return np.tile(found[:, None], (1, self.cells, 1))
-        return np.array([[self._reading(effect, row, s) for s in self.settings] for row in rows])
-
-    def _reading(
-        self, effect: Effect, row: list[float], setting: Setting
-    ) -> tuple[float, float, float]:
-        """Give dead time, concentration and centre; none where there is no such bench."""
-        names = [p.name for p in effect.parameters]
-        try:
-            changed = effect.apply(setting, dict(zip(names, row, strict=True)))
-        except DogshapeError:
-            return 0.0, 0.0, 0.0
-        return changed.delay - setting.delay, changed.concentration, changed.centre
+        rows = [_reading(effect, row, self.setting) for row in values.tolist()]
+        delay, *angles = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
+        change = np.zeros((*exact.shape, MOMENTS))
+        if any(one.any() for one in angles):
+            change = self._weighted(*(one[..., None] for one in angles))
+        return Changes(change, exact + delay, exact)
 
     def _weighted(self, concentration: Array, centre: Array) -> Array:
         """Compute the changes by relative angles that are not uniform, (m, C, MOMENTS)."""
@@ -482,23 +431,19 @@ class Model:
         weights = angle_weights(turns, concentration, centre)
         times = self.simulated.baseline
         late, ended = late_times(times, self.far), np.isfinite(times)
-        kept = weights * (ended & ~late)
+        kept, known = weights * (ended & ~late), np.where(ended, times, 0.0)
         whole = np.maximum(kept.sum(axis=2), 1e-9)
-        known = np.where(ended, times, 0.0)
         mean = (kept * known).sum(axis=2) / whole
         square = (kept * (known - mean[..., None]) ** 2).sum(axis=2) / whole
         share = (weights * ended).sum(axis=2) / weights.sum(axis=2)
         lately = (weights * late).sum(axis=2) / np.maximum((weights * ended).sum(axis=2), 1e-9)
-        change = np.stack(
-            [
-                np.log(np.maximum(mean, LEAST_SD)) - self.base[:, 0],
-                0.5 * np.log(np.maximum(square, LEAST_SD**2)) - self.base[:, 1],
-                lately - self.base[:, 2],
-                logit(np.clip(share, 0.01, 0.99)) - self.base[:, 3],
-            ],
-            axis=-1,
+        moments = (
+            np.log(np.maximum(mean, LEAST_SD)),
+            0.5 * np.log(np.maximum(square, LEAST_SD**2)),
+            lately,
+            logit(np.clip(share, 0.01, 0.99)),
         )
-        return change
+        return np.asarray(np.stack(moments, axis=-1) - self.base)
 
     def _moments(self, times: Array) -> Array:
         """Compute the moments of times (..., C, n), (..., C, MOMENTS)."""
@@ -544,7 +489,7 @@ def build_models(
         if wide.pop(REVERSED, None) is not None:
             other = [one.with_point(mismatch=0.0 - one.point.mismatch) for one in plain]
             known = bench.record.sense == "known"
-            mine = {n: e for n, e in wide.items() if not known or reads_only(e, plain[0])}
+            mine = {n: e for n, e in wide.items() if not known or reads_only(e, extremes(plain))}
             turned = Model(mine, simulate(mine, other, run), {}, settings.law)
         levels = simulate({**wide, **nuisances}, plain, run)
         if bench.record.time_zero == "force":
@@ -553,17 +498,30 @@ def build_models(
     return found
 
 
-def reads_only(effect: Effect, setting: Setting) -> bool:
-    """Check that an effect changes the reading of a shift alone, so that none is simulated."""
+def reads_only(effect: Effect, settings: Sequence[Setting]) -> bool:
+    """Check that an effect changes the reading of a shift alone, and all settings alike."""
     for share in (0.3, 0.9):
         given = {p.name: p.at(share) for p in effect.parameters}
         try:
-            changed = effect.apply(setting, given)
+            changed = [effect.apply(setting, given) for setting in settings]
         except DogshapeError:
             return False
-        if (changed.clutch, changed.point) != (setting.clutch, setting.point):
+        pairs = zip(changed, settings, strict=True)
+        if any((one.clutch, one.point) != (plain.clutch, plain.point) for one, plain in pairs):
+            return False
+        if len({_reading(effect, list(given.values()), setting) for setting in settings}) > 1:
             return False
     return True
+
+
+def _reading(effect: Effect, row: list[float], setting: Setting) -> tuple[float, float, float]:
+    """Give dead time, concentration and centre; none where there is no such bench."""
+    names = [p.name for p in effect.parameters]
+    try:
+        changed = effect.apply(setting, dict(zip(names, row, strict=True)))
+    except DogshapeError:
+        return 0.0, 0.0, 0.0
+    return changed.delay - setting.delay, changed.concentration, changed.centre
 
 
 def wait_of(setting: Setting) -> float:
@@ -585,21 +543,18 @@ def late_times(times: Array, least: Array) -> np.ndarray:
 
 
 def _quantiles(times: Array, shares: Sequence[float]) -> list[Array]:
-    """Compute quantiles of the shifts that engage among times (..., n), (...) each."""
+    """Compute quantiles of the shifts that engage among times (..., n), (...) each; 0 for none."""
     ended = np.isfinite(times)
-    ordered = np.sort(np.where(ended, times, np.inf), axis=-1)
-    return [_quantile(ordered, ended.sum(axis=-1), share) for share in shares]
-
-
-def _quantile(ordered: Array, count: Array, share: float) -> Array:
-    """Compute a quantile of the first ``count`` of ordered times (..., n), (...); 0 for none."""
-    place = share * np.maximum(count - 1, 0)
-    below = np.floor(place).astype(int)
-    above = np.minimum(below + 1, np.maximum(count - 1, 0))
-    low, high = (np.take_along_axis(ordered, k[..., None], -1)[..., 0] for k in (below, above))
-    known = count > 0
-    low, high = np.where(known, low, 0.0), np.where(known, high, 0.0)
-    return np.asarray(low + (place - below) * (high - low))
+    ordered, last = np.sort(np.where(ended, times, np.inf), axis=-1), ended.sum(axis=-1) - 1
+    found = []
+    for share in shares:
+        place = share * np.maximum(last, 0)
+        below = np.floor(place).astype(int)
+        ends = (below, np.minimum(below + 1, np.maximum(last, 0)))
+        low, high = (np.take_along_axis(ordered, k[..., None], -1)[..., 0] for k in ends)
+        low, high = np.where(last < 0, 0.0, low), np.where(last < 0, 0.0, high)
+        found.append(np.asarray(low + (place - below) * (high - low)))
+    return found
 
 
 def timely(times: Array, least: Array) -> Array:
@@ -621,17 +576,6 @@ def _interpolator(x: Array, values: Array) -> Callable[[Array], Array]:
         return lambda v: np.asarray(curve(np.clip(v[:, 0], x[0, 0], x[-1, 0])))
     plane = RBFInterpolator(_scaled(x, x), values, kernel="linear")
     return lambda v: np.asarray(plane(_scaled(v, x)))
-
-
-def _inner(x: Array) -> list[int]:
-    """List the nodes (n, d) within the others: without the ends of a line."""
-    return list(range(1, len(x) - 1)) if x.shape[1] == 1 else list(range(len(x)))
-
-
-def _without(x: Array, values: Array, node: int) -> Array:
-    """Interpolate the values of a node from all others, (k,)."""
-    kept = np.arange(len(x)) != node
-    return _interpolator(x[kept], values[kept])(x[[node]])[0]
 
 
 def _filled(changes: Array, x: Array) -> Array:

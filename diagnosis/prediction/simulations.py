@@ -20,7 +20,6 @@ from scipy.stats import qmc
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim.effect import Effect, Parameter
-from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Sensor, Setting
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, Runner, even_block
@@ -132,17 +131,22 @@ def levels_of(effect: Effect, settings: Sequence[Setting]) -> tuple[Level, ...]:
     else:
         corners = np.array(list(itertools.product((0.0, 1.0), repeat=count)))
         shares = np.vstack([corners, qmc.Sobol(count, scramble=False).random_base2(7)])
-    levels = [
-        Level((effect.name,), tuple(p.at(s) for p, s in zip(effect.parameters, row, strict=True)))
-        for row in shares.tolist()
-    ]
-    ends = extremes(settings)
-    there = [k for k, level in enumerate(levels) if exists(level, {effect.name: effect}, ends)]
+    ends, there, levels = extremes(settings), list[int](), list[Level]()
+    for k, row in enumerate(shares.tolist()):
+        values = {p.name: p.at(share) for p, share in zip(effect.parameters, row, strict=True)}
+        levels.append(Level((effect.name,), tuple(values.values())))
+        there += [k] if all(effect.possible(setting, values) for setting in ends) else []
     if count == 1 and there:
         even = np.linspace(there[0], there[-1], ALONG).round().astype(int)
         there = sorted(set(even.tolist()) & set(there))
     elif count > 1:
-        there = [there[k] for k in _spread(shares[there], PLANE)]
+        # Each level is farthest from all before it.
+        places, chosen = shares[there], [0]
+        near = np.linalg.norm(places - places[0], axis=1)
+        while len(chosen) < min(PLANE, len(places)):
+            chosen.append(int(near.argmax()))
+            near = np.minimum(near, np.linalg.norm(places - places[chosen[-1]], axis=1))
+        there = [there[k] for k in chosen]
     return tuple(levels[k] for k in there)
 
 
@@ -150,25 +154,6 @@ def extremes(settings: Sequence[Setting]) -> list[Setting]:
     """Select the operating points of least and largest force and mismatch."""
     keys = (lambda s: s.point.profile.force, lambda s: abs(s.point.mismatch))
     return [end(settings, key=key) for key in keys for end in (min, max)]
-
-
-def exists(level: Level, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> bool:
-    """Check that there is such a bench at every operating point."""
-    try:
-        for setting in settings:
-            level.setting(effects, setting)
-    except DogshapeError:
-        return False
-    return True
-
-
-def _spread(places: Array, count: int) -> list[int]:
-    """Choose places (m, d), each farthest from all before."""
-    chosen, near = [0], np.linalg.norm(places - places[0], axis=1)
-    while len(chosen) < min(count, len(places)):
-        chosen.append(int(near.argmax()))
-        near = np.minimum(near, np.linalg.norm(places - places[chosen[-1]], axis=1))
-    return chosen
 
 
 def simulate(
@@ -184,16 +169,14 @@ def simulate(
     settings = tuple(settings)
     if levels is None:
         levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
-    dense = [_block(setting, DENSE) for setting in settings]
+    dense = [_block(setting, setting, DENSE) for setting in settings]
     changed = [[level.setting(effects, setting) for setting in settings] for level in levels]
-    blocks = dense + [
-        _block_like(one, at) for row in changed for one, at in zip(row, settings, strict=True)
-    ]
-    rows = iter(run(blocks))
-    baseline = np.array([_times(s, next(rows)) for s in settings])
-    times = [[_times(replace(one, delay=0.0), next(rows)) for one in row] for row in changed]
+    pairs = [pair for row in changed for pair in zip(row, settings, strict=True)]
+    rows = iter(run(dense + [_block(one, plain) for one, plain in pairs]))
+    baseline = np.array([read_times(s, next(rows)) for s in settings])
+    times = [[read_times(replace(one, delay=0.0), next(rows)) for one in row] for row in changed]
     angles = np.array([block.angles for block in dense])
-    fewer = np.array([_block(setting, 1).angles for setting in settings])
+    fewer = np.array([_block(setting, setting).angles for setting in settings])
     return Simulated(
         settings,
         angles,
@@ -205,31 +188,22 @@ def simulate(
     )
 
 
-def _draw(setting: Setting) -> int:
-    """Compute the draw of an operating point's angles: its own, whichever stand beside it."""
-    point = setting.point
-    return int(content_key({"mismatch_rpm": point.mismatch / RPM, **point.profile.record}), 16)
+def _block(changed: Setting, baseline: Setting, dense: int = 1) -> Block:
+    """Build the block of a setting at the angles of its baseline.
+
+    An operating point has a draw of angles of its own, whichever stand beside it.
+    """
+    point = baseline.point
+    record = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record}
+    draw = (SEED, int(content_key(record), 16))
+    return even_block(changed.clutch, changed.point, dense * ANGLES, draw, ANGLES)
 
 
-def _block(setting: Setting, dense: int) -> Block:
-    draw = (SEED, _draw(setting))
-    return even_block(setting.clutch, setting.point, dense * ANGLES, draw, ANGLES)
+def read_times(setting: Setting, rows: Sequence[Record]) -> Array:
+    """Read the times of shifts as the bench does, s, (n,).
 
-
-def _block_like(changed: Setting, baseline: Setting) -> Block:
-    """Build the block of a changed setting at the angles of its baseline."""
-    draw = (SEED, _draw(baseline))
-    return even_block(changed.clutch, changed.point, ANGLES, draw, ANGLES)
-
-
-def _times(setting: Setting, rows: Sequence[Record]) -> Array:
-    """Read the times of shifts as the bench does, s, (n,)."""
-    return np.array([read_time(setting, row) for row in rows])
-
-
-def read_time(setting: Setting, row: Record) -> float:
-    """Read the time of a shift, s; inf where it did not engage, NaN where it failed."""
-    if row["outcome"] == Outcome.DIVERGED.value:
-        return float("nan")
-    time = setting.time_of(row)
-    return float("inf") if time is None else time
+    They are inf where a shift did not engage, NaN where it failed.
+    """
+    failed = [row["outcome"] == Outcome.DIVERGED.value for row in rows]
+    times = [np.inf if (time := setting.time_of(row)) is None else time for row in rows]
+    return np.where(failed, np.nan, times)

@@ -1,22 +1,13 @@
 """Along the shift: how long each phase takes on the bench and in the simulation.
 
-A bench trace has a displacement and two speeds, no contact forces and no relative angle. The
-phases therefore end at marks that displacement and speeds alone give, and the same rules find
-them in a simulated trace that is sampled as the bench's:
+A bench trace has displacement and speeds, no contact forces. Phases end at marks that these give;
+the same rules find them in a simulated trace that is sampled as the bench's:
 
-before motion
-    until a fiftieth of the travel is made;
-travel
-    until the axial gap is closed, where the crests meet;
-face contact
-    until the dogs are deeper than any face can touch a face, for good;
-entry
-    from there until the speeds change, since a flank has touched;
-seating
-    until the travel at which the shift counts as finished.
-
-Face contact and entry by these marks hold a little of the free way before and after the touch
-(``sim.shift.events`` knows the touch itself), but the same in both.
+before motion : until a fiftieth of the travel is made;
+travel : until the axial gap is closed, where the crests meet;
+face contact : until the dogs are deeper than any face can touch a face, for good;
+entry : from there until the speeds change, since a flank has touched;
+seating : until the travel at which the shift counts as finished.
 """
 
 from __future__ import annotations
@@ -41,7 +32,7 @@ Series = NDArray[np.float64]
 PHASES = ("before motion", "travel", "face contact", "entry", "seating")
 MOTION = 0.02  #: share of the travel that counts as motion
 STEP = 0.2  #: share of the mismatch by which speeds change where a flank touches
-ANGLES = 12  #: simulated shifts at each operating point
+POINTS, ANGLES = 8, 8  #: operating points with traces, at most, and simulated shifts at each
 
 Tracer = Callable[[Sequence[Block]], list[list[Trace]]]  #: simulates blocks, traces out
 
@@ -66,41 +57,43 @@ class PhaseGap:
         return self.gap / self.standard_error
 
 
-def phase_gaps(
-    bench: Bench, trace: Tracer | None = None, angles: int = ANGLES, seed: int = 1
-) -> tuple[PhaseGap, ...]:
-    """Measure the gap of each phase over all cells with traces of finished shifts, all alike.
-
-    ``trace`` simulates; by default in this process, a tenth of a second and more a shift. The
-    spread of single shifts is that of the simulation. Empty where there is no such cell.
-    """
-    measured = [(cell, _all_durations(bench.clutch, cell.traces)) for cell in bench.cells]
-    having = [(cell, durations) for cell, durations in measured if len(durations)]
-    blocks = even_blocks(bench.clutch, [cell.point for cell, _ in having], angles, seed)
-    rows = []
-    for (cell, real), traces in zip(having, (trace or simulate)(blocks), strict=True):
-        step = float(np.median([one.step for one in cell.traces]))
-        simulated = _all_durations(bench.clutch, [resampled(one, step) for one in traces])
-        if len(simulated) > 1:
-            # No spread is less than that of two rounded times.
-            variance = simulated.var(axis=0, ddof=1) + step**2 / 6.0
-            error = variance * (1.0 / len(real) + 1.0 / len(simulated))
-            rows.append((real.mean(axis=0), simulated.mean(axis=0), error))
-    if not rows:
-        return ()
-    means, simulated_means, squares = (np.array(part) for part in zip(*rows, strict=True))
-    errors = np.sqrt(squares.sum(axis=0)) / len(rows)
-    columns = means.mean(axis=0), simulated_means.mean(axis=0), errors
-    numbers = np.array(columns).T.tolist()
-    return tuple(PhaseGap(name, *one) for name, one in zip(PHASES, numbers, strict=True))
-
-
 def simulate(blocks: Sequence[Block]) -> list[list[Trace]]:
-    """Simulate blocks in this process, traces out."""
+    """Simulate blocks in this process, traces out: a tenth of a second and more a shift."""
     return [
         [engage(block.clutch, block.point, angle).trace for angle in block.angles]
         for block in blocks
     ]
+
+
+def phase_gaps(bench: Bench, trace: Tracer = simulate, seed: int = 1) -> tuple[PhaseGap, ...]:
+    """Measure the gap of each phase over cells with traces of finished shifts, all alike.
+
+    ``trace`` simulates. The spread of single shifts is that of the simulation. Empty where there is
+    no such cell.
+    """
+    clutch = bench.clutch
+    measured = [
+        (cell.point, cell.traces, found)
+        for cell in bench.cells
+        if len(found := _durations(clutch, cell.traces))
+    ]
+    measured = measured[:: max(1, -(-len(measured) // POINTS))]
+    blocks = even_blocks(clutch, [point for point, *_ in measured], ANGLES, seed)
+    rows = []
+    for (_, real, found), traces in zip(measured, trace(blocks), strict=True):
+        step = float(np.median([one.step for one in real]))
+        simulated = _durations(clutch, [resampled(one, step) for one in traces])
+        if len(simulated) > 1:
+            # No spread is less than that of two rounded times.
+            variance = simulated.var(axis=0, ddof=1) + step**2 / 6.0
+            error = variance * (1.0 / len(found) + 1.0 / len(simulated))
+            rows.append((found.mean(axis=0), simulated.mean(axis=0), error))
+    if not rows:
+        return ()
+    means, simulated_means, squares = np.array(rows).mean(axis=0)
+    errors = np.sqrt(squares / len(rows))
+    columns = zip(PHASES, *(one.tolist() for one in (means, simulated_means, errors)), strict=True)
+    return tuple(PhaseGap(*one) for one in columns)
 
 
 def resampled(trace: Trace, step: float) -> BenchTrace:
@@ -116,66 +109,40 @@ def resampled(trace: Trace, step: float) -> BenchTrace:
     return BenchTrace(Path(), time, way + beyond, *rest)
 
 
-def _all_durations(clutch: Clutch, traces: Sequence[BenchTrace]) -> Series:
-    found = [durations(clutch, trace) for trace in traces]
-    return np.array([one for one in found if one is not None]).reshape(-1, len(PHASES))
+def _durations(clutch: Clutch, traces: Sequence[BenchTrace]) -> Series:
+    found = [one for trace in traces if (one := durations(clutch, trace)) is not None]
+    return np.array(found).reshape(-1, len(PHASES))
 
 
 def durations(clutch: Clutch, trace: BenchTrace) -> Series | None:
     """Measure the phases of a shift, s, (5,); None for one that did not finish."""
-    marks = marks_of(clutch, trace)
-    return None if marks is None else np.diff(np.array([0.0, *marks]))
+    time, way = trace.time, smoothed(trace.displacement)
 
+    def passed(level: float) -> Series:
+        """Find all times at which the displacement passes a level upwards, s."""
+        after = np.flatnonzero((way[1:] >= level) & (way[:-1] < level))
+        share = (level - way[after]) / (way[after + 1] - way[after])
+        return np.asarray(time[after] + share * (time[after + 1] - time[after]))
 
-def marks_of(clutch: Clutch, trace: BenchTrace) -> tuple[float, ...] | None:
-    """Find the end of each phase, s, (5,), none before the one before it."""
-    way = smoothed(trace.displacement)
-    end = _first(trace.time, way, clutch.shift_travel)
-    if end is None:
+    ends = passed(clutch.shift_travel)
+    if not ends.size:
         return None
-    motion = _first(trace.time, way, MOTION * clutch.dog.travel)
-    crests = _first(trace.time, way, clutch.dog.axial_gap)
-    free = _last(trace.time, way, entry_depth(clutch), end)
-    flank = _first_flank(trace, free, end)
-    marks = [end if mark is None else min(mark, end) for mark in (motion, crests, free, flank)]
-    return tuple(np.maximum.accumulate([*marks, end]).tolist())
+    end, motion, crests = ends[0], passed(MOTION * clutch.dog.travel), passed(clutch.dog.axial_gap)
+    free = passed(entry_depth(clutch))
+    free = free[free <= end][-1:]
+    flank = end
+    if free.size:
+        # A change of speed above a fifth of the mismatch, and above the scatter of the speeds.
+        speed = smoothed(trace.relative_speed)
+        scatter = 1.5 * float(np.median(np.abs(np.diff(speed))))
+        least = max(STEP * abs(float(np.median(speed[:5]))), 4.0 * scatter)
+        apart = np.abs(speed - np.interp(free[0], time, speed)) >= least
+        flank = min([end, *time[apart & (time >= free[0])]])
+    marks = [min([end, *one[:1]]) for one in (motion, crests, free)]
+    return np.diff(np.maximum.accumulate([0.0, *marks, flank, end]))
 
 
 def entry_depth(clutch: Clutch) -> float:
     """Return the displacement beyond which no face touches a face, m."""
     dog = clutch.dog
     return dog.axial_gap + 2.0 * dog.face_width * math.tan(dog.chamfer)
-
-
-def _between(time: Series, way: Series, place: int, level: float) -> float:
-    """Interpolate the time at which ``way`` passes ``level`` in the step to ``place``, s."""
-    if place == 0:
-        return float(time[0])
-    low, high = way[place - 1], way[place]
-    return float(time[place - 1] + (level - low) / (high - low) * (time[place] - time[place - 1]))
-
-
-def _first(time: Series, way: Series, level: float) -> float | None:
-    above = way >= level
-    return _between(time, way, int(np.argmax(above)), level) if above.any() else None
-
-
-def _last(time: Series, way: Series, level: float, end: float) -> float | None:
-    """Find the last time before ``end`` at which ``way`` passes ``level`` upwards, s."""
-    up = np.flatnonzero((way[1:] >= level) & (way[:-1] < level) & (time[:-1] <= end)) + 1
-    return _between(time, way, int(up[-1]), level) if up.size else None
-
-
-def _first_flank(trace: BenchTrace, start: float | None, end: float) -> float | None:
-    """Find the first time at which the mismatch leaves that at ``start``, s, or None.
-
-    By a fifth of the first mismatch, or four times the scatter of the speeds where that is more.
-    """
-    if start is None:
-        return None
-    speed = smoothed(trace.relative_speed)
-    scatter = 1.5 * float(np.median(np.abs(np.diff(speed))))
-    before = float(np.interp(start, trace.time, speed))
-    least = max(STEP * abs(float(np.median(speed[:5]))), 4.0 * scatter)
-    inside = (trace.time >= start) & (trace.time <= end) & (np.abs(speed - before) >= least)
-    return float(trace.time[np.argmax(inside)]) if inside.any() else None

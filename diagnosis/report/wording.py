@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
+import numpy as np
+
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis, Reading
 from dogshape.diagnosis.inference.fit import Interval
@@ -25,8 +27,6 @@ READINGS = {
     ("time_zero", "force"): "times start with the force",
     ("sense", "as_noted"): "the rings turn in the sense of the table",
     ("sense", "reversed"): "the rings turn in the reversed sense",
-    ("empty_cells", "not_made"): "shifts without a time were not made",
-    ("empty_cells", "failed"): "shifts without a time were made and failed",
     ("displacement_at", "sleeve"): "displacement is read at the sleeve",
     ("displacement_at", "actuator"): "displacement is read at the actuator",
 }
@@ -89,16 +89,8 @@ def headline(
         return "Unknown: no known effect explains the gap"
     if names:
         return f"Part of the cause: {names}; the rest is open"
-    known = [h for h in credible if h not in (NONE, UNKNOWN)]
-    common = set.intersection(*map(set, known)) if known else set()
-    if len(known) < 2 or not common:
-        more = " and others" if len(credible) > MOST else ""
-        return f"Open: {listed([plain(h, effects) for h in credible[:MOST]], 'or')}{more}"
-    others = dict.fromkeys(name for h in known for name in h if name not in common)
-    beside = listed([effects[name].plain for name in [*others][:MOST]], "or")
-    rest = [f", or {plain(h, effects)}" for h in (NONE, UNKNOWN) if h in credible]
-    whole = listed([effects[name].plain for name in sorted(common)])
-    return f"Open: {whole}, with or without {beside}{''.join(rest)}"
+    more = " and others" if len(credible) > MOST else ""
+    return f"Open: {listed([plain(h, effects) for h in credible[:MOST]], 'or')}{more}"
 
 
 def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
@@ -108,59 +100,56 @@ def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
 
 def summary(found: Diagnosis) -> str:
     """Return the finding as one paragraph: gap, cause, sizes, refuted readings, open questions."""
-    said = [_gap(found), _cause(found), _open(found), _refuted(found), _at_the_arm(found)]
-    return " ".join(part for part in [*said, *_large(found), *_decided(found)] if part)
-
-
-def _gap(found: Diagnosis) -> str:
-    points = sum(one.gap is not None for one in found.gaps)
-    return (
-        f"Bench and simulation differ by {ms(found.held_out.baseline)} (root mean square over "
-        f"{points} operating point{'s' if points > 1 else ''}), chance alone by "
-        f"{ms(found.held_out.chance)}."
-    )
+    gaps, points = found.held_out, sum(one.gap is not None for one in found.gaps)
+    said = [
+        f"Bench and simulation differ by {ms(gaps.baseline)} (root mean square over {points} "
+        f"operating point{'s' if points > 1 else ''}), chance alone by {ms(gaps.chance)}.",
+        _cause(found),
+        _refuted(found),
+        *_sizes(found),
+    ]
+    answer = found.verdict.kind, found.verdict.causes
+    for one in found.readings:
+        if one.probability > OPEN and (one.verdict.kind, one.verdict.causes) != answer:
+            other = headline_of(one.verdict, found.effects)
+            said.append(
+                f"If {reading_name(one)} ({chance(one.probability)}), the answer is: "
+                f"{other[:1].lower()}{other[1:]}."
+            )
+    return " ".join(part for part in said if part)
 
 
 def _cause(found: Diagnosis) -> str:
-    verdict = found.verdict
+    """State the cause with its sizes, and the effects that may stand beside it."""
+    verdict, causes = found.verdict, found.verdict.causes
+
+    def sized(name: str) -> str:
+        sizes = found.sizes.get(name, {})
+        words = ", ".join(f"{between(key, one.low, one.high)}" for key, one in sizes.items())
+        return f"{found.effects[name].plain} {words}".rstrip()
+
     if verdict.kind == "none":
         margin = ms(found.margin_s)
         return f"The gap without scatter is below {margin} with {chance(found.within)}."
     if verdict.kind == "unknown":
         return "No known effect, alone or with others, explains all of the data."
-    if not verdict.causes:
-        likely = [(n, p) for n, p in found.inclusion.items() if p > OPEN][:MOST]
-        said = [f"{_sized(found, name)} ({chance(p)})" for name, p in likely]
+    others = [(n, p) for n, p in found.inclusion.items() if n not in causes and p > OPEN]
+    others = sorted(others, key=lambda one: -one[1])[:MOST]
+    beside = [f"{sized(name)} ({chance(p)})" for name, p in others]
+    if not causes:
         rest = [(h, found.posterior.get(h, 0.0)) for h in (NONE, UNKNOWN)]
-        said += [f"{plain(h, found.effects)} ({chance(p)})" for h, p in rest if p > OPEN]
-        return f"The cause is open. Parts and their probabilities: {listed(said)}."
-    sizes = [_sized(found, name) for name in verdict.causes]
+        beside += [f"{plain(h, found.effects)} ({chance(p)})" for h, p in rest if p > OPEN]
+        return f"The cause is open. Parts and their probabilities: {listed(beside)}."
     whole = f", with {chance(found.posterior[found.leading])}" if verdict.kind == "effect" else ""
     part = "Cause" if verdict.kind == "effect" else "Part of the cause"
-    return (
-        f"{part}{whole}: {listed(sizes)} (90 % intervals over all plausible hypotheses)."
-        if any(found.sizes.get(name) for name in verdict.causes)
-        else f"{part}{whole}: {listed(sizes)}."
-    )
-
-
-def _sized(found: Diagnosis, name: str) -> str:
-    sizes = found.sizes.get(name, {})
-    words = ", ".join(f"{between(key, one.low, one.high)}" for key, one in sizes.items())
-    return f"{found.effects[name].plain} {words}".rstrip()
-
-
-def _open(found: Diagnosis) -> str:
-    """Name the effects that may stand beside the named ones."""
-    causes = found.verdict.causes
-    if found.verdict.kind != "ambiguous" or not causes:
-        return ""
-    others = [(n, p) for n, p in found.inclusion.items() if n not in causes and p > OPEN]
-    likely = sorted(others, key=lambda one: -one[1])[:MOST]
-    names = [f"{_sized(found, name)} ({chance(p)})" for name, p in likely]
+    more = " (90 % intervals over all plausible hypotheses)"
+    more = more if any(found.sizes.get(name) for name in causes) else ""
+    said = f"{part}{whole}: {listed([sized(name) for name in causes])}{more}."
     nothing = found.posterior.get(tuple(sorted(causes)), 0.0)
-    names += [f"nothing more ({chance(nothing)})"] if nothing > OPEN else []
-    return f"Open beside: {listed(names, 'or')}." if names else ""
+    beside += [f"nothing more ({chance(nothing)})"] if nothing > OPEN else []
+    if verdict.kind == "effect" or not beside:
+        return said
+    return f"{said} Open beside: {listed(beside, 'or')}."
 
 
 def _refuted(found: Diagnosis) -> str:
@@ -168,7 +157,7 @@ def _refuted(found: Diagnosis) -> str:
     said, whole = [], found.held_out.baseline
     for fact in found.facts:
         if fact.effect in found.effects and fact.effect not in found.verdict.causes:
-            part, _ = explained(fact, found.model, found.seen)
+            part = explained(fact, found.model, found.seen)
             if part < EXPLAINED * whole:
                 amount = _amount(fact.parameter, fact.value)
                 effect = found.effects[fact.effect].plain
@@ -176,56 +165,33 @@ def _refuted(found: Diagnosis) -> str:
     return f"Alone and as read at rest, {listed(said)} of {1e3 * whole:.0f} ms." if said else ""
 
 
-def _has_arm(found: Diagnosis, name: str) -> bool:
-    """Decide whether a parameter is a mass that an arm with a known ratio moves."""
-    return suffix_of(name) == "_kg" and found.bench.sensor.linkage_ratio is not None
+def _sizes(found: Diagnosis) -> list[str]:
+    """State masses also at the arm of the actuator, and sizes beyond an ordinary source.
 
-
-def _at_the_arm(found: Diagnosis) -> str:
-    """State masses at the sleeve also at the arm of the actuator, by the ratio squared."""
-    ratio = found.bench.sensor.linkage_ratio or 1.0
-    said = [
-        f"{quantity(name)} of {_amount(name, size.mean)} is {_amount(name, size.mean / ratio**2)}"
-        for _, name, size in _likely(found, OPEN)
-        if _has_arm(found, name)
-    ]
-    return f"At the arm, {listed(said)} (ratio {ratio:.3g} squared)." if said else ""
-
-
-def _large(found: Diagnosis) -> list[str]:
-    """State the sizes beyond an ordinary source, and the cheapest test that measures them."""
-    said = []
-    for effect, name, size in _likely(found, LIKELY):
-        ordinary = next(p.ordinary for p in found.effects[effect].parameters if p.name == name)
-        if ordinary is None or size.mean < BEYOND * ordinary[0] or _has_arm(found, name):
-            continue
-        most, source = ordinary
-        direct = [t for t in found.tests if t.kind == "direct" and effect in t.effects]
-        test = min(direct, key=lambda t: t.hours, default=None)
-        measured = f"; {test.name} measures it in {test.hours:.2g} h" if test else ""
-        said.append(
-            f"{_capital(quantity(name))} of {_amount(name, size.mean)} is {size.mean / most:.2g} "
-            f"times that of {source} ({_amount(name, most)}){measured}."
-        )
-    return said
-
-
-def _likely(found: Diagnosis, least: float) -> list[tuple[str, str, Interval]]:
-    """List effect, parameter and size of effects that are named, or more probable than a limit."""
-    causes = found.verdict.causes
-    names = [n for n in found.sizes if n in causes or found.inclusion.get(n, 0.0) > least]
-    return [(name, key, size) for name in names for key, size in found.sizes[name].items()]
-
-
-def _decided(found: Diagnosis) -> list[str]:
-    """State the answers under readings of the record that change the verdict."""
-    answer = found.verdict.kind, found.verdict.causes
-    return [
-        f"If {reading_name(one)} ({chance(one.probability)}), the answer is: "
-        f"{_lower(headline_of(one.verdict, found.effects))}."
-        for one in found.readings
-        if one.probability > OPEN and (one.verdict.kind, one.verdict.causes) != answer
-    ]
+    A mass that an arm with a known ratio moves is that at the sleeve over the ratio squared.
+    """
+    ratio, at_arm, large = found.bench.sensor.linkage_ratio, [], []
+    for effect in found.sizes:
+        share = 1.0 if effect in found.verdict.causes else found.inclusion.get(effect, 0.0)
+        for parameter in found.effects[effect].parameters if share > OPEN else ():
+            name, size = parameter.name, found.sizes[effect][parameter.name].mean
+            if suffix_of(name) == "_kg" and ratio is not None:
+                amount = _amount(name, size / ratio**2)
+                at_arm.append(f"{quantity(name)} of {_amount(name, size)} is {amount}")
+                continue
+            most, source = parameter.ordinary or (np.inf, "")
+            if share <= LIKELY or size < BEYOND * most:
+                continue
+            direct = [t for t in found.tests if t.kind == "direct" and effect in t.effects]
+            test = min(direct, key=lambda t: t.hours, default=None)
+            measured = f"; {test.name} measures it in {test.hours:.2g} h" if test else ""
+            words = quantity(name)
+            large.append(
+                f"{words[:1].upper()}{words[1:]} of {_amount(name, size)} is {size / most:.2g} "
+                f"times that of {source} ({_amount(name, most)}){measured}."
+            )
+    arm = f"At the arm, {listed(at_arm)} (ratio {ratio or 1.0:.3g} squared)." if at_arm else ""
+    return [arm, *large]
 
 
 def reading_name(one: Reading) -> str:
@@ -237,14 +203,6 @@ def reading_name(one: Reading) -> str:
 def _amount(name: str, value: float) -> str:
     number, unit = shown(name, value)
     return f"{number:.2g} {unit}".rstrip()
-
-
-def _capital(words: str) -> str:
-    return words[:1].upper() + words[1:]
-
-
-def _lower(words: str) -> str:
-    return words[:1].lower() + words[1:]
 
 
 def findings_record(bench: Bench) -> dict[str, Any]:

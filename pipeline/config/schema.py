@@ -399,24 +399,16 @@ class SolverSection(Section):
 
 
 class SurrogateSection(Section):
-    """Simulations of ``fit``: designs that fill their space, and references to judge it by.
+    """Simulations of ``fit``: designs at all operating points of the study, and references.
 
-    ``references`` fill the space too, ``best_references`` are of the tenth found best.
-
-    Each of ``designs`` gets ``points`` operating points of its own with ``angles`` angles.
-    ``mix_shifts`` more are of designs that have all of the study's operating points. A reference
-    has all of these with ``reference_angles``, and more where the relative standard error of its
-    expected time would exceed ``reference_error``.
+    ``mix_shifts`` are those of all designs. ``references`` fill the space, ``best_references`` are
+    of the tenth expected to be best; each has ``reference_angles`` at every operating point.
     """
 
-    designs: Annotated[int, Field(ge=10)] = 250
-    points: Annotated[int, Field(ge=1)] = 5
-    angles: Annotated[int, Field(ge=3)] = 16
     references: Annotated[int, Field(ge=3)] = 40
     best_references: Annotated[int, Field(ge=0)] = 20
-    reference_angles: Annotated[int, Field(ge=3)] = 12
-    reference_error: Annotated[float, Field(gt=0.0, lt=1.0)] = 0.007
-    mix_shifts: Annotated[int, Field(ge=0)] = Field(
+    reference_angles: Annotated[int, Field(ge=3)] = 32
+    mix_shifts: Annotated[int, Field(ge=1)] = Field(
         default=MIX_SHIFTS, exclude_if=lambda value: value == MIX_SHIFTS
     )
     seed: Annotated[int, Field(ge=0)] = 1

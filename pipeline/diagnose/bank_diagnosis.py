@@ -9,7 +9,6 @@ The package brings the bank of the published clutch at the operating points of i
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -17,18 +16,16 @@ from pathlib import Path
 
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, require_times
 from dogshape.diagnosis.bench.stand_file import BenchRecord
-from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.inference.next_test import require_terms
-from dogshape.diagnosis.inference.shift_plan import Field, ShiftPlan, field_of, shift_plan
+from dogshape.diagnosis.inference.shift_plan import Field, field_of
 from dogshape.diagnosis.inference.static_readings import require_measured
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
+from dogshape.diagnosis.next_test import choose, require_terms
 from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
-from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter, about
 from dogshape.pipeline.simulate.executor import Executor, workers_of
 from dogshape.pipeline.store.journal import ShiftJournal
@@ -37,38 +34,25 @@ from dogshape.sim.effects import load, own_files
 from dogshape.sim.errors import EffectError, InputError
 from dogshape.sim.files import writing
 from dogshape.sim.setting import Setting
-from dogshape.sim.statistics.blocks import Block, run_block
+from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
-from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
 COST = {"planar": 0.0015, "drake": 0.1}  #: s of processor time of a shift, about
-SAME_TIME = 1e-6  #: relative difference below which neutral values change no shift time
 TIMES, SHIFTS = "bank.json", "shifts.jsonl"
 
 
 @dataclass(frozen=True)
 class Means:
-    """Means of a diagnosis: banks, effects and workers.
+    """Means of a diagnosis: banks, effects and workers."""
 
-    Parameters
-    ----------
-    bank : folder of banks.
-    effects : folder of the user's own effects, None without.
-    jobs : worker processes, 0 for one a core.
-    progress : shows the progress of simulations.
-    engine : of the bank.
-    patience : s to wait for another run that writes banks, before StorageError.
-    settings : of the diagnosis.
-    """
-
-    bank: Path = BANK
-    effects: Path | None = None
-    jobs: int = 0
+    bank: Path = BANK  #: folder of banks
+    effects: Path | None = None  #: folder of the user's own effects
+    jobs: int = 0  #: worker processes, 0 for one a core
     progress: Progress = SILENT
-    engine: str = "planar"
-    patience: float = 0.0
+    engine: str = "planar"  #: of the bank
+    patience: float = 0.0  #: s to wait for another run that writes banks
     settings: Settings = USUAL
 
 
@@ -88,7 +72,8 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     require_measured(bench, effects)
     _require_working(effects, bench, means)
     bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
-    return diagnose(bench, models_of(bench, effects, means), means.settings)
+    found = diagnose(bench, models_of(bench, effects, means), means.settings)
+    return replace(found, tests=choose(found, found.flights.marks))
 
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
@@ -138,41 +123,15 @@ def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) 
     for name, path in own.items():
         try:
             effects[name].require_working(base)
-            _require_neutral(effects[name], base)
+            neutral = effects[name].neutral(base)
+            if neutral and effects[name].apply(base, neutral) != base:
+                given = ", ".join(f"{key} = {value:g}" for key, value in neutral.items())
+                raise EffectError(
+                    f"with its neutral values ({given}) the effect {name} changes the clutch or "
+                    "its shift, but neutral values have to change nothing; correct neutral="
+                )
         except EffectError as error:
             raise EffectError(f"{path}: {error}") from error
-
-
-def _require_neutral(effect: Effect, base: Setting) -> None:
-    """Raise EffectError where neutral values change the time that the bench reads of a shift.
-
-    One shift of the compiled engine says so: settings may differ and mean the same.
-    """
-    neutral = effect.neutral(base)
-    changed = effect.apply(base, neutral)
-    if not neutral or changed == base:
-        return
-    times = []
-    for setting in (base, changed):
-        clutch = setting.clutch.with_engine("planar")
-        (row,) = run_block(Block(clutch, setting.point, (0.25 * clutch.dog.pitch_angle,)))
-        times.append(setting.time_of(row))
-    if None not in times and not math.isclose(*times, rel_tol=SAME_TIME):  # type: ignore[arg-type]
-        given = ", ".join(f"{name} = {value:g}" for name, value in neutral.items())
-        before, after = (f"{1e3 * time:.4g}" for time in times if time is not None)
-        raise EffectError(
-            f"with its neutral values ({given}) the effect {effect.name} moves a shift from "
-            f"{before} to {after} ms, but neutral values have to change nothing; correct neutral="
-        )
-
-
-@dataclass(frozen=True)
-class Wanted:
-    """Plan that is asked for: shifts in all, seed of their order, operating points at most."""
-
-    shifts: int
-    seed: int = 1
-    points: int | None = None
 
 
 def points_from(where: str | Path) -> Bench:
@@ -202,37 +161,10 @@ def points_from(where: str | Path) -> Bench:
     )
 
 
-def planned(bench: Bench, wanted: Wanted, means: Means) -> ShiftPlan:
-    """Plan shifts at the operating points of a bench; simulates what no bank has of its clutch.
-
-    Raises InputError for a number of shifts or points that makes no plan.
-    """
-    if wanted.points is not None and not 1 <= wanted.points <= len(bench.cells):
-        raise InputError(
-            f"number of operating points is {wanted.points}, but {bench.name} has "
-            f"{len(bench.cells)}; give 1 to {len(bench.cells)}"
-        )
-    return shift_plan(predicted_field(bench, means), wanted.shifts, wanted.seed, wanted.points)
-
-
 def predicted_field(bench: Bench, means: Means) -> Field:
-    """Predict the effects at the operating points of a bench."""
+    """Predict the effects at the operating points of a bench; simulates what no bank has."""
     bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
     model = next(iter(models_of(bench, load(means.effects), means).values()))
     # A drift of the data set is none of the shifts that are planned.
     seen = replace(observe(bench, model), drift=None)
     return field_of(Likelihood(bench, seen, model, means.settings))
-
-
-def sheet(bench: Bench, plan: ShiftPlan) -> str:
-    """Write the plan as a ``shifts.csv`` whose times are still to be filled in, a row a shift.
-
-    Its column ``order`` counts the shifts, so that a drift can be seen afterwards.
-    """
-    lines = [",".join((*COLUMNS[:7], "order"))]
-    for place, count in plan.order:
-        point = bench.cells[place].point
-        values = rounded(point.mismatch / RPM), rounded(point.profile.force), point.profile.rise
-        for _ in range(count):
-            lines.append(f"{','.join(map(str, values))},1,,,,{len(lines)}")
-    return "\n".join(lines) + "\n"

@@ -1,4 +1,4 @@
-"""Parts of a gap report beside the diagnosis: phases along the shift, effect on the design choice.
+"""Effect of a cause on the choice of a design.
 
 Designs of a study are simulated without and with the cause at the same relative angles, which the
 search did not use. The cost of ignoring the cause is the time of the chosen design less that of the
@@ -10,18 +10,13 @@ from __future__ import annotations
 
 import json
 import math
-import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.report.phase_times import PhaseGap, phase_gaps
-from dogshape.diagnosis.terms import NONE, UNKNOWN, forward
+from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.progress import WorkCounter
@@ -33,18 +28,17 @@ from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Runner, even_block
 from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
-from dogshape.sim.statistics.shift_records import Record, content_key, result_of
+from dogshape.sim.statistics.shift_records import Record, result_of
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.landing import demand_checks
-from dogshape.sim.versions import bundled_root, engine
+from dogshape.sim.versions import bundled_root
 
 ANGLES = 6  #: of each design at each operating point
 DESIGNS = 6  #: of the search, the fastest
 SURE = 2.0  #: standard errors from which a cost is significant
-GRID = 720  #: places in a pitch at which a distribution of angles is summed
-#: Simulated with traces: operating points at most, and shifts at each.
-TRACED_POINTS, TRACED_ANGLES = 8, 8
 LEAST = 0.01  #: probability from which a cause is simulated with a study's designs
+#: Effects of the stand: its sense of rotation, and how often it meets each relative angle.
+OF_STAND = {REVERSED, "relative_angle"}
 
 Params = Mapping[str, float]
 Cause = Mapping[str, Values]  #: values of the parameters of each effect
@@ -117,25 +111,24 @@ class Consequence:
     @property
     def record(self) -> dict[str, Any]:
         """Record as JSON takes it."""
-        candidates = [
-            {
-                "name": one.name,
-                **one.params,
-                "without_s": one.without.mean,
-                "without_standard_error_s": one.without.standard_error,
-                "with_s": one.with_effect.mean,
-                "with_standard_error_s": one.with_effect.standard_error,
-                "without_landing_margin": one.landing.margin,
-                "with_landing_margin": one.landing_with.margin,
-                "with_landing_check": one.landing_with.name,
-            }
-            for one in self.candidates
-        ]
         return {
             "study": self.study,
             "effects": list(self.cause),
             "values": [value for values in self.cause.values() for value in values.values()],
-            "candidates": candidates,
+            "candidates": [
+                {
+                    "name": one.name,
+                    **one.params,
+                    "without_s": one.without.mean,
+                    "without_standard_error_s": one.without.standard_error,
+                    "with_s": one.with_effect.mean,
+                    "with_standard_error_s": one.with_effect.standard_error,
+                    "without_landing_margin": one.landing.margin,
+                    "with_landing_margin": one.landing_with.margin,
+                    "with_landing_check": one.landing_with.name,
+                }
+                for one in self.candidates
+            ],
             "best_without": self.chosen.name,
             "best_with": self.best.name,
             "regret_s": self.regret,
@@ -190,11 +183,6 @@ def _designs(study: Setup, result: Mapping[str, Any], count: int) -> dict[str, P
     }
 
 
-def shifts_of(study: Setup, designs: Mapping[str, Params]) -> int:
-    """Count the shifts of ``consequence``."""
-    return 2 * ANGLES * len(study.points) * len(designs)
-
-
 def consequence(
     study: Setup,
     designs: Mapping[str, Params],
@@ -206,31 +194,23 @@ def consequence(
 
     ``run`` simulates blocks. Values of which there is no such bench raise InputError.
     """
+    every, seed = [], study.file.expectation.seed + 3 * NEW_ANGLES
+    for acting in ({}, cause):
+        for params in designs.values():
+            clutch = study.clutch.with_dog(study.dog_with(dict(params)))
+            for point in study.points:
+                setting = Setting(clutch, point)
+                for name, values in acting.items():
+                    setting = effects[name].apply(setting, values)
+                every.append(setting)
     places = len(study.points)
-    every = [
-        Setting(study.clutch.with_dog(study.dog_with(dict(params))), point)
-        for params in designs.values()
-        for point in study.points
+    rows = run(
+        [even_block(s.clutch, s.point, ANGLES, (seed, k % places)) for k, s in enumerate(every)]
+    )
+    found = [
+        _timed(study, every[k : k + places], rows[k : k + places])
+        for k in range(0, len(every), places)
     ]
-    for setting in tuple(every):
-        changed = setting
-        for name, values in cause.items():
-            changed = effects[name].apply(changed, values)
-        every.append(changed)
-    seed = study.file.expectation.seed + 3 * NEW_ANGLES
-    blocks = [
-        replace(
-            even_block(one.clutch, one.point, ANGLES, (seed, k % places)),
-            angles=angles_of(one, (seed, k % places)),
-        )
-        for k, one in enumerate(every)
-    ]
-    rows = run(blocks)
-    found = []
-    for k in range(0, len(every), places):
-        mine = rows[k : k + places]
-        time = _expectation(study, every[k : k + places], mine)
-        found.append((time, _landing(study, every[k], time, mine)))
     pairs = zip(designs.items(), found[: len(designs)], found[len(designs) :], strict=True)
     return Consequence(study.name, cause, tuple(
         Candidate(name, params, before, after, landing, landing_with)
@@ -238,106 +218,48 @@ def consequence(
     ))  # fmt: skip
 
 
-def angles_of(setting: Setting, draw: tuple[int, int]) -> tuple[float, ...]:
-    """Return even relative angles, or those at even shares of their distribution, rad."""
-    even = even_block(setting.clutch, setting.point, ANGLES, draw).angles
-    if setting.concentration == 0.0:
-        return even
-    pitch = setting.clutch.dog.pitch_angle
-    grid = (np.arange(GRID) + 0.5) / GRID * pitch
-    below = np.cumsum(setting.weights(grid.tolist())) / GRID
-    return tuple(np.interp(np.array(even) / pitch, below, grid).tolist())
-
-
-def _landing(
-    study: Setup, setting: Setting, found: Expectation, rows: Sequence[Sequence[Record]]
-) -> Check:
-    """Return the check of a design's landings that has the least margin."""
-    load = study.limits.load
-    if load.edge_bed is not None:  # The energy of a blow is that on the bed that was simulated.
-        load = replace(load, edge_bed=setting.clutch.contact.stiffness)
-        study = replace(study, limits=replace(study.limits, load=load))
-    demand = demand_over(study, setting.clutch.dog, found, rows)
-    return min(demand_checks(demand, study.limits), key=lambda one: one.margin)
-
-
-def _expectation(
+def _timed(
     study: Setup, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
-) -> Expectation:
+) -> tuple[Expectation, Check]:
+    """Compute a design's expected time, and the check of its landings that has the least margin."""
     points = []
     for setting, mine in zip(settings, rows, strict=True):
         shifts = [replace(result_of(row), shift_time=setting.time_of(row)) for row in mine]
         point = expect_point(setting.point, shifts, setting.clutch.timeout, study.retraction)
         points.append(point)
-    return expect(points)
-
-
-@dataclass(frozen=True)
-class Extras:
-    """Optional parts of a report; an empty part has no heading.
-
-    Parameters
-    ----------
-    phases : gaps along the shift, over all operating points.
-    consequence : of the cause for the designs of a study.
-    provenance : facts on the run by name: command, versions, number of simulations.
-    """
-
-    phases: tuple[PhaseGap, ...] = ()
-    consequence: Consequence | None = None
-    provenance: Mapping[str, str] = field(default_factory=dict)
-
-
-def extras_of(found: Diagnosis) -> Extras:
-    """Compute the parts of the report beside the diagnosis; simulates some traces."""
-    rows = [
-        [cell.point.mismatch, cell.point.profile.force, r.n, r.time, r.engaged]
-        + [one for one in (r.sd, r.place) if one is not None]
-        for cell in found.bench.cells
-        for r in cell.readings
-    ]
-    return Extras(
-        phases=phases_of(found.bench),
-        provenance={
-            "engine": found.bench.clutch.solver.engine,
-            "programs": ", ".join(f"{name} {version}" for name, version in engine().items()),
-            "processor time": f"{found.seconds:.3g} s on one of {os.cpu_count()} processors",
-            "hash of the data": content_key({"name": found.bench.name, "rows": rows}),
-        },
-    )
-
-
-def phases_of(bench: Bench) -> tuple[PhaseGap, ...]:
-    """Return the gap of each phase of the shift where the data set has traces, else none."""
-    having = [cell for cell in bench.cells if cell.traces]
-    if not having:
-        return ()
-    some = having[:: -(-len(having) // TRACED_POINTS)]
-    return phase_gaps(replace(bench, cells=tuple(some)), angles=TRACED_ANGLES)
+    found, clutch, load = expect(points), settings[0].clutch, study.limits.load
+    if load.edge_bed is not None:  # The energy of a blow is that on the bed that was simulated.
+        load = replace(load, edge_bed=clutch.contact.stiffness)
+        study = replace(study, limits=replace(study.limits, load=load))
+    checks = demand_checks(demand_over(study, clutch.dog, found, rows), study.limits)
+    return found, min(checks, key=lambda one: one.margin)
 
 
 def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Consequence:
     """Compute the consequence of the cause for the best designs of a study.
 
-    The cause is the most probable set of effects, at the means of its parameters. The sense of
-    rotation belongs to the stand and is left out. Finished simulations stay in a folder below
-    ``folder`` until all are. Raises InputError where no effect is probable.
+    The cause is the most probable set of effects but those ``OF_STAND``, at the means of its
+    parameters. Finished simulations stay in a folder below ``folder`` until all are. Raises
+    InputError where no effect is probable.
     """
-    cause = next((h for h in found.posterior if forward(h) not in (NONE, UNKNOWN)), None)
+    known = (h for h in found.posterior if h != UNKNOWN and set(h) - OF_STAND)
+    cause = next(known, None)
     if cause is None or found.posterior[cause] < LEAST:
         raise InputError(
             f"--study is '{study}', but the diagnosis of {found.bench.name} has no effect above "
             f"{LEAST:.0%}; leave --study out"
         )
     given, designs = studied(study)
-    fit = found.fits[cause]
     values = {
-        name: {p.name: fit.interval(p.name).mean for p in found.effects[name].parameters}
-        for name in forward(cause)
+        name: {p.name: found.fits[cause].interval(p.name).mean for p in effect.parameters}
+        for name, effect in found.effects.items()
+        if name in cause and name not in OF_STAND
     }
-    work = work_folder(folder, "so-what", given.config_hash)
+    count = 2 * ANGLES * len(given.points) * len(designs)
     with (
-        WorkCounter(means.progress, shifts_of(given, designs)) as progress,
-        kept_shifts(work, progress, means.jobs) as executor,
+        WorkCounter(means.progress, count) as progress,
+        kept_shifts(
+            work_folder(folder, "so-what", given.config_hash), progress, means.jobs
+        ) as executor,
     ):
         return consequence(given, designs, values, found.effects, executor.run)

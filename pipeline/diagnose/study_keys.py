@@ -107,27 +107,14 @@ def operating_of(points: Sequence[tuple[float, float]]) -> Data:
 
 @dataclass(frozen=True)
 class EffectKeys:
-    """Keys of a study for effects.
-
-    Parameters
-    ----------
-    base : setting of the study without them, at the point where effects show what they change.
-    known : effects that the program brings, which ``[effects]`` takes by name; those of a user's
-        own become keys of the mechanism.
-    """
+    """Keys of a study for effects of the program; ``base`` is its setting without them."""
 
     base: Setting
-    known: frozenset[str]
 
     def takes(self, effect: Effect) -> bool:
-        """Decide whether a study has keys for an effect."""
-        touched = self.touched(effect)
-        tables, mine = {key.partition(".")[0] for key in touched}, touched
-        if effect.name not in self.known:
-            # A rise that an own effect sets in seconds is no factor of another study's.
-            mine = {k for k in touched if _is_dog(k) or k.startswith("mechanism.")}
-            mine -= {"mechanism.rise_factor"}
-        return bool(touched) and tables <= {*TABLES, "dog"} and touched <= mine
+        """Decide whether a study has keys for an effect; it has none for a user's own."""
+        tables = {key.partition(".")[0] for key in self.touched(effect)}
+        return effect.name in registry.load() and bool(tables) and tables <= {*TABLES, "dog"}
 
     def touched(self, effect: Effect) -> set[str]:
         """List the keys that an effect changes at any of some values."""
@@ -140,11 +127,6 @@ class EffectKeys:
                 continue  # values of which there is no bench
         return found
 
-    def touched_by_name(self, name: str) -> set[str]:
-        """List the keys that an effect of the program changes; none for another name."""
-        effect = registry.load().get(name)
-        return self.touched(effect) if effect else set()
-
     def settings(self, effect: Effect, values: Mapping[str, float]) -> dict[str, Any]:
         """Return an effect as dotted keys of a study with their values.
 
@@ -156,17 +138,9 @@ class EffectKeys:
             dog = {f"dog.{key}": getattr(after.clutch.dog, f) for f, key in DOG.items()
                    if f"dog.{f}" in touched}  # fmt: skip
             return {k: v if k == "dog.count" else rounded(from_si(k, v), 6) for k, v in dog.items()}
-        if effect.name in self.known:
-            if len(values) == 1:
-                return {f"effects.{effect.name}": rounded(next(iter(values.values())), 6)}
-            return {f"effects.{effect.name}.{name}": rounded(v, 6) for name, v in values.items()}
-        record = after.clutch.mechanism.record | {
-            "mechanism_delay_s": after.delay + after.point.profile.delay,
-            "mechanism_lag_s": getattr(after.point.profile, "lag", 0.0),
-            "mechanism_force_loss_N": after.point.profile.loss,
-            "mechanism_force_factor": after.point.profile.force / self.base.point.profile.force,
-        }
-        return {key: rounded(record.get(key.replace(".", "_"), 0.0), 6) for key in sorted(touched)}
+        if len(values) == 1:
+            return {f"effects.{effect.name}": rounded(next(iter(values.values())), 6)}
+        return {f"effects.{effect.name}.{name}": rounded(v, 6) for name, v in values.items()}
 
 
 def _is_dog(key: str) -> bool:

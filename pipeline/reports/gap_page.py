@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -23,13 +23,14 @@ from dogshape.diagnosis.report.wording import (
     summary,
 )
 from dogshape.diagnosis.terms import NONE, plain
-from dogshape.pipeline.diagnose.consequence import Consequence, Extras
+from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report, link
 from dogshape.pipeline.reports.text import axis, minus, value
 from dogshape.sim.files import naming
 from dogshape.sim.units import RPM
+from dogshape.sim.versions import engine
 
 REPORT, RECORD, TABLE = "report.html", "gap.json", "cells.csv"
 MAX_ROWS = 8  #: tests, and hypotheses, in a table
@@ -115,22 +116,41 @@ def compared_figure(compared: Comparison) -> go.Figure:
     return times_by_point({"simulation": simulated, "bench": bench})  # fmt: skip
 
 
-def publish(found: Diagnosis, folder: Path, extras: Extras | None = None) -> Path:
+def publish(
+    found: Diagnosis,
+    folder: Path,
+    phases: Sequence[PhaseGap] = (),
+    consequence: Consequence | None = None,
+    history: Mapping[str, str] | None = None,
+) -> Path:
     """Write ``report.html``, ``gap.json`` and ``cells.csv`` into a folder; return the report.
 
     The folder is made where it is missing; files of these names are replaced.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_page(found, folder / REPORT, extras)
+    write_page(found, folder / REPORT, phases, consequence, history)
     for name, text in ((RECORD, _record(found) + "\n"), (TABLE, _cells_csv(found))):
         with naming(folder / name):
             (folder / name).write_text(text, encoding="utf-8")
     return folder / REPORT
 
 
-def write_page(found: Diagnosis, path: Path, extras: Extras | None = None) -> None:
-    """Write the report alone, one HTML file that opens offline."""
-    extras, cells = extras or Extras(), cells_of(found)
+def write_page(
+    found: Diagnosis,
+    path: Path,
+    phases: Sequence[PhaseGap] = (),
+    consequence: Consequence | None = None,
+    history: Mapping[str, str] | None = None,
+) -> None:
+    """Write the report alone, one HTML file that opens offline.
+
+    Parameters
+    ----------
+    phases : gaps along the shift, over all operating points.
+    consequence : of the cause for the designs of a study.
+    history : sentences on updates, by name.
+    """
+    cells = cells_of(found)
     page = Report(
         f"{found.bench.name}: difference between bench and simulation",
         headline_of(found.verdict, found.effects),
@@ -145,9 +165,9 @@ def write_page(found: Diagnosis, path: Path, extras: Extras | None = None) -> No
         "Mean shift times with 95 % intervals. The leading hypothesis is fitted to all other "
         "operating points.",
     )
-    if extras.consequence is not None:
-        page.add("Design choice", choice_table(extras.consequence), extras.consequence.sentence)
-    page.add("Phases", duration_table(extras.phases) if extras.phases else None)
+    if consequence is not None:
+        page.add("Design choice", choice_table(consequence), consequence.sentence)
+    page.add("Phases", duration_table(phases) if phases else None)
     readings = [
         (reading_name(one), chance(one.probability), headline_of(one.verdict, found.effects))
         for one in found.readings
@@ -155,7 +175,7 @@ def write_page(found: Diagnosis, path: Path, extras: Extras | None = None) -> No
     page.add(
         "Data and settings",
         Table(("if", "probability", "answer"), readings, {}, (2,)) if readings else None,
-        Table(("", ""), list(_facts(found, extras).items())),
+        Table(("", ""), list((_facts(found) | dict(history or {})).items())),
         link(_record(found), "application/json", RECORD, "Record with all settings (JSON)"),
         link(_cells_csv(found), "text/csv", TABLE, "Operating points (CSV)"),
     )
@@ -253,7 +273,7 @@ def choice_table(found: Consequence) -> Table:
     return Table(heads, rows, {len(rows) - 1: "best"})
 
 
-def duration_table(phases: tuple[PhaseGap, ...]) -> Table:
+def duration_table(phases: Sequence[PhaseGap]) -> Table:
     """Tabulate the mean duration of each phase on bench and in simulation, with their gap, ms."""
     rows = [
         (
@@ -266,7 +286,7 @@ def duration_table(phases: tuple[PhaseGap, ...]) -> Table:
     return Table(("phase", "bench, ms", "simulation, ms", "gap, ms"), rows, note=note)
 
 
-def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
+def _facts(found: Diagnosis) -> dict[str, str]:
     """List the facts on data set, record and run."""
     bench, record = found.bench, found.to_dict()["record"]
     timeless = sum(not cell.n for cell in bench.cells)
@@ -286,7 +306,9 @@ def _facts(found: Diagnosis, extras: Extras) -> dict[str, str]:
         ),
         "margin": ms(found.margin_s),
         "Monte Carlo error": f"{found.noise:.2g} of the leading probability",
-        **extras.provenance,
+        "engine": bench.clutch.solver.engine,
+        "programs": ", ".join(f"{name} {version}" for name, version in engine().items()),
+        "processor time": f"{found.seconds:.3g} s",
     }
     return {key: words for key, words in given.items() if words}
 

@@ -25,7 +25,7 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import margin_losses
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.expected_time import Over
+from dogshape.surrogate.model import Surrogate
 
 FACTORS = {"less_s": 0.9, "now_s": 1.0, "more_s": 1.1}  #: on a limit, by the key of the best time
 FILLING = 13  #: power of two of designs that fill the space
@@ -63,7 +63,7 @@ class Pool:
         return None if best is None else float(self.times[best])
 
 
-def prices(study: Setup, times: Over, seed: int = 1) -> list[Row]:
+def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
     """Compute what each limit of a study costs, in the order of its checks.
 
     Each row has the check's ``name``, ``key``, ``unit``, ``limit`` and ``at_most``, and the best
@@ -162,7 +162,7 @@ def _margins(study: Setup, designs: Array, count: int) -> tuple[Array, Array]:
     return rows, losses
 
 
-def _pool(study: Setup, times: Over, checks: Sequence[Check], seed: int) -> Pool:
+def _pool(study: Setup, times: Surrogate, checks: Sequence[Check], seed: int) -> Pool:
     """Fill the space, then look about the best design under each limit."""
     bounds = np.array(list(study.variables.values()))
     whole = np.array([name == "count" for name in study.variables])

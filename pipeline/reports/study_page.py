@@ -33,7 +33,7 @@ from dogshape.pipeline.reports.variable_effects import effects_figure, learn_eff
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.sim.files import naming
-from dogshape.surrogate.validation_figures import validation_of
+from dogshape.surrogate.validation_figures import Validation
 
 Say = Callable[[str], None]
 BESIDE = 10  #: designs beside each other in the table of margins
@@ -248,7 +248,7 @@ def _provenance(folder: StudyFolder, study: Setup, result: Row) -> list[tuple[st
             f"{fitted['coverage_95']:.0%} within the 95 % interval, on {fitted['n']} designs "
             f"({fitted['source']})"
         )
-        judged = judged if validation_of(fitted).useful else Bad(f"{judged}: useless")
+        judged = judged if Validation.from_dict(fitted).useful else Bad(f"{judged}: useless")
     solver, numerical = study.clutch.solver, (c.get("best") or {}).get("numerical_error_s")
     facts = {
         **provenance_of(study, result),

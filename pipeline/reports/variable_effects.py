@@ -17,9 +17,7 @@ from dogshape.pipeline.reports.prices import prices
 from dogshape.pipeline.reports.text import axis
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.filling import filling_designs
-from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import DogshapeError, StorageError
-from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range, require_same_physics
 from dogshape.surrogate.sensitivity import effects
@@ -47,8 +45,7 @@ def learn_effects(folder: StudyFolder, say: Say) -> None:
         say(f"no effects in the report: {error}")
         return
     say("what each variable does and each limit costs, from the surrogate (a minute)")
-    over = Over(surrogate, study_mix(study))
-    found = {"effects": _effects_record(study, surrogate, over), "prices": prices(study, over)}
+    found = {"effects": _effects_record(study, surrogate), "prices": prices(study, surrogate)}
     write_json(folder.effects, {"surrogate": _identity(folder), **found})
 
 
@@ -67,21 +64,21 @@ def _identity(folder: StudyFolder) -> str:
     return str(read_json(folder.surrogate, "run 'dogshape report' again").get("hash"))
 
 
-def _effects_record(study: Setup, surrogate: Surrogate, over: Over) -> Row:
+def _effects_record(study: Setup, surrogate: Surrogate) -> Row:
     seed = study.file.surrogate.seed + APART
     x = study.rows(islice(filling_designs(study, seed, border=False), DESIGNS))
 
     return {
         "designs": len(x),
         "outside_trained_range": 1.0 - float(in_range(surrogate, x).mean()),
-        "mean_expected_shift_time_s": float(over.predict(x)[0].mean()),
+        "mean_expected_shift_time_s": float(surrogate.predict(x)[0].mean()),
         "variables": [
             {"variable": one.variable, **{
                 key: [float(f"{number:.6g}") for number in values]
                 for key, values in (("values", one.values), ("effect_s", one.effect),
                                     ("low_s", one.low), ("high_s", one.high))
             }}
-            for one in effects(over, surrogate.data.variables, x)
+            for one in effects(surrogate, surrogate.data.variables, x)
         ],
     }  # fmt: skip
 

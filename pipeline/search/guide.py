@@ -12,7 +12,7 @@ shifts engage, is known after the simulation only; another process over designs 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -32,22 +32,18 @@ from dogshape.pipeline.simulate.design import (
     worth_simulating,
 )
 from dogshape.pipeline.simulate.failing import none_passes
-from dogshape.pipeline.train.training_rows import study_mix, with_rows
+from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import InputError
 from dogshape.sim.strength.landing import LANDING_RULES
-from dogshape.surrogate.covariance import Array, Mask, Term, starting
-from dogshape.surrogate.dataset import once
-from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.learning import Effort, fit, fit_process
-from dogshape.surrogate.process import Process, root_of
+from dogshape.surrogate.covariance import Array, Mask, Term, first_parameters
+from dogshape.surrogate.model import Surrogate, fit
+from dogshape.surrogate.process import Effort, Process, draw_jointly, fit_process
 
 Params = Mapping[str, Any]  #: parameters of an Optuna trial
-EFFORT = Effort(rows=200, steps=30)  #: of a process over designs alone
+EFFORT = Effort(designs=200, steps=30)  #: of a process, fitted again in each round
+NONE = Effort(steps=0)
 #: a smooth part, and a rough one that no other design predicts
-TERMS = (
-    Term(design=True, point=False),
-    Term(design=True, point=False, scales=(0.1, 0.1), first=0.1),
-)
+TERMS = (Term(), Term(scales=(0.1, 0.1), first=0.1))
 FEW = 10  #: values below which a process has parameters of its own and not the likeliest
 LEAST = 1e-6  #: variance of noise where none is known, of values scaled to one
 
@@ -110,10 +106,9 @@ class FreeGuide:
 
 @dataclass(frozen=True)
 class Response:
-    """A process over designs alone, of values scaled to a standard deviation of one."""
+    """A process over designs of one objective or constraint."""
 
     process: Process
-    scale: float
 
     @classmethod
     def fitted(
@@ -128,31 +123,31 @@ class Response:
         if not len(values):
             raise InputError("no design was simulated yet")
         scale = max(float(values.std()), least) or abs(float(values.mean())) or 1.0
-        noise = np.full(len(values), LEAST) if errors is None else (errors / scale) ** 2 + LEAST
-        data, size = (x, values / scale, noise), x.shape[1]
+        unsure = np.zeros(len(values)) if errors is None else errors
+        noise = LEAST * scale**2 + unsure[:, None] ** 2
+        theta, effort = None, EFFORT
         if len(values) < FEW:
-            theta: Array = starting(TERMS, size, 0)[0]
+            theta, effort = first_parameters(TERMS, x.shape[1])[0], NONE
             theta[[0, -1]] = np.log([1.0, 0.1])  # variances of the smooth part and the rough one
-            return cls(fit_process(TERMS, size, data, theta, Effort(steps=0)), scale)
-        return cls(fit_process(TERMS, size, data, effort=EFFORT), scale)
+        targets = values[:, None]
+        return cls(
+            fit_process(
+                TERMS, x, targets, noise, start=theta, effort=effort, scale=np.array([scale])
+            )
+        )
 
     def draws(self, x: Array, rng: np.random.Generator, count: int) -> Array:
         """Draw values at coordinates (m, c) jointly, (count, m)."""
-        return drawn(*self.joint(x), rng, count)
-
-    def joint(self, x: Array) -> tuple[Array, Array]:
-        """Return mean (m,) and covariance (m, m) of values at coordinates (m, c)."""
-        mean, covariance = self.process.joint(x)
-        return mean * self.scale, covariance * self.scale**2
+        return draw_jointly(*self.process.joint(x), rng, count)
 
     def below(self, x: Array, limit: float = 0.0) -> Array:
         """Return the probability that values at coordinates (m, c) are below a limit, (m,).
 
         The process takes the mean of its values for its level, which few of them know badly.
         """
-        mean, variance = self.process.predict(x)
-        level = 1.0 / len(self.process.targets)
-        chance: Array = ndtr((limit / self.scale - mean) / np.sqrt(variance + level + LEAST))
+        mean, variance = (found[:, 0] for found in self.process.predict(x))
+        level = (1.0 / len(self.process.targets) + LEAST) * self.process.scale[0] ** 2
+        chance: Array = ndtr((limit - mean) / np.sqrt(variance + level))
         return chance
 
 
@@ -175,18 +170,11 @@ class _Free:
         return chance
 
 
-def drawn(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:
-    """Draw from a normal distribution with mean (m,) and covariance (m, m), (count, m)."""
-    draws: Array = mean + rng.standard_normal((count, len(mean))) @ root_of(covariance).T
-    return draws
-
-
 def sound(trials: Sequence[FrozenTrial]) -> Mask:
     """Mark the trials with finite values, (n,) of bool."""
     return np.array([bool(np.isfinite(trial.values).all()) for trial in trials], dtype=bool)
 
 
-ROWS, STEPS = 400, 30  #: effort of the surrogate that is fitted again in each round
 #: standard deviation of the constraint of the hardest landing (load over its limit, less one) over
 #: designs, at least: 0.19 in each of three sets of 12 to 16 designs that fill the default space
 LANDING_SPREAD = 0.2
@@ -247,9 +235,8 @@ class DogGuide:
         timed, others = None, {}
         for column, objective in enumerate(objectives_of(study)):
             if objective.name == SIMULATED:
-                data = with_rows(study, once(np.array(simulated_rows(every), dtype=float)))
-                effort = Effort(ROWS, STEPS, study.file.search.seed)
-                timed = column, Over(fit(data, effort=effort), study_mix(study))
+                data = with_rows(study, np.array(simulated_rows(every), dtype=float))
+                timed = column, fit(data, replace(EFFORT, seed=study.file.search.seed), NONE)
             elif objective.simulated:
                 others[column] = Response.fitted(x, losses[:, column], errors[:, column])
         return _DogPrediction(self, space, timed, others, (landing, *limits))
@@ -268,7 +255,7 @@ class _DogPrediction:
 
     guide: DogGuide
     space: Space
-    timed: tuple[int, Over] | None
+    timed: tuple[int, Surrogate] | None
     others: dict[int, Response]
     limits: tuple[Response, ...]
 
@@ -276,8 +263,9 @@ class _DogPrediction:
         """Draw losses jointly; the rough part of times is left out, as no draw of it would last."""
         losses: Array = np.repeat(self.guide.exact(params)[None], count, axis=0)
         if self.timed is not None:
-            column, over = self.timed
-            losses[:, :, column] = drawn(*over.joint(self.guide.study.rows(params)), rng, count)
+            column, surrogate = self.timed
+            expected = surrogate.joint(self.guide.study.rows(params))
+            losses[:, :, column] = draw_jointly(*expected, rng, count)
         x = self.space.coordinates(params)
         for column, response in self.others.items():
             losses[:, :, column] = response.draws(x, rng, count)

@@ -19,7 +19,6 @@ from dogshape.sim.strength.tolerance import Spread
 from dogshape.sim.units import suffix_of, to_si
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
-from dogshape.surrogate.query import half_difference
 
 
 def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
@@ -55,7 +54,9 @@ def time_spread(study: Setup, surrogate: Surrogate, params: dict[str, float], mi
         name = key.removesuffix(suffix_of(key))
         if name in tolerances:
             step = tolerances[name] / to_si(key, 1.0)
-            moves[name] = half_difference(surrogate, params, mix, key, step)
+            designs = [{**params, key: params[key] + move} for move in (-step, step)]
+            below, above = surrogate.medians(study.rows(designs), mix)
+            moves[name] = 0.5 * float(above - below)
     if gap := tolerances.get("axial_gap"):
         moves["axial_gap"] = _gap_time(study, mix, gap)
     return Spread(moves, sum(abs(move) for move in moves.values()))

@@ -3,15 +3,13 @@
 ``study.json``       the study file as it was run, with hashes and versions
 ``trials.log``       Optuna's journal
 ``running.jsonl``    finished shifts of designs that are under way; none once the storage has them
-``shifts.jsonl``     shifts of Drake, and those of a filled folder: kept
+``shifts.jsonl``     shifts of Drake: kept
 ``result.json``      front, best design, confirmation and audit
 ``rows.json``        what the surrogate learns of a search, by operating point
 ``surrogate.json``   the surrogate with its data
 ``points.csv``       its data as a table: simulated operating points
-``references.jsonl`` shifts of designs apart, by which a surrogate is judged
-``mix.jsonl``        rows of designs at all operating points of the study
+``simulated.jsonl``  rows of each design of a fit, those that the surrogate is judged by included
 ``chosen.json``      which of these designs were chosen as likely to be among the best
-``best.json``        which designs apart are of the best tenth
 ``effects.json``     effects and prices from the surrogate, for the report
 ``report.html``      the report
 ``designs.csv``      every simulated design of the search as a table
@@ -48,10 +46,8 @@ class StudyFolder:
         self.result = root / "result.json"
         self.running = root / "running.jsonl"
         self.rows = root / "rows.json"
-        self.references = root / "references.jsonl"
-        self.mix = root / "mix.jsonl"
+        self.simulated = root / "simulated.jsonl"
         self.chosen = root / "chosen.json"
-        self.best = root / "best.json"
         self.points = root / "points.csv"
         self.surrogate = root / "surrogate.json"
         self.effects = root / "effects.json"
@@ -67,7 +63,7 @@ class StudyFolder:
         if self.manifest.exists():
             self._require_same(study, resume)
             return
-        if any(path.exists() for path in (self.trials, self.shifts)):
+        if any(path.exists() for path in (self.trials, self.shifts, self.simulated)):
             raise StorageError(
                 f"{self.root} holds results without study.json; choose another --out "
                 "or remove the folder"
@@ -131,7 +127,6 @@ def comparable(file: StudyFile) -> dict[str, Any]:
     content = file.model_dump()
     del content["search"]["trials"], content["search"]["confirm_designs"]
     content["search"].pop("audit_shifts", None)
-    del content["surrogate"]["designs"]
     content["solver"].pop("time_limit_s", None)
     return content
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -23,7 +22,6 @@ from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.texts import TextTable, listed, read_table
 from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Mix
-from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.model import Surrogate, interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
 
@@ -142,40 +140,88 @@ TOLD = 10  #: faulty cells that a refusal lists
 
 
 @dataclass(frozen=True)
-class Asked:
-    """Designs of a table: its text, and a row of numbers in edge units for each, (n, d).
+class Predicted:
+    """Designs of a table with what is known of each.
 
-    ``filled`` are variables without a column, at the study's value; ``kept`` are columns that
-    are none of a variable.
+    Parameters
+    ----------
+    table : the text that asks.
+    variables : names of the design variables.
+    designs : a row of numbers in edge units for each, (n, d).
+    filled : variables without a column, at the study's value.
+    checked : verdicts of the checks.
+    times : expected time, its interval, standard error and distance, (n, 5); NaN for ``reason``.
+    known : whether a design lies in the trained range, (n,).
     """
 
     table: TextTable
+    variables: tuple[str, ...]
     designs: Array
     filled: Mapping[str, float]
-    kept: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class Answers:
-    """Verdict of the checks on each design, and predicted times where it can be made and slides.
-
-    ``times`` (n, 5) are NaN elsewhere, for ``reason``; ``known`` tells which lie in the trained
-    range.
-    """
-
     checked: Verdicts
     times: Array
     known: Mask
     reason: list[str]
 
+    @property
+    def kept(self) -> list[str]:
+        """Columns of the table that are none of a variable."""
+        return [name for name in self.table.head if name not in self.variables]
 
-@dataclass(frozen=True)
-class Predicted:
-    """Designs that were asked about, in ``variables``, with what is known of each."""
+    @property
+    def numbers(self) -> list[int]:
+        """Numbers of the rows in the table."""
+        return [number for number, _ in self.table.rows]
 
-    variables: tuple[str, ...]
-    asked: Asked
-    answers: Answers
+    def frame(self) -> pd.DataFrame:
+        """Give a row for each design: kept columns, variables, predicted times, checks."""
+        import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
+
+        checked = self.checked
+        columns: dict[str, Any] = {name: self.table.column(name) for name in self.kept}
+        columns |= dict(zip(self.variables, self.designs.T, strict=True))
+        columns |= dict(zip(TIMES, (*self.times.T, self.known), strict=True))
+        checks = checked.feasible, checked.margin, checked.worst, self.reason
+        columns |= dict(zip(CHECKS, checks, strict=True))
+        return pd.DataFrame(columns, index=pd.Index(self.numbers, name="row"))
+
+    def write(self, target: Path) -> None:
+        """Write the table again with the answers beside it, as CSV."""
+        answers = self.frame()[[*TIMES, *CHECKS]]
+        for place, name in enumerate(self.table.head):
+            answers.insert(place, name, [cells[place] for _, cells in self.table.rows], True)
+        answers.to_csv(target, index=False, float_format="%.6g")
+
+    def record(self, target: Path | None) -> dict[str, Any]:
+        """Give what was asked and answered, as JSON takes it; it was written to ``target``."""
+        real, timed = self.checked.real, np.isfinite(self.times[:, 0])
+
+        def reasons(marked: Mask) -> list[dict[str, Any]]:
+            places = np.flatnonzero(marked).tolist()
+            return [{"row": self.numbers[k], "reason": self.reason[k]} for k in places]
+
+        def best(among: Mask) -> dict[str, Any] | None:
+            if not (among & timed).any():
+                return None
+            row = int(np.where(among & timed, self.times[:, 0], np.inf).argmin())
+            return {
+                "row": self.numbers[row],
+                **dict(zip(self.variables, self.designs[row].tolist(), strict=True)),
+                "expected_shift_time_s": float(self.times[row, 0]),
+            }
+
+        return {
+            "file": None if target is None else str(target),
+            "n": len(real),
+            "in_range": int(self.known.sum()),
+            "feasible": int(self.checked.feasible.sum()),
+            "impossible": reasons(~real),
+            "without_time": reasons(real & ~timed),
+            "filled": dict(self.filled),
+            "kept": self.kept,
+            "best": best(real),
+            "best_feasible": best(self.checked.feasible),
+        }
 
 
 def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> Predicted:
@@ -186,8 +232,21 @@ def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> P
     """
     require_same_physics(surrogate.data, study.physics)
     variables = surrogate.data.variables
-    asked = _asked(study, variables, table)
-    return Predicted(variables, asked, _answers(study, surrogate, mix, asked.designs))
+    _require_columns(table, variables)
+    if not table.rows:
+        raise InputError(f"{table.path} holds no design below its line of names; add some")
+    filled = {name: study.prototype[name] for name in variables if name not in table.head}
+    x = _designs(table, variables, filled)
+    checked, held = verdicts(study, variables, x), faces_hold(surrogate.data, x)
+    reason = [why or HOLDS * bool(still) for why, still in zip(checked.refusal, held, strict=True)]
+    times, known = np.full((len(x), 5), np.nan), np.zeros(len(x), dtype=bool)
+    real = np.array([not why for why in reason], dtype=bool)
+    if real.any():
+        time, error = surrogate.predict(x[real], mix)
+        distance = surrogate.distance(x[real])
+        times[real] = np.column_stack([time, *interval(time, error), error, distance])
+        known[real] = in_range(surrogate, x[real], mix, distance)
+    return Predicted(table, variables, x, filled, checked, times, known, reason)
 
 
 def beside(source: Path) -> Path:
@@ -213,19 +272,6 @@ def text_table(designs: str | Path | pd.DataFrame, variables: tuple[str, ...]) -
     rows = enumerate(designs.itertuples(index=False, name=None), start=1)
     cells = tuple((number, tuple(str(cell) for cell in row)) for number, row in rows)
     return TextTable(Path("designs"), tuple(str(name) for name in designs.columns), cells)
-
-
-def _asked(study: Setup, variables: tuple[str, ...], table: TextTable) -> Asked:
-    _require_columns(table, variables)
-    if not table.rows:
-        raise InputError(f"{table.path} holds no design below its line of names; add some")
-    filled = {name: study.prototype[name] for name in variables if name not in table.head}
-    return Asked(
-        table,
-        _designs(table, variables, filled),
-        filled,
-        tuple(name for name in table.head if name not in variables),
-    )
 
 
 def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
@@ -294,95 +340,3 @@ def _number(text: str) -> float:
         return float(text)
     except ValueError:
         return np.nan
-
-
-def _answers(study: Setup, surrogate: Surrogate, mix: Mix, x: Array) -> Answers:
-    checked = verdicts(study, surrogate.data.variables, x)
-    held = faces_hold(surrogate.data, x)
-    reason = [why or HOLDS * bool(still) for why, still in zip(checked.refusal, held, strict=True)]
-    real = np.array([not why for why in reason], dtype=bool)
-    times, known = np.full((len(x), 5), np.nan), np.zeros(len(x), dtype=bool)
-    if real.any():
-        time, error = Over(surrogate, mix).predict(x[real])
-        low, high = interval(time, error)
-        distance = surrogate.distance(x[real])
-        times[real] = np.column_stack([time, low, high, error, distance])
-        known[real] = in_range(surrogate, x[real], mix, distance)
-    return Answers(checked, times, known, reason)
-
-
-def write_predicted(found: Predicted, target: Path) -> None:
-    """Write the table again with the answers beside it, as CSV."""
-    table, answers = found.asked.table, found.answers
-    with target.open("w", newline="", encoding="utf-8") as handle:
-        writer = csv.writer(handle)
-        writer.writerow([*table.head, *TIMES, *CHECKS])
-        checked, numbers = answers.checked, answers.times.tolist()
-        for place, (_, cells) in enumerate(table.rows):
-            if not checked.real[place]:
-                refusal = checked.refusal[place]
-                writer.writerow([*cells, *[""] * len(TIMES), False, "", "", refusal])
-                continue
-            why = answers.reason[place]
-            texts = ["" if why else "%.6g" % n for n in numbers[place]]  # noqa: UP031  half the time
-            margin, name = f"{checked.margin[place]:.4g}", checked.worst[place]
-            known, feasible = answers.known[place], checked.feasible[place]
-            writer.writerow([*cells, *texts, known, feasible, margin, name, why])
-
-
-def predicted_rows(found: Predicted) -> list[dict[str, Any]]:
-    """List each design with kept columns, variables, predicted times and checks, by name."""
-    asked, answers = found.asked, found.answers
-    kept = [asked.table.column(name) for name in asked.kept]
-    rows = []
-    judged = answers.checked
-    for place, (real, feasible) in enumerate(
-        zip(judged.real.tolist(), judged.feasible.tolist(), strict=True)
-    ):
-        margin = float(judged.margin[place]) if real else None
-        checks = (feasible, margin, judged.worst[place], answers.reason[place])
-        rows.append(
-            dict(zip(asked.kept, (column[place] for column in kept), strict=True))
-            | dict(zip(found.variables, asked.designs[place].tolist(), strict=True))
-            | dict(zip(TIMES[:-1], answers.times[place].tolist(), strict=True))
-            | {TIMES[-1]: bool(answers.known[place])}
-            | dict(zip(CHECKS, checks, strict=True))
-        )
-    return rows
-
-
-def predicted_record(found: Predicted, target: Path | None) -> dict[str, Any]:
-    """Give what was asked and answered, as JSON takes it; ``target`` is where it was written."""
-    variables, asked, answers = found.variables, found.asked, found.answers
-    checked = answers.checked
-    impossible, without = (
-        [
-            {"row": asked.table.rows[place][0], "reason": answers.reason[place]}
-            for place in np.flatnonzero(marked).tolist()
-        ]
-        for marked in (~checked.real, checked.real & np.isnan(answers.times[:, 0]))
-    )
-
-    def best(among: Mask) -> dict[str, Any] | None:
-        among = among & np.isfinite(answers.times[:, 0])
-        if not among.any():
-            return None
-        row = int(np.where(among, answers.times[:, 0], np.inf).argmin())
-        return {
-            "row": asked.table.rows[row][0],
-            **dict(zip(variables, asked.designs[row].tolist(), strict=True)),
-            "expected_shift_time_s": float(answers.times[row, 0]),
-        }
-
-    return {
-        "file": None if target is None else str(target),
-        "n": len(checked.real),
-        "in_range": int(answers.known.sum()),
-        "feasible": int(checked.feasible.sum()),
-        "impossible": impossible,
-        "without_time": without,
-        "filled": dict(asked.filled),
-        "kept": list(asked.kept),
-        "best": best(checked.real),
-        "best_feasible": best(checked.feasible),
-    }

@@ -1,66 +1,31 @@
-"""Rows that the surrogate learns from, out of the journal of shifts.
+"""Data and files of the surrogate of a study.
 
 ``stored_surrogate`` finds the surrogate of a study's results, or one that the package brings.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Setup, physics_of
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.store.folder import StudyFolder, default_out
-from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.statistics.shift_records import (
-    OPTIONAL,
-    UNCERTAIN,
-    Record,
-    clutch_record,
-    content_key,
-)
 from dogshape.sim.versions import bundled_root, engine
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import Dataset, Mix, mix_of, rows_of
+from dogshape.surrogate.dataset import Dataset, Mix, grid_of, mix_of
 from dogshape.surrogate.query import other_physics
 from dogshape.surrogate.store import MissingError, Stored, load
 
 
-def dataset_of(study: Setup, shifts: Iterable[Record]) -> Dataset:
-    """Collect the rows of all shifts that are of the study's physics and of these programs.
-
-    Other shifts of a journal (repeats with a finer tolerance, another rise time) are left out. Rows
-    are sorted: workers finish in any order, and a fit must not depend on it.
-    """
-    rows = rows_of(tuple(study.variables), shifts_of(study, shifts))
-    return with_rows(study, rows[np.lexsort(np.nan_to_num(rows.T[::-1], nan=-1.0))])
-
-
-def shifts_of(study: Setup, shifts: Iterable[Record]) -> list[Record]:
-    """Select the shifts that are of the study's physics and of these programs."""
-    programs, physics, table = engine(), study.physics_hash, study.actuation.table
-    keys = {*clutch_record(study.clutch), "engine", *OPTIONAL, *UNCERTAIN}
-
-    def is_of(shift: Record) -> bool:
-        if any(shift[name] != version for name, version in programs.items()):
-            return False
-        record = {key: shift[key] for key in keys if key in shift}
-        given = physics_of(record, list(study.variables), table)
-        kinds = [kind for kind in ("", "drawn_") if f"{kind}force_N" in shift]
-        profiles = (ForceProfile(shift[f"{k}force_N"], shift[f"{k}force_rise_s"]) for k in kinds)
-        return content_key(given) == physics and all(table.gives(one) for one in profiles)
-
-    return [shift for shift in shifts if is_of(shift)]
-
-
 def with_rows(study: Setup, rows: Array) -> Dataset:
-    """Make a data set of rows (n, d + 8) of the study's physics."""
-    bounds = np.array(list(study.variables.values()), dtype=float)
-    names = tuple(study.variables)
-    return Dataset(names, bounds[:, 0], bounds[:, 1], rows, study.physics, engine())
+    """Collect the designs of rows (n, d + 8) that have every operating point of the study."""
+    low, high = np.array(list(study.variables.values()), dtype=float).T
+    names, mix = tuple(study.variables), study_mix(study)
+    return Dataset(names, low, high, study.physics, engine(), mix, grid_of(rows, mix))
 
 
 def row_record(rows: Array) -> list[list[float | None]]:

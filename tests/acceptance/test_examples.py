@@ -17,10 +17,9 @@ README = EXAMPLES.parent / "README.md"
 SMALL = {
     "operating.mismatch_rpm": [50, 149], "operating.force_N": [469.0], "expectation.angles": 3,
     "search.trials": 12, "search.startup": 10, "search.confirm_angles": 3,
-    "search.confirm_designs": 1, "search.audit_shifts": 4, "surrogate.designs": 20,
-    "surrogate.points": 2, "surrogate.angles": 3, "surrogate.references": 3,
+    "search.confirm_designs": 1, "search.audit_shifts": 4, "surrogate.references": 3,
     "surrogate.best_references": 0, "surrogate.reference_angles": 6,
-    "surrogate.reference_error": 0.2, "surrogate.mix_shifts": 24 * 128,
+    "surrogate.mix_shifts": 24 * 128,
     "variables.chamfer_deg": [6, 14], "variables.height_mm": [2.8, 4.2],
     "variables.count": [12, 24],
 }  # fmt: skip

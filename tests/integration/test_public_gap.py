@@ -73,13 +73,6 @@ def test_the_record_has_the_contract(found: ds.Diagnosis) -> None:
     assert {"name", "why"} <= record["next_test"].keys()
 
 
-def test_probabilities_are_those_of_the_record(found: ds.Diagnosis) -> None:
-    given = found.to_dict()["hypotheses"]
-    assert found.probabilities.sum() == pytest.approx(1.0)
-    assert list(found.probabilities) == [one["probability"] for one in given]
-    assert found.probabilities.index[0] == (" + ".join(given[0]["effects"]) or "none")
-
-
 def test_points_as_table_and_figure(found: ds.Diagnosis) -> None:
     frame = found.to_frame()
     assert len(frame) == 12
@@ -89,19 +82,3 @@ def test_points_as_table_and_figure(found: ds.Diagnosis) -> None:
     assert (left**2).mean() ** 0.5 == pytest.approx(found.inference.held_out.held_out)
     names = {trace.name for trace in found.plot().data}
     assert {"bench", "without effects"} < names
-
-
-def test_the_page_is_one_file_with_the_summary(found: ds.Diagnosis, tmp_path: Path) -> None:
-    page = found.report(tmp_path / "gap.html").read_text(encoding="utf-8")
-    assert found.to_dict()["summary"] in page
-    assert found.facts["verdict"] in page
-    assert list(tmp_path.iterdir()) == [tmp_path / "gap.html"]
-
-
-def test_a_calibrated_study_has_the_mean_of_the_fit(found: ds.Diagnosis, tmp_path: Path) -> None:
-    made = found.calibrated(tmp_path / "late.toml", base="mq200_paper", draws=50)
-    size = found.inference.fits["actuation_delay",].interval("delay_s")
-    assert made.study.actuation.delay == pytest.approx(size.mean, rel=1e-5)
-    delays = [float(row["effects.actuation_delay"]) for row in made.draws]
-    inside = [size.low <= delay <= size.high for delay in delays]
-    assert sum(inside) / len(inside) > 0.7

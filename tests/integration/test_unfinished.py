@@ -82,9 +82,8 @@ def test_a_bank_keeps_no_series_that_the_clock_cut_short(tmp_path: Path) -> None
     def run(asked: Sequence[Block]) -> list[list[Record]]:
         return [[failed if b is blocks[0] else sound] * len(b.angles) for b in asked]
 
-    store._answered(blocks, run)
+    store.times(blocks, run)
     assert not store.missing(blocks)  # this diagnosis goes on with what it has
-    store._write()
     assert BankStore([tmp_path / "bank.json"]).missing(blocks) == blocks[:1]
 
 

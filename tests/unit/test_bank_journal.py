@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -18,9 +15,8 @@ from dogshape.diagnosis.prediction.model import Model
 from dogshape.pipeline.diagnose import bank_diagnosis
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.store import journal as journals
-from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effects import load
-from dogshape.sim.errors import StorageError
 from dogshape.sim.files import writing
 from dogshape.sim.statistics.shift_records import Record
 from tests.made_up import Quick, few_cells
@@ -107,17 +103,6 @@ def test_a_kill_after_the_file_of_banks_loses_nothing(
     assert quick.done == done
 
 
-def test_a_disk_that_refuses_the_shorter_journal_costs_no_bank(
-    tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def full(*_: object) -> None:
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(journals, "write_whole", full)
-    assert _model(tmp_path, _bench()).simulated.levels
-    assert len(_rows(tmp_path)) == quick.done
-
-
 def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_again(
     tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -133,59 +118,3 @@ def test_what_another_run_finished_before_the_folder_was_held_is_not_simulated_a
     done, quick.done = quick.done, 0
     assert _same(_model(tmp_path / "alone", _bench()), found)
     assert quick.done == done
-
-
-def test_a_patient_run_waits_for_a_folder_and_another_says_that_it_is_in_use(
-    tmp_path: Path,
-) -> None:
-    order: list[str] = []
-
-    def wait() -> None:
-        with writing(tmp_path, 30.0):
-            order.append("second")
-
-    with writing(tmp_path):
-        with pytest.raises(StorageError, match="is in use by another run"), writing(tmp_path):
-            order.append("never")
-        other = threading.Thread(target=wait)
-        other.start()
-        time.sleep(0.3)
-        order.append("first")
-    other.join(timeout=10.0)
-    assert order == ["first", "second"]
-
-
-def test_a_row_that_another_process_writes_meanwhile_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It waits with the file that is exchanged, and then takes the new one."""
-    path = tmp_path / "shifts.jsonl"
-    row = {"key": "a", "outcome": "engaged", "shift_time_s": 0.1, "landing_loads_N_mm": [0.0]}
-    append(path, row, {**row, "key": "b"})
-    journal = ShiftJournal(path)
-    other = threading.Thread(target=append, args=(path, {**row, "key": "c"}))
-    whole = journals.write_whole
-
-    def slow(where: Path, content: bytes) -> None:
-        other.start()
-        time.sleep(0.2)
-        assert other.is_alive(), "it has to wait for the lock"
-        whole(where, content)
-
-    monkeypatch.setattr(journals, "write_whole", slow)
-    journal.drop({"a"})
-    other.join(timeout=10.0)
-    assert list(journal.rows) == ["b"]
-    assert list(ShiftJournal(path).rows) == ["b", "c"]
-
-
-def test_a_torn_line_goes_with_the_others(tmp_path: Path) -> None:
-    path = tmp_path / "shifts.jsonl"
-    row = {"key": "a", "outcome": "engaged", "shift_time_s": 0.1, "landing_loads_N_mm": [0.0]}
-    append(path, row, {**row, "key": "b"})
-    journal = ShiftJournal(path)
-    with path.open("a") as file:
-        file.write('{"key": "c", "outc')
-    journal.drop({"b"})
-    append(path, {**row, "key": "d"})
-    assert [json.loads(line)["key"] for line in path.read_text().splitlines()] == ["a", "d"]

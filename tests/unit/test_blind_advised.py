@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
-from dogshape.diagnosis.inference.next_test import NextTest
+from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.sim.effects import load
 from dogshape.validation.blind import advised_test
 from dogshape.validation.blind.advised_test import judged_by_test, outcome_of, readings_of

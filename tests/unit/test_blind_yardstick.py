@@ -65,7 +65,7 @@ def _stick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) 
     nothing, count = np.zeros(CELLS), np.full(CELLS, n)
     seen = Observed(
         count, nothing + BASE, nothing + SD**2, nothing, nothing, nothing > 0.0,
-        count, nothing, nothing, SPEEDS.ravel(), FORCES.ravel(), None, (),
+        count, nothing, SPEEDS.ravel(), FORCES.ravel(), None, (),
     )  # fmt: skip
     bench: Any = SimpleNamespace(measured=(), errors=EXACT, margin=USUAL_MARGIN, clock_step=0.0)
     model: Any = _Model()

@@ -12,16 +12,12 @@ import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.consequence import (
-    ANGLES,
-    angles_of,
     consequence,
-    shifts_of,
     studied,
 )
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.effects import load
 from dogshape.sim.errors import DataError
-from dogshape.sim.setting import Setting
 from dogshape.sim.shift.loads import OVERLAPS
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -109,28 +105,6 @@ def test_a_blow_on_an_edge_has_the_energy_of_the_bed_that_was_simulated() -> Non
     assert margins(hard, f"contact.stiffness_Pa_m={soft}")[0] == pytest.approx(less)
 
 
-def test_a_dead_time_moves_every_time_and_no_choice(study: Setup) -> None:
-    found = consequence(
-        study, _designs(study), {"actuation_delay": {"delay_s": 0.1}}, EFFECTS, _run
-    )
-    assert found.chosen is found.best
-    assert (found.regret, found.standard_error) == (0.0, 0.0)
-    for one in found.candidates:
-        assert one.with_effect.mean - one.without.mean == pytest.approx(0.1)
-    assert found.sentence.startswith("The chosen design stays the best (flat)")
-
-
-def test_the_kept_result_gives_the_designs(study: Setup) -> None:
-    _, designs = studied("mq200_paper", 3)
-    assert next(iter(designs)) == "prototype"
-    assert len(designs) == 4
-    result = json.loads(
-        (bundled_root() / "mq200_paper" / "result.json").read_text(encoding="utf-8")
-    )
-    assert list(designs)[1] == f"design {result['confirmation']['chosen']}"
-    assert shifts_of(study, designs) == 2 * ANGLES * len(study.points) * 4
-
-
 def test_a_design_that_failed_at_the_new_angles_is_left_out(tmp_path: Path) -> None:
     folder = kept_folder(tmp_path / "mine")
     _, before = studied(folder.root)
@@ -143,15 +117,6 @@ def test_a_design_that_failed_at_the_new_angles_is_left_out(tmp_path: Path) -> N
     _, after = studied(folder.root)
     assert list(after)[:2] == ["prototype", f"design {chosen}"]
     assert f"design {other['trial']}" not in after
-
-
-def test_angles_of_follow_their_distribution(study: Setup) -> None:
-    setting = Setting(study.clutch, study.points[0], concentration=50.0, centre=0.5)
-    pitch = study.clutch.dog.pitch_angle
-    turns = [angle / pitch for angle in angles_of(setting, (1, 0))]
-    assert all(0.35 < turn < 0.65 for turn in turns)
-    even = Setting(study.clutch, study.points[0])
-    assert max(angles_of(even, (1, 0))) - min(angles_of(even, (1, 0))) > 0.8 * pitch
 
 
 def test_a_folder_of_results_is_a_study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

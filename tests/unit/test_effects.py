@@ -9,7 +9,6 @@ from dataclasses import fields, replace
 from itertools import combinations
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
@@ -17,7 +16,6 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, _require_working
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.training_rows import dataset_of
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import EffectError, GeometryError, InputError
@@ -25,7 +23,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS, Mechanism
-from dogshape.sim.statistics.blocks import Block, run_block
+from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import clutch_record
 from dogshape.sim.units import suffix_of
 from tests.conftest import Listener, Said
@@ -353,17 +351,6 @@ def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:
     assert rows[2][0]["mechanism_friction_N"] == 20.0
     again = Executor(ShiftJournal(tmp_path / "shifts.jsonl"), jobs=1)
     assert again.run([rubbing.block(angles)]) == rows[2:]
-
-
-@pytest.mark.parametrize("extra", [{"mechanism_friction_N": 20.0}, {"force_lag_s": 0.01}])
-def test_shifts_with_effects_teach_a_study_nothing(extra: dict[str, float]) -> None:
-    study = load_study("mq200_paper")
-    angles = tuple((np.arange(3) / 3 * study.clutch.dog.pitch_angle).tolist())
-    plain = list(run_block(Block(study.clutch, study.points[-1], angles)))
-    other = [{**row, **extra, "shift_time_s": 0.5} for row in plain]
-    rows = dataset_of(study, plain).rows
-    assert len(rows) == 1
-    assert dataset_of(study, [*plain, *other]).rows == pytest.approx(rows)
 
 
 def test_neutral_values_that_change_a_shift_are_refused(

@@ -48,8 +48,8 @@ class Disk:
 
 def _bank(path: Path) -> None:
     store = BankStore([path])
-    store._fresh["key"] = {"t": [1, 2, 3]}
-    store._write()
+    store.series["key"] = {"t": [1, 2, 3]}
+    store.save(path, ["key"])
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Where the surrogate learns, and what its rows take from the journal of shifts."""
+"""Where the surrogate learns: designs, their angles, and rows of shifts."""
 
 from __future__ import annotations
 
@@ -11,26 +11,21 @@ import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.design import design_of, worth_simulating
-from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.filling import (
-    MOST,
-    SLACK,
-    filling_blocks,
-    filling_designs,
-    filling_point,
-    finer_counts,
-    own_blocks,
-    own_designs,
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.pipeline.train.design_rows import jobs_of, simulate_designs, simulated_rows
+from dogshape.pipeline.train.filling import SLACK, filling_designs, own_designs
+from dogshape.pipeline.train.training import (
+    LEAST_ANGLES,
+    LEAST_SHIFTS,
+    MOST_DESIGNS,
+    angles_of,
+    count_of,
 )
-from dogshape.pipeline.train.training import fill, train
-from dogshape.pipeline.train.training_rows import dataset_of
-from dogshape.sim.units import RPM
+from dogshape.sim.errors import InputError
 from dogshape.surrogate.dataset import COLUMNS, rows_of
 
-WANTED = 0.01  #: relative error of references
-EVEN = np.full(3, 1.0 / 3.0)  #: weights of three operating points
+ONE = {"operating.mismatch_rpm": [25.0], "operating.force_N": [469.0]}
+EIGHT = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0], "operating.force_N": [235.2, 641.5]}
 
 
 def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Setup) -> None:
@@ -46,45 +41,6 @@ def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Setup) -
         values = [design[key] for design in designs]
         assert low <= min(values) < max(values) <= high
     assert {type(design["count"]) for design in designs} == {int}
-
-
-@pytest.mark.parametrize("mismatch", ["[5, 249]", "[-100, 100]", "[-249, -5]"])
-def test_operating_points_reach_their_edges(mismatch: str) -> None:
-    study = load_study("mq200_paper", [f"operating.mismatch_rpm={mismatch}"])
-    low, high = min(study.mismatches), max(study.mismatches)
-    points = [filling_point(study, 1, index) for index in range(200)]
-    speeds = np.array([point.mismatch / RPM for point in points])
-    forces = np.array([point.profile.force for point in points])
-    for values, ends in ((speeds, (low, high)), (forces, (235.2, 641.5))):
-        span = ends[1] - ends[0]
-        assert values.min() == pytest.approx(ends[0], abs=0.02 * span)
-        assert values.max() == pytest.approx(ends[1], abs=0.02 * span)
-        assert values.min() >= ends[0] - 1e-9
-        assert values.max() <= ends[1] + 1e-9
-
-
-def _found(errors: list[list[float]]) -> np.ndarray:
-    """Means of 0.1 s with these errors, s, of designs at points."""
-    return np.stack([np.full_like(errors, 0.1), errors], axis=-1)
-
-
-def test_references_look_closer_where_their_error_is() -> None:
-    counts = [12, 12, MOST]
-    assert finer_counts(_found([[1e-4] * 3] * 4), counts, WANTED, EVEN) == counts
-    part = WANTED * 0.1 * 3**0.5
-    rough = _found([[3 * part, 1e-4, 3 * part], [2 * part, 1e-4, 0.0]])
-    assert finer_counts(rough, counts, WANTED, EVEN) == [24, 12, MOST]
-    seldom = np.array([0.05, 0.05, 0.9])  # what seldom counts needs no finer look
-    assert finer_counts(rough, [12] * 3, WANTED, seldom) == [12, 12, 24]
-
-
-def test_one_design_with_a_lucky_draw_is_looked_at_like_the_others() -> None:
-    lucky = _found([[1e-5, 1e-5], [0.01, 1e-5], [0.01, 1e-5]])
-    assert (
-        finer_counts(lucky, [12, 12], WANTED, EVEN[:2] * 1.5)
-        == finer_counts(lucky[::-1], [12, 12], WANTED, EVEN[:2] * 1.5)
-        == [24, 12]
-    )
 
 
 def _shift(angle: float, seed: int | None = 1, **changes: Any) -> dict[str, Any]:
@@ -117,55 +73,6 @@ def test_rows_are_groups_of_whole_draws() -> None:
     assert none[len(names) + 5] == 0
 
 
-@pytest.fixture(scope="module")
-def filled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Setup, ShiftJournal]:
-    """A study with a dozen designs simulated at two points of their own."""
-    sets = ["surrogate.points=2", "surrogate.angles=3", "operating.mismatch_rpm=[50, 149]"]
-    study = load_study("mq200_paper", sets)
-    journal = ShiftJournal(tmp_path_factory.mktemp("filled") / "shifts.jsonl")
-    designs = list(islice(filling_designs(study, 1), 12))
-    blocks = [b for i, d in enumerate(designs) for b in filling_blocks(study, d, i, 1)]
-    Executor(journal).run(blocks)
-    return study, journal
-
-
-def test_rows_of_other_physics_are_left_out(filled: tuple[Setup, ShiftJournal]) -> None:
-    study, journal = filled
-    rows = list(journal.rows.values())
-    data = dataset_of(study, rows)
-    assert len(data) == 24
-    assert len(data.designs) == 12
-    finer = [{**row, "accuracy": 1e-5} for row in rows]
-    ramp = [{**row, "force_rise_s": 0.3} for row in rows]
-    older = [{**row, "drake": "1.0"} for row in rows]
-    assert len(dataset_of(study, [*rows, *finer, *ramp, *older])) == 24
-    assert len(dataset_of(load_study("mq200_paper", ["contact.set=adams2019"]), rows)) == 0
-
-
-def test_rows_do_not_depend_on_the_order_of_shifts(filled: tuple[Setup, ShiftJournal]) -> None:
-    """Workers finish in any order; the digest of a data set, and so its fit, must not tell."""
-    study, journal = filled
-    rows = list(journal.rows.values())
-    assert dataset_of(study, rows).digest == dataset_of(study, rows[::-1]).digest
-
-
-def test_a_filled_folder_has_all_of_its_rows(tmp_path: Path) -> None:
-    """Seeds of search and surrogate are alike by default; only a search's folder has others."""
-    few = {"designs": 10, "points": 1, "angles": 3, "references": 3, "best_references": 0,
-           "reference_angles": 3, "reference_error": 0.3}  # fmt: skip
-    study = load_study("mq200_paper", {
-        **{f"surrogate.{key}": value for key, value in few.items()}, "surrogate.mix_shifts": 0,
-        "operating.mismatch_rpm": [50, 149], "operating.force_N": [469.0],
-    })  # fmt: skip
-    folder = StudyFolder(tmp_path)
-    fill(study, folder, 1)
-    data = train(folder).surrogate.data
-    assert len(data.designs) == 11  # with the study's own dog
-    own = data.rows[(data.x == study.rows([study.prototype])).all(axis=1)]
-    assert own[:, 5].tolist() == [50.0, 149.0]
-    assert (own[:, -2] == 672).all()
-
-
 def test_own_designs_are_those_that_can_be_simulated() -> None:
     reference = {"chamfer_deg": 10.0, "count": 18}
     study = load_study("mq200_paper", {"search.reference": reference})
@@ -173,6 +80,63 @@ def test_own_designs_are_those_that_can_be_simulated() -> None:
     assert len(own_designs(load_study("mq200_paper"))) == 1
     assert own_designs(load_study("mq200_paper", {"dog.chamfer_deg": 5.0})) == []  # it holds
     assert own_designs(load_study("mq200_paper", {"dog.count": 40})) == []  # its tip is too narrow
-    blocks = own_blocks(study)
-    assert len(blocks) == 2 * len(study.points)
-    assert {len(block.angles) for block in blocks} == {48}
+
+
+@pytest.mark.parametrize(("settings", "angles"), [({}, 16), (EIGHT, 16), (ONE, 128)])
+def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
+    settings: dict[str, object], angles: int
+) -> None:
+    study = load_study("mq200_paper", {**settings, "surrogate.mix_shifts": 50_000})
+    assert angles_of(study) == angles >= LEAST_ANGLES
+    each = angles * len(study.points)
+    assert each >= LEAST_SHIFTS
+    assert count_of(study) == 50_000 // each
+    (job,) = jobs_of([study.prototype], angles, 3)
+    blocks = job.blocks(study.working)
+    assert {len(block.angles) for block in blocks} == {angles // 2}
+    assert sum(job.rounds(study)) == angles // 2
+    assert {block.clutch.solver.engine for block in blocks} == {"planar"}
+    other = jobs_of([study.prototype] * 2, angles, 3)[1]
+    assert not {b.angles[0] for b in blocks} & {b.angles[0] for b in other.blocks(study.working)}
+
+
+def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -> None:
+    many = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": 10**7})
+    assert count_of(many) == MOST_DESIGNS
+    for shifts in (1, 15 * 128 - 1):
+        few = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": shifts})
+        with pytest.raises(InputError, match=rf"mix_shifts = {shifts} .* give 1920 or more"):
+            count_of(few)
+
+
+def test_what_is_uncertain_has_even_angles() -> None:
+    """A time is no function of the angle there: between two of them nothing is halved."""
+    unsure = {"uncertain.friction_factor": {"distribution": "uniform", "low": 0.9, "high": 1.1}}
+    study = load_study("mq200_paper", {**ONE, **unsure})
+    (job,) = jobs_of([study.prototype], 128, 1)
+    assert job.rounds(study) == ()
+    (block,) = job.blocks(study)
+    assert len(block.angles) == 128
+
+
+def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_path: Path) -> None:
+    """Half of a design's angles are where its times jump: they say what many even ones say."""
+    study, path = load_study("mq200_paper", EIGHT).working, tmp_path / "simulated.jsonl"
+    jobs = jobs_of([study.prototype, {**study.prototype, "chamfer_deg": 7.5}], 32, 1)
+    (even,) = jobs_of([study.prototype], 31, 5)  # below 32 fewer halve intervals
+    counted: list[int] = []
+    executor = scratch_executor(1, counted.append)
+    simulate_designs(study, path, jobs[:1], executor)
+    simulate_designs(study, path, jobs, executor)
+    assert sum(counted) == 2 * 8 * 32
+    rows = simulated_rows(study, path, jobs)
+    assert rows.shape == (16, 5 + len(COLUMNS))
+    first = dict(zip(COLUMNS, rows[:8, 5:].T, strict=True))
+    assert (first["shifts"] == 32).all()
+    assert (first["engaged"] <= 32).all()
+    simulate_designs(study, path, [even], executor)
+    other = dict(zip(COLUMNS, simulated_rows(study, path, [even])[:, 5:].T, strict=True))
+    error = np.hypot(first["standard_error_s"], other["standard_error_s"])
+    assert (np.abs(first["mean_s"] - other["mean_s"]) < 4.0 * error).all()
+    path.write_text(path.read_text().splitlines(keepends=True)[0] + '{"key": "to')  # as a kill does
+    assert len(simulated_rows(study, path, jobs)) == 8

@@ -41,7 +41,6 @@ GUARDED = {
     ),
     "optuna": ("pipeline/search/", "pipeline/store/trial_storage.py", "pipeline/study.py"),
     "sqlalchemy": ("pipeline/store/trial_storage.py",),
-    "sklearn": ("surrogate/learning.py",),
     "plotly": ("pipeline/reports/",),
     "typer": ("dogshape/cli/", "validation/blind/verbs.py"),
     "rich": ("dogshape/cli/",),
@@ -53,6 +52,7 @@ GUARDED = {
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
     "SALib": ("surrogate/sensitivity.py",),
+    "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
 }
 #: What takes so long to load that ``check`` must answer without it.

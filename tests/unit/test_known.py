@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,13 +15,12 @@ from dogshape.expectation import simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.train.training_rows import known_surrogate, stored_surrogate, study_mix
 from dogshape.running import Where
-from dogshape.surrogate.expected_time import Over
 from dogshape.surrogate.query import in_range, other_physics
 from dogshape.surrogate.store import MissingError, Stored, save
 from tests.conftest import Said
 
 Call = Callable[..., Said]
-PROTOTYPE = 0.0945  #: s, expected shift time by 16 angles at each operating point (README)
+PROTOTYPE = 0.0948  #: s, expected shift time at new angles (docs/results.md)
 
 
 @pytest.fixture(scope="module")
@@ -56,17 +56,11 @@ def test_a_copy_of_the_study_has_it_by_its_physics(tmp_path: Path) -> None:
     assert known_surrogate(load_study(copy, ["sliding.mass_kg=0.4"])) is None
 
 
-def test_many_designs_are_answered_like_one(brought: Stored) -> None:
-    study = load_study("mq200_paper")
-    mix, model = study_mix(study), brought.surrogate
-    x = model.data.designs[::60]
-    one = [model.expected(row, mix) for row in x]
-    time, error = Over(model, mix).predict(x)
-    assert time == pytest.approx([e.time for e in one], rel=5e-3)
-    assert error == pytest.approx([e.error for e in one], rel=0.15)
+def test_designs_at_other_points_are_outside_its_range(brought: Stored) -> None:
+    mix, model = study_mix(load_study("mq200_paper")), brought.surrogate
+    x = model.data.x[::60]
     assert in_range(model, x).all()
-    far = mix.points * [20.0, 1.0]
-    assert not in_range(model, x, mix.__class__(far, mix.weights, mix.retry)).any()
+    assert not in_range(model, x, replace(mix, points=mix.points * [20.0, 1.0])).any()
 
 
 def test_the_named_surrogate_is_asked(brought: Stored, tmp_path: Path) -> None:
@@ -123,12 +117,6 @@ def test_a_design_without_a_time_has_its_reason(dogshape: Call) -> None:
         )
 
 
-def test_the_compiled_engine_is_beside_the_surrogate_of_the_other_engine(dogshape: Call) -> None:
-    said = dogshape("check", "mq200_paper", "--engine", "planar", "--json")
-    assert said.json["surrogate"].endswith("mq200_paper/surrogate.json")
-    assert said.json["predicted"]["expected_shift_time_s"] > 0.0
-
-
 @pytest.mark.parametrize("flanks", [(0.0, 0.0), (4.0, 0.0), (4.0, 6.0)])
 def test_a_clutch_of_which_few_shifts_engage_has_no_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, flanks: tuple[float, float]
@@ -153,13 +141,3 @@ def test_an_interval_of_a_time_is_positive(tmp_path: Path, monkeypatch: pytest.M
     bare, error = found.expected.without_retries
     assert bare == pytest.approx(found.expected.time - found.expected.retries)
     assert found.expected.retries > found.expected.retries_error > error > 0.0
-
-
-def test_one_point_of_a_clutch_without_a_surrogate(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    found = check_design(load_study("mq200_paper", ["sliding.mass_kg=0.4"]), 149.0, 641.5)
-    assert found.to_dict()["operating_points"] == 1
-    assert found.shifts == SHIFTS
-    assert found.mix.points.tolist() == [[149.0, 641.5]]

@@ -10,7 +10,7 @@ from scipy.integrate import quad
 from scipy.stats import norm
 
 from dogshape.diagnosis.inference.outcome import Outcome, smoothed
-from dogshape.diagnosis.inference.visible import seen_apart
+from dogshape.diagnosis.inference.verdict import seen_apart
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 
 LAG, MASS = ("actuation_lag",), ("moving_mass",)
@@ -56,22 +56,6 @@ def test_information_and_chances_of_two_normal_densities(apart: float, chance: f
     assert max(error) < 0.02
 
 
-def test_a_symmetric_pair_is_symmetric() -> None:
-    one, other = (_normal({LAG: s, MASS: -s}).after(_before(0.5, 0.5), log, 0.0) for s, log in (
-        (1.0, _normal({LAG: 1.0, MASS: -1.0}).log_density(np.array([[0.4]]))),
-        (-1.0, _normal({LAG: -1.0, MASS: 1.0}).log_density(np.array([[0.4]]))),
-    ))  # fmt: skip
-    assert one[0, :2] == pytest.approx(other[0, 1::-1])
-    assert one[0, 0] / one[0, 1] == pytest.approx(np.exp(0.8))
-
-
-def test_equal_predictions_tell_nothing() -> None:
-    information, settles, misleads = _normal({LAG: 0.0, MASS: 0.0}).worth(
-        _before(0.5, 0.5), ODDS, NAMED
-    )
-    assert (information, settles, misleads) == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
-
-
 def test_few_draws_keep_mean_and_covariance_of_many() -> None:
     generator = np.random.default_rng(3)
     draws = generator.normal(size=(48, 2)) @ np.array([[1.0, 0.6], [0.0, 0.5]])
@@ -81,20 +65,6 @@ def test_few_draws_keep_mean_and_covariance_of_many() -> None:
     left = mean - mean.mean(axis=0)
     whole = np.einsum("k,kij->ij", share, covariance) + left.T @ (share[:, None] * left)
     assert whole == pytest.approx(np.cov(draws.T, ddof=0) + error)
-
-
-def test_draws_of_one_distribution_tell_little_of_two_hypotheses() -> None:
-    """64 draws each make up less than 0.05 nat, and name either in less than 5 %."""
-    generator = np.random.default_rng(5)
-    errors = np.tile(0.0025 * np.eye(2), (64, 1, 1))
-    parts = {h: smoothed(generator.random((64, 2)), errors) for h in (LAG, MASS)}
-    parts[UNKNOWN] = (np.ones(1), np.full((1, 2), 1e3), errors[:1])
-    made_up = [
-        Outcome.of(parts, lambda _: False).worth(_before(0.5, 0.5), 0.0, NAMED, k)
-        for k in range(10)
-    ]
-    assert np.mean([one[0] for one in made_up]) < 0.05
-    assert np.mean([one[1] + one[2] for one in made_up]) < 0.05
 
 
 def test_densities_are_those_of_a_mixture_and_draws_follow_them() -> None:
@@ -142,22 +112,6 @@ def test_an_imitator_counts_with_its_hypothesis_until_an_outcome_tells_them_apar
     assert read.after(before, read.log_density(np.array([[0.7]])), ODDS)[0, 0] > 0.9
 
 
-def test_a_test_that_reads_no_cause_misleads_by_the_imitators() -> None:
-    """It tells lag and mass apart for sure, but neither from its imitator."""
-    apart = _normal({LAG: 0.0, MASS: 9.0})
-    information, settles, misleads = apart.worth(_before(0.5, 0.5), ODDS, NAMED)
-    assert misleads == pytest.approx(ODDS / (1.0 + ODDS), abs=0.003)
-    assert settles == pytest.approx(1.0 / (1.0 + ODDS), abs=0.003)
-    assert information == pytest.approx(np.log(2.0), abs=0.01)
-    direct = replace(apart, read=np.array([True, True, False]))
-    assert direct.worth(_before(0.5, 0.5), ODDS, NAMED)[1:] == pytest.approx((1.0, 0.0), abs=0.01)
-
-
-def test_none_has_no_imitator() -> None:
-    outcome = _normal({NONE: 0.0, MASS: 9.0})
-    assert outcome.worth(_before(1.0, 0.0), ODDS, NAMED)[2] == pytest.approx(0.0, abs=1e-6)
-
-
 def test_a_value_that_is_not_shown_does_not_count() -> None:
     """Two values that err together: their difference tells all, the second alone little."""
     whole = np.array([[[1.0, 0.99], [0.99, 1.0]]])
@@ -181,9 +135,3 @@ def test_no_probability_is_negative_where_all_draws_count_as_absent() -> None:
     found = seen_apart(shares, raw)
     assert found[pair] == 0.0
     assert sum(found.values()) == pytest.approx(1.0)
-
-
-def test_what_one_meaning_of_the_record_left_out_may_take_the_share_of_a_larger_set() -> None:
-    """Under each meaning other sets are worth their evidence."""
-    pair, lag = ("actuation_lag", "moving_mass"), ("actuation_lag",)
-    assert seen_apart({pair: {lag: 0.25}}, {pair: 1.0}) == {pair: 0.75, lag: 0.25}

@@ -253,7 +253,6 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
         return dict(known["effects"])
 
     place = "dogshape.pipeline.reports.variable_effects"
-    monkeypatch.setattr(f"{place}.Over", lambda *_: None)
     monkeypatch.setattr(f"{place}._effects_record", learned)
     monkeypatch.setattr(f"{place}.prices", lambda *_: [])
     learn_effects(folder, calls.append)

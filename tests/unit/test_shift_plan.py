@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.special import ndtr
 
 from dogshape.diagnosis.inference.shift_plan import (
     LOT,
@@ -14,7 +13,6 @@ from dogshape.diagnosis.inference.shift_plan import (
     TRUTHS,
     VISITS,
     shift_plan,
-    steadiest,
     visits,
 )
 from dogshape.diagnosis.terms import NONE
@@ -37,8 +35,6 @@ def test_the_distance_of_a_dead_time_is_that_of_its_mean() -> None:
         assert late[:, 0] == pytest.approx(DELAYS**2 / variance, rel=1e-6)
         # None, and any dead time, is imitated by a dead time.
         assert max(none[0, 1], late[:, 1].max()) <= (STEP / 2) ** 2 / variance * (1 + 1e-6)
-        odds = field.log_odds(np.array([float(n)]))[1, 0]
-        assert odds == pytest.approx(0.5 * (DELAYS**2 / variance).mean(), rel=1e-6)
 
 
 def test_what_all_points_have_in_common_is_no_evidence_however_many_shifts() -> None:
@@ -49,19 +45,6 @@ def test_what_all_points_have_in_common_is_no_evidence_however_many_shifts() -> 
     assert many == pytest.approx(DELAYS**2 / ((0.04 * time) ** 2 + 1e-6), rel=1e-4)
 
 
-def test_all_other_errors_in_common_count_as_well() -> None:
-    """An offset of 10 ms that both points share leaves their difference alone."""
-    offset = np.full((1, 2, 1), 0.01)
-    plain, shared = (
-        field_at(("actuation_delay",), POINTS[:2], columns=columns)
-        for columns in (lambda _: 0.0 * offset, lambda _: offset)
-    )
-    many = np.full(2, 1e12)
-    assert plain.distances(many)[1][:, 0] == pytest.approx(2.0 * DELAYS**2 / 1e-6, rel=1e-4)
-    limit = DELAYS**2 / (0.5e-6 + 0.01**2)
-    assert shared.distances(many)[1][:, 0] == pytest.approx(limit, rel=1e-4)
-
-
 def test_a_spread_is_known_from_several_shifts() -> None:
     """At one shift a point only means tell values apart; else ln of spreads to 1/(2 (n - 1))."""
     field = field_at(("mismatch_speed",), POINTS[:1])
@@ -70,34 +53,6 @@ def test_a_spread_is_known_from_several_shifts() -> None:
     logs = field.truths[1][:, 1, 0] - np.log(field.baseline.sd[0, 0])
     expected = logs**2 / (0.5 / 1e4 + 0.2**2)
     assert wide.distances(np.array([1e4 + 1.0]))[1][:, 0] == pytest.approx(expected, rel=1e-3)
-
-
-def test_a_value_of_large_error_is_not_the_nearest_to_anything() -> None:
-    """The part of emulation is subtracted from the nearest value, and does not choose it."""
-    field = field_at(("actuation_delay",), POINTS[:1])
-    shifts = np.array([10.0])
-    doubtful = field.rivals[1].copy()
-    doubtful[-1, 3] = 1.0  # the longest dead time, far from none
-    other = replace(field, rivals=(field.rivals[0], doubtful))
-    for plain, found in zip(field.distances(shifts), other.distances(shifts), strict=True):
-        assert found[:20] == pytest.approx(plain[:20])
-
-
-def test_what_no_shift_shows_is_a_coin() -> None:
-    """The toy knows no drag, so no shift tells it from none."""
-    field = field_at(("drag_torque",))
-    plan = shift_plan(field, 40)
-    assert plan.worth == pytest.approx(0.5)
-    assert plan.apart[1, 0] == plan.apart[0, 1] == 0.0
-    assert field.worth(np.zeros(field.cells)) == pytest.approx(0.5)
-
-
-def test_a_pair_is_decided_by_half_the_distance() -> None:
-    field = field_at(("actuation_delay",))
-    shifts = np.full(field.cells, 5.0)
-    none, late = field.distances(shifts)
-    both = ndtr(0.5 * np.sqrt(late[:, 0])).mean(), ndtr(0.5 * np.sqrt(none[0, 1]))
-    assert field.worth(shifts) == pytest.approx(sum(both) / 2)
 
 
 def test_half_the_distance_is_the_mean_log_bayes_factor_of_simulated_means() -> None:
@@ -130,16 +85,7 @@ def test_more_shifts_are_worth_more_and_a_greedy_choice_beats_the_reference_alon
         alone = np.zeros(field.cells)
         alone[plan.reference] = total
         assert plan.worth >= field.worth(alone)
-        assert plan.worth >= plan.evenly - 0.01
-
-
-def test_a_point_at_which_nothing_engages_is_told_by_its_share_alone() -> None:
-    field = field_at(("actuation_delay",), POINTS[:2])
-    lost = [values.copy() for values in field.truths]
-    lost[1][:, 2] = 0.0
-    engaged = replace(field, truths=tuple(lost), error=np.full(2, 1e3))
-    found = engaged.distances(np.full(2, 10.0))[1][:, 0]
-    assert found == pytest.approx(2.0 / (0.02 * 0.98 / 10.0 + 0.02**2), rel=1e-3)
+        assert plan.worth >= field.worth(np.full(field.cells, total / field.cells)) - 0.01
 
 
 def test_the_reference_comes_first_amid_and_last_and_the_others_at_random() -> None:
@@ -159,7 +105,6 @@ def test_the_reference_comes_first_amid_and_last_and_the_others_at_random() -> N
 def test_the_reference_scatters_least_and_a_limit_of_points_is_kept() -> None:
     field = field_at(("actuation_delay", "moving_mass"))
     plan = shift_plan(field, 60, most=3)
-    assert plan.reference == steadiest(field)
     assert field.baseline.sd[0, plan.reference] == field.baseline.sd[0].min()
     assert sum(n > 0 for n in plan.shifts) <= 3
     assert plan.shifts[plan.reference] >= VISITS * LOT

@@ -15,9 +15,8 @@ from dogshape.pipeline.config.schema import keys_like
 from dogshape.pipeline.config.study_file import bundled_studies, find_study, load_study
 from dogshape.pipeline.search.tolerance_effects import time_spread
 from dogshape.pipeline.store.folder import StudyFolder, read_json
-from dogshape.pipeline.train.filling import filling_blocks
+from dogshape.pipeline.train.design_rows import jobs_of
 from dogshape.pipeline.train.training_rows import (
-    dataset_of,
     known_surrogate,
     stored_surrogate,
     study_mix,
@@ -28,7 +27,7 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile, recorded_profile
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING
-from dogshape.sim.statistics.blocks import even_block, run_block
+from dogshape.sim.statistics.blocks import even_block
 from dogshape.sim.versions import bundled_root
 from dogshape.surrogate.query import require_same_physics
 from tests.conftest import Said
@@ -276,19 +275,6 @@ def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
     assert drawn.rise == pytest.approx(study.actuation.at_sleeve(drawn.force).rise)
 
 
-def test_rows_of_another_actuation_do_not_meet() -> None:
-    keys = _mechanism(delay_s=0.05, lag_s=0.02, force_factor=0.8)
-    study, plain = load_study("mq200_paper", keys), load_study("mq200_paper")
-    blocks = [even_block(one.clutch, one.points[-1], 3, (1, 27)) for one in (study, plain)]
-    rows = [list(run_block(block)) for block in blocks]
-    shifts = [row for mine in rows for row in mine]
-    for one, mine in zip((study, plain), rows, strict=True):
-        data = dataset_of(one, shifts)
-        times = [row["shift_time_s"] for row in mine]
-        assert len(data.rows) == 1
-        assert data.column("mean_s")[0] == pytest.approx(sum(times) / 3)
-
-
 def test_surrogates_know_what_they_were_fitted_to(dogshape: Call) -> None:
     """The package's is refused."""
     for key, value in (("mechanism.spline_friction", 0.1), ("effects.contact_dissipation", 3.0),
@@ -343,7 +329,8 @@ def test_what_a_surrogate_learns_from_has_them() -> None:
     """Designs and operating points that ``fit`` simulates; forces of a range at the sleeve."""
     keys = _mechanism(spline_friction=0.1, lag_s=0.02, force_factor=0.8)
     study, plain = load_study("mq200_paper", keys), load_study("mq200_paper")
-    ours, others = (filling_blocks(one, one.prototype, 1, 1) for one in (study, plain))
+    (job,) = jobs_of([study.prototype], 16, 1)
+    ours, others = job.blocks(study), job.blocks(plain)
     for block, other in zip(ours, others, strict=True):
         assert block.clutch.mechanism == study.clutch.mechanism
         profile = block.point.profile

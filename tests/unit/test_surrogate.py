@@ -9,22 +9,24 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.pipeline.train.training import validate
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import DataError, InputError
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import Dataset, Mix, reference_of
-from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.learning import Effort, fit
-from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.dataset import Dataset, Grid, Mix, grid_of
+from dogshape.surrogate.model import Surrogate, coordinates, fit, shape_of
+from dogshape.surrogate.process import Effort
 from dogshape.surrogate.query import ask, in_range
 from dogshape.surrogate.store import Stored, load, save
+from dogshape.surrogate.validation_figures import validate
 
 NAMES = ("chamfer_deg", "height_mm", "count")
 LOW, HIGH = np.array([0.0, 2.0, 6.0]), np.array([20.0, 6.0, 30.0])
 PHYSICS = {"contact_set": "made_up", "static_friction": 0.12, "dynamic_friction": 0.1}
 GRID = np.array([[m, f] for m in (5.0, 25.0, 100.0) for f in (250.0, 600.0)])
 MIX = Mix(GRID, np.array([0.1, 0.1, 0.2, 0.2, 0.2, 0.2]), retry=1.2)
-QUICK = Effort(rows=200, steps=25)
+FIRST, THIRD, FOURTH = (Mix(GRID[k : k + 1], np.ones(1), 1.2) for k in (0, 2, 3))
+QUICK = Effort(designs=60, steps=25)
 
 
 def truth(x: Array, points: Array) -> Array:
@@ -35,23 +37,16 @@ def truth(x: Array, points: Array) -> Array:
     return 0.06 * np.exp(shape - 0.1 * slow * (1 + u[:, 0]) - 0.2 * np.log(points[:, 1] / 400.0))
 
 
-def made(
-    designs: int, noise: float = 0.01, seed: int = 0, *, grid: bool = False, losing: float = 0.0
-) -> Dataset:
-    """Rows of a known time: some points a design, or all of the grid; ``losing`` do not engage."""
+def made(designs: int, noise: float = 0.01, seed: int = 0, losing: float = 0.0) -> Dataset:
+    """Designs with a known time at all of the grid; a share ``losing`` of shifts do not engage."""
     rng = np.random.default_rng(seed)
-    x = np.repeat(LOW + rng.random((designs, 3)) * (HIGH - LOW), len(GRID) if grid else 4, axis=0)
-    count = len(x)
-    points = np.tile(GRID, (designs, 1))
-    if not grid:
-        points = np.column_stack(
-            [5.0 * 20.0 ** rng.random(count), 250.0 * 2.4 ** rng.random(count)]
-        )
-    mean = truth(x, points) * np.exp(noise * rng.standard_normal(count))
-    engaged = rng.binomial(8, 1.0 - losing, count)
-    columns = (mean, noise * mean, 0.3 * mean, engaged, np.full(count, 8), np.full(count, seed))
-    rows = np.column_stack([x, points, *columns])
-    return Dataset(NAMES, LOW, HIGH, rows, PHYSICS, {"drake": "1"})
+    x, size = LOW + rng.random((designs, 3)) * (HIGH - LOW), len(GRID)
+    x[:, 2] = np.round(x[:, 2])
+    means = truth(np.repeat(x, size, axis=0), np.tile(GRID, (designs, 1))).reshape(-1, size)
+    means = means * np.exp(noise * rng.standard_normal(means.shape))
+    engaged = rng.binomial(8, 1.0 - losing, means.shape).astype(float)
+    grid = Grid(x, means, noise * means, 0.3 * means, engaged, np.full(means.shape, 8.0))
+    return Dataset(NAMES, LOW, HIGH, PHYSICS, {"drake": "1"}, MIX, grid)
 
 
 def exact(x: Array, mix: Mix = MIX) -> float:
@@ -62,83 +57,98 @@ def exact(x: Array, mix: Mix = MIX) -> float:
 @pytest.fixture(scope="module")
 def surrogate() -> Surrogate:
     """A surrogate of the known function, 60 designs."""
-    return fit(made(60), effort=QUICK)
+    return fit(made(60), QUICK)
 
 
 @pytest.fixture(scope="module")
 def stored(surrogate: Surrogate) -> Stored:
     """The same with its figures."""
-    reference = reference_of(made(20, seed=5, grid=True), MIX)
-    return Stored(surrogate, validate(surrogate, MIX, reference))
+    return Stored(surrogate, validate(surrogate, made(20, seed=5)))
 
 
-def test_predicts_expected_times_and_covers_them(surrogate: Surrogate) -> None:
-    x = made(40, seed=1).designs
-    found = [surrogate.expected(row, MIX) for row in x]
-    times = np.array([exact(row) for row in x])
-    error = np.array([one.time for one in found]) / times - 1
-    assert np.sqrt((error**2).mean()) < 0.01
-    inside = [one.low <= time <= one.high for one, time in zip(found, times, strict=True)]
-    assert np.mean(inside) >= 0.85
+@pytest.mark.parametrize("mix", [MIX, replace(MIX, weights=np.full(6, 1.0 / 6.0)), THIRD])
+def test_predicts_expected_times_and_covers_them(surrogate: Surrogate, mix: Mix) -> None:
+    x = made(40, seed=1).x
+    time, error = surrogate.predict(x, mix)
+    truths = np.array([exact(row, mix) for row in x])
+    assert np.sqrt(((time / truths - 1) ** 2).mean()) < 0.01
+    assert (np.abs(time - truths) < 2.2 * error).mean() >= 0.85
+    one = surrogate.expected(x[0], mix)
+    assert (one.time, one.error) == pytest.approx((time[0], error[0]), rel=1e-4)
+    assert one.low < one.time < one.high
+    assert surrogate.medians(x, mix) == pytest.approx(time, rel=1e-3)
 
 
-def test_many_designs_at_once_agree_with_one_at_a_time(surrogate: Surrogate) -> None:
-    x = made(25, seed=2).designs
-    one = [surrogate.expected(row, MIX) for row in x]
-    time, error = Over(surrogate, MIX).predict(x)
-    assert time == pytest.approx([e.time for e in one], rel=2e-3)
-    assert error == pytest.approx([e.error for e in one], rel=0.15)
+def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate: Surrogate) -> None:
+    x = made(30, seed=2).x
+    between = Mix(np.array([[12.0, 400.0]]), np.ones(1), 1.2)
+    time, error = surrogate.predict(x, between)
+    truths = np.array([exact(row, between) for row in x])
+    assert np.corrcoef(time, truths)[0, 1] > 0.99
+    assert time == pytest.approx(truths, rel=0.1)
+    assert (np.abs(time - truths) < 1.96 * error).mean() >= 0.9
+    assert error.mean() > 3.0 * surrogate.predict(x, FIRST)[1].mean()
+    rows = surrogate.times_by_row(np.repeat(x[:1], 2, axis=0), np.array([[12.0, 400.0], GRID[3]]))
+    own = [surrogate.medians(x[:1], replace(m, retry=0.0))[0] for m in (between, FOURTH)]
+    assert rows == pytest.approx(own)
 
 
-def test_the_error_of_a_mix_is_that_of_joint_draws(surrogate: Surrogate) -> None:
-    """The points of a mix err together: neither independent nor as one."""
-    x = np.array([4.0, 5.5, 25.0])
-    inputs = surrogate.inputs(np.tile(x, (len(GRID), 1)), GRID)
-    mean, covariance = surrogate.times.joint(inputs)
-    draws = np.random.default_rng(0).multivariate_normal(mean, covariance, 40_000)
-    times = np.exp(draws) @ MIX.weights
-    engaging = replace(MIX, retry=0.0)
-    expected = surrogate.expected(x, engaging)
-    assert expected.time == pytest.approx(times.mean(), rel=1e-3)
-    assert expected.error == pytest.approx(times.std(), rel=0.03)
-    alone = np.sqrt(np.diag(covariance)) * np.exp(mean) * MIX.weights
-    assert np.sqrt((alone**2).sum()) < expected.error < alone.sum()
+def test_joint_errors_are_those_of_the_smooth_part(surrogate: Surrogate) -> None:
+    x = made(12, seed=3).x
+    time, covariance = surrogate.joint(x)
+    alone, error = surrogate.predict(x)
+    assert time == pytest.approx(alone, rel=1e-3)
+    assert (np.diag(covariance) <= 1.001 * error**2).all()
+    assert np.linalg.eigvalsh(covariance).min() > -1e-12
 
 
 def test_validation_tells_signal_from_noise(surrogate: Surrogate) -> None:
-    data = made(24, grid=True)
-    model = fit(data, effort=QUICK)
-    good = validate(model, MIX)
+    data = made(24)
+    good = validate(fit(data, QUICK))
+    assert (good.n, good.source) == (24, "held out")
     assert good.q2 > 0.9
-    assert good.n == 24
-    assert good.source == "held out"
-    rows = data.rows.copy()
-    rows[:, 5] = np.repeat(0.07 * np.exp(0.1 * np.random.default_rng(3).standard_normal(24)), 6)
-    noise = replace(data, rows=rows)
-    assert validate(fit(noise, effort=QUICK), MIX).q2 < 0.3
+    apart = validate(surrogate, made(40, 0.001, seed=8))
+    assert (apart.n, apart.source) == (40, "references")
+    assert apart.q2 > 0.99
+    assert apart.q2_points > 0.98
+    assert min(apart.coverage_95, apart.coverage_points) >= 0.85
+    level = 0.07 * np.exp(0.1 * np.random.default_rng(3).standard_normal((24, 1)))
+    noise = replace(data, grid=replace(data.grid, means=np.tile(level, len(GRID))))
+    assert validate(fit(noise, QUICK)).q2 < 0.3
 
 
-def test_references_are_designs_with_every_point() -> None:
-    data = made(6, seed=4, grid=True)
-    whole = reference_of(data, MIX)
-    assert len(whole) == 6
-    assert whole.time == pytest.approx([exact(x) for x in whole.x], rel=0.03)
-    assert len(reference_of(data.subset(np.arange(1, len(data))), MIX)) == 5
+def test_a_grid_has_the_designs_with_every_point() -> None:
+    data = made(6, seed=4)
+    rows = data.frame()[[*NAMES, "mismatch_rpm", "force_N", "mean_s", "standard_error_s", "sd_s",
+                         "engaged", "shifts"]].to_numpy()  # fmt: skip
+    rows = np.column_stack([rows, np.ones(len(rows))])
+    whole = grid_of(np.concatenate([rows, rows]), MIX)  # a row counts once
+    assert len(whole.x) == 6
+    order = np.lexsort(data.x.T[::-1])
+    for name in ("x", "means", "errors", "sds", "engaged", "shifts"):
+        assert getattr(whole, name) == pytest.approx(getattr(data.grid, name)[order])
+    assert len(grid_of(rows[1:], MIX).x) == 5
+    other = rows.copy()
+    other[:, -1], other[:, 5], other[:, 8:10] = 2.0, 2.0 * rows[:, 5], 3.0 * rows[:, 8:10]
+    pooled = grid_of(np.concatenate([rows, other]), MIX)
+    assert pooled.means == pytest.approx(1.75 * whole.means)
+    assert pooled.shifts == pytest.approx(4.0 * whole.shifts)
+    hung = rows.copy()
+    hung[0, 5:8], hung[0, 8] = np.nan, 0.0
+    assert np.isnan(grid_of(hung, MIX).means).sum() == 1
 
 
 def test_share_stays_between_nought_and_one_and_costs_retries() -> None:
-    all_engage = fit(made(30), effort=QUICK)
-    some_lose = fit(made(30, losing=0.2), effort=QUICK)
+    all_engage = fit(made(30), QUICK)
+    some_lose = fit(made(30, losing=0.2), QUICK)
     x = np.array([10.0, 4.0, 18.0])
     assert all_engage.expected(x, MIX).engaged == pytest.approx(1.0, abs=0.01)
     losing = some_lose.expected(x, MIX)
     assert losing.engaged == pytest.approx(0.8, abs=0.1)
     cost = losing.time - some_lose.expected(x, replace(MIX, retry=0.0)).time
     assert cost == pytest.approx(0.25 * MIX.retry, rel=0.4)
-    far = some_lose.inputs(np.array([[500.0, 90.0, 900.0]]), np.array([[4000.0, 9.0]]))
-    share, variance = some_lose.share.at(far)
-    assert 0.0 < share[0] < 1.0
-    assert variance[0] > 0.0
+    far = np.array([[500.0, 90.0, 900.0]])
+    assert 0.0 < some_lose.engaged(far, MIX).min() < 1.0
 
 
 def test_interval_widens_with_the_distance_to_the_data(surrogate: Surrogate) -> None:
@@ -148,7 +158,7 @@ def test_interval_widens_with_the_distance_to_the_data(surrogate: Surrogate) -> 
 
 
 def test_too_few_designs_are_refused() -> None:
-    with pytest.raises(InputError, match="has 9 designs with three shifts"):
+    with pytest.raises(InputError, match=r"9 designs engage.*at least 10.*mix_shifts"):
         fit(made(9))
 
 
@@ -156,13 +166,14 @@ def test_stored_and_read_back_predicts_the_same(stored: Stored, tmp_path: Path) 
     path = tmp_path / "surrogate.json"
     save(path, stored)
     again = load(path)
-    for row in made(5, seed=9).designs:
-        assert again.surrogate.expected(row, MIX) == stored.surrogate.expected(row, MIX)
+    x = made(5, seed=9).x
+    for mine, theirs in zip(stored.surrogate.predict(x), again.surrogate.predict(x), strict=True):
+        assert theirs == pytest.approx(mine, rel=1e-3)
     assert again.validation == stored.validation
     table = again.surrogate.data.frame()
     assert list(table.columns)[:5] == [*NAMES, "mismatch_rpm", "force_N"]
     assert table["contact_set"].unique().tolist() == ["made_up"]
-    assert len(table) == 240
+    assert len(table) == 360
 
 
 def test_damaged_files_are_refused(stored: Stored, tmp_path: Path) -> None:
@@ -173,7 +184,7 @@ def test_damaged_files_are_refused(stored: Stored, tmp_path: Path) -> None:
     for change, words in (
         ({"format": 7}, "has format 7.* or a newer one"),
         ({"format": 1}, "has format 1.*fit the surrogate again"),
-        ({"rows": content["rows"][1:]}, "was changed or damaged"),
+        ({"points": content["points"][1:]}, "was changed or damaged"),
         ({"share": None}, "was changed or damaged"),
     ):
         path.write_text(json.dumps({**content, **change}))
@@ -212,8 +223,8 @@ def test_faces_that_hold_have_no_estimate(
     surrogate: Surrogate, chamfer: float, friction: float, holds: bool
 ) -> None:
     """The least chamfer that was simulated is 7 degrees, the friction angle of 0.12 is 6.84."""
-    rows = surrogate.data.rows[surrogate.data.x[:, 0] > 7.0]
-    data = replace(surrogate.data, rows=rows, physics={**PHYSICS, "static_friction": friction})
+    data = surrogate.data.subset(surrogate.data.x[:, 0] > 7.0)
+    data = replace(data, physics={**PHYSICS, "static_friction": friction})
     model = replace(surrogate, data=data)
     asked = {"chamfer_deg": chamfer, "height_mm": 4.0, "count": 18.0}
     answer = ask(model, asked, MIX, data.physics)
@@ -239,3 +250,18 @@ def test_an_interval_is_split_into_retries_and_the_rest(surrogate: Surrogate) ->
     assert (bare, error) == pytest.approx((engaging.time, engaging.error))
     assert found.retries > 0.0
     assert np.hypot(error, found.retries_error) == pytest.approx(found.error)
+
+
+def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
+    study = load_study("mq200_paper", {})
+    dog, about = study.clutch.dog, with_rows(study, np.zeros((0, 13)))
+    found = shape_of(about, study.rows([study.prototype]))
+    assert found is not None
+    of_dog = [dog.entry_play, dog.tip_width, dog.edge_drop]
+    assert found[0] == pytest.approx([1e3 * value for value in of_dog], rel=1e-9)
+
+
+def test_without_the_shape_a_design_has_its_variables_and_an_angle_s_ridge() -> None:
+    where = coordinates(made(12), np.array([LOW, HIGH]))
+    assert where[:, :3] == pytest.approx(np.array([[0.0] * 3, [1.0] * 3]))
+    assert where[:, 3] == pytest.approx([np.tanh(-0.1 / 0.04), 1.0], abs=1e-4)

@@ -12,7 +12,8 @@ import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.stand_file import TestTerms
-from dogshape.diagnosis.inference.next_test import SHIFT, NextTest, choose, require_terms
+from dogshape.diagnosis.inference.outcome import SHIFT, NextTest
+from dogshape.diagnosis.next_test import choose, require_terms
 from dogshape.sim.errors import DataError, InputError
 from tests.benches import good_set
 from tests.fits import BENCH, diagnosis_of, fit_of
@@ -41,16 +42,6 @@ def test_hours_are_those_of_the_stand() -> None:
     assert hours[FORCE] == 7.0
     ten = next(test for test in found if test.shifts == 10)
     assert ten.hours == pytest.approx(3.0 + 10 * SHIFT)
-
-
-def test_a_dear_test_yields_to_a_cheap_one() -> None:
-    """Either direct test settles the cause: that of fewer hours leads."""
-    assert _tests()[0].name == RUN_DOWN
-    assert _tests(TestTerms(name=RUN_DOWN, hours=3.0))[0].name == FORCE
-    assert (
-        _tests(TestTerms(name=RUN_DOWN, hours=3.0), TestTerms(name=FORCE, hours=4.0))[0].name
-        == RUN_DOWN
-    )
 
 
 def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Path) -> None:

@@ -4,62 +4,20 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import pytest
-
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.report.wording import (
     between,
-    chance,
-    described,
-    headline,
     summary,
 )
-from dogshape.diagnosis.terms import NONE, UNKNOWN
+from dogshape.diagnosis.terms import NONE
 from tests.diagnosed import (
     DAMPED,
-    EFFECTS,
     HEAVY,
     STAND,
-    Interval,
     diagnosed,
     diagnosis_of,
     reading,
 )
-
-
-def test_numbers_have_their_units() -> None:
-    assert [chance(p) for p in (0.001, 0.5, 0.985, 0.999)] == ["< 1 %", "50 %", "98 %", "> 99 %"]
-    assert described("friction_N", Interval(30.0, 20.0, 41.0)) == "friction 30 N (20 to 41 N)"
-    assert described("delay_s", Interval(0.08, 0.07, 0.09)) == "delay 80 ms (70 to 90 ms)"
-    assert between("force_factor", 0.6, 0.6) == "0.6"
-
-
-@pytest.mark.parametrize(
-    ("kind", "causes", "words"),
-    [
-        ("effect", ("drag_torque",), "Cause: drag torque on the sliding ring"),
-        (
-            "ambiguous",
-            ("actuation_delay", "drag_torque"),
-            "Part of the cause: dead time of the actuation and drag torque on the sliding ring; "
-            "the rest is open",
-        ),
-        ("ambiguous", (), "Open: no effect or an unknown cause"),
-        ("none", (), "No effect needed: the gap lies within the margin"),
-        ("unknown", (), "Unknown: no known effect explains the gap"),
-    ],
-)
-def test_each_verdict_has_its_headline(kind: str, causes: tuple[str, ...], words: str) -> None:
-    assert headline(kind, causes, [NONE, UNKNOWN], EFFECTS) == words
-
-
-def test_an_open_cause_names_the_parts_that_all_hypotheses_have() -> None:
-    pair, third = ("actuation_delay", "drag_torque"), ("sleeve_friction",)
-    said = headline("ambiguous", (), [pair, tuple(sorted(pair + third)), UNKNOWN], EFFECTS)
-    assert said == (
-        "Open: dead time of the actuation and drag torque on the sliding ring, with or without dry "
-        "friction of the sliding ring, or an unknown cause"
-    )
 
 
 def test_the_summary_has_sizes_over_all_plausible_hypotheses() -> None:
@@ -112,19 +70,3 @@ def test_a_reading_of_the_record_that_decides_is_stated() -> None:
         "If times start with the force (30 %), the answer is: part of the cause: drag torque on "
         "the sliding ring; the rest is open."
     )
-
-
-@pytest.mark.parametrize(
-    ("posterior", "words"),
-    [
-        ({NONE: 0.96, ("drag_torque",): 0.04}, "The gap without scatter is below 11 ms with"),
-        ({UNKNOWN: 0.9, ("drag_torque",): 0.1}, "No known effect, alone or with others"),
-        (
-            {("drag_torque",): 0.6, ("sleeve_friction",): 0.4},
-            "The cause is open. Parts and their probabilities: drag torque on the sliding ring",
-        ),
-        ({("drag_torque",): 0.97, NONE: 0.03}, "Cause, with 97 %: drag torque on the sliding ring"),
-    ],
-)
-def test_each_verdict_has_its_sentence(posterior: dict, words: str) -> None:
-    assert words in summary(diagnosis_of(posterior))

@@ -11,7 +11,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather
-from dogshape.diagnosis.likelihood.observed import ALIKE, DRIFT, Drift, drift_of
+from dogshape.diagnosis.likelihood.observed import DRIFT, Drift, drift_of
 from tests.diagnosed import simulated_bench, simulated_diagnosis
 from tests.toy import bench_of, points_of
 
@@ -67,26 +67,23 @@ def test_what_repeated_points_say_is_a_regression_with_a_level_of_each() -> None
     bench = _random(replace(bench_of({}, generator), cells=gather(rows)), 0.08)
     seen, cells = _drift(bench), bench.cells
     assert seen is not None
-    columns, times, weights = [], [], []
+    columns, values, freedom = [], [], -1.0
     for k, cell in enumerate(cells):
-        time, places = float(cell.times.mean()), seen.places(cell.readings)
-        fitted = cell.times - time - seen.mean * time * (places - places.mean())
-        weights.append((float((fitted**2).sum()) / time**2, time, cell.times.size))
+        time, places = float(cell.times.mean()), seen.places[k]
+        freedom += cell.times.size - 1.0
         for one, place in zip(cell.times, places, strict=True):
-            columns.append([float(k == j) for j in range(len(cells))] + [time * place])
-            times.append((one, k))
-    freedom = sum(w[2] - 1.0 for w in weights) - 1.0
-    common = sum(w[0] for w in weights) / freedom
-    unsure = (student.ppf(0.95, freedom) / norm.ppf(0.95)) ** 2
-    sigmas = [unsure * t**2 * (s + ALIKE * common) / (n - 1.0 + ALIKE) for s, t, n in weights]
-    precision = np.array([1.0 / sigmas[k] for _, k in times])
-    design, values = np.array(columns), np.array([t for t, _ in times])
-    matrix = design.T @ (precision[:, None] * design)
+            columns.append([float(k == j) for j in range(len(cells))] + [place])
+            values.append(one / time)
+    design = np.array(columns)
+    fitted = np.linalg.lstsq(design, np.array(values), rcond=None)[0]
+    left = float(((np.array(values) - design @ fitted) ** 2).sum())
+    sigma = (student.ppf(0.95, freedom) / norm.ppf(0.95)) ** 2 * left / freedom
+    matrix = design.T @ design / sigma
     matrix[-1, -1] += DRIFT**-2.0
     covariance = np.linalg.inv(matrix)
-    found = covariance @ (design.T @ (precision * values))
-    assert seen.mean == pytest.approx(found[-1], rel=1e-3, abs=1e-5)
-    assert seen.sd == pytest.approx(covariance[-1, -1] ** 0.5, rel=1e-3)
+    found = covariance @ (design.T @ np.array(values)) / sigma
+    assert seen.mean == pytest.approx(found[-1], rel=1e-6)
+    assert seen.sd == pytest.approx(covariance[-1, -1] ** 0.5, rel=1e-6)
 
 
 def test_the_drift_of_true_sets_lies_within_its_interval() -> None:

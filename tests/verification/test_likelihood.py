@@ -54,7 +54,6 @@ def seen_at(count: float, mean: float, *, hidden: bool, point: int = 2) -> Obser
         hidden=np.full(model.cells, hidden),
         engaged=empty,
         failed=empty,
-        untold=empty,
     )
 
 
@@ -140,15 +139,14 @@ def test_numbers_engaged_are_beta_binomial() -> None:
 def test_a_drift_is_that_of_generalised_least_squares() -> None:
     """With the scatter that is estimated beside it, a Gaussian prior of the slope taken in."""
     rng = np.random.default_rng(3)
-    parts, slope = list[tuple[Array, Array, Array, float]](), 0.06
+    parts, slope = list[tuple[Array, Array, Array]](), 0.06
     for mean in (0.1, 0.2, 0.4):
         place = rng.uniform(-0.5, 0.5, 40)
         place -= place.mean()
         time = mean * (slope * place + 0.02 * rng.normal(size=40))
-        parts.append((np.ones(40), mean * place, time - time.mean(), mean))
+        parts.append((np.ones(40), place, (time - time.mean()) / mean))
     found, variance = _within(parts)
-    x = np.concatenate([x / m for _, x, _, m in parts])
-    y = np.concatenate([t / m for _, _, t, m in parts])
+    _, x, y = (np.concatenate(part) for part in zip(*parts, strict=True))
     scatter = ((y - found * x) ** 2).sum() / (len(y) - 3.0)
     information = (x**2).sum() / scatter + DRIFT**-2.0
     assert found == pytest.approx((x * y).sum() / scatter / information, rel=0.02)

@@ -7,25 +7,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 from pydrake.systems.framework import Context, EventStatus
 
-from benchmarks.common import paper_study
-from benchmarks.drawings import named_svg, picture
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
 from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.shift.mesh import dog_planes
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM, RPM
-
-#: Quantities that drawing and glossary share.
-NAMED = (
-    "chamfer \u03b1", "traction flank \u03b2", "braking flank \u03b3", "height h", "axial gap",
-    "tip width", "root width", "flank height", "crest", "slot",
-)  # fmt: skip
 
 
 def _touch(
@@ -86,22 +77,6 @@ def test_the_traction_flank_is_on_the_side_of_growing_angle_and_carries_the_cres
     planes = dog_planes(clutch.dog)
     assert planes["traction"].normal[1] > 0.0 > planes["braking"].normal[1]
     assert planes["face"].normal[1] < 0.0  # the face falls from the crest towards braking
-
-
-def test_the_picture_of_the_notes_is_that_of_the_geometry() -> None:
-    kept = Path(__file__).parents[2] / "docs" / "mismatch.svg"
-    assert kept.read_text(encoding="utf-8") == picture(paper_study().clutch.dog)
-
-
-def test_the_picture_of_the_glossary_is_that_of_the_geometry_and_names_its_terms() -> None:
-    docs = Path(__file__).parents[2] / "docs"
-    drawn = (docs / "dog.svg").read_text(encoding="utf-8")
-    assert drawn == named_svg(paper_study().clutch.dog)
-    glossary = (docs / "glossary.md").read_text(encoding="utf-8")
-    assert "](dog.svg)" in glossary
-    for name in NAMED:
-        assert f">{name}</text>" in drawn
-        assert f"\n| {name}" in glossary or f", {name}" in glossary
 
 
 @pytest.mark.parametrize(("mismatch_rpm", "touches"), [(60.0, False), (-60.0, True)])

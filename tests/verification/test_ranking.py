@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.inference.fit import fit
-from dogshape.diagnosis.inference.held_out import left_out
+from dogshape.diagnosis.inference.fit import fit, left_out
 from dogshape.diagnosis.inference.ranking import _Search, _unlisted, log_prior
 from dogshape.diagnosis.inference.sampling import Sample, refined, screened, widened
 from dogshape.diagnosis.likelihood.likelihood import NODES, Likelihood, node_weights

@@ -115,7 +115,7 @@ def _found(cause: Mapping[str, Mapping[str, float]], sense: Sense, *, other: boo
         bench = replace(bench, cells=tuple(cells))
     names = ("actuation_delay", "force_scale", "mismatch_speed", "moving_mass", REVERSED)
     effects = {name: EFFECTS[name] for name in names}
-    return diagnose(bench, build_models(bench, effects, USUAL, _signed), advise=False)
+    return diagnose(bench, build_models(bench, effects, USUAL, _signed))
 
 
 @pytest.mark.parametrize("sense", ["known", "unknown"])

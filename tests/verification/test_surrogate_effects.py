@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -12,9 +11,8 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.train.filling import filling_designs
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.expected_time import Over
-from dogshape.surrogate.learning import Effort, fit
-from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.model import Surrogate, fit
+from dogshape.surrogate.process import Effort
 from dogshape.surrogate.sensitivity import EVEN, LOG, WHOLE, Input, accumulate, effects, indices
 
 #: Ends of the search ranges of the paper's study, and what each variable adds across them, s.
@@ -59,27 +57,20 @@ def feasible(study: Setup, count: int, seed: int) -> Array:
 @pytest.fixture(scope="module")
 def surrogate(study: Setup) -> Surrogate:
     """A surrogate of the known time, with some noise."""
-    rng, count = np.random.default_rng(1), 4 * DESIGNS
-    x = np.repeat(feasible(study, DESIGNS, 1), 4, axis=0)
-    points = np.column_stack([5.0 * 50.0 ** rng.random(count), 235.2 * 2.73 ** rng.random(count)])
-    mean = truth(x, points) * np.exp(0.005 * rng.standard_normal(count))
+    mix = study_mix(study)
+    count, size = DESIGNS * len(mix.points), len(mix.points)
+    x = np.repeat(feasible(study, DESIGNS, 1), size, axis=0)
+    points = np.tile(mix.points, (DESIGNS, 1))
+    mean = truth(x, points) * np.exp(0.005 * np.random.default_rng(1).standard_normal(count))
     eight = np.full(count, 8.0)
     columns = (mean, 0.005 * mean, 0.3 * mean, eight, eight, np.ones(count))
     data = with_rows(study, np.column_stack([x, points, *columns]))
-    return fit(data, effort=Effort(rows=200, steps=25))
+    return fit(data, Effort(steps=25))
 
 
-@pytest.fixture(scope="module")
-def over(study: Setup, surrogate: Surrogate) -> Over:
-    """The same over the study's operating points."""
-    return Over(surrogate, study_mix(study))
-
-
-def test_effects_of_an_additive_time_are_its_terms(
-    study: Setup, surrogate: Surrogate, over: Over
-) -> None:
+def test_effects_of_an_additive_time_are_its_terms(study: Setup, surrogate: Surrogate) -> None:
     mix, x = study_mix(study), feasible(study, 100, 9)
-    found = effects(over, surrogate.data.variables, x)
+    found = effects(surrogate, surrogate.data.variables, x)
     assert [one.variable for one in found] == list(surrogate.data.variables)
     mean = float(mix.weights @ pace(mix.points))
     inside = []
@@ -111,37 +102,6 @@ def test_an_effect_is_not_that_of_what_comes_along() -> None:
     assert own.form @ own.moved[:, 0] == pytest.approx(own.values - own.values.mean(), abs=0.01)
 
 
-def test_joint_errors_are_those_of_one_design_at_a_time(study: Setup, over: Over) -> None:
-    x = feasible(study, 12, 3)
-    time, covariance = over.joint(x, rough=True)
-    alone, error = over.predict(x)
-    assert time == pytest.approx(alone)
-    assert np.sqrt(np.diag(covariance)) == pytest.approx(error, rel=1e-6)
-    smooth = over.joint(x)[1]
-    assert (np.diag(smooth) <= np.diag(covariance)).all()
-    assert np.linalg.eigvalsh(smooth).min() > -1e-12
-
-
-def test_errors_of_two_designs_go_together(study: Setup, surrogate: Surrogate) -> None:
-    """Against the joint logarithms of both designs at every point, nothing summed before."""
-    mix, x = replace(study_mix(study), retry=0.0), feasible(study, 3, 3)
-    size = len(mix.points)
-    inputs = surrogate.inputs(np.repeat(x, size, axis=0), np.tile(mix.points, (3, 1)))
-    mean, covariance = surrogate.times.joint(inputs)
-    parts = np.tile(mix.weights, 3) * np.exp(mean + 0.5 * np.diag(covariance))
-    whole = parts[:, None] * np.expm1(covariance) * parts[None, :]
-    known = whole.reshape(3, size, 3, size).sum(axis=(1, 3))
-    assert Over(surrogate, mix).joint(x, rough=True)[1] == pytest.approx(known, rel=0.1, abs=1e-8)
-
-
-def test_times_at_points_are_those_of_a_mix_of_one(study: Setup, surrogate: Surrogate) -> None:
-    mix, x = study_mix(study), feasible(study, 1, 3)
-    places = np.array([0, 13, 27])
-    alike = np.repeat(x, 3, axis=0)
-    means = surrogate.times_at(alike, mix.points[places], mix.retry)
-    assert means == pytest.approx([surrogate.mean(x[0], mix.at(place)) for place in places])
-
-
 def test_indices_of_ishigami() -> None:
     """Closed form of Ishigami and Homma 1990 with a = 7, b = 0.1."""
 
@@ -155,11 +115,11 @@ def test_indices_of_ishigami() -> None:
     assert (found.first_half > 0.0).all()
 
 
-def test_indices_of_an_additive_time(study: Setup, over: Over) -> None:
+def test_indices_of_an_additive_time(study: Setup, surrogate: Surrogate) -> None:
     low, high = np.array([7.0, 10.0, 18.0, 3.2, 12.0]), np.array([11.0, 16.0, 24.0, 4.2, 20.0])
     scales = [EVEN, EVEN, EVEN, EVEN, WHOLE]
     box = [Input(*one) for one in zip(study.variables, low, high, scales, strict=True)]
-    found = indices(box, lambda x: over.predict(x)[0], samples=512)
+    found = indices(box, lambda x: surrogate.predict(x)[0], samples=512)
     share = np.random.default_rng(1).random((len(box), 4000))
     drawn = np.column_stack([one.at(part) for one, part in zip(box, share, strict=True)])
     variance = terms(drawn).var(axis=0)

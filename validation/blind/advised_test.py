@@ -4,7 +4,7 @@ The outcome comes from the case's truth, never from the diagnosis. A direct test
 parameters as shares of their ranges, with the error that the diagnosis expects of it; an effect
 that is not there reads as neutral. More shifts are made by the same engine with other draws, and
 traces give the marks of the flight. The diagnosis then updates its probabilities by the outcome
-(``diagnosis.inference.next_test.settle``).
+(``diagnosis.next_test.settle``).
 
 The case is *settled* if the truth, or all of it that data can show, then has more than the
 probability from which the diagnosis names, and *misled* if a hypothesis with a cause that does not
@@ -22,7 +22,8 @@ import numpy as np
 
 from dogshape.diagnosis.bench.flight_marks import joined_marks
 from dogshape.diagnosis.bench.traces import BenchTrace
-from dogshape.diagnosis.inference.next_test import NextTest, settle
+from dogshape.diagnosis.inference.outcome import NextTest
+from dogshape.diagnosis.next_test import settle
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, RPM
 from dogshape.validation.blind.cases import Case
@@ -69,7 +70,7 @@ def judged_by_test(
     if test.information is None:
         return None
     outcome = outcome_of(folder, case, diagnosis, test)
-    after: Mapping[Names, float] = settle(diagnosis, test, outcome, diagnosis.flights.marks)
+    after: Mapping[Names, float] = settle(diagnosis, test, outcome)
     top = max(after, key=lambda h: after[h])
     sure = after[top] > diagnosis.settings.named
     wrong = not set(top) <= set(right[0])

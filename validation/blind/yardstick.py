@@ -90,8 +90,7 @@ class Yardstick:
         exact, some = self.exact, self.exact.having
         p = exact.model.predict(hypothesis, shares)
         found = exact.terms(p)
-        smooth = exact.settings.discrepancy * (p.mean - p.delay)[..., None] * exact.smooth
-        columns = np.concatenate([smooth, exact.columns(p)], axis=2)[:, some]
+        columns = exact.all_columns(p, exact.settings.discrepancy)[:, some]
         squares = squared_distance(found.residual, found.variance, columns)
         squares = squares + np.nansum(exact.spread_scores(p) ** 2, axis=1)
         there = (p.engaged[:, some] >= ENGAGED).all(axis=1)

@@ -69,10 +69,9 @@ def gap(
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
-    if base is not None and write is None:
-        raise InputError(f"--base is '{base}', but no study is written; give --write FILE too")
-    if causes is not None and write is None:
-        raise InputError(f"--causes is '{causes}', but no study is written; give --write FILE too")
+    for name, given in (("--base", base), ("--causes", causes)):
+        if given is not None and write is None:
+            raise InputError(f"{name} is '{given}', but no study is written; give --write FILE too")
     wanted = None if causes is None else [name.strip() for name in causes.split(",")]
     if wanted is not None:
         # A misspelt name needs no diagnosis to be refused.
@@ -92,13 +91,11 @@ def gap(
     if write is None or made is None:
         show(found, json)
         return
-    kept = made.as_dict(write)
-    unsure, effects_named = ", ".join(kept["uncertain"]), ", ".join(kept["effects"])
+    kept = made.to_dict(write)
     lines = [
         "",
-        f"study: {kept['study']} ({effects_named or 'its own keys'}); "
+        f"study: {kept['study']} ({', '.join(kept['effects']) or 'its own keys'}); "
         f"{kept['n_draws']} draws from the posterior: {kept['draws']}",
-        *([f"uncertain from shift to shift: {unsure}"] if unsure else []),
         *(f"note: {remark}" for remark in kept["remarks"]),
     ]
     emit({**found.to_dict(), "calibrated": kept}, json, lambda: [*found.parts, *lines])

@@ -1,50 +1,52 @@
 """Next bench test: the menu of a stand with cost and worth, and its order.
 
-Direct tests read the parameters of effects as shares of their ranges, with the neutral value where
-the effect is absent; effects that share a test share its outcome. More shifts at an operating point
-give a mean time and a share that engages; an error of that point comes again as far as the data
-show it. Traces give the marks of the flight, where the force is that which acts or the nominal one.
-A question about the record has the probabilities of each answer. *Unknown* predicts as well: a
-direct test finds nothing or anything, half and half, and an offset of its own size comes again.
+Direct tests read the parameters of effects as shares of their ranges, neutral where the effect is
+absent. More shifts at an operating point give a mean time and a share that engages; traces give the
+marks of the flight. *Unknown* predicts as well: a direct test finds nothing or anything, half and
+half, and an offset of its own size comes again.
 
 The value of a test is its chance to settle, less four times its chance to mislead, less 0.04 for
-each hour: a hypothesis is named from 0.8, so a wrong name costs as much as four right ones gain. Of
-tests that settle about as surely the cheapest leads. Where no test is worth its cost, or the cause
-is named, the information an hour decides, and the direct test of a named cause leads if it costs no
-more than the first. Where *unknown* leads, traces show where along the shift the residual arises.
+each hour. Of tests that settle about as surely the cheapest leads. Where no test is worth its cost,
+or the cause is named, the information an hour decides, and the direct test of a named cause leads
+if it costs no more than the first. Where *unknown* leads, traces show where the residual arises.
 """
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal, Protocol
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.special import rel_entr
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS, model_covariance
-from dogshape.diagnosis.inference.outcome import Densities, Outcome, smoothed
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.fit import Fit
+from dogshape.diagnosis.inference.outcome import (
+    EDGE,
+    SETUP,
+    SHIFT,
+    TRACING,
+    Densities,
+    NextTest,
+    Outcome,
+    smoothed,
+)
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, did_you_mean, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import RPM
 
-if TYPE_CHECKING:
-    from dogshape.diagnosis.inference.fit import Fit
-    from dogshape.diagnosis.likelihood.observed import Observed
-    from dogshape.diagnosis.prediction.model import Model
-    from dogshape.diagnosis.settings import Settings
-
 LEAST = 5e-3  #: probability from which a hypothesis takes part
 DRAWS = 64  #: of each posterior
 ALIKE = 0.1  #: difference of chances to settle, within their error, below which the cost decides
 MORE = (10, 40)  #: shifts that may be added at an operating point
 TRACED = 10  #: shifts of which traces are recorded
-SETUP, TRACING, SHIFT = 0.5, 1.5, 0.02  #: hours for an operating point, for traces, for a shift
 #: Tests that are no effect's own, by the names of a data set, with their hours to set up.
 GENERIC = {"more shifts": SETUP, "traces": TRACING}
 DIRECT, ASKED = 3.0, 0.25  #: hours of another direct test, and of a question about the record
@@ -66,99 +68,13 @@ RECORD = {  #: questions about the record
         "place of the displacement sensor",
         "Look whether the displacement is measured at the sleeve or at the actuator.",
     ),
-    "empty_cells": ("shifts without a time", "Look up whether they were tried and failed."),
 }
-EDGE = 0.02  #: least share of shifts that engage or fail, and its simulated error
 STEP = 1e-3  #: s, sampling step of a recording
 MARK_SIZES = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
 MARK_ALIKE = 0.9  #: of their variance, which marks of displacement or force have in common
 
 #: Marks of the flight of a hypothesis at values (m, p): times, error, creep, (m, SIZE), s.
 Marks = Callable[[Hypothesis, Array, ForceProfile], Any]
-
-
-@dataclass(frozen=True)
-class NextTest:
-    """Bench test with its cost in hours and its worth.
-
-    Parameters
-    ----------
-    effects, parameters : that a direct test reads, in the order of its outcome.
-    cell, point, shifts : place of the operating point, its mismatch in rad/s and force in N, and
-        the number of shifts there.
-    question : key of the record in question.
-    information : nats; None where no hypothesis predicts the outcome.
-    settles, misleads : chances.
-    foreseen : mean and standard deviation of each hypothesis' outcome: shares of the ranges, mean
-        time in s and share engaged, or marks in s.
-    """
-
-    name: str
-    how: str
-    kind: Literal["direct", "shifts", "traces", "record"]
-    hours: float
-    effects: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
-    cell: int | None = None
-    point: tuple[float, float] | None = None
-    shifts: int = 0
-    question: str = ""
-    information: float | None = None
-    settles: float = 0.0
-    misleads: float = 0.0
-    foreseen: Mapping[Hypothesis, tuple[Array, Array]] | None = None
-
-    @property
-    def why(self) -> str:
-        """Sentences of the test, its chance to settle the cause and its cost."""
-        cost = f"({number(self.hours)} h of work)"
-        if self.information is None:
-            return f"{self.how} They show where along the shift the residual arises {cost}."
-        return f"{self.how} Chance to settle the cause: {100.0 * self.settles:.0f} % {cost}."
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give the record ``next_test``."""
-        predicted = self.information is not None
-        record: dict[str, Any] = {
-            "name": self.name,
-            "why": self.why,
-            "kind": self.kind,
-            "information_nats": self.information,
-            "chance_to_settle": self.settles if predicted else None,
-            "misleads": self.misleads if predicted else None,
-            "hours": self.hours,
-        }
-        if self.kind == "direct":
-            record["parameters"] = list(self.parameters)
-        if self.point is not None:
-            record["mismatch_rpm"], record["force_N"] = self.point[0] / RPM, self.point[1]
-            record["shifts"] = self.shifts
-        record["foreseen"] = [
-            {"effects": list(h), "mean": mean.tolist(), "sd": sd.tolist()}
-            for h, (mean, sd) in (self.foreseen or {}).items()
-        ]
-        return record
-
-
-class Findings(Protocol):
-    """Parts of a diagnosis that advice rests on, as ``diagnosis.diagnosis`` has them."""
-
-    @property
-    def bench(self) -> Bench: ...  # noqa: D102
-    @property
-    def effects(self) -> Mapping[str, Effect]: ...  # noqa: D102
-    @property
-    def settings(self) -> Settings: ...  # noqa: D102
-    @property
-    def posterior(self) -> Mapping[Hypothesis, float]: ...  # noqa: D102
-    @property
-    def fits(self) -> Mapping[Hypothesis, Fit]: ...  # noqa: D102
-    @property
-    def readings(self) -> Sequence[Any]: ...  # noqa: D102
-    @property
-    def model(self) -> Model: ...  # noqa: D102
-    @property
-    def seen(self) -> Observed: ...  # noqa: D102
 
 
 def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
@@ -191,37 +107,21 @@ def imitator_odds(settings: Settings) -> float:
     return settings.unlisted * settings.imitated / (1.0 - settings.unlisted)
 
 
-def choose(diagnosis: Findings, marks: Marks | None = None) -> tuple[NextTest, ...]:
+def choose(diagnosis: Diagnosis, marks: Marks | None = None) -> tuple[NextTest, ...]:
     """Rank the tests of a diagnosis, the best first.
 
     ``marks`` predicts the marks of the flight. Without it no traces are on the menu, unless
     *unknown* leads.
     """
-    top = max(diagnosis.posterior, key=lambda h: diagnosis.posterior[h])
-    menu = {test.name: test for test in _direct_tests(diagnosis)}
-    menu |= {test.name: test for test in _questions(diagnosis)}
-    tests = [*menu.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis, top, marks)]
-    first, *others = _ranked([_judged(diagnosis, one, marks) for one in tests], diagnosis, top)
+    menu = {test.name: test for test in (*_direct_tests(diagnosis), *_questions(diagnosis))}
+    tests = [*menu.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis, marks)]
+    first, *others = _ranked(diagnosis, [_judged(diagnosis, one) for one in tests])
     # The best of many by drawn outcomes looks better than it is: its worth is of other draws.
-    return (_judged(diagnosis, first, marks, seed=2), *others)
-
-
-def _judged(diagnosis: Findings, test: NextTest, marks: Marks | None, seed: int = 1) -> NextTest:
-    """Add worth and foreseen outcomes to a test."""
-    outcome, settings = outcome_of(diagnosis, test, marks), diagnosis.settings
-    if outcome is None:
-        return test
-    before, odds = _before(diagnosis, outcome), imitator_odds(settings)
-    gain, settles, misleads = outcome.worth(before, odds, settings.named, seed)
-    foreseen = {h: outcome.moments(k) for k, h in enumerate(outcome.hypotheses)}
-    return replace(test, information=gain, settles=settles, misleads=misleads, foreseen=foreseen)
+    return (_judged(diagnosis, first, seed=2), *others)
 
 
 def settle(
-    diagnosis: Findings,
-    test: NextTest,
-    outcome: Sequence[float] | str,
-    marks: Marks | None = None,
+    diagnosis: Diagnosis, test: NextTest, outcome: Sequence[float] | str
 ) -> Mapping[Hypothesis, float]:
     """Update the probabilities by the outcome of a test.
 
@@ -238,54 +138,34 @@ def settle(
     if isinstance(outcome, str):
         answers = [r for r in diagnosis.readings if (r.key, r.value) == (test.question, outcome)]
         return answers[0].posterior
-    values = np.full(SIZE, np.nan)
-    values[: len(outcome)] = outcome
-    predicted = outcome_of(diagnosis, test, marks)
-    if predicted is None or np.isnan(values).all():
+    if test.outcome is None or np.isnan(outcome).all():
         return diagnosis.posterior
-    values = values[: predicted.mean.shape[1]]
-    part = predicted.only(np.isfinite(values))
+    values = np.full(test.outcome.mean.shape[1], np.nan)
+    values[: len(outcome)] = outcome
+    part = test.outcome.only(np.isfinite(values))
     log = part.log_density(values[None, np.isfinite(values)])
     after = part.after(_before(diagnosis, part), log, imitator_odds(diagnosis.settings))[0]
     return dict(zip(part.hypotheses, after.tolist(), strict=True))
 
 
-def outcome_of(diagnosis: Findings, test: NextTest, marks: Marks | None) -> Outcome | None:
-    """Predict the outcome of a test; None where no hypothesis does."""
-    if test.kind == "direct":
-        return _read(diagnosis, test)
-    if test.kind == "shifts":
-        parts = {h: _further(diagnosis, h, test) for h in (*_plausible(diagnosis), UNKNOWN)}
-        return Outcome.of(parts, lambda _: False)
-    return None if test.kind == "record" or marks is None else _flown(diagnosis, test, marks)
+def _judged(diagnosis: Diagnosis, test: NextTest, seed: int = 1) -> NextTest:
+    """Add its worth to a test whose outcome is predicted."""
+    if test.outcome is None:
+        return test
+    odds, named = imitator_odds(diagnosis.settings), diagnosis.settings.named
+    worth = test.outcome.worth(_before(diagnosis, test.outcome), odds, named, seed)
+    return replace(test, information=worth[0], settles=worth[1], misleads=worth[2])
 
 
-def _plausible(diagnosis: Findings) -> list[Hypothesis]:
-    """List the known hypotheses that take part."""
-    return [h for h, p in diagnosis.posterior.items() if p > LEAST and h in diagnosis.fits]
-
-
-def _before(diagnosis: Findings, outcome: Outcome) -> Array:
+def _before(diagnosis: Diagnosis, outcome: Outcome) -> Array:
     """Compute the probabilities of the hypotheses of an outcome; none of them is impossible."""
     found = np.array([max(1e-9, diagnosis.posterior.get(h, 0.0)) for h in outcome.hypotheses])
     return np.asarray(found / found.sum())
 
 
-def _nearest(diagnosis: Findings) -> Hypothesis:
-    """Find the most probable known hypothesis."""
-    return max(diagnosis.fits, key=lambda h: diagnosis.posterior.get(h, 0.0))
-
-
-def _rows(fit: Fit) -> np.ndarray:
-    count = len(fit.shares)
-    return np.linspace(0, count - 1, min(count, DRAWS)).astype(int)
-
-
-def _ranked(
-    tests: Sequence[NextTest], diagnosis: Findings, top: Hypothesis
-) -> tuple[NextTest, ...]:
+def _ranked(diagnosis: Diagnosis, tests: Sequence[NextTest]) -> list[NextTest]:
     """Order tests: those worth their cost by their value, all others by information an hour."""
-    settings = diagnosis.settings
+    settings, top = diagnosis.settings, _leading(diagnosis.posterior)
     decided = diagnosis.posterior[top] > settings.named
     wrong = settings.named / (1.0 - settings.named)
 
@@ -305,10 +185,26 @@ def _ranked(
     else:
         near = [t for t in ranked if not rank(t)[0] and sure(t) >= sure(ranked[0]) - ALIKE]
     first = min(near, key=lambda t: (t.hours, t.kind != "direct"), default=None)
-    return tuple(sorted(ranked, key=lambda t: t is not first))
+    return sorted(ranked, key=lambda t: t is not first)
 
 
-def _questions(diagnosis: Findings) -> list[NextTest]:
+def _leading(chances: Mapping[Hypothesis, float], among: Any = None) -> Hypothesis:
+    """Find the most probable hypothesis, among some."""
+    return max(chances if among is None else among, key=lambda h: chances.get(h, 0.0))
+
+
+def _plausible(diagnosis: Diagnosis) -> dict[Hypothesis, tuple[Fit, np.ndarray]]:
+    """List the known hypotheses that take part, each with its fit and some of its draws."""
+    known = [h for h, p in diagnosis.posterior.items() if p > LEAST and h in diagnosis.fits]
+    return {h: (diagnosis.fits[h], _rows(diagnosis.fits[h])) for h in known}
+
+
+def _rows(fit: Fit) -> np.ndarray:
+    count = len(fit.shares)
+    return np.linspace(0, count - 1, min(count, DRAWS)).astype(int)
+
+
+def _questions(diagnosis: Diagnosis) -> list[NextTest]:
     """List the questions about the record whose answers are weighed, with their worth."""
     found = []
     for key in dict.fromkeys(one.key for one in diagnosis.readings):
@@ -317,18 +213,21 @@ def _questions(diagnosis: Findings) -> list[NextTest]:
         chance = chance / chance.sum()
         every = {h for one in answers for h in one.posterior}
         after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
-        gain = (rel_entr(after, chance @ after) * chance[:, None]).sum()
+        gain = float((rel_entr(after, chance @ after) * chance[:, None]).sum())
         best, named = after.max(axis=1), after.max(axis=1) > diagnosis.settings.named
         right, wrong = (float(chance @ (named * one)) for one in (best, 1.0 - best))
         name, how = RECORD[key]
         effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == name)
-        test = NextTest(name, how, "record", ASKED, effects, question=key)
-        worth = replace(test, information=float(gain), settles=right, misleads=wrong)
-        found.append(worth)
+        found.append(
+            NextTest(
+                name, how, "record", ASKED, effects,
+                question=key, information=gain, settles=right, misleads=wrong,
+            )
+        )  # fmt: skip
     return found
 
 
-def _direct_tests(diagnosis: Findings) -> list[NextTest]:
+def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
     """List the direct tests of the effects, but for those whose results are known."""
     bench, known = diagnosis.bench, {one.effect for one in diagnosis.bench.measured}
     grouped: dict[str, list[Effect]] = {}
@@ -342,34 +241,34 @@ def _direct_tests(diagnosis: Findings) -> list[NextTest]:
             hours_of(bench, name),
             tuple(effect.name for effect in those),
             tuple(p for e in those for p in [q.name for q in e.parameters] or [e.name]),
+            outcome=_read(diagnosis, those),
         )
         for name, those in grouped.items()
         if possible(bench, name) and not {effect.name for effect in those} <= known
     ]
 
 
-def _read(diagnosis: Findings, test: NextTest) -> Outcome:
+def _read(diagnosis: Diagnosis, effects: Sequence[Effect]) -> Outcome:
     """Predict a direct test; an effect without parameters reads 1 where it is there, else 0."""
     setting, settings = diagnosis.model.setting, diagnosis.settings
-    effects = [diagnosis.effects[name] for name in test.effects]
     neutral = [[p.share(p.neutral_of(setting)) for p in e.parameters] or [0.0] for e in effects]
     absent = np.concatenate(neutral)
     ends = np.cumsum([0, *map(len, neutral)]).tolist()
-    places = [(e, slice(*ends[k : k + 2])) for k, e in enumerate(effects)]
+    places = {e.name: slice(*ends[k : k + 2]) for k, e in enumerate(effects)}
     errors = settings.test_error**2 * np.eye(absent.size)
     parts = {}
-    for hypothesis in _plausible(diagnosis):
-        fit, rows = diagnosis.fits[hypothesis], _rows(diagnosis.fits[hypothesis])
+    for hypothesis, (fit, rows) in _plausible(diagnosis).items():
         mean = np.tile(absent, (rows.size, 1))
-        there = {effect.name for effect in fit.space.effects}
-        for effect, place in [one for one in places if one[0].name in there]:
-            shares = fit.shares[rows][:, fit.space.columns(effect.name)]
-            mean[:, place] = shares if effect.parameters else 1.0
+        for effect in fit.space.effects:
+            if effect.name in places:
+                shares = fit.shares[rows][:, fit.space.columns(effect.name)]
+                mean[:, places[effect.name]] = shares if effect.parameters else 1.0
         parts[hypothesis] = smoothed(mean, np.tile(errors, (rows.size, 1, 1)))
     # Unknown: nothing, or one of the effects with a normal density as wide as its range.
     mean = np.tile(absent, (1 + len(effects), 1))
     covariance, share = np.tile(errors, (len(mean), 1, 1)), np.zeros(len(mean))
-    for k, (effect, place) in enumerate(places, start=1):
+    for k, effect in enumerate(effects, start=1):
+        place = places[effect.name]
         mean[k, place] = 0.5 if effect.parameters else 1.0
         if effect.parameters:
             wide = np.arange(absent.size)[place]
@@ -377,7 +276,7 @@ def _read(diagnosis: Findings, test: NextTest) -> Outcome:
         share[k] = (0.5 if effect.parameters else settings.prior(effect.name)) / len(effects)
     share[0] = 1.0 - share.sum()
     every = parts | {UNKNOWN: (share, mean, covariance)}
-    return Outcome.of(every, lambda h: bool(set(test.effects) & set(h)))
+    return Outcome.of(every, lambda h: bool(set(places) & set(h)))
 
 
 def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
@@ -385,24 +284,33 @@ def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
     return (mismatch, force), f"{number(mismatch / RPM)} 1/min and {number(force)} N"
 
 
-def _further_tests(diagnosis: Findings) -> list[NextTest]:
+def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
     """List more shifts at each operating point at which shifts can engage."""
     bench, found = diagnosis.bench, []
-    setup, mean = hours_of(bench, "more shifts"), diagnosis.fits[_nearest(diagnosis)].predicted.mean
-    cells = np.flatnonzero(np.isfinite(mean).all(axis=0)).tolist()
-    for cell, count in itertools.product(cells, MORE if possible(bench, "more shifts") else ()):
+    if not possible(bench, "more shifts"):
+        return []
+    setup, nearest = hours_of(bench, "more shifts"), _leading(diagnosis.posterior, diagnosis.fits)
+    engaging = np.isfinite(diagnosis.fits[nearest].predicted.mean).all(axis=0)
+    for cell, count in itertools.product(np.flatnonzero(engaging).tolist(), MORE):
         point, words = _where(bench, cell)
         name, hours = f"{count} more shifts at {words}", setup + SHIFT * count
         how = f"Record {name}, each with its own time."
-        found.append(NextTest(name, how, "shifts", hours, cell=cell, point=point, shifts=count))
+        known = _plausible(diagnosis)
+        parts = {h: _further(diagnosis, *known[h], cell, count, known=True) for h in known}
+        like = diagnosis.fits[nearest]
+        parts[UNKNOWN] = _further(diagnosis, like, _rows(like), cell, count, known=False)
+        outcome = Outcome.of(parts, lambda _: False)
+        found.append(NextTest(
+            name, how, "shifts", hours, cell=cell, point=point, shifts=count, outcome=outcome
+        ))  # fmt: skip
     return found
 
 
-def _further(diagnosis: Findings, hypothesis: Hypothesis, test: NextTest) -> Densities:
+def _further(
+    diagnosis: Diagnosis, fit: Fit, rows: np.ndarray, cell: int, shifts: int, *, known: bool
+) -> Densities:
     """Predict mean time and share engaged of more shifts at an operating point."""
-    seen, settings, known = diagnosis.seen, diagnosis.settings, hypothesis in diagnosis.fits
-    fit = diagnosis.fits[hypothesis if known else _nearest(diagnosis)]
-    rows, cell = _rows(fit), test.cell
+    seen, settings = diagnosis.seen, diagnosis.settings
     mean, sd, error, engaged = (
         getattr(fit.predicted, name)[rows, cell] for name in ("mean", "sd", "error", "engaged")
     )
@@ -414,23 +322,23 @@ def _further(diagnosis: Findings, hypothesis: Hypothesis, test: NextTest) -> Den
     mean = mean + fit.offset[rows, cell]
     mean = mean + gain * (seen.mean[cell] - mean)
     share = np.clip(engaged, EDGE, 1.0 - EDGE)
-    variance = (1.0 - gain) * error**2 + sd**2 / np.maximum(1.0, test.shifts * share)
-    both = np.stack([variance, share * (1.0 - share) / test.shifts + EDGE**2], axis=1)
+    variance = (1.0 - gain) * error**2 + sd**2 / np.maximum(1.0, shifts * share)
+    both = np.stack([variance, share * (1.0 - share) / shifts + EDGE**2], axis=1)
     return smoothed(np.stack([mean, share], axis=1), both[:, None, :] * np.eye(2))
 
 
-def _trace_tests(diagnosis: Findings, top: Hypothesis, marks: Marks | None) -> list[NextTest]:
+def _trace_tests(diagnosis: Diagnosis, marks: Marks | None) -> list[NextTest]:
     """List traces at the least force without any; at the largest residual where unknown leads."""
     bench, seen = diagnosis.bench, diagnosis.seen
     profiles = [cell.point.profile for cell in bench.cells]
     traced = {cell.point.profile for cell in bench.cells if cell.traces}
     cells = [k for k, profile in enumerate(profiles) if profile not in traced]
-    if cells and top != UNKNOWN:
+    if cells and _leading(diagnosis.posterior) != UNKNOWN:
         least = min(profiles[k].force for k in cells)
         cells = [k for k in cells if profiles[k].force == least and marks is not None]
     if not cells or not possible(bench, "traces"):
         return []
-    one = diagnosis.fits[_nearest(diagnosis)].predicted
+    one = diagnosis.fits[_leading(diagnosis.posterior, diagnosis.fits)].predicted
     scatter = (one.error**2 + one.sd**2 / np.maximum(1, seen.count)).mean(axis=0)
     score = abs(seen.mean - one.mean.mean(axis=0)) / np.sqrt(one.mean.var(axis=0) + scatter)
     cell = max(cells, key=lambda k: float(np.nan_to_num(score[k] * (seen.count[k] > 0))))
@@ -438,18 +346,19 @@ def _trace_tests(diagnosis: Findings, top: Hypothesis, marks: Marks | None) -> l
     name = f"traces of {TRACED} shifts at {words}"
     how = f"Record displacement, force and both speeds over time of {TRACED} shifts at {words}."
     hours = hours_of(bench, "more shifts") + hours_of(bench, "traces") + SHIFT * TRACED
-    return [NextTest(name, how, "traces", hours, cell=cell, point=point, shifts=TRACED)]
+    outcome = None if marks is None else _flown(diagnosis, profiles[cell], marks)
+    return [NextTest(
+        name, how, "traces", hours, cell=cell, point=point, shifts=TRACED, outcome=outcome
+    )]  # fmt: skip
 
 
-def _flown(diagnosis: Findings, test: NextTest, marks: Marks) -> Outcome:
+def _flown(diagnosis: Diagnosis, profile: ForceProfile, marks: Marks) -> Outcome:
     """Predict the marks of the flight of some traces."""
-    assert test.cell is not None, "traces are made at an operating point"
-    profile, student = diagnosis.bench.cells[test.cell].point.profile, diagnosis.settings
-    wider = student.flight_freedom / (student.flight_freedom - 2.0)
+    freedom = diagnosis.settings.flight_freedom
+    wider = freedom / (freedom - 2.0)
     still, way = marks(NONE, np.zeros((1, 0)), profile), np.arange(SIZE) < len(WAYS)
     parts = {}
-    for hypothesis in _plausible(diagnosis):
-        fit, rows = diagnosis.fits[hypothesis], _rows(diagnosis.fits[hypothesis])
+    for hypothesis, (fit, rows) in _plausible(diagnosis).items():
         acting = tuple(effect.name for effect in fit.space.effects)
         found = marks(acting, fit.values[rows], profile)
         times, errors = np.broadcast_to(found.times, (rows.size, SIZE)), wider * _errors(found)
