@@ -194,7 +194,7 @@ class Comparison(Result):
 
     def plot(self) -> go.Figure:
         """Draw bench times beside the simulated ones with their 90 % band, a panel a force."""
-        from dogshape.pipeline.reports.gap_figures import compared_figure  # noqa: PLC0415
+        from dogshape.pipeline.reports.gap_page import compared_figure  # noqa: PLC0415
 
         return compared_figure(self.compared)
 

@@ -3,32 +3,29 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dogshape.check import check_design
-from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.data_sheet import (
     NamedDesign,
     design_record,
     difference,
-    ms_or_dash,
     named_design,
     searched_checks,
     searched_record,
-    words_of,
     write_sheet,
 )
-from dogshape.pipeline.reports.look import Row
-from dogshape.pipeline.reports.text import axis, check_name, percent, time_text
+from dogshape.pipeline.reports.provenance import flat_keys
+from dogshape.pipeline.reports.text import minus, time_text
 from dogshape.pipeline.simulate.design import weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets
 from dogshape.result import Result
-from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
 
@@ -67,7 +64,6 @@ def write_data_sheet(one: NamedDesign, path: str | Path, why: str = "") -> Path:
     return Path(path)
 
 
-OPERATION = ("contact", "material", "operating_points", "engine")
 #: Tables of a study file that shifts do not depend on, or that the dog itself is.
 APART = ("name", "format", "dog", "variables", "search", "surrogate", "expectation")
 PARAMETERS = (
@@ -100,10 +96,13 @@ class SideBySide(Result):
 
     @property
     def parts(self) -> list[str | Table]:
-        """A column for each item: shape, times, margins, and keys that differ."""
-        every = [_cells(item) for item in self.items]
-        titles = dict.fromkeys(title for cells in every for title in cells)
-        rows = [[title, *(cells.get(title, "-") for cells in every)] for title in titles]
+        """A column for each item, a row for each quantity that one of them has."""
+        every = [flat_keys(item) for item in self.items]
+        rows = [
+            [key, *(_cell(item.get(key)) for item in every)]
+            for key in dict.fromkeys(key for item in every for key in item)
+            if key != "label" and any(item.get(key) is not None for item in every)
+        ]
         return [Table(("", *(item["label"] for item in self.items)), rows)]
 
     def to_dict(self) -> dict[str, Any]:
@@ -114,7 +113,7 @@ class SideBySide(Result):
         """Give a column for each item and a row for each quantity, dotted where keys are nested."""
         import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
 
-        return pd.DataFrame([_flat(item) for item in self.items]).set_index("label").T
+        return pd.DataFrame([flat_keys(item) for item in self.items]).set_index("label").T
 
 
 def compare(*names: str) -> SideBySide:
@@ -173,36 +172,14 @@ def _contact_sets(names: Sequence[str]) -> list[ContactSet]:
 def _differing(studies: Sequence[Setup]) -> list[dict[str, Any]]:
     """Select the dotted keys of study files that differ, with the value of each study."""
     files = [comparable(study.file) for study in studies]
-    flat = [_flat({k: v for k, v in file.items() if k not in APART}) for file in files]
+    flat = [flat_keys({k: v for k, v in file.items() if k not in APART}) for file in files]
     keys = dict.fromkeys(key for one in flat for key in one)
     values = {key: [one.get(key) for one in flat] for key in keys}
     unlike = [k for k, every in values.items() if len(set(map(json.dumps, every))) > 1]
     return [{key: values[key][index] for key in unlike} for index in range(len(studies))]
 
 
-def _flat(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested records as one, keys joined by dots."""
-    found: dict[str, Any] = {}
-    for key, value in record.items():
-        inner = _flat(value, f"{prefix}{key}.") if isinstance(value, Mapping) else None
-        found |= {f"{prefix}{key}": value} if inner is None else inner
-    return found
-
-
-def _cells(item: dict[str, Any]) -> dict[str, str]:
-    """Write an item as titles and cells."""
-    if "margins" not in item:  # a contact set
-        return {check_name(k): f"{v:.4g}" for k, v in item.items() if k != "label"}
-    apart = item["difference_s"], item["difference_standard_error_s"]
-    shape = [key for key in (*DogSection.model_fields, *OPERATED) if item.get(key) is not None]
-    return {
-        **{axis(key): f"{item[key]:.4g}" for key in shape},
-        **words_of(item),
-        "difference, ms": ms_or_dash(*apart, "+"),
-        **{check_name(key): str(item[key]) for key in OPERATION},
-        **{key: "-" if value is None else str(value) for key, value in item["settings"].items()},
-        **{
-            f"margin, {check_name(key)}": "-" if one is None else percent(one)
-            for key, one in item["margins"].items()
-        },
-    }
+def _cell(value: Any) -> str:
+    if isinstance(value, float):
+        return minus(f"{value:.4g}")
+    return "-" if value is None else str(value)

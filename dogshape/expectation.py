@@ -18,7 +18,7 @@ from scipy.stats import norm
 from dogshape.pipeline.config.study_file import Setup, load_study, points_of
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.record import Table, frame_of, number_or_none, tabulate
-from dogshape.pipeline.reports.charts import means_by_point
+from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
@@ -114,8 +114,8 @@ class Expectation(Result):
         return frame_of(self.record.points)
 
     def plot(self) -> go.Figure:
-        """Draw the mean time of each operating point with its standard error."""
-        return means_by_point(self.to_dict()["points"])
+        """Draw the mean time of each operating point with its 95 % interval."""
+        return times_by_point({"mean": self.to_dict()["points"]})
 
 
 def simulate_mean(

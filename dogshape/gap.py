@@ -34,8 +34,9 @@ from dogshape.pipeline.diagnose.gap_update import (
 )
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table, frame_of
-from dogshape.pipeline.reports.gap_figures import before_figure, cells_of
 from dogshape.pipeline.reports.gap_page import (
+    cells_figure,
+    cells_of,
     examined_lines,
     hypothesis_table,
     publish,
@@ -137,7 +138,7 @@ class Diagnosis(Result):
 
     def plot(self) -> go.Figure:
         """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
-        return before_figure(cells_of(self.inference))
+        return cells_figure(cells_of(self.inference))
 
     def report(self, path: str | Path) -> Path:
         """Write the report as one page that opens offline; give its path."""

@@ -13,9 +13,12 @@ from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.data_sheet import named_design
-from dogshape.pipeline.reports.designs import designs_frame, front_frame, goals_of
-from dogshape.pipeline.reports.study_figures import front_figure, sure_figure
-from dogshape.pipeline.reports.study_page import at_own_places, front_table, publish
+from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
+from dogshape.pipeline.reports.study_page import (
+    at_own_places,
+    front_figure,
+    publish,
+)
 from dogshape.pipeline.reports.study_summary import gained, headline, summary_tables
 from dogshape.pipeline.simulate.executor import end_workers
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
@@ -63,8 +66,8 @@ class StudyResult(Result):
 
     @property
     def front(self) -> pd.DataFrame:
-        """Designs that no other dominates, best first: variables, objectives, standard errors."""
-        return front_frame(self.record, list(self.config.variables))
+        """Designs that no other dominates, best first, a row each."""
+        return designs_frame(self.record, list(self.config.variables), self.record["front"])
 
     @property
     def trials(self) -> pd.DataFrame:
@@ -79,33 +82,23 @@ class StudyResult(Result):
 
     @property
     def facts(self) -> dict[str, str]:
-        """Chosen design with its leading objective, the gain over the prototype, and the effort."""
-        effort = {
+        """Headline, leading objective of the chosen design, its gain, and the effort."""
+        facts = {"result": headline(self.record)}
+        for goal, _, chosen, gain in gained(self.record)[:1]:
+            facts[goal.label] = goal.words(*chosen)
+            facts["gain over the prototype"] = goal.words(*gain)
+        return facts | {
             "front": f"{len(self.record['front'])} designs",
             "designs simulated": str(self.record["n_simulated_designs"]),
             "shifts": str(self.record["n_simulated_shifts"]),
         }
-        best, lead = self.best, goals_of(self.record)[0]
-        if best is None:
-            return {"best": "no design passes every check", **effort}
-        facts = {"best": "prototype" if best["prototype"] else f"design {best['trial']}"}
-        if self.confirmation is None:
-            facts[lead.label] = lead.words(lead.shown(best), lead.error(best)) + ", not confirmed"
-        else:
-            facts["result"] = headline(self.record)
-            for goal, _, chosen, gain in gained(self.record)[:1]:
-                facts[goal.label] = goal.words(*chosen)
-                facts["gain over the prototype"] = goal.words(*gain)
-        return facts | effort
 
     @property
     def parts(self) -> list[str | Table]:
         """Headline, gain, alternatives, facts and front, as the report has them."""
         record = at_own_places(self.config, self.record)
         parts: list[str | Table] = [headline(record)]
-        tables = summary_tables(self.config, record)
-        tables += [front_table(self.config, record)] if self.best is not None else []
-        for table in tables:
+        for table in summary_tables(self.config, record):
             parts += ["", table]
         for reason, count in record["failed_shifts"].items():
             again = "; --resume simulates them again" if depends_on_clock(reason) else ""
@@ -126,11 +119,9 @@ class StudyResult(Result):
     def plot(self, objective: str | None = None) -> go.Figure:
         """Draw the front: the leading objective against another one, by default the next.
 
-        With one objective alone, the intervals of the front's designs.
+        With one objective alone, against the smallest margin.
         """
-        others = [goal.name for goal in goals_of(self.record)[1:]]
-        if not others:
-            return sure_figure(self.record)
+        others = [goal.name for goal in goals_of(self.record)[1:]] or [MARGIN]
         return front_figure(self.record, list(self.config.variables), objective or others[0])
 
     def data_sheet(self, design: int, path: str | Path, why: str = "") -> Path:

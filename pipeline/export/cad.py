@@ -1,13 +1,9 @@
 """The pair of rings as solids in a STEP file, for drawing and machining.
 
-Solids have true planes and cylinders. Those of one pitch are joined to an open
-shell that reaches a little beyond inner and outer radius, a sector of a plain ring
-is split with it, and what is left below is repeated about the axis and sewn. So
-the kernel (Open CASCADE, through build123d) never has to make a fillet, the one
-operation of it that fails for small lands: it only cuts faces that cross at a
-right angle.
-
-build123d is an optional extra, ``pip install 'dogshape[cad]'``, and slow to import.
+Planes and cylinders of one pitch are joined to an open shell that reaches a little beyond inner and
+outer radius; a sector of a plain ring is split with it, and the part below is repeated about the
+axis and sewn. So the kernel (Open CASCADE, through build123d) never has to make a fillet, the one
+operation of it that fails for small lands. build123d is an optional extra and slow to import.
 """
 
 from __future__ import annotations
@@ -35,22 +31,8 @@ STEP = math.radians(1.0)  #: of the polygons that end its planes there
 TIME = "2000-01-01T00:00:00"
 
 
-def cad_available() -> bool:
-    """Check whether build123d can be imported."""
-    try:
-        _kernel()
-    except InputError:
-        return False
-    return True
-
-
-def require_cad() -> None:
-    """Raise InputError where build123d cannot be imported."""
-    _kernel()
-
-
-def _kernel() -> Any:
-    """Import build123d when it is first needed."""
+def load_cad() -> Any:
+    """Import build123d when it is first needed; an InputError says how to install it."""
     try:
         return import_module("build123d")
     except ImportError as error:
@@ -79,7 +61,7 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
     GeometryError
         Fillets or roundings do not fit, or the body has no thickness.
     """
-    cad = _kernel()
+    cad = load_cad()
     ring = ring_solid(dog, root_radius, body)
     # Transformed, not moved: a moved copy would share the name of the first ring.
     other = ring.rotate(cad.Axis.X, 180.0, transform=True)
@@ -104,7 +86,7 @@ def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
     """Return one ring in its own frame (``sim.shift.mesh``) as a build123d solid in mm."""
     require_body(body)
     require_room(dog, root_radius)
-    cad = _kernel()
+    cad = load_cad()
     stop = _floor_middle(dog, root_radius)
     shell = cad.Shell(_toothed_side(dog, root_radius, stop))
     halves = _sector(dog, body, stop).split(shell, keep=cad.Keep.ALL)
@@ -116,10 +98,9 @@ def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
 
 
 def _floor_middle(dog: Dog, root_radius: float) -> float:
-    """Return the angle of the radial plane through the middle of the slot's floor, rad.
+    """Return the angle of the radial plane through the slot's floor, mid at the inner radius, rad.
 
-    In the middle at the inner radius, where the floor is narrowest: so it stays on the
-    floor all the way out, however unlike the flanks are.
+    The floor is narrowest there, so that the plane stays on it all the way out.
     """
     corners = dog_corners(dog, root_radius)
     here = corners[-1].lines(1)[-1:].at(dog.inner_radius)[0]
@@ -168,7 +149,7 @@ def _beyond(dog: Dog) -> tuple[float, float]:
 
 def _plane(dog: Dog, here: _Edge, there: _Edge) -> Any:
     """Return the plane face between two edges; many points keep its ends off the annulus."""
-    cad = _kernel()
+    cad = load_cad()
     ends = _beyond(dog)
     lines = between(here.line, there.line, ends, STEP)
     inner, outer = ([*lines.at(radius)] if len(lines.points) else [] for radius in ends)
@@ -178,7 +159,7 @@ def _plane(dog: Dog, here: _Edge, there: _Edge) -> Any:
 
 def _cylinder(corner: Corner, begin: _Edge, end: _Edge) -> Any:
     """Return the cylinder of a corner: an arc across its axis, drawn along it."""
-    cad = _kernel()
+    cad = load_cad()
     middle = corner.radius * corner.normals(np.array([0.5]))[0]
     along = begin.inner - corner.axis
     centre = corner.axis + (along @ corner.direction) * corner.direction
@@ -188,7 +169,7 @@ def _cylinder(corner: Corner, begin: _Edge, end: _Edge) -> Any:
 
 def _sector(dog: Dog, body: float, stop: float) -> Any:
     """Return one pitch of a plain ring that ends above the crests."""
-    cad = _kernel()
+    cad = load_cad()
     bottom, top = -0.5 * dog.height - body, 0.5 * dog.height + 1.0 * MM
     angles = (stop - dog.pitch_angle, stop - 0.5 * dog.pitch_angle, stop)
     rims = [

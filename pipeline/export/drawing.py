@@ -1,7 +1,6 @@
 """Drawings of the dogs as SVG: the pair meshed, and one dog with its dimensions.
 
-Both are sections at the mean radius, unrolled. They are drawn without build123d, which would
-draw dimensions too, since a report has them where the extra ``cad`` is not installed.
+Both are sections at the mean radius, unrolled.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from dogshape.sim.units import DEG, MM
 WIDTH, HEIGHT = 980.0, 592.0  #: of the dimensioned section, px
 
 
-def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
+def outline(dog: Dog, dogs: int) -> list[Point]:
     """Trace the profile of ``dogs`` neighbouring dogs with their slots, mm."""
     points = []
     for index in range(dogs):
@@ -31,30 +30,25 @@ def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
 
 def section_svg(dog: Dog, title: str, span: float, width: int = 420) -> str:
     """Draw ``span`` m of both rings at full depth, to scale; equal spans compare."""
-    half = 0.5 * span / MM
-    depth = dog.height / MM
-    dogs = 2 * int(span / dog.pitch) + 3
-    lower = outline(dog, dogs)
+    half, depth = 0.5 * span / MM, dog.height / MM
+    lower = outline(dog, 2 * int(span / dog.pitch) + 3)
     upper = [(-x + 0.5 * dog.pitch / MM, -z) for x, z in lower]
     scale = 0.5 * width / half
-    height = (depth + 2.4) * scale
+    height, bar = (depth + 2.4) * scale, 2.0 * scale
 
-    def path(points: list[tuple[float, float]], floor: float) -> str:
+    def ring(points: list[Point], floor: float, kind: str) -> str:
         placed = [((x + half) * scale, (0.5 * depth + 1.2 - z) * scale) for x, z in points]
         ends = [(placed[-1][0], floor), (placed[0][0], floor)]
-        return "M" + " L".join(f"{x:.1f},{y:.1f}" for x, y in placed + ends) + " Z"
+        return svg.path("M" + " L".join(f"{x:.1f},{y:.1f}" for x, y in placed + ends) + " Z", kind)
 
     label = (
         f"{title}: chamfer {dog.chamfer / DEG:.1f}°, traction {dog.traction / DEG:.1f}°, "
         f"braking {dog.braking / DEG:.1f}°, height {depth:.2f} mm, {dog.count} dogs"
     )
-    bar = 2.0 * scale
     return (
         f'<figure><svg viewBox="0 0 {width} {height:.0f}" width="{width}" role="img" '
-        f'aria-label="{label}">'
-        f'<path d="{path(lower, height)}" class="ring-a"/>'
-        f'<path d="{path(upper, 0.0)}" class="ring-b"/>'
-        f'<path d="M10,{height - 10:.1f} h{bar:.1f}" class="bar"/>'
+        f'aria-label="{label}">{ring(lower, height, "ring-a")}{ring(upper, 0.0, "ring-b")}'
+        f"{svg.path(f'M10,{height - 10:.1f} h{bar:.1f}', 'bar')}"
         f'<text x="{16 + bar:.1f}" y="{height - 6:.1f}" class="note">2 mm</text>'
         f"</svg><figcaption>{label}</figcaption></figure>"
     )
@@ -62,23 +56,17 @@ def section_svg(dog: Dog, title: str, span: float, width: int = 420) -> str:
 
 def rounded(points: Sequence[Point], radii: Sequence[float]) -> str:
     """Write path commands through ``points`` with each inner corner rounded, px."""
-    commands = [f"M{points[0][0]:.2f},{points[0][1]:.2f}"]
-    corners = zip(points[:-2], points[1:-1], points[2:], radii, strict=True)
+    places = np.array(points)
+    commands = ["M{:.2f},{:.2f}".format(*places[0])]
+    corners = zip(places[:-2], places[1:-1], places[2:], radii, strict=True)
     for before, here, after, radius in corners:
-        back, ahead = math.dist(before, here), math.dist(here, after)
-        u = ((before[0] - here[0]) / back, (before[1] - here[1]) / back)
-        v = ((after[0] - here[0]) / ahead, (after[1] - here[1]) / ahead)
-        half = 0.5 * math.acos(max(-1.0, min(1.0, u[0] * v[0] + u[1] * v[1])))
-        cut = radius / math.tan(half)
-        sweep = 1 if u[0] * v[1] - u[1] * v[0] < 0.0 else 0
-        start = (here[0] + cut * u[0], here[1] + cut * u[1])
-        end = (here[0] + cut * v[0], here[1] + cut * v[1])
-        commands.append(
-            f"L{start[0]:.2f},{start[1]:.2f} "
-            f"A{radius:.2f},{radius:.2f} 0 0 {sweep} {end[0]:.2f},{end[1]:.2f}"
-        )
-    commands.append(f"L{points[-1][0]:.2f},{points[-1][1]:.2f}")
-    return " ".join(commands)
+        u, v = ((side - here) / math.dist(side, here) for side in (before, after))
+        cut = radius / math.tan(0.5 * math.acos(np.clip(u @ v, -1.0, 1.0)))
+        sweep = int(u[0] * v[1] < u[1] * v[0])
+        commands.append("L{:.2f},{:.2f}".format(*(here + cut * u)))
+        end = "{:.2f},{:.2f}".format(*(here + cut * v))
+        commands.append(f"A{radius:.2f},{radius:.2f} 0 0 {sweep} {end}")
+    return " ".join([*commands, "L{:.2f},{:.2f}".format(*places[-1])])
 
 
 class _Sheet:
@@ -116,15 +104,7 @@ class _Sheet:
         right, left = self.at(points[-1][0], self.underside), self.at(points[0][0], self.underside)
         closing = f"L{right[0]:.2f},{right[1]:.2f} L{left[0]:.2f},{left[1]:.2f} Z"
         frame = (self.at(-reach, 0.0)[0], self.at(reach, 0.0)[0])
-        sides = [svg.line((x, self.at(0.0, self.end(x))[1]), (x, left[1]), "edge") for x in frame]
-        return svg.clipped(svg.path(f"{curve} {closing}", "part"), frame, HEIGHT) + "".join(sides)
-
-    def end(self, pixel: float) -> float:
-        """Return the height of the sharp profile at a place on the sheet, m."""
-        x = (pixel - self.centre[0]) / self.scale
-        whole = [(p + i * self.dog.pitch, z) for i in (-1, 0, 1) for p, z in section(self.dog)]
-        places, levels = np.array(whole).T
-        return float(np.interp(x, places, levels))
+        return svg.clipped(svg.path(f"{curve} {closing}", "part"), frame, HEIGHT)
 
     def lengths(self) -> list[str]:
         """Draw the dimensions of widths and heights."""

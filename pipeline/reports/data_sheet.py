@@ -17,6 +17,7 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, find_study, load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.record import Table, number_or_none
+from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.designs import (
     confirmation_of,
     engaged_shifts,
@@ -25,7 +26,6 @@ from dogshape.pipeline.reports.designs import (
     margins_of,
     weakest_at_worst,
 )
-from dogshape.pipeline.reports.look import Row
 from dogshape.pipeline.reports.provenance import command_of, now
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
@@ -55,6 +55,7 @@ SIMULATION = (
     SIMULATED, "standard_error_s", "source", "engaged", "shifts_engaged", "gain_s",
     "gain_standard_error_s", "worst_against_prototype", "slowest_point",
 )  # fmt: skip
+PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 
 
 @dataclass(frozen=True)
@@ -88,52 +89,42 @@ class NamedDesign:
         return replace(own, clutch=own.clutch.with_dog(dog))
 
 
-def design_or_study(
-    name: str, settings: Iterable[str] | Mapping[str, Any] | None = None
+def named_design(
+    name: str, settings: Iterable[str] | Mapping[str, Any] | None = None, *, chosen: bool = True
 ) -> NamedDesign:
-    """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result, any other name as a study's dog.
+    """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result.
 
     Parameters
     ----------
-    name : ``results/mq200#43``, ``mq200#43``, or what ``load_study`` takes.
-    settings : keys of the study with their values, of a study alone.
+    name : such as ``results/mq200#43``, ``mq200#43``, or what ``load_study`` takes.
+    settings : keys of the study with their values, of a study's dog alone.
+    chosen : whether a name without ``#N`` is the chosen design of its result, where it has one;
+        else it is the study's own dog.
 
     Raises
     ------
     InputError
-        As ``named_design`` and ``load_study``, and for settings of a design with a number.
+        For an unknown name, a design that is not there or was not simulated, and for settings of a
+        design with a number.
+    StorageError
+        For a folder with damaged files.
     """
-    where, sign, _ = name.rpartition("#")
-    if not sign or Path(name).exists():
+    where, sign, number = name.rpartition("#") if "#" in name else (name, "", "")
+    if not chosen and (not sign or Path(name).exists()):
         return NamedDesign(name, load_study(name, settings))
     if settings:
         raise InputError(
             f"'{name}' is a design as it was simulated, which --set would change; give '{where}' "
             "and the keys of the dog"
         )
-    return named_design(name)
-
-
-def named_design(name: str) -> NamedDesign:
-    """Read a design; without ``#N`` the chosen one of a result, else the study's own dog.
-
-    Raises
-    ------
-    InputError
-        For an unknown name, or a design that is not there or was not simulated.
-    StorageError
-        For a folder with damaged files.
-    """
-    where, sign, number = name.rpartition("#") if "#" in name else (name, "", "")
     if sign and not number.isdecimal():
         raise InputError(
             f"'{name}' must end in the number of a design after '#'; write for instance "
             "results/mq200#43"
         )
-    trial = int(number) if sign else None
     folder, path = StudyFolder(Path(where)), Path(where)
     if folder.manifest.exists():
-        return _searched(where, folder.stored_study(), folder.stored_result(), trial)
+        return _searched(where, folder.stored_study(), folder.stored_result(), number)
     try:
         find_study(where)
     except InputError as error:
@@ -146,34 +137,32 @@ def named_design(name: str) -> NamedDesign:
     # A result that is kept beside a study file, in a folder or of a bundled study.
     kept = (path if path.is_dir() else bundled_root() / where) / "result.json"
     if kept.is_file() and not path.is_file():
-        return _searched(where, study, read_json(kept, "take it away"), trial)
-    if trial is not None:
+        return _searched(where, study, read_json(kept, "take it away"), number)
+    if sign:
         raise InputError(
-            f"'{name}' names design {trial}, but '{where}' has no result; run 'dogshape study "
+            f"'{name}' names design {number}, but '{where}' has no result; run 'dogshape study "
             f"{where}' and give the folder of its results"
         )
     return NamedDesign(where, study)
 
 
-def _searched(where: str, study: Setup, result: Row, trial: int | None) -> NamedDesign:
+def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign:
     rows = {row["trial"]: row for row in result["trials"]}
-    if trial is None:
-        own = next((row for row in result["trials"] if row["prototype"]), None)
-        chosen = result["best"] or own
-        if chosen is None:
-            raise InputError(f"'{where}' has no chosen design and no prototype; name one with #N")
-        trial = int(chosen["trial"])
-    row = rows.get(trial)
-    if row is None:
+    own = next((row for row in result["trials"] if row["prototype"]), None)
+    row = rows.get(int(number)) if number else result["best"] or own
+    if row is None and number:
         raise InputError(
-            f"'{where}' has no design {trial}; it has the designs 0 (prototype) to {max(rows)}"
+            f"'{where}' has no design {int(number)}; it has the designs 0 (prototype) to "
+            f"{max(rows)}"
         )
+    if row is None:
+        raise InputError(f"'{where}' has no chosen design and no prototype; name one with #N")
     if row[SIMULATED] is None:
         raise InputError(
-            f"design {trial} of '{where}' failed {', '.join(row['failed'])} and was not simulated; "
-            "name one that has a time"
+            f"design {row['trial']} of '{where}' failed {', '.join(row['failed'])} and was not "
+            "simulated; name one that has a time"
         )
-    return NamedDesign(f"{where}#{trial}", study, result, row)
+    return NamedDesign(f"{where}#{row['trial']}", study, result, rows[row["trial"]])
 
 
 def design_record(
@@ -232,58 +221,46 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
         simulated |= {"source": "new angles", "confirmed": True, "shifts_engaged": counts}
     if is_measured(known):
         simulated |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
-        simulated |= {} if confirmed is None else _point_facts(result, row, confirmed)
+        if confirmed is not None:
+            slow, place = max(confirmed["points"], key=lambda p: p["mean_s"]), PLACE
+            simulated["slowest_point"] = {
+                k: slow[k] for k in (*place, "mean_s", "standard_error_s")
+            }
+            own = result["confirmation"]["prototype"]
+            if not row["prototype"] and is_measured(own):
+                errors = [one["standard_error_s"] or 0.0 for one in (own, confirmed)]
+                simulated["gain_s"] = own[SIMULATED] - confirmed[SIMULATED]
+                simulated["gain_standard_error_s"] = math.hypot(*errors)
+                against = point_differences(own, confirmed)
+                worst = max(against, key=lambda one: float(one["difference_s"]), default=None)
+                simulated["worst_against_prototype"] = worst
     return design_record(
         study,
         {name: row[name] for name in study.variables},
         margins_of(row, confirmed),
-        weakest_at_worst(study, row),
+        weakest_at_worst(row),
         design=int(row["trial"]),
         prototype=bool(row["prototype"]),
         **simulated,
     )
 
 
-def _point_facts(result: Row, row: Row, confirmed: Row) -> Row:
-    """Collect the slowest operating point, and gain and greatest loss over the prototype."""
-    slow = max(confirmed["points"], key=lambda p: p["mean_s"])
-    keys = ("mismatch_rpm", "force_N", "mean_s", "standard_error_s")
-    found: Row = {"slowest_point": {key: slow[key] for key in keys}}
-    own = result["confirmation"]["prototype"]
-    if row["prototype"] or not is_measured(own):
-        return found
-    errors = [one["standard_error_s"] or 0.0 for one in (own, confirmed)]
-    found["gain_s"] = own[SIMULATED] - confirmed[SIMULATED]
-    found["gain_standard_error_s"] = math.hypot(*errors)
-    points = point_gains(own, confirmed)
-    if points:
-        worst = min(points, key=lambda one: one["gain_s"])
-        found["worst_against_prototype"] = {
-            "mismatch_rpm": worst["mismatch_rpm"],
-            "force_N": worst["force_N"],
-            "difference_s": -worst["gain_s"],
-            "standard_error_s": number_or_none(worst["error_s"]),
-        }
-    return found
+def point_differences(prototype: Row, chosen: Row) -> list[Row]:
+    """List the time of the chosen design less the prototype's, s, at each point confirmed of both.
 
-
-def point_gains(prototype: Row, chosen: Row) -> list[Row]:
-    """List the gain at each operating point that both were confirmed at, with its error, s.
-
-    ``clear`` is a gain of at least twice its standard error.
+    The standard error is None where one of either is not known.
     """
-    best = {(p["mismatch_rpm"], p["force_N"]): p for p in chosen["points"]}
+    best = {tuple(p[key] for key in PLACE): p for p in chosen["points"]}
     found = []
     for point in prototype["points"]:
-        at = point["mismatch_rpm"], point["force_N"]
-        other = best.get(at)
+        other = best.get(tuple(point[key] for key in PLACE))
         if other and None not in (point["mean_s"], other["mean_s"]):
             errors = [p["standard_error_s"] for p in (point, other)]
-            error = math.hypot(*(math.nan if e is None else e for e in errors))
-            gain = point["mean_s"] - other["mean_s"]
-            clear = abs(gain) >= 2.0 * error and gain != 0.0
-            found.append({"mismatch_rpm": at[0], "force_N": at[1], "gain_s": gain,
-                          "error_s": error, "clear": clear})  # fmt: skip
+            found.append({
+                **{key: point[key] for key in PLACE},
+                "difference_s": other["mean_s"] - point["mean_s"],
+                "standard_error_s": None if None in errors else math.hypot(*errors),
+            })  # fmt: skip
     return found
 
 
@@ -330,10 +307,11 @@ def _place_words(point: Row | None) -> str:
     """Print a time, or a difference to the prototype, with its operating point."""
     if point is None:
         return "-"
-    at, loss = place_name(point["mismatch_rpm"], point["force_N"]), point.get("difference_s")
-    side = "" if loss is None else " slower" if loss > 0.0 else " faster"
-    time = abs(point["mean_s"] if loss is None else loss)
-    return f"{ms_or_dash(time, point['standard_error_s'])}{side} at {at}"
+    loss, side = point.get("difference_s"), ""
+    if loss is not None:
+        side = " slower" if loss > 0.0 else " faster"
+    time = ms_or_dash(abs(point["mean_s"] if loss is None else loss), point["standard_error_s"])
+    return f"{time}{side} at {place_name(*(point[key] for key in PLACE))}"
 
 
 def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
@@ -368,7 +346,7 @@ def write_sheet(one: NamedDesign, record: Row, checks: Sequence[Row], why: str, 
         **record,
         "dimensions": _dimensions(study),
         "checks": own,
-        "provenance": _provenance(one),
+        "provenance": provenance_of(one.study, one.result),
     }
     if path.suffix.lower() == ".json":
         return write_json(path, sheet)
@@ -418,29 +396,30 @@ def _dimensions(study: Setup) -> list[Row]:
     return rows
 
 
-def engine_of(result: Row) -> str:
-    """Name the engine that simulated the shifts of a search."""
-    return ENGINES[result["engine"]]
+def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
+    """List the command, operating points, contact, mechanism, hashes and versions of a result.
 
-
-def _provenance(one: NamedDesign) -> dict[str, str]:
-    study, result = one.study, one.result
+    ``result`` is None for a design that was not searched.
+    """
     load, contact = study.file.load, study.clutch.contact
-    simulated, brought = "as by 'dogshape check'", versions()
+    simulated, used, own = "as by 'dogshape check'", versions(), ""
     if result is not None:
-        confirmation, brought = result["confirmation"], result["versions"]
-        angles = f", confirmed at {confirmation['angles']} new angles" if confirmation else ""
-        simulated = f"{result['n_simulated_shifts']} shifts by {engine_of(result)}{angles}"
-    return {
-        "study": command_of(study) or f"{study.name}, its file in study.json",
+        c, used = result["confirmation"], result["versions"]
+        simulated = f"{result['n_simulated_designs']} designs, {result['n_simulated_shifts']} "
+        simulated += f"shifts by {ENGINES[result['engine']]}"
+        simulated += f", confirmed at {c['angles']} new angles of each operating point" if c else ""
+        own = f", result {content_key(result)}"
+    facts = {
+        "command": command_of(study) or f"dogshape study FILE; {study.name} is in study.json",
         "simulated": simulated,
         "operating points": study.operating_text,
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
         "material": study.limits.material.name,
-        "mechanism": ", ".join(f"{k} {v:.4g}" for k, v in study.mechanism.items()) or "-",
-        "contact": f"{contact.name}, friction {contact.static_friction:g} static, "
-        f"{contact.dynamic_friction:g} dynamic",
-        "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}"
-        + ("" if result is None else f", result {content_key(result)}"),
-        "versions": ", ".join(f"{name} {version}" for name, version in brought.items()),
+        "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
+        f"{contact.dynamic_friction:g} dynamic, stiffness {contact.stiffness:.3g} Pa/m, "
+        f"dissipation {contact.dissipation:g} s/m",
+        "mechanism": ", ".join(f"{name} {one:.4g}" for name, one in study.mechanism.items()),
+        "versions": ", ".join(f"{name} {version}" for name, version in used.items()),
+        "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{own}",
     }
+    return {name: words for name, words in facts.items() if words}

@@ -5,22 +5,14 @@ Times are shown in ms, margins and shares in percent, forces in kN.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from dogshape.pipeline.config.schema import QUANTILE
-from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.look import Row
-from dogshape.pipeline.reports.text import check_name, label, minus, percent, value, with_error
-from dogshape.pipeline.simulate.design import (
-    OBJECTIVES,
-    SIMULATED,
-    SUMMARIES,
-    Objective,
-    design_of,
-    weakest_within,
-)
+from dogshape.pipeline.reports.charts import Row
+from dogshape.pipeline.reports.text import check_name, minus, percent, with_error
+from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, SUMMARIES, Objective
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -37,14 +29,10 @@ FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}
 
 @dataclass(frozen=True)
 class Goal:
-    """An objective of a study; ``share`` is the level of a quantile.
-
-    ``leading`` marks the objective that decides which design is best.
-    """
+    """An objective of a study; ``share`` is the level of a quantile."""
 
     objective: Objective
     share: float
-    leading: bool
 
     @property
     def name(self) -> str:
@@ -104,29 +92,16 @@ class Goal:
         return self.pair(self.shown(row), self.error(row))
 
 
-def goals_of(result: Row) -> list[Goal]:
-    """List the objectives of a result, the leading one first."""
-    share, lead = result.get("quantile", QUANTILE), result["leading"]
-    names = sorted(result["objectives"], key=lambda name: name != lead)
-    return [Goal(OBJECTIVES[name], share, name == lead) for name in names]
-
-
-def shown_goals(result: Row) -> list[Goal]:
-    """List the objectives, and the expected shift time where it is none of them."""
-    goals = goals_of(result)
-    if all(goal.name != SIMULATED for goal in goals):
-        goals.append(Goal(OBJECTIVES[SIMULATED], goals[0].share, leading=False))
-    return goals
+def goals_of(result: Row, *more: str) -> list[Goal]:
+    """List the objectives of a result, the leading one first, then ``more`` that are none."""
+    names = sorted(result["objectives"], key=lambda name: name != result["leading"])
+    share = result.get("quantile", QUANTILE)
+    return [Goal(OBJECTIVES[name], share) for name in dict.fromkeys((*names, *more))]
 
 
 def design_name(row: Row) -> str:
     """Name a design."""
     return "prototype" if row["prototype"] else f"design {row['trial']}"
-
-
-def is_barred(row: Row) -> bool:
-    """Check whether a design failed a check that needs no simulation, and so was not simulated."""
-    return not row["feasible"] and not row["points"]
 
 
 def is_measured(found: Row) -> bool:
@@ -176,19 +151,10 @@ def least_margins(margins: Mapping[str, float]) -> list[tuple[str, float]]:
     return sorted(own, key=lambda pair: pair[1])
 
 
-def weakest_at_worst(study: Setup, row: Row) -> tuple[str, float] | None:
-    """Name the check with the smallest margin at worst-case tolerances, and that margin.
-
-    Results of earlier versions have the margin without its check, which is worked out here.
-    """
+def weakest_at_worst(row: Row) -> tuple[str, float] | None:
+    """Name the check with the smallest margin at worst-case tolerances, and that margin."""
     margin = row["margin_worst_case"]
-    if margin is None:
-        return None
-    name = row.get("weakest_check_worst_case")
-    if name is None:
-        params = {key: row[key] for key in study.variables}
-        name = weakest_within(study.operated(params), design_of(study, params))[0]
-    return name, margin
+    return None if margin is None else (row.get("weakest_check_worst_case") or "", margin)
 
 
 def failed_words(confirmed: Row | None) -> str:
@@ -205,7 +171,7 @@ def failed_at_new_angles(result: Row) -> list[Row]:
 
 
 def of_kinds(result: Row) -> dict[str, list[Row]]:
-    """Sort the designs of a search by kind; each is of one kind, empty kinds too.
+    """Sort the simulated designs of a search by kind; each is of one kind, empty kinds too.
 
     Confirmed ones have the values of their confirmation.
     """
@@ -218,15 +184,13 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
             return "chosen"
         if row["prototype"]:
             return "prototype"
-        if is_barred(row):
-            return "infeasible"
         if not row["feasible"] or row["trial"] in failed:
             return "fails when simulated"
         return "front" if row["trial"] in front else "dominated"
 
-    kinds = ("dominated", "fails when simulated", "infeasible", "front", "chosen", "prototype")
+    kinds = ("dominated", "fails when simulated", "front", "chosen", "prototype")
     found: dict[str, list[Row]] = {name: [] for name in kinds}
-    for row in result["trials"]:
+    for row in (row for row in result["trials"] if row[SIMULATED] is not None):
         found[kind(row)].append(front.get(row["trial"], row))
     return found
 
@@ -242,75 +206,36 @@ def designs_shown(result: Row) -> list[Row]:
     return [rows[trial] for trial in dict.fromkeys([*own, *trials])]
 
 
-def describe(row: Row, variables: list[str], goals: list[Goal]) -> str:
-    """Describe a design where the mouse points at it."""
-    lines = [f"<b>{design_name(row)}</b>"]
-    lines += [f"{label(name)} {value(name, row[name])}" for name in variables]
-    lines += [
-        f"{goal.label} {goal.words(goal.shown(row), goal.error(row))}"
-        for goal in goals
-        if row.get(goal.name) is not None
-    ]
-    if row["failed"]:
-        lines.append("fails " + ", ".join(check_name(name) for name in row["failed"]))
-    least = least_margins(row["margins"] or {})[:3]
-    lines += [f"margin {percent(margin)}, {check_name(name)}" for name, margin in least]
-    return "<br>".join(lines)
-
-
-def front_frame(result: Row, variables: list[str]) -> pd.DataFrame:
-    """Tabulate the front: variables, objectives with standard errors, place, smallest margin."""
-    import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
-
-    estimated = list(dict.fromkeys([*result["objectives"], SIMULATED]))
-    ends = {end: f"{end}_of_{result['leading']}" for end in ("low", "high")}
-    best = None if result["best"] is None else result["best"]["trial"]
-    columns = [
-        *("trial", "prototype", "chosen", *variables),
-        *(name for one in estimated for name in (one, f"standard_error_of_{one}")),
-        *(*ends.values(), "probability_on_front", "smallest_margin", "weakest_check"),
-        *("margin_worst_case", "weakest_check_worst_case"),
-    ]
-    rows = [
-        {
-            **{ends.get(key, key): value for key, value in row.items()},
-            "chosen": row["trial"] == best,
-            **{f"standard_error_of_{k}": error for k, error in row["standard_errors"].items()},
-        }
-        for row in result["front"]
-    ]
-    known = {name for row in rows for name in row} or set(columns)
-    return pd.DataFrame(rows, columns=[name for name in columns if name in known])
-
-
-def designs_frame(result: Row, variables: list[str], *, simulated: bool = False) -> pd.DataFrame:
-    """Tabulate every design of the search with all that is known of it, a row each.
-
-    With ``simulated`` those are left out that fail a check before a simulation.
-    """
+def designs_frame(
+    result: Row, variables: Sequence[str], rows: Sequence[Row] | None = None
+) -> pd.DataFrame:
+    """Tabulate designs of a search with all that is known of them, a row each; by default all."""
     import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
     front = {row["trial"] for row in result["front"]}
     failed = {row["trial"] for row in failed_at_new_angles(result)}
     best = None if result["best"] is None else result["best"]["trial"]
-
-    def flat(row: Row) -> Row:
-        apart = (*variables, "trial", "prototype", "failed")
-        errors = {k: v for k, v in row["standard_errors"].items() if k != SIMULATED}
+    apart = (*variables, "trial", "prototype", "failed")
+    table = []
+    for row in result["trials"] if rows is None else rows:
         within = row.get("time_within_tolerances") or {}
-        return {
+        table.append({
             "trial": row["trial"],
             "prototype": row["prototype"],
             "on_front": row["trial"] in front,
             "failed_at_fresh_angles": row["trial"] in failed,
             "chosen": row["trial"] == best,
             **{name: row[name] for name in variables},
-            **{k: v for k, v in row.items() if k not in apart and not isinstance(v, (dict, list))},
-            **{f"standard_error_of_{name}": error for name, error in errors.items()},
+            **{k: v for k, v in row.items() if k not in apart and not isinstance(v, dict | list)},
+            **{f"standard_error_of_{name}": v for name, v in row["standard_errors"].items()},
             "failed": " ".join(row["failed"]),
             **{f"within_tolerances_{k}": v for k, v in within.items() if not isinstance(v, dict)},
             **{f"margin_of_{name}": margin for name, margin in row["margins"].items()},
-        }
+        })  # fmt: skip
+    return pd.DataFrame(table)
 
-    rows = [row for row in result["trials"] if not simulated or row[SIMULATED] is not None]
-    return pd.DataFrame([flat(row) for row in rows])
+
+def simulated_frame(result: Row, variables: Sequence[str]) -> pd.DataFrame:
+    """Tabulate the designs that were simulated (``designs_frame``)."""
+    rows = [row for row in result["trials"] if row[SIMULATED] is not None]
+    return designs_frame(result, variables, rows)

@@ -6,9 +6,12 @@ import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+import plotly.graph_objects as go
 from markupsafe import Markup
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.bench.comparison import Comparison, PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.phase_times import PhaseGap
 from dogshape.diagnosis.report.wording import (
@@ -21,16 +24,96 @@ from dogshape.diagnosis.report.wording import (
 )
 from dogshape.diagnosis.terms import NONE, plain
 from dogshape.pipeline.diagnose.consequence import Consequence
-from dogshape.pipeline.record import Table, frame_of
-from dogshape.pipeline.reports.gap_figures import NINETY, before_figure, cells_of, gap_map_figure
+from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_none
+from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report, link
 from dogshape.pipeline.reports.text import axis, minus, value
 from dogshape.sim.files import naming
+from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
 
 REPORT, RECORD, TABLE = "report.html", "gap.json", "cells.csv"
 MAX_ROWS = 8  #: tests, and hypotheses, in a table
+NINETY = 1.645  #: standard errors of a 90 % interval, either side
 MIN_PROBABILITY = 0.005  #: from which a hypothesis, or an effect, is in a table
+
+
+class CellRow(Record):
+    """One operating point of a diagnosis; null where there is none."""
+
+    mismatch_rpm: float = key("mismatch before the shift", "1/min")
+    force_N: float = key("final shift force", "N")
+    shifts: int = key("shifts that have a time")
+    engaged: int = key("shifts that engaged")
+    failed: int = key("shifts that did not")
+    unknown: int = key("shifts of which that is not known")
+    bench_s: float | None = key("mean on the bench", "s")
+    bench_error_s: float | None = key("its standard error, from the predicted spread", "s")
+    simulated_s: float | None = key("simulation without any effect", "s")
+    simulated_error_s: float | None = key("its standard error", "s")
+    gap_s: float | None = key("bench less simulation", "s")
+    error_s: float | None = key("its standard error", "s")
+    z: float | None = key("gap over its standard error", "1")
+    predicted_s: float | None = key("leading hypothesis, fitted to all other points", "s")
+    predicted_error_s: float | None = key("its standard error", "s")
+
+
+def cells_of(found: Diagnosis) -> list[CellRow]:
+    """List the operating points of a diagnosis, in the order of its data set."""
+    held_out, nearest = found.held_out, found.fits[found.leading].predicted
+    spread = np.sqrt((nearest.sd**2).mean(axis=0))
+    errors, named = found.fits[NONE].predicted.error.mean(axis=0), found.leading != NONE
+    rows = []
+    for k, point in enumerate(found.gaps):
+        cell = point.cell
+        rows.append(CellRow(
+            **_place(point),
+            shifts=cell.n,
+            engaged=cell.engaged,
+            failed=cell.failed,
+            unknown=cell.unknown,
+            bench_s=cell.time,
+            bench_error_s=number_or_none(spread[k] / cell.n**0.5) if cell.n else None,
+            simulated_s=point.mean,
+            simulated_error_s=None if point.mean is None else number_or_none(errors[k]),
+            gap_s=point.gap,
+            error_s=None if point.gap is None else number_or_none(point.standard_error),
+            z=number_or_none(point.z),
+            predicted_s=number_or_none(held_out.mean[k]) if named else None,
+            predicted_error_s=number_or_none(held_out.sd[k]) if named else None,
+        ))  # fmt: skip
+    return rows
+
+
+def _place(point: PointGap) -> dict[str, float]:
+    operating = point.cell.point
+    return {"mismatch_rpm": operating.mismatch / RPM, "force_N": operating.profile.force}
+
+
+def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
+    """Draw bench times beside those without effects and of the leading hypothesis."""
+    rows = [cell.to_dict() for cell in cells]
+    sides = {"simulated": "without effects", "predicted": "leading hypothesis, point held out",
+             "bench": "bench"}  # fmt: skip
+    return times_by_point({
+        name: [{**row, "mean_s": row[f"{key}_s"], "standard_error_s": row[f"{key}_error_s"]}
+               for row in rows]
+        for key, name in sides.items()
+    })  # fmt: skip
+
+
+def compared_figure(compared: Comparison) -> go.Figure:
+    """Draw bench and simulated times of every operating point.
+
+    The intervals are of what the difference may be by chance, about the simulation.
+    """
+    points = compared.differences
+    simulated = [
+        {**_place(one), "mean_s": one.mean, "standard_error_s": number_or_none(one.standard_error)}
+        for one in points
+    ]
+    bench = [{**_place(one), "mean_s": one.cell.time, "standard_error_s": None} for one in points]
+    return times_by_point({"simulation": simulated, "bench": bench})  # fmt: skip
 
 
 def publish(
@@ -73,22 +156,15 @@ def write_page(
         headline_of(found.verdict, found.effects),
     )
     page.add("", Markup("<p>{}</p>").format(summary(found)))
-    page.add(
-        "Gap by operating point",
-        gap_map_figure(cells),
-        "Mean shift time on the bench less that of the simulation without effects, ms. Plus: the "
-        "bench is slower. Framed: two standard errors and more. In brackets: shifts that engaged, "
-        "of those made.",
-    )
     page.add("Hypotheses", hypothesis_table(found), inclusion_table(found))
+    page.add("Next test", advice_table(found))
     page.add(
         "Residuals",
         residual_table(found),
-        before_figure(cells),
-        "Points: bench means with 90 % intervals. Dashed: simulation without effects. Solid: "
-        "leading hypothesis, fitted to all other points. Bands: 90 % intervals of the mean.",
+        cells_figure(cells),
+        "Mean shift times with 95 % intervals. The leading hypothesis is fitted to all other "
+        "operating points.",
     )
-    page.add("Next test", advice_table(found))
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
     page.add("Phases", duration_table(phases) if phases else None)
@@ -213,10 +289,11 @@ def duration_table(phases: Sequence[PhaseGap]) -> Table:
 def _facts(found: Diagnosis) -> dict[str, str]:
     """List the facts on data set, record and run."""
     bench, record = found.bench, found.to_dict()["record"]
+    timeless = sum(not cell.n for cell in bench.cells)
     given = {
         "data set": bench.name,
         "source": bench.source,
-        "operating points": f"{len(bench.cells)}",
+        "operating points": f"{len(bench.cells)}, {timeless} of them without a time",
         "timed shifts": str(sum(cell.n for cell in bench.cells)),
         "record": "; ".join(f"{k}: {v}".replace("_", " ") for k, v in record.items()),
         "corrections": ", ".join(bench.corrections),

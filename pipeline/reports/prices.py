@@ -2,30 +2,32 @@
 
 Designs that fill the space, and more about the best of them under each limit, are checked by
 closed forms and predicted by the surrogate. Where an upper bound L becomes f L a design passes with
-a margin of 1 - f, where a lower one does with f - 1: so one pool of designs gives all curves.
-Landing and other simulated limits are left out, as nothing predicts them here. Where a study bounds
-the smallest margin at worst-case tolerances, margins are taken there. Tolerances are a limit too: f
-times as large they take f times as much from each margin.
+a margin of 1 - f, where a lower one does with f - 1: so one pool of designs answers for all limits.
+Landing and other simulated limits are left out. Where a study bounds the smallest margin at
+worst-case tolerances, margins are taken there. Tolerances are a limit too: f times as large they
+take f times as much from each margin.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 import numpy as np
 from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.look import Row
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.charts import Row
+from dogshape.pipeline.reports.text import check_name, in_ms
 from dogshape.pipeline.simulate.design import WORST, design_of
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import margin_losses
 from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.model import Surrogate
 
-FACTORS = (0.7, 0.8, 0.9, 0.95, 1.0, 1.05, 1.1, 1.25, 1.5)  #: on a limit
+FACTORS = {"less_s": 0.9, "now_s": 1.0, "more_s": 1.1}  #: on a limit, by the key of the best time
 FILLING = 13  #: power of two of designs that fill the space
 ABOUT = 16  #: more designs about each of the best, in each round
 NEAR = (0.08, 0.04, 0.02, 0.01, 0.005)  #: shares of the ranges about it, one for each round
@@ -33,13 +35,6 @@ CLEAR = 2e-4  #: s for a tenth of a limit from which it has a price
 #: Natural step of a limit by its unit, for what a step costs.
 STEPS = {"mm": 0.1, "N": 1000.0, "MPa": 100.0, "deg": 1.0, "": 0.01, "s": 0.001, "%": 10.0}
 TOLERANCES = "tolerances at their worst"  #: row of all tolerances together, in % of what they are
-
-
-class Times(Protocol):
-    """Expected times of designs."""
-
-    def predict(self, designs: Array) -> tuple[Array, Array]:
-        """Predict expected times of designs (m, d) with their errors, each (m,), s."""
 
 
 @dataclass(frozen=True)
@@ -68,81 +63,70 @@ class Pool:
         return None if best is None else float(self.times[best])
 
 
-def prices(study: Setup, times: Times, seed: int = 1) -> list[Row]:
-    """Compute what each limit of a study costs, dearest first.
+def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
+    """Compute what each limit of a study costs, in the order of its checks.
 
-    Each row has the check's ``name``, ``key``, ``unit`` and ``limit``, the ``price_s`` of a tenth
-    of the limit (between 0.9 and 1.1 of it), the best time ``without_s`` the limit, and a ``curve``
-    of limits with the best time in s under each, None where no design passes. Limits that are zero
-    have no price.
+    Each row has the check's ``name``, ``key``, ``unit``, ``limit`` and ``at_most``, and the best
+    times in s with a tenth less of the limit, the limit as it is, a tenth more of it, and
+    ``without_s`` it; None where no design passes. Limits that are zero have no price.
     """
     checks = _checks(study, study.prototype)
     if not checks or not study.variables:
         return []
-    pool = _pool(study, times, checks, seed)
-    found = []
+    pool, found = _pool(study, times, checks, seed), list[Row]()
     for place, check in enumerate(checks):
-        if check.limit <= 0.0:
-            continue
-        found.append(
-            {
-                "name": check.name,
-                "key": check.rule.key,
-                "unit": check.unit,
-                "limit": check.limit,
-                "at_most": check.rule.at_most,
-                **_priced([pool.time(place, _needed(check, factor)) for factor in FACTORS],
-                          check.limit, pool.time(place, -np.inf)),
-            }
-        )  # fmt: skip
+        if check.limit > 0.0:
+            found.append({
+                "name": check.name, "key": check.rule.key, "unit": check.unit,
+                "limit": check.limit, "at_most": check.rule.at_most,
+                **{key: pool.time(place, _needed(check, f)) for key, f in FACTORS.items()},
+                "without_s": pool.time(place, -np.inf),
+            })  # fmt: skip
     if pool.losses.any():
-        scaled = [pool.time(None, tolerances=factor) for factor in FACTORS]
-        words: Row = {"name": TOLERANCES, "key": "[tolerance]", "unit": "%", "limit": 100.0}
-        priced = _priced(scaled, 100.0, pool.time(None, tolerances=0.0))
-        found.append({**words, "at_most": True, **priced})
-    return sorted(found, key=lambda row: -max(row["price_s"] or 0.0, _saved(row)))
+        found.append({
+            "name": TOLERANCES, "key": "[tolerance]", "unit": "%", "limit": 100.0, "at_most": True,
+            **{key: pool.time(None, tolerances=factor) for key, factor in FACTORS.items()},
+            "without_s": pool.time(None, tolerances=0.0),
+        })  # fmt: skip
+    return found
 
 
-def _priced(times: Sequence[float | None], limit: float, without: float | None) -> Row:
-    """Record the times under each of ``FACTORS``, and the price of a tenth of the limit."""
-    at = dict(zip(FACTORS, times, strict=True))
-    low, high = at[0.9], at[1.1]
-    price = None if low is None or high is None else 0.5 * abs(high - low)
-    curve = [(factor * limit, time) for factor, time in at.items()]
-    return {"price_s": price, "curve": curve, "without_s": without}
+def price_of(row: Row) -> float | None:
+    """Compute the price of a tenth of a limit, s; None where no design keeps a tighter one."""
+    less, more = row["less_s"], row["more_s"]
+    return None if less is None or more is None else 0.5 * abs(less - more)
 
 
-def _saved(row: Row) -> float:
-    """Compute the time that is saved without a limit, s; 0 where it is not known."""
-    now, without = at_factor(row, 1.0), row.get("without_s")
-    return 0.0 if now is None or without is None else now - without
-
-
-def dear(rows: Sequence[Row]) -> list[Row]:
-    """Select the limits that have a price; those of the same times are one row."""
+def prices_table(rows: Sequence[Row]) -> Table:
+    """Tabulate the limits that have a price, the dearest first; those of the same times once."""
     found: dict[tuple[float | None, ...], Row] = {}
     for row in rows:
-        if row["price_s"] is None or max(row["price_s"], _saved(row)) >= CLEAR:
-            times = (row["limit"], *(time for _, time in row["curve"]))
-            one = found.setdefault(times, row)
-            if one is not row:
-                joined = {key: f"{one[key]}, {row[key]}" for key in ("name", "key")}
-                found[times] = {**one, **joined}
-    return list(found.values())
-
-
-def step_price(row: Row) -> tuple[float, float] | None:
-    """Give the natural step of a limit in its unit, and the ms that the step costs."""
-    step = STEPS.get(row["unit"])
-    if step is None or row["price_s"] is None:
-        return None
-    return step, 1e3 * row["price_s"] * step / (0.1 * row["limit"])
-
-
-def at_factor(row: Row, factor: float) -> float | None:
-    """Read the best time in s where the limit is ``factor`` times as large."""
-    time: float | None = dict(zip(FACTORS, (t for _, t in row["curve"]), strict=True))[factor]
-    return time
+        times = tuple(row[key] for key in (*FACTORS, "without_s"))
+        price, saved = price_of(row), (row["now_s"] or 0.0) - (row["without_s"] or 0.0)
+        if price is None or max(price, saved) >= CLEAR:
+            one = found.setdefault((row["limit"], *times), {**row, "names": [], "worth": saved})
+            one["names"].append(f"{check_name(row['name'])} {row['key']}")
+            one["worth"] = max(one["worth"], price or 0.0)
+    lines = []
+    for row in sorted(found.values(), key=lambda one: -one["worth"]):
+        price, step = price_of(row), STEPS.get(row["unit"])
+        words = ""
+        if price is not None and step is not None:
+            words = f"{1e4 * price * step / row['limit']:.2g} ms per {step:g} {row['unit']}".strip()
+        lines.append([
+            "\n".join(row["names"]),
+            f"{'≤' if row['at_most'] else '≥'} {row['limit']:.4g} {row['unit']}",
+            *(in_ms(row[key]) if row[key] is not None else "no design"
+              for key in (*FACTORS, "without_s")),
+            words,
+        ])  # fmt: skip
+    heads = "limit", "as it is", "a tenth less, ms", "as it is, ms", "a tenth more, ms"
+    note = (
+        "Best expected shift time that the surrogate predicts of any design which keeps all other "
+        "limits, if one were another. Limits that are not listed cost nothing. Without landing and "
+        "other simulated limits, and without the surrogate's error."
+    )
+    return Table((*heads, "without it, ms", "price"), lines, note=note)
 
 
 def _needed(check: Check, factor: float) -> float:
@@ -172,49 +156,45 @@ def _margins(study: Setup, designs: Array, count: int) -> tuple[Array, Array]:
         rows[place] = [check.margin for check in checks]
         if (rows[place] < 0.0).sum() <= 1:
             losses[place] = rows[place] - [check.margin for check in _checks(study, params)]
-        if worst and (rows[place] < 0.0).sum() <= 1:
-            lost = margin_losses(study.dog_with(params), study.limits)
-            losses[place] += [lost[c.name].worst_case if c.name in lost else 0.0 for c in checks]
+            if worst:
+                lost = margin_losses(study.dog_with(params), study.limits)
+                losses[place] += [lost[c.name].worst_case if c.name in lost else 0 for c in checks]
     return rows, losses
 
 
-def _pool(study: Setup, times: Times, checks: Sequence[Check], seed: int) -> Pool:
+def _pool(study: Setup, times: Surrogate, checks: Sequence[Check], seed: int) -> Pool:
     """Fill the space, then look about the best design under each limit."""
     bounds = np.array(list(study.variables.values()))
     whole = np.array([name == "count" for name in study.variables])
     rng = np.random.default_rng(seed)
 
-    def real(shares: Array) -> Array:
-        designs = bounds[:, 0] + np.clip(shares, 0.0, 1.0) * (bounds[:, 1] - bounds[:, 0])
-        return np.where(whole, np.rint(designs), designs)
-
-    def looked_at(designs: Array) -> Pool:
+    def pooled(shares: Array) -> Pool:
+        designs = bounds[:, 0] + np.clip(shares, 0.0, 1.0) * np.ptp(bounds, axis=1)
+        designs = np.where(whole, np.rint(designs), designs)
         margins, losses = _margins(study, designs, len(checks))
-        # What breaks two limits or one by far can be the best under none of the curves.
+        # What breaks two limits or one by far can be the best under none of the cases.
         near = (margins < 0.0).sum(axis=1) <= 1
         designs, margins, losses = designs[near], margins[near], losses[near]
         found = times.predict(designs)[0] if len(designs) else np.zeros(0)
         return Pool(designs, found, margins, losses)
 
-    sampler = qmc.Sobol(len(bounds), seed=rng)
-    pool = looked_at(real(sampler.random_base2(FILLING)))
+    pool = pooled(qmc.Sobol(len(bounds), seed=rng).random_base2(FILLING))
     for near in NEAR:
         every = {
             pool.best(place, needed)
             for place, check in enumerate(checks)
-            for needed in (-np.inf, *(_needed(check, factor) for factor in FACTORS))
+            for needed in (-np.inf, *(_needed(check, factor) for factor in FACTORS.values()))
         }
-        every |= {pool.best(None, tolerances=factor) for factor in (0.0, *FACTORS)}
+        every |= {pool.best(None, tolerances=factor) for factor in (0.0, *FACTORS.values())}
         elite = sorted(place for place in every if place is not None)
         if not elite:
             break
-        span = bounds[:, 1] - bounds[:, 0]
-        about = np.repeat((pool.designs[elite] - bounds[:, 0]) / span, ABOUT, axis=0)
-        more = looked_at(real(about + rng.normal(0.0, near, about.shape)))
+        about = np.repeat((pool.designs[elite] - bounds[:, 0]) / np.ptp(bounds, axis=1), ABOUT, 0)
+        more = pooled(about + rng.normal(0.0, near, about.shape))
         pool = Pool(
-            np.vstack([pool.designs, more.designs]),
+            np.concatenate([pool.designs, more.designs]),
             np.concatenate([pool.times, more.times]),
-            np.vstack([pool.margins, more.margins]),
-            np.vstack([pool.losses, more.losses]),
+            np.concatenate([pool.margins, more.margins]),
+            np.concatenate([pool.losses, more.losses]),
         )
     return pool

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,77 +12,32 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, section_svg
 from dogshape.pipeline.record import Bad, Table
-from dogshape.pipeline.reports.data_sheet import (
-    engine_of,
-    ms_or_dash,
-)
+from dogshape.pipeline.reports.charts import BLUE, INK, MARKS, Row, styled, times_by_point, window
+from dogshape.pipeline.reports.data_sheet import ms_or_dash, provenance_of
 from dogshape.pipeline.reports.designs import (
-    confirmation_of,
+    MARGIN,
     design_name,
-    designs_frame,
     designs_shown,
-    failed_words,
     goals_of,
-    is_barred,
     is_measured,
-    least_margins,
-    shown_goals,
-    weakest_at_worst,
+    of_kinds,
+    simulated_frame,
 )
-from dogshape.pipeline.reports.look import Row
-from dogshape.pipeline.reports.prices import at_factor, dear, step_price
-from dogshape.pipeline.reports.provenance import command_of, dates_of, file_of
+from dogshape.pipeline.reports.prices import prices_table
+from dogshape.pipeline.reports.provenance import dates_of
 from dogshape.pipeline.reports.report import Report, link
-from dogshape.pipeline.reports.single_shifts import (
-    Distribution,
-    Shifts,
-    distribution,
-    read_shifts,
-    replays_of,
-    write_replays,
-)
-from dogshape.pipeline.reports.study_figures import (
-    QUANTILES,
-    course_figure,
-    distribution_figure,
-    front_figure,
-    points_figure,
-    prices_figure,
-    sure_figure,
-)
-from dogshape.pipeline.reports.study_summary import (
-    headline,
-    margin_cell,
-    share_cell,
-    summary_tables,
-)
-from dogshape.pipeline.reports.text import (
-    axis,
-    check_name,
-    in_ms,
-    percent,
-    time_text,
-)
-from dogshape.pipeline.reports.variable_effects import (
-    effects_figure,
-    indices_figure,
-    learn_effects,
-    stored_effects,
-)
-from dogshape.pipeline.simulate.design import limits_of
+from dogshape.pipeline.reports.single_shifts import Shifts, read_shifts, replays_of, write_replays
+from dogshape.pipeline.reports.study_summary import headline, margin_cell, summary_tables
+from dogshape.pipeline.reports.text import axis, check_name, percent, time_text
+from dogshape.pipeline.reports.variable_effects import effects_figure, learn_effects, stored_effects
+from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.files import naming
-from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import Landing
-from dogshape.sim.strength.checks import GROUPS
-from dogshape.sim.strength.dog_strength import strength_checks
-from dogshape.sim.strength.landing import landing_checks
-from dogshape.sim.units import RPM
 from dogshape.surrogate.validation_figures import Validation
 
 Say = Callable[[str], None]
-BESIDE = 8  #: designs beside each other in a table of margins
+BESIDE = 10  #: designs beside each other in the table of margins
+NAMED = ("front", "chosen", "prototype")  #: kinds of designs that have a name and error bars
 
 
 def publish(folder: StudyFolder, say: Say) -> Path:
@@ -93,7 +48,7 @@ def publish(folder: StudyFolder, say: Say) -> Path:
     study, result = folder.stored_study(), folder.stored_result()
     require_targets({"the report": folder.report})
     learn_effects(folder, say)
-    shifts = read_shifts(study, ShiftJournal(folder.shifts, only_read=True))
+    shifts = read_shifts(folder, study)
     pairs = replays_of(shifts, designs_shown(result) if result["best"] else [])
     write_replays(folder, shifts, [one for pair in pairs for one in pair], say)
     return write_report(folder, shifts)
@@ -102,10 +57,9 @@ def publish(folder: StudyFolder, say: Say) -> Path:
 def write_report(folder: StudyFolder, shifts: Shifts | None = None) -> Path:
     """Write ``report.html`` and ``designs.csv`` from what the study stored; return the report."""
     study, result = folder.stored_study(), folder.stored_result()
-    shifts = shifts or read_shifts(study, ShiftJournal(folder.shifts, only_read=True))
+    shifts = shifts or read_shifts(folder, study)
     with naming(folder.designs):
-        frame = designs_frame(result, list(study.variables), simulated=True)
-        frame.to_csv(folder.designs, index=False)
+        simulated_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
     report_of(folder, study, result, shifts).save(folder.report)
     return folder.report
 
@@ -115,191 +69,145 @@ def report_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) ->
     result = at_own_places(study, result)
     page = Report(f"{study.name}: shape of the dogs", headline(result))
     best, confirmation = result["best"], result["confirmation"]
-    page.add("", *(summary_tables(study, result)), _sections(study, best))
+    page.add("", *summary_tables(study, result), _sections(study, best))
     if best is not None:
         _add_front(page, study, result)
         _add_limits(page, folder)
         if confirmation and not best["prototype"]:
-            weights = {(p.mismatch / RPM, p.profile.force): p.weight for p in study.points}
+            sides = {"prototype": confirmation["prototype"]["points"],
+                     "chosen": confirmation["best"]["points"]}  # fmt: skip
             page.add(
                 "Operating points",
-                points_figure(confirmation, weights),
-                "At the new angles; bars are 95 % intervals, retries included, weights in brackets "
-                "where they differ. Gain: prototype less chosen design, hollow within twice its "
-                "standard error. Engaged: at the first try.",
+                times_by_point(sides),
+                "At the new angles, retries included; bars are 95 % intervals.",
             )
-        _add_shifts(page, folder, result, shifts)
-        if result.get("life"):
-            page.add("Life", life_table(result["life"]), _life_note(study))
-        page.add("Drawing", _sheet(study, best))
-    _add_search(page, folder, study, result)
+        page.add(
+            "Single shifts",
+            _replay_table(folder, shifts, result),
+            "Each link opens an animation with its curves, in shifts beside this report.",
+        )
+        page.add("Life", life_table(result["life"]) if result.get("life") else None)
+        dog = study.dog_with({name: best[name] for name in study.variables})
+        title = f"{design_name(best).capitalize()}, dimensioned section"
+        page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
+    file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
+    facts = _provenance(folder, study, result)
+    run = json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
+    page.add("Search and provenance", Table(("", ""), facts), file.format(run))
     return page
 
 
 def _add_front(page: Report, study: Setup, result: Row) -> None:
     variables, trials = list(study.variables), result["trials"]
-    several = sum(map(is_measured, trials)) > 1
-    others = [goal.name for goal in goals_of(result)[1:] if several]
-    barred = sum(map(is_barred, trials))
-    frame = designs_frame(result, variables, simulated=True)
+    others = [goal.name for goal in goals_of(result)[1:]] or [MARGIN]
+    barred = sum(row[SIMULATED] is None for row in trials)
     page.add(
         "Front",
         *(front_figure(result, variables, name) for name in others),
         "No design beats one of the front, named by its number, in every objective. Bars are 95 % "
-        "intervals. Point at a mark to read all of it; designs far off lie outside the axes.",
-        sure_figure(result) if result["front"] else None,
-        "Trust the new angles: a search picks designs that were also lucky.",
-        front_table(study, result),
+        "intervals. Point at a mark to read its design; designs far off lie outside the axes.",
         link(
-            frame.to_csv(index=False), "text/csv", f"{study.name}-designs.csv",
+            simulated_frame(result, variables).to_csv(index=False), "text/csv",
+            f"{study.name}-designs.csv",
             f"All {result['n_simulated_designs']} simulated designs with every column (CSV)",
         ),
         f"{barred} of {len(trials)} proposed designs failed a check and were not simulated.",
-        *margin_tables(study, result),
-        "Distance to the limit over the limit, at nominal size, by the search.",
+        margin_table(result),
     )  # fmt: skip
 
 
-def front_table(study: Setup, result: Row) -> Table:
-    """Tabulate prototype and front: variables, objectives by search and new angles, margins."""
-    goals, best = shown_goals(result), result["best"]
-    rows, looks = list[list[str]](), dict[int, str]()
-    goals = [goal for goal in goals if goal.name != "smallest_margin"]
-    for row in designs_shown(result):
-        if row["prototype"] or row["trial"] == best["trial"]:
-            looks[len(rows)] = "best" if row["trial"] == best["trial"] else "prototype"
-        repeated = confirmation_of(result, row)
-        cells = [goal.cell(row) for goal in goals]
-        for place, goal in enumerate(goals):
-            if repeated and goal.name in repeated["estimates"] and is_measured(repeated):
-                cells[place] += f"\n{goal.pair(*goal.estimate(repeated))}"
-        within = row["time_within_tolerances"]
-        fails = failed_words(repeated)
-        least = margin_cell(least_margins(row["margins"])[0]) if row["margins"] else Bad("no dog")
-        rows.append([
-            "prototype" if row["prototype"] else str(row["trial"]),
-            *(f"{row[name]:.4g}" for name in study.variables), *cells,
-            "" if row["engaged"] is None else f"{row['engaged']:.0%}",
-            "" if within is None else in_ms(within["root_sum_square_s"]),
-            Bad(f"{least}\nfails {fails}") if fails else least,
-            margin_cell(weakest_at_worst(study, row)),
-        ])  # fmt: skip
-    heads = (
-        "design", *map(axis, study.variables), *(goal.title for goal in goals), "engaged, least",
-        "within tolerances, ± ms", "smallest margin", "at worst-case tolerances",
-    )  # fmt: skip
-    note = "By the search, ± one standard error; second line: at the new angles."
-    return Table(heads, rows, looks, (len(heads) - 2, len(heads) - 1), note)
+def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
+    """Draw the leading objective against another one; designs far from the front are left out."""
+    kinds, goals = of_kinds(result), goals_of(result, SIMULATED, other)
+    lead, second = goals[0], next(goal for goal in goals if goal.name == other)
+    drawn = {kind: [row for row in rows if is_measured(row)] for kind, rows in kinds.items()}
+    figure, near = go.Figure(), [row for kind in NAMED for row in drawn[kind]]
+    if len(result["objectives"]) == 2:  # what the front dominates lies right of and above it
+        figure.add_scatter(
+            x=[lead.shown(row) for row in result["front"]],
+            y=[second.shown(row) for row in result["front"]],
+            mode="lines", line={"color": BLUE, "shape": "hv", "width": 1.5},
+            showlegend=False, hoverinfo="skip",
+        )  # fmt: skip
+    ends = [window([goal.shown(row) for row in near]) if near else None for goal in (lead, second)]
+    for kind, rows in drawn.items():
+        if not rows:
+            continue
+        trace = go.Scatter(
+            x=[lead.shown(row) for row in rows], y=[second.shown(row) for row in rows],
+            name=kind, mode="markers", marker=MARKS[kind], hoverinfo="text",
+            hovertext=[
+                "<br>".join([
+                    f"<b>{design_name(row)}</b>",
+                    *(f"{axis(name)}: {row[name]:.4g}" for name in variables),
+                    *(f"{goal.label} {goal.words(goal.shown(row), goal.error(row))}"
+                      for goal in goals if row.get(goal.name) is not None),
+                    *(f"fails {check_name(name)}" for name in row["failed"]),
+                ])
+                for row in rows
+            ],
+        )  # fmt: skip
+        if kind in NAMED:
+            look = {"thickness": 1.2, "width": 3, "color": INK}
+            names = [f"<b>{kind}</b>" if kind != "front" else str(row["trial"]) for row in rows]
+            left = [ends[0] and lead.shown(row) > sum(ends[0]) / 2 for row in rows]
+            trace.update(
+                mode="markers+text", text=names,
+                textposition=["top left" if one else "top right" for one in left],
+                error_x={"array": [1.96 * lead.error(row) for row in rows], **look},
+                error_y={"array": [1.96 * second.error(row) for row in rows], **look},
+            )  # fmt: skip
+        figure.add_trace(trace)
+    figure.update_xaxes(title=lead.title, range=ends[0])
+    figure.update_yaxes(title=second.title, range=ends[1])
+    return styled(figure, 480)
 
 
-def margin_tables(study: Setup, result: Row) -> list[Table]:
-    """Tabulate every margin of prototype and front, some designs beside each other."""
-    dog, limits, shown = study.clutch.dog, study.limits, designs_shown(result)
-    own = [(quantity.rule, limit) for quantity, limit in limits_of(study)]
-    closed = (*strength_checks(dog, limits), *landing_checks(dog, Landing(), limits))
-    rules = [*own, *((check.rule, check.limit) for check in closed)]
-    tables = []
-    for start in range(0, len(shown), BESIDE):
-        part, rows, looks = shown[start : start + BESIDE], list[list[str]](), {}
-        for group, title in GROUPS.items():
-            mine = [(rule, limit) for rule, limit in rules if rule.group == group]
-            if mine:
-                looks[len(rows)] = "group"
-                rows.append([title])
-            for rule, limit in mine:
-                found = [row["margins"].get(rule.name) for row in part]
-                cells = ["" if margin is None else share_cell(margin) for margin in found]
-                sign = "≤" if rule.at_most else "≥"
-                rows.append([check_name(rule.name), f"{sign} {limit:.4g} {rule.unit}", *cells])
-        names = ["prototype" if row["prototype"] else str(row["trial"]) for row in part]
-        tables.append(Table(("check", "limit", *names), rows, looks))
-    return tables
+def _short_name(row: Row) -> str:
+    return "prototype" if row["prototype"] else str(row["trial"])
+
+
+def margin_table(result: Row) -> Table:
+    """Tabulate every margin of the prototype and the first designs of the front, by the search."""
+    every = designs_shown(result)
+    shown = every[:BESIDE]
+    names = dict.fromkeys(name for row in shown for name in row["margins"])
+    margins = [[row["margins"].get(name) for row in shown] for name in names]
+    rows = [
+        [check_name(name),
+         *("" if m is None else Bad(percent(m)) if m < 0.0 else percent(m) for m in of_check)]
+        for name, of_check in zip(names, margins, strict=True)
+    ]  # fmt: skip
+    note = "Distance to the limit over the limit, at nominal size, by the search."
+    note += f" The first {BESIDE} designs; the CSV has all." if len(every) > BESIDE else ""
+    return Table(("margin", *map(_short_name, shown)), rows, note=note)
 
 
 def _add_limits(page: Report, folder: StudyFolder) -> None:
     known = stored_effects(folder)
     if known is None:
         return
-    effects, paid = known["effects"], dear(known["prices"])
-    outside = effects["outside_trained_range"]
-    page.add(
-        "Variables",
-        effects_figure(effects) if outside <= 0.5 else None,
-        None
-        if outside > 0.5
-        else f"Accumulated local effects over {effects['designs']} designs that pass every check, "
-        f"{percent(outside)} of them outside the trained range; zero is their mean, "
-        f"{time_text(effects['mean_expected_shift_time_s'])}. Bands hold 95 %.",
-        *(indices_figure(found) for found in known["indices"]),
-        "Sobol indices in a box about the prototype, a tenth of each search range either way; the "
-        "second figure with mismatch and force. Bars are 95 % intervals.",
-    )
-    page.add(
-        "Limits",
-        prices_figure(paid) if paid else None,
-        prices_table(paid) if paid else None,
-        "Best expected shift time that the surrogate predicts of any design which keeps all other "
-        "limits, if one were another. Limits that are not listed cost nothing. Without landing and "
-        "other simulated limits, and without the surrogate's error.",
-    )
+    effects = known["effects"]
+    if effects["outside_trained_range"] <= 0.5:
+        page.add(
+            "Variables",
+            effects_figure(effects),
+            f"Accumulated local effects over {effects['designs']} designs that pass every check, "
+            f"{percent(effects['outside_trained_range'])} of them outside the trained range; zero "
+            f"is their mean, {time_text(effects['mean_expected_shift_time_s'])}. Bands hold 95 %.",
+        )
+    page.add("Limits", prices_table(known["prices"]))
 
 
-def prices_table(paid: list[Row]) -> Table:
-    """Tabulate the best time, ms, under a tenth less and more of each limit, and its price."""
-    rows = []
-    for row in paid:
-        step, sign = step_price(row), "≤" if row["at_most"] else "≥"
-        times = [at_factor(row, factor) for factor in (0.9, 1.0, 1.1)]
-        rows.append([
-            f"{check_name(row['name'])} {row['key']}", f"{sign} {row['limit']:.4g} {row['unit']}",
-            *("no design" if t is None else in_ms(t) for t in (*times, row["without_s"])),
-            f"{step[1]:.2g} ms per {step[0]:g} {row['unit']}" if step else "",
-        ])  # fmt: skip
-    heads = "limit", "as it is", "a tenth less, ms", "as it is, ms", "a tenth more, ms"
-    return Table((*heads, "without it, ms", "price"), rows)
-
-
-def _add_shifts(page: Report, folder: StudyFolder, result: Row, shifts: Shifts) -> None:
-    times = _distributions(result, shifts)
-    quantiles = [
-        [name, str(len(one.times)), *(_quantile(one, s) for s in (*QUANTILES, 1.0)), str(one.lost)]
-        for name, one in times.items()
-    ]
-    heads = ["shifts", *(f"{share:.0%} within, ms" for share in QUANTILES), "longest, ms"]
-    rows = []
-    for pair in replays_of(shifts, designs_shown(result)):
-        cells = [
+def _replay_table(folder: StudyFolder, shifts: Shifts, result: Row) -> Table | None:
+    rows = [
+        [pair[0].design, *(
             Markup('<a href="{}">{}</a>').format(one.path, one.words)
-            if (folder.root / one.path).is_file() else one.words
-            for one in pair
-        ]  # fmt: skip
-        rows.append([pair[0].design, *cells])
-    page.add(
-        "Single shifts",
-        distribution_figure(times) if times else None,
-        "All operating points with their weights, at the new angles. A shift that does not engage "
-        "at its first try never ends here.",
-        Table(("", *heads, "did not engage"), quantiles) if quantiles else None,
-        Table(("design", "fastest shift", "slowest shift"), rows, {}, (1, 2)) if rows else None,
-        "Each link opens an animation with its curves, in shifts beside this report.",
-    )
-
-
-def _quantile(one: Distribution, share: float) -> str:
-    time = one.quantile(share)
-    return "never" if math.isinf(time) else f"{1e3 * time:.0f}"
-
-
-def _distributions(result: Row, shifts: Shifts) -> dict[str, Distribution]:
-    if not result["confirmation"]:
-        return {}
-    best = {name: result["best"][name] for name in shifts.study.variables}
-    pairs = {"prototype": shifts.study.prototype, "chosen": best}
-    if result["best"]["prototype"]:
-        del pairs["chosen"]
-    found = {name: distribution(shifts, one) for name, one in pairs.items()}
-    known = {name: one for name, one in found.items() if one is not None}
-    return known if len(known) == len(found) else {}
+            if (folder.root / one.path).is_file() else one.words for one in pair
+        )]
+        for pair in replays_of(shifts, designs_shown(result))
+    ]  # fmt: skip
+    return Table(("design", "fastest shift", "slowest shift"), rows, {}, (1, 2)) if rows else None
 
 
 def life_table(stages: list[Row]) -> Table:
@@ -317,15 +225,8 @@ def life_table(stages: list[Row]) -> Table:
         ]
         for one in stages
     ]  # fmt: skip
-    return Table(heads, rows)
-
-
-def _life_note(study: Setup) -> str:
-    rate = study.file.wear.rate_mm3_Nm if study.file.wear else None
-    law = "Loss at the end of the life as the study gives it. "
-    if rate is not None:
-        law = f"Archard's wear, {rate:g} mm³/(N m), over {study.limits.load.shifts:g} shifts. "
-    return law + "Edges stay sharp in the simulation. Margins without manufacture."
+    note = "Wear as [wear] of the study gives it. Edges stay sharp in the simulation."
+    return Table(heads, rows, note=note)
 
 
 def _sections(study: Setup, best: Row | None) -> Markup:
@@ -333,22 +234,13 @@ def _sections(study: Setup, best: Row | None) -> Markup:
     span = 2.4 * study.clutch.dog.pitch
     drawn = section_svg(study.clutch.dog, "Prototype", span)
     if best is not None and not best["prototype"]:
-        drawn += section_svg(_dog(study, best), f"Design {best['trial']}", span)
+        dog = study.dog_with({name: best[name] for name in study.variables})
+        drawn += section_svg(dog, f"Design {best['trial']}", span)
     return Markup('<div class="drawings">{}</div>').format(Markup(drawn))
 
 
-def _sheet(study: Setup, best: Row) -> Markup:
-    name = design_name(best).capitalize()
-    drawn = dimensioned_svg(_dog(study, best), study.limits, f"{name}, dimensioned section")
-    return Markup('<div class="sheet">{}</div>').format(Markup(drawn))
-
-
-def _dog(study: Setup, row: Row) -> Dog:
-    return study.dog_with({name: row[name] for name in study.variables})
-
-
-def _add_search(page: Report, folder: StudyFolder, study: Setup, result: Row) -> None:
-    fitted = result["surrogate"]
+def _provenance(folder: StudyFolder, study: Setup, result: Row) -> list[tuple[str, str]]:
+    fitted, c, search = result["surrogate"], result["confirmation"] or {}, study.file.search
     judged = "none: it needs a finished search with at least ten simulated designs"
     if fitted:
         judged = (
@@ -357,40 +249,24 @@ def _add_search(page: Report, folder: StudyFolder, study: Setup, result: Row) ->
             f"({fitted['source']})"
         )
         judged = judged if Validation.from_dict(fitted).useful else Bad(f"{judged}: useless")
-    figure: go.Figure | None = course_figure(result) if result["best"] is not None else None
-    contact, solver, dates = study.clutch.contact, study.clutch.solver, dates_of(folder.result)
+    solver, numerical = study.clutch.solver, (c.get("best") or {}).get("numerical_error_s")
     facts = {
-        "command": command_of(study) or "dogshape study FILE, of what study.json holds",
-        "dates": f"result stored {dates['stored']}, report written {dates['written']} (UTC)",
-        "simulated": f"{result['n_simulated_designs']} designs, {result['n_simulated_shifts']} "
-        f"shifts by {engine_of(result)}, each in shifts.jsonl with its inputs",
+        **provenance_of(study, result),
+        "dates": dates_of(folder.result),
+        "search": f"{search.sampler}, {len(result['trials'])} designs, seed {search.seed}, "
+        f"{study.file.expectation.angles} angles",
+        "angles in Drake too": str(c.get("drake_angles") or ""),
+        "numerical error": "" if numerical is None else f"{1e3 * numerical:.2g} ms",
         "surrogate": judged,
-        "operating points": study.operating_text,
         "uncertain": "; ".join(
             f"{name.replace('_', ' ')} {text}"
             for name, text in (study.uncertainty.source if study.uncertainty else ())
         ),
-        "contact": f"{contact.name}: friction {contact.static_friction} static, "
-        f"{contact.dynamic_friction} dynamic, stiffness {contact.stiffness:.3g} Pa/m, dissipation "
-        f"{contact.dissipation} s/m",
-        "mechanism": ", ".join(f"{name} {one:.4g}" for name, one in study.mechanism.items()),
         "solver": f"{solver.scheme}, accuracy {solver.accuracy}, steps up to "
         f"{1e3 * solver.max_step} ms",
-        "end of a shift": f"{study.file.shift.seated_tolerance_mm:g} mm before full travel",
         "retry": f"time-out {study.clutch.timeout} s and retraction {study.retraction} s",
-        "search": f"{study.file.search.sampler}, {len(result['trials'])} designs, seed "
-        f"{study.file.search.seed}, {study.file.expectation.angles} angles",
-        "versions": ", ".join(f"{name} {version}" for name, version in result["versions"].items()),
-        "hashes": f"configuration {result['config_hash']}, physics {result['physics_hash']}",
     }
-    file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
-    page.add(
-        "Search and provenance",
-        figure,
-        "Circles are designs that pass every check.",
-        Table(("", ""), [pair for pair in facts.items() if pair[1]]),
-        file.format(file_of(study)),
-    )
+    return [pair for pair in facts.items() if pair[1]]
 
 
 def at_own_places(study: Setup, result: Row) -> Row:

@@ -10,7 +10,7 @@
 ``points.csv``       its data as a table: simulated operating points
 ``simulated.jsonl``  rows of each design of a fit, those that the surrogate is judged by included
 ``chosen.json``      which of these designs were chosen as likely to be among the best
-``effects.json``     effects and indices from the surrogate, for the report
+``effects.json``     effects and prices from the surrogate, for the report
 ``report.html``      the report
 ``designs.csv``      every simulated design of the search as a table
 ``shifts/``          pages of the shifts that the report links

@@ -16,10 +16,10 @@ from optuna.trial import FrozenTrial
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import Count
 from dogshape.pipeline.reports.designs import (
-    designs_frame,
     designs_shown,
     failed_at_new_angles,
     of_kinds,
+    simulated_frame,
 )
 from dogshape.pipeline.search.confirmation import Executors, confirm, shifts_to_confirm
 from dogshape.pipeline.search.search import Search, run, sampler_factory
@@ -324,7 +324,7 @@ def test_a_study_ends_with_the_front_of_what_did_not_fail(
     assert table == [*({0} - {*shown}), *shown, first.number]
     assert first.number in [row["trial"] for row in of_kinds(fails)["fails when simulated"]]
     assert all("probability_on_front" in row for row in fails["front"])
-    frame = designs_frame(fails, list(study.variables), simulated=True).set_index("trial")
+    frame = simulated_frame(fails, list(study.variables)).set_index("trial")
     assert frame.index[frame["failed_at_fresh_angles"]].tolist() == [first.number]
     assert frame.index[frame["on_front"]].tolist() == sorted(shown)
     assert fails["trials"] == passes["trials"]

@@ -16,18 +16,21 @@ import pytest
 
 from dogshape.diagnosis.bench.bench_data import Reading, gather
 from dogshape.diagnosis.report.phase_times import PHASES, PhaseGap
-from dogshape.pipeline.reports.gap_figures import cells_of, gap_map_figure
-from dogshape.pipeline.reports.gap_page import publish
+from dogshape.diagnosis.terms import NONE
+from dogshape.pipeline.reports.gap_page import (
+    cells_figure,
+    cells_of,
+    publish,
+)
 from dogshape.sim.units import RPM
 from tests.browser import PROBE, REPORT_PROBE, look, print_pdf
 from tests.diagnosed import EFFECTS, POSTERIOR, STAND, diagnosis_of, reading
 
 MINUS = "\N{MINUS SIGN}"
 PARTS = [
-    "gap-by-operating-point", "hypotheses", "residuals", "next-test", "design-choice", "phases",
-    "data-and-settings",
+    "hypotheses", "next-test", "residuals", "design-choice", "phases", "data-and-settings",
 ]  # fmt: skip
-FIGURES = ["gap-by-operating-point-0", "residuals-1"]
+FIGURES = ["residuals-1"]
 
 
 def _changed(one: Reading) -> Reading:
@@ -86,7 +89,7 @@ def test_every_part_is_there_in_its_order(page: Path) -> None:
         "Part of the cause: dead time of the actuation", "The best design hardly moves.", "0.9 ms",
         "height h, mm", "run-down of the sliding ring", "times start with the force",
         "best rival, dead time of the actuation, drag torque on the sliding ring and oil damping",
-        "chance alone", "shifts that engaged, of those made",
+        "chance alone", "4 of them without a time",
     ):  # fmt: skip
         assert words in text, words
     body = re.sub(r"<script.*?</script>", "", text, flags=re.DOTALL)
@@ -122,22 +125,18 @@ def test_record_and_table_lie_beside_the_report_and_within(full: Any, page: Path
     assert known.tolist() == [cell.n > 0 for cell in full.bench.cells]
 
 
-def test_map_has_numbers_marks_and_frames(full: Any) -> None:
-    cells = cells_of(full)
-    figure = gap_map_figure(cells)
-    (in_ms,) = figure.data
-    assert list(in_ms.x) == ["235.2", "315.5", "469", "641.5"]
-    assert in_ms.text[4][0].endswith(" (10/11)")
-    marks = [a.text for a in figure.layout.annotations]
-    assert sorted(marks) == ["not engaged"] + ["unknown"] * 3
-    clear = [cell for cell in cells if cell.z is not None and abs(cell.z) >= 2.0]
-    framed = [shape for shape in figure.layout.shapes if shape.line.width == 2]
-    assert len(framed) == len(clear)
+def test_bench_and_both_simulations_have_their_times(full: Any) -> None:
+    sides = {trace.name: trace for trace in cells_figure(cells_of(full)).data}
+    assert list(sides) == ["without effects", "leading hypothesis, point held out", "bench"]
+    held_out = 1e3 * full.held_out.mean
+    assert list(sides["leading hypothesis, point held out"].x) == pytest.approx(list(held_out))
+    assert len(sides["bench"].x) == sum(cell.n > 0 for cell in full.bench.cells)
+    alone = cells_figure(cells_of(diagnosis_of({NONE: 1.0}))).data
+    assert [trace.name for trace in alone] == ["without effects", "bench"]
 
 
-@pytest.mark.parametrize("width", [1280, 800])
-def test_report_in_a_browser(page: Path, tmp_path: Path, width: int) -> None:
-    seen = look(page, tmp_path, PROBE + REPORT_PROBE, window=f"{width},900")
+def test_report_in_a_browser(page: Path, tmp_path: Path) -> None:
+    seen = look(page, tmp_path, PROBE + REPORT_PROBE, window="1280,900")
     assert "error" not in seen
     assert seen["ids"].split() == FIGURES
     assert seen["figures"] == seen["drawn"]

@@ -28,31 +28,25 @@ from dogshape.sim.units import DEG, MM, MS
 from tests.browser import PROBE, REPORT_PROBE, WITH_WEBGL, WITHOUT_WEBGL, look, print_pdf
 from tests.conftest import SMALL
 
-#: Put into the page of a shift: what a scrub, a click and a choice of phase change.
+#: Put into the page of a shift: what slider, choice of a phase and playing change.
 SHIFT_PROBE = """
 <script>
 function seen() {
   const solid = document.getElementById("solid"), pictures = [document.getElementById("section")];
   if (Solid.viewer) { Solid.viewer.render(); pictures.push(Solid.viewer.renderer.domElement); }
   const hash = text => [...text].reduce((h, c) => (31 * h + c.charCodeAt()) | 0, 0);
-  const shot = pictures.map(picture => hash(picture.toDataURL()));
-  return {now: document.getElementById("now").textContent, shot, pose: solid.dataset.pose,
-          left: parseFloat(document.getElementById("cursor").style.left)};
+  const axis = document.getElementById("curves")._fullLayout.xaxis;
+  return {now: document.getElementById("now").textContent, pose: solid.dataset.pose,
+          shot: pictures.map(picture => hash(picture.toDataURL())),
+          left: axis.p2l(parseFloat(document.getElementById("cursor").style.left) - axis._offset)};
 }
 function probe(said) {
-  const scrub = document.getElementById("scrub"), reach = document.getElementById("reach");
+  const scrub = document.getElementById("scrub");
   said.state = document.getElementById("solid").dataset.state;
   const steps = [seen()];
   scrub.value = 0.5 * scrub.max; scrub.dispatchEvent(new Event("input")); steps.push(seen());
-  const box = document.getElementById("rail").getBoundingClientRect();
-  const there = {clientX: box.left + 0.75 * box.width, clientY: box.top + 200, bubbles: true};
-  document.elementFromPoint(there.clientX, there.clientY).dispatchEvent(
-    new PointerEvent("pointerdown", there));
-  steps.push(seen());
-  const phase = [...document.getElementById("phases").children].filter(b => !b.disabled)[2];
-  phase.click(); steps.push(seen());
+  document.querySelectorAll(".phase")[1].click(); steps.push(seen());
   said.range = JSON.stringify(document.getElementById("curves").layout.xaxis.range);
-  said.upright = JSON.stringify(document.getElementById("curves").layout.yaxis.range);
   said.steps = JSON.stringify(steps);
   // Without a screen there are no pictures to wait for: let a timer ask for them.
   let at = 0;
@@ -80,27 +74,17 @@ def seen_wide(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
     return look(reported / "report.html", folder, PROBE + REPORT_PROBE, window="1280,900")
 
 
-@pytest.fixture(scope="module")
-def seen_narrow(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What a narrow window shows of the report."""
-    folder = tmp_path_factory.mktemp("narrow")
-    return look(reported / "report.html", folder, PROBE + REPORT_PROBE, window="800,900")
-
-
-@pytest.mark.parametrize("window", ["seen_wide", "seen_narrow"])
-def test_report_in_a_browser(request: pytest.FixtureRequest, window: str) -> None:
-    seen: dict[str, str] = request.getfixturevalue(window)
+def test_report_in_a_browser(seen_wide: dict[str, str]) -> None:
+    seen = seen_wide
     assert "error" not in seen
     assert seen["figures"] == seen["drawn"]
-    assert seen["ids"].split() == [
-        "front-0", "front-2", "operating-points-0", "single-shifts-0", "search-and-provenance-0",
-    ]  # fmt: skip
+    assert seen["ids"].split() == ["front-0", "operating-points-0"]
     assert seen["wide"] == "false"
     assert seen["loads"] == "0"
     assert json.loads(seen["cut"]) == json.loads(seen["paper"]) == []
     # A4 less its margins of 12 mm is 703 px wide.
     assert {float(one) for one in seen["widths"].split()} == {700.0}
-    for words in ("were not simulated", "prototype", "can be made", "versions"):
+    for words in ("were not simulated", "prototype", "tip width", "versions"):
         assert words in seen["dom"]
 
 
@@ -148,11 +132,6 @@ def test_report_is_written_again_without_what_it_links(reported: Path, tmp_path:
     text = write_report(StudyFolder(folder)).read_text()
     assert 'href="shifts/' not in text
     assert "fastest shift" in text
-
-
-def test_report_needs_no_network(reported: Path) -> None:
-    page = (reported / "report.html").read_text()
-    assert not re.search(r'<(script|link|img)[^>]*(src|href)="?(http|//)', page)
 
 
 def test_report_before_the_first_design_passes(tmp_path: Path) -> None:
@@ -207,41 +186,22 @@ def test_shift_in_a_browser(
 
 
 def _assert_follows(result: Engagement, seen: dict[str, str]) -> None:
-    """Scrubber, click and phase each move the cursor, the views and the angles shown."""
-    start, middle, clicked, phase = json.loads(seen["steps"])
+    """Slider and phase each move the cursor, the views and the numbers shown."""
+    start, middle, phase = json.loads(seen["steps"])
     end, trace = result.trace.time[-1], result.trace
-    assert [round(step["left"]) for step in (start, middle, clicked)] == [0, 50, 75]
-    for before, after in ((start, middle), (middle, clicked)):
-        # The section and, where there is one, the view of the solids.
-        assert all(a != b for a, b in zip(before["shot"], after["shot"], strict=True))
-    assert f"{500 * end:.1f} ms" in middle["now"]
-    if seen["state"] == "drawn":
-        for step, share in ((start, 0.0), (middle, 0.5), (clicked, 0.75)):
-            output, sliding, height = (float(value) for value in step["pose"].split())
+    for step, share in ((start, 0.0), (middle, 0.5)):
+        assert step["left"] == pytest.approx(1e3 * share * end, abs=0.2)
+        if seen["state"] == "drawn":
+            turned, height = (float(value) for value in step["pose"].split())
             at = np.interp(share * end, trace.time, trace.relative_angle)
             way = np.interp(share * end, trace.time, trace.displacement)
-            assert output == 0.0
-            assert sliding == pytest.approx(-at, abs=1e-3)
+            assert turned == pytest.approx(-at, abs=1e-3)
             assert height == pytest.approx((result.clutch.dog.travel - way) / MM, abs=1e-2)
+    # The section and, where there is one, the view of the solids.
+    assert all(a != b for a, b in zip(start["shot"], middle["shot"], strict=True))
+    assert middle["now"].startswith(f"{500 * end:.2f} ms")
     # The second phase that took any time now fills the width, and holds the cursor.
     shown = [p for p in result.phases if p.end > p.start][1]
     assert json.loads(seen["range"]) == pytest.approx([shown.start / MS, shown.end / MS])
-    inside = (trace.time >= shown.start) & (trace.time <= shown.end)
-    low, high = json.loads(seen["upright"])  # with room, but far from the whole travel
-    way = trace.displacement[inside] / MM
-    room = 0.16 * np.ptp(way) + 0.6
-    assert low <= way.min() <= way.max() <= high
-    assert high - low < np.ptp(way) + room
     assert shown.name in phase["now"]
     assert json.loads(seen["played"])["left"] > phase["left"]
-
-
-def test_shift_needs_no_network(
-    plant: ClutchPlant, point: Callable[[float, float], OperatingPoint], tmp_path: Path
-) -> None:
-    page = tmp_path / "shift.html"
-    write_animation(engage(plant, point(50, 235.2), 6 * DEG), page)
-    text = page.read_text()
-    assert not re.search(r'<(script|link|img|iframe)[^>]*(src|href)="?(http|//)', text)
-    assert text.count("</script>") == text.count("<script")
-    assert page.stat().st_size < 10_000_000

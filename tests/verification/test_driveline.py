@@ -142,7 +142,5 @@ def test_study_without_a_driveline_has_no_torque_peak(plant: ClutchPlant, point:
     study = type(study)(**{**vars(study), "file": without})
     assert study.torque_peaks(result.clutch, result.trace, result.loads) is None
     facts = load_facts(result, peaks.whole)
-    assert facts[-1] == f"driveline peak {peaks.whole:.3g} N m"
-    assert any("hardest ms" in fact and "1/min" in fact for fact in facts)
-    assert any("rigid rings" in fact and fact.endswith(" ms") for fact in facts)
-    assert not any("torque" in fact for fact in load_facts(result, None))
+    assert facts[-1] == f"driveline peak {peaks.whole:.4g} N m"
+    assert load_facts(result, None) == facts[:-1]

@@ -16,9 +16,9 @@ from dogshape.cli.options import (
     SurrogateFile,
 )
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.export.cad import require_cad, write_step
+from dogshape.pipeline.export.cad import load_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.reports.data_sheet import design_or_study
+from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import slips_of
 from dogshape.pipeline.store.folder import require_targets
@@ -56,7 +56,7 @@ def export(
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
-    one = design_or_study(study, set_)
+    one = named_design(study, set_, chosen=False)
     given = one.own_study
     dog, radius = given.clutch.dog, given.limits.root_radius
     if not (stl or step or svg or sheet):
@@ -69,7 +69,7 @@ def export(
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
     if step is not None:
-        require_cad()  # before anything is written
+        load_cad()  # before anything is written
     design = design_of(given, {})
     if not design.feasible:
         warn([f"not feasible ({', '.join(design.failed)}); see dogshape strength"])

@@ -7,7 +7,6 @@ const shown = (value, decimals) =>
 
 const Section = (() => {
   const canvas = document.getElementById("section"), pen = canvas.getContext("2d");
-  const BLUE = "#1f5fa8", ORANGE = "#c8590c", RED = "#d1242f", INK = "#1b2733";
   // Edges of the profile by their first point: what can touch what.
   const EDGES = {braking: 0, face: 1, traction: 2};
   const around = 2 * Math.PI * data.mean_radius;
@@ -23,14 +22,11 @@ const Section = (() => {
     level = height - 32 - 0.5 * data.height * scale;
   }
 
-  const across = x => 0.5 * width + x * scale;
-  const up = z => level - z * scale;
+  const across = x => 0.5 * width + x * scale, up = z => level - z * scale;
 
   // Corner points of dog k of a ring; the sliding ring (flip -1) is turned over.
-  function dog(ring, k) {
-    return data.profile.map(([x, z]) =>
-      [ring.flip * x + k * data.pitch + ring.shift, ring.flip * z + ring.middle]);
-  }
+  const dog = (ring, k) => data.profile.map(([x, z]) =>
+    [ring.flip * x + k * data.pitch + ring.shift, ring.flip * z + ring.middle]);
 
   function visible(ring) {
     const half = 0.5 * width / scale + data.pitch, from = Math.ceil((-half - ring.shift) / data.pitch);
@@ -40,31 +36,18 @@ const Section = (() => {
   function drawRing(ring) {
     const edge = ring.flip > 0 ? height + 4 : -4;
     const points = visible(ring).flatMap(k => ring.flip > 0 ? dog(ring, k) : dog(ring, k).reverse());
-    pen.beginPath();
-    for (const [x, z] of points) pen.lineTo(across(x), up(z));
-    pen.lineTo(across(points.at(-1)[0]), edge); pen.lineTo(across(points[0][0]), edge);
-    pen.closePath();
-    pen.fillStyle = ring.fill; pen.fill();
-    pen.strokeStyle = ring.line; pen.lineWidth = 2; pen.stroke();
-    // One dog of each ring is marked, to see how far they turn.
-    const count = data.solids.count;
-    for (const k of visible(ring)) if (((k % count) + count) % count === 0) {
+    const outline = (corners, fill) => {
       pen.beginPath();
-      for (const [x, z] of dog(ring, k)) pen.lineTo(across(x), up(z));
-      pen.fillStyle = ring.mark; pen.fill(); pen.stroke();
-    }
-  }
-
-  // What the dogs of a stronger colour are.
-  function marked() {
-    // Between the output ring's speed and the scale, where no dog comes.
-    const text = "marked dog of each ring", y = height - 12, end = width - 78 - 2 * scale;
-    if (width < 560) return;
-    label(text, end, y, "#55626f", "right");
-    const start = end - pen.measureText(text).width - 32;
-    ["#9cc3ee", "#f5b98a"].forEach((tone, i) => {
-      pen.fillStyle = tone; pen.fillRect(start + 12 * i, y - 10, 12, 12);
-    });
+      for (const [x, z] of corners) pen.lineTo(across(x), up(z));
+      if (corners === points)
+        for (const [x] of [points.at(-1), points[0]]) pen.lineTo(across(x), edge);
+      pen.closePath();
+      pen.fillStyle = fill; pen.fill();
+      pen.strokeStyle = ring.line; pen.lineWidth = 2; pen.stroke();
+    };
+    outline(points, ring.fill);
+    // One dog of each ring is marked, to see how far they turn.
+    for (const k of visible(ring)) if (k % data.solids.count === 0) outline(dog(ring, k), ring.mark);
   }
 
   // How close two parallel edges are, and the piece they share: along is 0 for faces, 1 for flanks.
@@ -77,8 +60,7 @@ const Section = (() => {
     };
     const middle = 0.5 * (low + high);
     const apart = Math.abs(at(a, middle) - at(b, middle)) + Math.max(0, low - high);
-    const ends = [low, high].map(v => along ? [at(a, v), v] : [v, at(a, v)]);
-    return {apart, ends};
+    return {apart, ends: [low, high].map(v => along ? [at(a, v), v] : [v, at(a, v)])};
   }
 
   // The edges that are closest: where the rings touch when they touch.
@@ -94,59 +76,31 @@ const Section = (() => {
     return found.filter(f => f.apart < best + 0.01);
   }
 
-  function arrow(x, y, length, colour) {
-    const head = Math.sign(length) * 9;
-    pen.strokeStyle = pen.fillStyle = colour; pen.lineWidth = 2.5;
-    pen.beginPath(); pen.moveTo(x, y); pen.lineTo(x + length - head, y); pen.stroke();
-    pen.beginPath(); pen.moveTo(x + length, y); pen.lineTo(x + length - head, y - 5);
-    pen.lineTo(x + length - head, y + 5); pen.fill();
-  }
-
-  function label(text, x, y, colour, align = "left") {
-    pen.font = "600 13px system-ui, sans-serif"; pen.textAlign = align; pen.fillStyle = colour;
+  function label(text, x, y, align) {
+    pen.font = "600 13px system-ui, sans-serif"; pen.textAlign = align; pen.fillStyle = "#55626f";
     pen.fillText(text, x, y);
-  }
-
-  function scaleBar() {
-    const length = 2 * scale, x = width - 14 - length, y = height - 11;
-    pen.strokeStyle = INK; pen.lineWidth = 1.5; pen.beginPath();
-    pen.moveTo(x, y - 4); pen.lineTo(x, y); pen.lineTo(x + length, y); pen.lineTo(x + length, y - 4);
-    pen.stroke(); label("2 mm", x - 6, y + 3, INK, "right");
-  }
-
-  function speed(name, value, y, colour, reach) {
-    const text = name + "  " + shown(value, 1) + " 1/min";
-    label(text, 12, y, colour);
-    if (Math.abs(value) < 0.05) return;
-    const length = Math.max(12, 60 * Math.abs(value) / reach), start = 22 + pen.measureText(text).width;
-    if (value > 0) arrow(start, y - 5, length, colour); else arrow(start + length, y - 5, -length, colour);
   }
 
   // Draw the state of one time; returns the names of the edges that touch.
   function draw(now) {
-    const lower = {flip: 1, middle: 0, fill: "#f3ddcb", mark: "#f5b98a", line: ORANGE,
-                   shift: wrap(now.output_place * data.mean_radius)};
+    const turned = -now.relative_angle * data.mean_radius;
+    const lower = {flip: 1, middle: 0, shift: 0, fill: "#f3ddcb", mark: "#f5b98a", line: "#c8590c"};
     const upper = {flip: -1, middle: data.height + data.gap - now.displacement, fill: "#c9d8ea",
-                   mark: "#9cc3ee", line: BLUE, shift: wrap(now.sliding_place * data.mean_radius)};
+                   mark: "#9cc3ee", line: "#1f5fa8", shift: turned - around * Math.round(turned / around)};
     pen.clearRect(0, 0, width, height);
     drawRing(lower); drawRing(upper);
     const touching = now.touching ? closest(lower, upper) : [];
-    pen.strokeStyle = RED; pen.lineWidth = 5; pen.lineCap = "round";
+    pen.strokeStyle = "#d1242f"; pen.lineWidth = 5;
     for (const {ends} of touching) {
       pen.beginPath();
       for (const [x, z] of ends) pen.lineTo(across(x), up(z));
       pen.stroke();
     }
-    pen.lineCap = "butt";
-    speed("sliding ring", now.sliding_speed, 20, BLUE, now.fastest);
-    speed("output ring", now.output_speed, height - 12, ORANGE, now.fastest);
-    label("unrolled at the mean radius, seen from outside", width - 12, 20, "#55626f", "right");
-    marked();
-    scaleBar();
+    label("unrolled at the mean radius, seen from outside", width - 12, 20, "right");
+    label("2 mm", width - 20 - 2 * scale, height - 8, "right");
+    pen.fillStyle = "#1b2733"; pen.fillRect(width - 14 - 2 * scale, height - 13, 2 * scale, 3);
     return [...new Set(touching.map(t => t.name))];
   }
-
-  const wrap = way => way - around * Math.round(way / around);
 
   fit();
   return {draw, fit};
