@@ -51,7 +51,6 @@ GUARDED = {
     "nptdms": ("diagnosis/bench/trace_files.py",),
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
-    "SALib": ("surrogate/sensitivity.py",),
     "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
 }

@@ -1,4 +1,4 @@
-"""Effects and Sobol indices of a surrogate of a known additive time."""
+"""Effects of a surrogate of a known additive time."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort
-from dogshape.surrogate.sensitivity import EVEN, LOG, WHOLE, Input, accumulate, effects, indices
+from dogshape.surrogate.sensitivity import accumulate, effects
 
 #: Ends of the search ranges of the paper's study, and what each variable adds across them, s.
 LOW, HIGH = np.array([0.0, 4.0, 4.0, 1.6, 6.0]), np.array([20.0, 30.0, 30.0, 6.0, 36.0])
@@ -100,37 +100,3 @@ def test_an_effect_is_not_that_of_what_comes_along() -> None:
     assert asked.form @ asked.moved[:, 0] == pytest.approx(0.0, abs=1e-12)
     own = accumulate(x, 0)
     assert own.form @ own.moved[:, 0] == pytest.approx(own.values - own.values.mean(), abs=0.01)
-
-
-def test_indices_of_ishigami() -> None:
-    """Closed form of Ishigami and Homma 1990 with a = 7, b = 0.1."""
-
-    def ishigami(x: Array) -> Array:
-        result: Array = np.sin(x[:, 0]) * (1 + 0.1 * x[:, 2] ** 4) + 7 * np.sin(x[:, 1]) ** 2
-        return result
-
-    found = indices([Input(name, -np.pi, np.pi) for name in "abc"], ishigami, samples=4096)
-    assert found.first == pytest.approx([0.3139, 0.4424, 0.0], abs=0.03)
-    assert found.total == pytest.approx([0.5576, 0.4424, 0.2437], abs=0.03)
-    assert (found.first_half > 0.0).all()
-
-
-def test_indices_of_an_additive_time(study: Setup, surrogate: Surrogate) -> None:
-    low, high = np.array([7.0, 10.0, 18.0, 3.2, 12.0]), np.array([11.0, 16.0, 24.0, 4.2, 20.0])
-    scales = [EVEN, EVEN, EVEN, EVEN, WHOLE]
-    box = [Input(*one) for one in zip(study.variables, low, high, scales, strict=True)]
-    found = indices(box, lambda x: surrogate.predict(x)[0], samples=512)
-    share = np.random.default_rng(1).random((len(box), 4000))
-    drawn = np.column_stack([one.at(part) for one, part in zip(box, share, strict=True)])
-    variance = terms(drawn).var(axis=0)
-    assert found.first == pytest.approx(variance / variance.sum(), abs=0.06)
-    assert found.total == pytest.approx(found.first, abs=0.06)
-    assert np.argmax(found.total) == 4
-
-
-def test_inputs_keep_to_their_scale() -> None:
-    share = np.array([0.0, 0.25, 0.5, 0.999, 1.0])
-    assert Input("count", 12, 15, WHOLE).at(share).tolist() == [12, 13, 14, 15, 15]
-    assert Input("force_N", 10, 1000, LOG).at(share)[[0, 2, 4]] == pytest.approx([10, 100, 1000])
-    still = indices([Input("a", 0, 1)], lambda x: np.ones(len(x)), samples=8)
-    assert still.total.tolist() == [0.0]
