@@ -71,6 +71,7 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
             x=[lead.shown(row) for row in rows], y=[second.shown(row) for row in rows],
             name=kind, mode="markers", marker=MARKS[kind], hoverinfo="text",
             hovertext=[describe(row, variables, shown_goals(result)) for row in rows],
+            customdata=[row["trial"] for row in rows],
         )  # fmt: skip
         if kind in NAMED:
             look = {"thickness": 1.2, "width": 3, "color": INK}
