@@ -91,15 +91,15 @@ def files_told(text: str) -> list[str]:
     return re.findall(r"`([^`]+)`", text)
 
 
-#: Pictures of the tutorial: what is shown of which page, in px, and how much smaller.
+#: Pictures of the tutorial: what is shown of which page, px, and how much smaller; "" of ``APP``.
 PICTURES = {
     "report": ("results/first/report.html", "1180,820", 0.62),
-    "whatif": ("whatif.html", "1280,960", 0.57),
+    "app": ("", "1280,960", 0.57),
     "shift": ("shift.html", "1180,800", 0.62),
     "gap": ("results/gap/report.html", "1180,1000", 0.62),
     "effect": ("results/gap_own/report.html", "1180,640", 0.62),
 }
-DRAWING = "dog.svg"
+DRAWING, APP = "dog.svg", "mq200_paper"
 
 
 def main(page: Path, folder: Path, pictures: Path) -> None:
@@ -120,18 +120,24 @@ def main(page: Path, folder: Path, pictures: Path) -> None:
                     raise SystemExit(f"{page}, line {step.line}: status {done.returncode}")
     pictures.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / DRAWING, pictures / DRAWING)
-    for name, (source, window, scale) in PICTURES.items():
-        _shoot(folder / source, pictures / f"{name}.png", window, scale)
+    serve = [program, "app", APP, "--no-browser", "--port", "0"]
+    with subprocess.Popen(serve, stderr=subprocess.PIPE, text=True) as server:
+        assert server.stderr is not None
+        address = server.stderr.readline().split()[0]
+        for name, (source, window, scale) in PICTURES.items():
+            shown = (folder / source).resolve().as_uri() if source else address
+            _shoot(shown, pictures / f"{name}.png", window, scale)
+        server.terminate()
 
 
-def _shoot(page: Path, picture: Path, window: str, scale: float) -> None:
+def _shoot(address: str, picture: Path, window: str, scale: float) -> None:
     command = [
         "chromium", "--headless", "--no-sandbox", "--use-angle=swiftshader",
         "--enable-unsafe-swiftshader", "--no-first-run", "--hide-scrollbars",
         f"--user-data-dir={picture.parent.resolve() / '.chromium'}",
-        "--virtual-time-budget=8000", f"--window-size={window}",
+        "--virtual-time-budget=30000", f"--window-size={window}",
         f"--force-device-scale-factor={scale}", f"--screenshot={picture.resolve()}",
-        page.resolve().as_uri(),
+        address,
     ]  # fmt: skip
     try:
         subprocess.run(command, check=True, capture_output=True, timeout=120)

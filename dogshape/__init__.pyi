@@ -1,3 +1,4 @@
+from dogshape.app import serve_app as serve_app
 from dogshape.bench import Bench as Bench
 from dogshape.bench import Comparison as Comparison
 from dogshape.check import Check as Check
@@ -27,4 +28,3 @@ from dogshape.strength import Strength as Strength
 from dogshape.study import Study as Study
 from dogshape.study_result import StudyResult as StudyResult
 from dogshape.study_result import load_result as load_result
-from dogshape.whatif import WhatIf as WhatIf

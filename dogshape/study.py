@@ -8,7 +8,7 @@ from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.python_words import speaks_python
 
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from dogshape.shift import Shift
     from dogshape.strength import Strength
     from dogshape.study_result import StudyResult
-    from dogshape.whatif import WhatIf
 
 
 @speaks_python
@@ -62,6 +61,13 @@ class Study:
         else:
             config = load_study(where, [*own, *(f"{key}={value}" for key, value in shape.items())])
         object.__setattr__(self, "config", config)
+
+    @classmethod
+    def from_config(cls, config: Setup) -> Study:
+        """Make a study of the values that a study file stands for."""
+        study = cls.__new__(cls)
+        object.__setattr__(study, "config", config)
+        return study
 
     @property
     def name(self) -> str:
@@ -227,16 +233,12 @@ class Study:
 
         return write_data_sheet(NamedDesign(self.name, self.config), path, why)
 
-    def what_if(
-        self, out: str | Path | None = None, *, surrogate: str | Path | None = None
-    ) -> WhatIf:
-        """Write the live page of the study (``dogshape.whatif.write_what_if``).
-
-        It needs a surrogate, which ``dogshape.fit`` or ``search`` makes.
-        """
-        from dogshape.whatif import write_what_if  # noqa: PLC0415
-
-        return write_what_if(self.config, _path(out), _path(surrogate))
+    def replace_keys(
+        self, settings: Mapping[str, Any] | None = None, /, **dog: float | None
+    ) -> Study:
+        """Give the study with other values, as the constructor takes them; None takes a key out."""
+        keys = {**(settings or {}), **{f"dog.{key}": value for key, value in dog.items()}}
+        return Study.from_config(replace_keys(self.config, keys))
 
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import html
+import json
+import os
 import re
+import shlex
 import shutil
 import subprocess
+import time
 from pathlib import Path
+from typing import Any
 
 from tests.conftest import needed
 
@@ -106,3 +111,65 @@ def look(
     assert body is not None
     found = dict(re.findall(r'data-(\w+)="([^"]*)"', body.group(1)))
     return {key: html.unescape(value) for key, value in found.items()} | {"dom": dom}
+
+
+class Chromium:
+    """A browser that a test drives over its debugging pipe; use it as a context."""
+
+    def __init__(self, profile: Path, window: str = "1280,1000") -> None:
+        needed(CHROMIUM is not None, "chromium")
+        ours, theirs = os.pipe(), os.pipe()
+        command = shlex.join([
+            CHROMIUM or "", "--headless", "--no-sandbox", *WITHOUT_WEBGL, "--no-first-run",
+            "--disable-background-networking", f"--user-data-dir={profile}",
+            f"--window-size={window}", "--hide-scrollbars", "--remote-debugging-pipe",
+        ])  # fmt: skip
+        # Chromium reads descriptor 3 and writes 4.
+        shell = f"exec {command} 3<&{ours[0]} 4>&{theirs[1]}"
+        self._process = subprocess.Popen(
+            ["bash", "-c", shell], pass_fds=(ours[0], theirs[1]), stderr=subprocess.DEVNULL
+        )
+        os.close(ours[0])
+        os.close(theirs[1])
+        self._to, self._from = os.fdopen(ours[1], "wb"), os.fdopen(theirs[0], "rb")
+        self._count, self._session, self._left = 0, {}, b""
+        target = self.call("Target.createTarget", url="about:blank")["targetId"]
+        found = self.call("Target.attachToTarget", targetId=target, flatten=True)
+        self._session = {"sessionId": found["sessionId"]}
+
+    def call(self, method: str, **arguments: Any) -> Any:
+        """Call a method of the protocol; give its result."""
+        self._count += 1
+        message = {"id": self._count, "method": method, "params": arguments, **self._session}
+        self._to.write(json.dumps(message).encode() + b"\0")
+        self._to.flush()
+        while True:
+            while b"\0" not in self._left:
+                if not (more := self._from.read1(65536)):
+                    raise RuntimeError("Chromium has ended")
+                self._left += more
+            text, _, self._left = self._left.partition(b"\0")
+            answer = json.loads(text)
+            if answer.get("id") == self._count:
+                return answer["result"]
+
+    def ask(self, expression: str) -> Any:
+        """Evaluate an expression of the page."""
+        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True)
+        return found["result"].get("value")
+
+    def wait(self, expression: str, seconds: float = 60.0) -> None:
+        """Wait until an expression of the page is true."""
+        end = time.monotonic() + seconds
+        while not self.ask(f"Boolean({expression})"):
+            assert time.monotonic() < end, f"{expression} is not true in {seconds} s"
+            time.sleep(0.05)
+
+    def __enter__(self) -> Chromium:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._to.close()
+        self._from.close()
+        self._process.terminate()
+        self._process.wait(timeout=30)

@@ -23,7 +23,7 @@ VERBS = {
     "expect": "dogshape.cli.verbs.study",
     "strength": "dogshape.cli.verbs.study",
     "check": "dogshape.cli.verbs.check",
-    "whatif": "dogshape.cli.verbs.design",
+    "app": "dogshape.cli.verbs.design",
     "export": "dogshape.cli.verbs.design",
     "study": "dogshape.cli.verbs.study",
     "report": "dogshape.cli.verbs.study",

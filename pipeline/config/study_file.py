@@ -236,6 +236,14 @@ def load_study(
     return build_study(validate(StudyFile, data, source))
 
 
+def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
+    """Build a study again with values by dotted keys, None to take a key out; InputError."""
+    data = study.file.model_dump(exclude_none=True)
+    for key, value in settings.items():
+        override(data, key, value)
+    return build_study(validate(StudyFile, data, f"the study {study.name}"))
+
+
 def find_study(where: str | Path) -> Path:
     """Return the study file that ``where`` names."""
     path = Path(where)

@@ -54,6 +54,40 @@ def section_svg(dog: Dog, title: str, span: float, width: int = 420) -> str:
     )
 
 
+def open_section_svg(dog: Dog, other: Dog) -> str:
+    """Draw both rings before the shift, dogs over slots, to scale; ``other`` is dashed below."""
+    width, height = 860.0, 250.0
+    gap = dog.axial_gap / MM
+    tall = max(dog.height, other.height) / MM
+    scale = min(width / (4.3 * other.pitch / MM), (height - 70.0) / (2.0 * tall + gap))
+    face = 0.5 * (height + gap * scale)  # of the output ring's crests
+
+    def ring(one: Dog, turned: bool, edge: float | None, kind: str) -> str:
+        points = outline(one, 2 * int(0.5 * width / scale / (one.pitch / MM)) + 5)
+        depth = 0.5 * one.height / MM
+        if turned:
+            half = 0.5 * one.pitch / MM
+            placed = [(-x + half, face - (gap + depth - z) * scale) for x, z in points]
+        else:
+            placed = [(x, face + (depth - z) * scale) for x, z in points]
+        line = [(0.5 * width + x * scale, y) for x, y in placed]
+        ends = [] if edge is None else [(line[-1][0], edge), (line[0][0], edge)]
+        words = " L".join(f"{x:.2f},{y:.2f}" for x, y in (*line, *ends))
+        return svg.path(f"M{words}{' Z' if ends else ''}", kind)
+
+    bar, y = 5.0 * scale, height - 14.0
+    elements = [
+        ring(dog, True, -5.0, "ring-b"), ring(dog, False, height + 5.0, "ring-a"),
+        ring(other, False, None, "ghost"),
+        svg.line((width - 16.0 - bar, y), (width - 16.0, y), "bar"),
+        svg.text((width - 24.0 - bar, y + 4.0), "5 mm", "end", "small"),
+        svg.text((10.0, 18.0), "sliding ring", "start", "small"),
+        svg.text((10.0, y + 4.0), "output ring, unrolled at the mean radius; dashed: the design "
+                 "begun with", "start", "small"),
+    ]  # fmt: skip
+    return svg.document(width, height, elements, "Section of both rings")
+
+
 def rounded(points: Sequence[Point], radii: Sequence[float]) -> str:
     """Write path commands through ``points`` with each inner corner rounded, px."""
     places = np.array(points)

@@ -16,6 +16,10 @@ STYLE = """
 .drawing .edge{fill:none;stroke:#1b2733;stroke-width:1.2}
 .drawing .thin{fill:none;stroke:#55626f;stroke-width:.9}
 .drawing .axis{fill:none;stroke:#55626f;stroke-width:.9;stroke-dasharray:12 3 2 3}
+.drawing .ring-a{fill:#f3ddcb;stroke:#c8590c;stroke-width:2}
+.drawing .ring-b{fill:#c9d8ea;stroke:#1f5fa8;stroke-width:2}
+.drawing .ghost{fill:none;stroke:#1b2733;stroke-width:1.2;stroke-dasharray:5 4}
+.drawing .bar{stroke:#1b2733;stroke-width:3}
 .drawing .head{fill:#1b2733;stroke:none}
 .drawing text{font:13px system-ui,sans-serif;fill:#1b2733}
 .drawing text.title{font-size:16px;font-weight:600}

@@ -7,12 +7,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.text import place_name
+from dogshape.pipeline.reports.text import axis, place_name
 from dogshape.sim.strength.checks import GROUPS, Check
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 
@@ -88,6 +92,30 @@ def times_by_point(sides: Mapping[str, Sequence[Row]]) -> go.Figure:
         type="category", categoryorder="array", categoryarray=names, automargin=True, showgrid=True
     )
     return styled(figure, 130 + 24 * len(names))
+
+
+def trend_figure(found: pd.DataFrame) -> go.Figure:
+    """Draw the predicted time over each number that ``moved`` names; the design itself as a dot.
+
+    ``found`` has the rows of ``Study.predict``; the design is the first one.
+    """
+    moved = [key for key in found["moved"].unique() if key in found.columns]
+    figure = make_subplots(1, len(moved), shared_yaxes=True, horizontal_spacing=0.025)
+    own = found.iloc[0]
+    for column, key in enumerate(moved, start=1):
+        rows = found[found["moved"] == key]
+        figure.add_scatter(
+            x=rows[key], y=1e3 * rows["expected_shift_time_s"], mode="lines", line_color=BLUE,
+            hovertemplate="%{x:.4g}: %{y:.1f} ms<extra></extra>", row=1, col=column,
+        )  # fmt: skip
+        figure.add_scatter(
+            x=[own[key]], y=[1e3 * own["expected_shift_time_s"]], mode="markers",
+            marker={"color": ORANGE, "size": 10}, hoverinfo="skip", row=1, col=column,
+        )  # fmt: skip
+        figure.update_xaxes(title=axis(key), row=1, col=column)
+    figure.update_yaxes(title="ms", col=1)
+    figure = styled(figure, 230).update_layout(showlegend=False)
+    return figure.update_layout(margin={"l": 50, "r": 5, "t": 10, "b": 50}, font_size=12)
 
 
 def margins(checks: Sequence[Check], within: Mapping[str, Mapping[str, float]]) -> go.Figure:

@@ -135,7 +135,8 @@ def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
             continue
         trace = go.Scatter(
             x=[lead.shown(row) for row in rows], y=[second.shown(row) for row in rows],
-            name=kind, mode="markers", marker=MARKS[kind], hoverinfo="text",
+            customdata=[row["trial"] for row in rows], name=kind, mode="markers",
+            marker=MARKS[kind], hoverinfo="text",
             hovertext=[
                 "<br>".join([
                     f"<b>{design_name(row)}</b>",

@@ -39,7 +39,7 @@ def test_the_lines_of_the_readme_run_in_order_in_an_empty_folder(
     for line in lines:
         exec(line, names)
     assert len(names["result"].front)
-    assert {"whatif.html", "gap.html", "results"} <= {path.name for path in tmp_path.iterdir()}
+    assert {"gap.html", "results"} <= {path.name for path in tmp_path.iterdir()}
 
 
 def _main(name: str) -> Any:

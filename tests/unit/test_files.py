@@ -161,7 +161,6 @@ def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
                            "--relative-angle-deg", "10", "--html", "no/x.html"]),
         ("shift.engage", ["shift", "mq200_paper", "--mismatch-rpm", "50", "--force-N", "469",
                            "--relative-angle-deg", "10", "--trace", "no/x.csv"]),
-        ("whatif.simulate_quickly", ["whatif", "mq200_paper", "--out", "there/x.html"]),
         ("cli.verbs.design.to_stl",
          ["export", "mq200_paper", "--svg", "x.svg", "--stl", "no/x.stl"]),
         ("cli.verbs.check.predict_designs",

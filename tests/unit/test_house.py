@@ -53,9 +53,12 @@ GUARDED = {
     "skfem": ("validation/finite_elements/root_stress.py",),
     "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
+    "dash": ("dogshape/app.py", "dogshape/app_page.py"),
+    "flask": ("dogshape/app.py",),
+    "werkzeug": ("dogshape/app.py",),
 }
 #: What takes so long to load that ``check`` must answer without it.
-SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "jinja2")
+SLOW = ("pydrake", "optuna", "plotly", "scipy", "joblib", "pandas", "sklearn", "jinja2", "dash")
 #: What the truth of blind cases may have of the project: no physics, no effects.
 APART = {"sim.errors", "sim.units"}
 TRUTH = ("stand", "mujoco_model", "mujoco_shift", "true_effects", "cases", "data")

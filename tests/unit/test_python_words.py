@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -37,14 +36,6 @@ def test_an_error_names_arguments(asked: Callable[[], Any], words: str) -> None:
         asked()
     assert words in str(refused.value)
     assert "--" not in str(refused.value)
-
-
-def test_a_page_without_a_surrogate_says_how_to_make_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(ds.DogshapeError, match=r"run study.search\(\) or ds.fit\(study\) first"):
-        ds.Study("mq200").what_if("whatif.html")
 
 
 def test_the_command_line_keeps_its_options(dogshape: Callable[..., Said]) -> None:

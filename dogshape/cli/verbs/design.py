@@ -1,4 +1,4 @@
-"""``export`` and ``whatif``: files for workshop and meeting."""
+"""``export`` and ``app``: files for the workshop, a page for the meeting."""
 
 from __future__ import annotations
 
@@ -8,26 +8,26 @@ from typing import Annotated
 
 import typer
 
-from dogshape.cli.console import emit, show, verb, warn
+from dogshape.cli.console import ProgressBar, emit, verb, warn
 from dogshape.cli.options import (
     Json,
     Sets,
-    StudyArg,
     SurrogateFile,
 )
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.study_file import load_study, pair_of, replace_keys
 from dogshape.pipeline.export.cad import load_cad, write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import slips_of
-from dogshape.pipeline.store.folder import require_targets
+from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.files import naming
 from dogshape.sim.part import part_volume, ring_part
 from dogshape.sim.shift.mesh import to_stl
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import MM
+from dogshape.study import Study
 
 ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
            "--sheet": (".html", ".json")}  # fmt: skip
@@ -104,23 +104,34 @@ def export(
 
 
 @verb
-def whatif(
-    study: StudyArg,
+def app(
+    study: Annotated[
+        str, typer.Argument(metavar="STUDY", help="STUDY, or the folder of a study's results")
+    ],
     surrogate: SurrogateFile = None,
-    out: Annotated[Path | None, typer.Option(help="default: results/NAME/whatif.html")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="of this machine; 0: any")] = 8050,
+    browser: Annotated[bool, typer.Option(help="open the page in the browser")] = True,
     set_: Sets = None,
-    json: Json = False,
 ) -> None:
-    """Live page: move a number, and see section, expected time and all checks at once.
+    """Live page in the browser: sliders, section, times, checks.
 
-    The page is one file that opens without a network. It has fields and sliders for the numbers of
-    the dogs, one operating point and friction, and begins with any design of the front. The study's
-    own design is simulated first, in seconds; other times are the surrogate's ('dogshape fit').
+    The server listens on this machine only. Fields and sliders for the dogs, the operating point
+    and friction; the surrogate predicts at once ('dogshape fit'), the compiled engine simulates in
+    seconds, landing included. Designs of the search, single shifts, data sheet and STEP by a click.
 
-    Example: dogshape whatif mq200_paper --out whatif.html
+    Example: dogshape app mq200_paper --set load.torque_Nm=150
     """
-    given = load_study(study, set_)
-    command = shlex.join([str(study), *(f"--set={one}" for one in set_ or ())])
-    from dogshape.whatif import write_what_if  # noqa: PLC0415
+    stored = StudyFolder(Path(study))
+    folder = stored.root if stored.manifest.is_file() else None
+    if folder is None:
+        given = load_study(study, set_)
+    else:
+        given = replace_keys(stored.stored_study(), dict(map(pair_of, set_ or ())))
+    command = shlex.join([study, *(f"--set={one}" for one in set_ or ())])
+    from dogshape.app import serve_app  # noqa: PLC0415  # Dash takes a second to load
 
-    show(write_what_if(given, out, surrogate, command), json)
+    serve_app(
+        Study.from_config(given), surrogate=surrogate, folder=folder, port=port, browser=browser,
+        progress=ProgressBar(), command=command,
+    )  # fmt: skip
+    raise KeyboardInterrupt  # by which the server ends

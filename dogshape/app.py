@@ -1,0 +1,411 @@
+"""The live page of a study: a server on this machine alone, whose page asks the verbs of ``Study``.
+
+A number of the page is a key of the study file with its text. Texts that differ from those at the
+start become settings, as ``--set`` takes them; ``Study.check`` answers by a named surrogate at once
+and by the compiled engine in seconds. Nothing is computed here.
+"""
+
+from __future__ import annotations
+
+import logging
+import shlex
+import socket
+import webbrowser
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import resources
+from os import strerror
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+from urllib.parse import urlencode
+
+import numpy as np
+import pandas as pd
+from dash import ALL, MATCH, Dash, Input, Output, State, ctx, no_update
+from dash.exceptions import PreventUpdate
+from flask import Response, request
+from werkzeug.serving import BaseWSGIServer, make_server
+
+from dogshape import app_page as page
+from dogshape.app_page import Number
+from dogshape.check import Check, Checked
+from dogshape.pipeline.config.study_file import Setup, pair_of
+from dogshape.pipeline.export.cad import write_step
+from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
+from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.reports.charts import Row, trend_figure
+from dogshape.pipeline.reports.designs import goals_of
+from dogshape.pipeline.reports.study_page import front_figure
+from dogshape.pipeline.store.folder import StudyFolder, default_out
+from dogshape.pipeline.train.training_rows import own_surrogate
+from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.units import MM, RPM
+from dogshape.sim.versions import bundled_root
+from dogshape.study import Study
+from dogshape.surrogate.query import other_physics
+from dogshape.surrogate.store import Stored, load
+
+HOST = "127.0.0.1"
+BODY = 3.0 * MM  #: thickness of a ring below the slots in a STEP file, as ``export`` has it
+PLACES = 25  #: values of a number at which its curve is predicted
+OWN = "own"  #: the study's own design among those to begin with
+POINT, ANGLE, ENGINE = ("mismatch_rpm", "force_N"), "angle_deg", "solver.engine"
+FRICTION = {
+    "contact.static_friction": ("in the shift, static", 0.6),
+    "contact.dynamic_friction": ("in the shift, sliding", 0.6),
+    "load.friction_release": ("release, highest", 0.6),
+    "load.friction_hold": ("holding, lowest", 0.3),
+}  #: label and upper end of a slider by key
+FILES = {"shift.html": "text/html", "sheet.html": "text/html", "dog.svg": "image/svg+xml",
+         "rings.step": "application/step"}  # fmt: skip
+TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
+Texts = Mapping[str, str]  #: what stands in the fields, by key
+
+
+@dataclass(frozen=True, eq=False)
+class Desk:
+    """A study with what its page asks about; ``where`` is ``one`` operating point, or ``all``.
+
+    Parameters
+    ----------
+    study : the study as it was given.
+    command : study and ``--set`` as the command line has them.
+    surrogate : file that predicts at once; None where there is none of the study's physics.
+    result : the study's search, content of ``result.json``; None where there is none.
+    """
+
+    study: Study
+    command: str
+    surrogate: Path | None = None
+    result: Row | None = None
+
+    @cached_property
+    def numbers(self) -> list[Number]:
+        """All numbers of the page."""
+        return _numbers(self.study.config)
+
+    @cached_property
+    def designs(self) -> dict[str, Row]:
+        """Designs to begin with: the study's own one, and those that its search simulated."""
+        own = {OWN: {**self.study.dog, "name": "the study's own design"}}
+        return own | ({} if self.result is None else page.searched_designs(self.result))
+
+    @property
+    def stored(self) -> Stored | None:
+        """The surrogate as its file has it."""
+        return None if self.surrogate is None else load(self.surrogate)
+
+    def shape(self, start: str) -> dict[str, str]:
+        """Give the texts of the dog's numbers for a design to begin with."""
+        design, own = self.designs[start], {n.key: n.text for n in self.numbers if n.group == "dog"}
+        searched = [] if start == OWN else [k for k in self.study.config.variables if k in design]
+        return own | {f"dog.{key}": f"{design[key]:.6g}" for key in searched}
+
+    def changes(self, texts: Texts) -> list[str]:
+        """Write ``KEY=VALUE`` for each key of the study whose text differs from its own."""
+        own = {one.key: one.text for one in self.numbers if "." in one.key}
+        own[ENGINE] = self.study.config.clutch.solver.engine
+        return [f"{key}={texts[key] or repr('')}" for key in own if texts[key] != own[key]]
+
+    def changed(self, texts: Texts) -> Study:
+        """Give the study with the numbers of the page."""
+        return self.study.replace_keys(dict(map(pair_of, self.changes(texts))))
+
+    def unpredicted(self, study: Study) -> str:
+        """Explain why the surrogate does not apply to a study; empty where it does."""
+        if self.stored is None:
+            return "there is no surrogate of the study"
+        apart = other_physics(self.stored.surrogate.data, study.config.physics)
+        return apart and f"the surrogate is of other physics: {apart}"
+
+    def predict(self, texts: Texts, where: str) -> Checked:
+        """Check a design at once: by the surrogate, or by closed forms alone without one."""
+        study = self.changed(texts)
+        if self.unpredicted(study):
+            return study.strength(simulate=False)
+        return study.check(**_point(texts, where), surrogate=self.surrogate)
+
+    def simulate(self, texts: Texts, where: str) -> Check:
+        """Check a design by the compiled engine."""
+        return self.changed(texts).check(**_point(texts, where))
+
+    def trends(self, texts: Texts, where: str, start: str) -> pd.DataFrame | None:
+        """Predict the design, the one begun with, and the time over each searched number.
+
+        Rows are those of ``Study.predict``; ``moved`` is the number, ``""`` in the first two. None
+        where no surrogate applies.
+        """
+        study, ranges = self.changed(texts), self.study.config.variables
+        if self.unpredicted(study):
+            return None
+        own, begun = study.config.prototype, self.designs[start]
+        rows = [own, {**own, **{key: begun[key] for key in ranges if key in begun}}]
+        moved = [""] * len(rows)
+        for key in (key for key in ranges if key in study.dog):
+            values = np.linspace(*ranges[key], PLACES)
+            places = np.unique(values.round()) if key == "count" else values
+            rows += [{**own, key: value} for value in places]
+            moved += [key] * len(places)
+        designs, point = pd.DataFrame(rows).assign(moved=moved), _point(texts, where)
+        return study.predict(designs, **point, surrogate=self.surrogate).to_frame()
+
+    def write(self, name: str, texts: Texts, why: str, path: Path) -> None:
+        """Write a file of ``FILES``: single shift, data sheet, drawing or solids."""
+        study = self.changed(texts)
+        dog, limits = study.config.clutch.dog, study.config.limits
+        if name == "shift.html":
+            point = _point(texts, "one")
+            study.shift(**point, angle_deg=_number(ANGLE, texts)).report(path)
+        elif name == "sheet.html":
+            study.data_sheet(path, why)
+        elif name == "dog.svg":
+            path.write_text(dimensioned_svg(dog, limits, study.name), encoding="utf-8")
+        else:
+            write_step(dog, limits.root_radius, BODY, path)
+
+
+def _numbers(config: Setup) -> list[Number]:
+    """List the numbers of a study's page with what stands in them at the start."""
+    points = [(point.mismatch / RPM, point.profile.force) for point in config.points]
+    dog = {key: value for key, value in config.file.dog.model_dump().items() if value is not None}
+    ranges = {key: config.variables.get(key, (0.8 * dog[key], 1.2 * dog[key])) for key in dog}
+    order = sorted(dog, key=[*config.variables, *dog].index)
+    middle, ends = sorted(points)[len(points) // 2], zip(*points, strict=True)
+    friction = {f"contact.{k}": v for k, v in vars(config.file.contact.contact).items()}
+    friction |= {f"load.{k}": v for k, v in config.file.load}
+    turn = round(360.0 / config.clutch.dog.count, 2)
+    return [
+        *(Number(f"dog.{key}", "dog", dog[key], ranges[key]) for key in order),
+        *(Number(key, "point", value, (min(every), max(every)))
+          for key, value, every in zip(POINT, middle, ends, strict=True)),
+        *(Number(key, "friction", friction[key], (0.0, end), words)
+          for key, (words, end) in FRICTION.items()),
+        Number(ANGLE, "shift", 0.4 * turn, (0.0, turn), "relative angle"),
+    ]  # fmt: skip
+
+
+def _number(key: str, texts: Texts) -> float:
+    """Read a number that is no key of the study file."""
+    try:
+        return float(texts[key])
+    except ValueError as error:
+        rule = "it must be a number; write the number alone"
+        raise InputError(f"{key} is '{texts[key]}', but {rule}") from error
+
+
+def _point(texts: Texts, where: str) -> Row:
+    """Give the operating point as arguments of a verb; none for all of the study's."""
+    return {key: _number(key, texts) for key in POINT} if where == "one" else {}
+
+
+def open_desk(
+    study: Study, surrogate: str | Path | None = None, folder: str | Path | None = None,
+    command: str = "",
+) -> Desk:  # fmt: skip
+    """Find surrogate and search of a study.
+
+    Parameters
+    ----------
+    surrogate : file that predicts; None for that of the study's results, or the package's.
+    folder : results of the search; None for ``results/NAME``, or those that the package brings.
+        A search of other physics counts as none, and so does one of the operation.
+    command : study and ``--set`` for the command that the page shows; empty for its name.
+    """
+    config, result = study.config, None
+    roots = [Path(folder)] if folder else [bundled_root() / study.name, default_out(config)]
+    if surrogate is None and folder is not None and StudyFolder(roots[0]).surrogate.is_file():
+        surrogate = StudyFolder(roots[0]).surrogate
+    found = own_surrogate(config, None if surrogate is None else Path(surrogate))
+    for one in map(StudyFolder, roots):
+        if one.result.is_file() and not config.searches_operation:
+            read = one.stored_result()
+            own = config.in_engine(read.get("engine", "drake")).physics_hash
+            result = read if read.get("physics_hash") == own else result
+    return Desk(study, command or study.name, None if found is None else found[1], result)
+
+
+def build_app(desk: Desk) -> Dash:
+    """Build the page of a desk with its callbacks and files."""
+    config, front = desk.study.config, None
+    app = Dash(
+        __name__, title=f"{config.name}: live", update_title="", assets_folder=str(TEMPLATES),
+        assets_ignore=r"^(?!report(_app)?\.css$)",
+    )  # fmt: skip
+    if desk.result is not None and len(goals := goals_of(desk.result)) > 1:
+        front = front_figure(desk.result, list(config.variables), goals[1].name)
+    app.layout = page.layout(config, desk.numbers, desk.designs, front, desk.stored)
+    app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
+    _connect_fields(app, desk)
+    _connect_answers(app, desk)
+
+    def write_file(name: str) -> Response:
+        if name not in FILES:
+            return Response("no such file", 404)
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / name
+            try:
+                desk.write(name, request.args, request.args.get("why", ""), path)
+            except DogshapeError as error:
+                return Response(str(error), 400, mimetype="text/plain")
+            return Response(path.read_bytes(), mimetype=FILES[name])
+
+    app.server.add_url_rule("/file/<name>", view_func=write_file)
+    return app
+
+
+def _connect_fields(app: Dash, desk: Desk) -> None:
+    """Keep field and slider together, and take designs over into the fields."""
+    field, slider = ({"number": MATCH, "kind": kind} for kind in ("field", "slider"))
+
+    @app.callback(
+        Output(field, "value"), Output(slider, "value"), Input(field, "value"),
+        Input(slider, "value"), prevent_initial_call=True,
+    )  # fmt: skip
+    def move_together(text: str, place: float) -> tuple[Any, Any]:
+        if ctx.triggered_id["kind"] == "slider":
+            return f"{place:.6g}", no_update
+        try:
+            return no_update, float(text)
+        except ValueError:
+            return no_update, no_update
+
+    @app.callback(
+        Output({"number": ALL, "kind": "field"}, "value", allow_duplicate=True),
+        Input("start", "value"), Input("back", "n_clicks"), prevent_initial_call=True,
+    )  # fmt: skip
+    def take_design(start: str, _: int) -> list[Any]:
+        shape = desk.shape(start)
+        return [shape.get(one["id"]["number"], no_update) for one in ctx.outputs_list]
+
+    @app.callback(Output("start", "value"), Input("front", "clickData"), prevent_initial_call=True)
+    def choose_design(click: Row) -> str:
+        trial = str(click["points"][0].get("customdata"))
+        return trial if trial in desk.designs else OWN
+
+
+def _connect_answers(app: Dash, desk: Desk) -> None:
+    """Answer what the fields ask: at once, and after that what takes longer."""
+
+    @app.callback(
+        Output("asked", "data"), Output("answer", "className"), Output("refused", "children"),
+        Output({"fault": ALL}, "children"), Output("predicted", "children"),
+        Output("margins", "children"), Output("margins", "className"),
+        Output("section", "src"), Output("checks", "children"), Output("cautions", "children"),
+        Output("simulated", "children"), Input({"number": ALL, "kind": "field"}, "value"),
+        Input("where", "value"), Input("engine", "value"), State("start", "value"),
+        State("asked", "data"),
+    )  # fmt: skip
+    def predict(_: Any, where: str, engine: str, start: str, before: Row | None) -> tuple[Any, ...]:
+        texts = {one["id"]["number"]: str(one.get("value") or "") for one in ctx.inputs_list[0]}
+        asked = {"texts": texts | {ENGINE: engine}, "where": where}
+        if asked == before:
+            raise PreventUpdate
+        answer = answer_at_once(desk, asked, start, list(texts))
+        return (None if answer[0] else asked, *answer)
+
+    def connect(answer: Callable[..., tuple[Any, ...]], *links: Any) -> None:
+        @app.callback(*links, Input("asked", "data"), prevent_initial_call=True)
+        def _(*given: Any) -> tuple[Any, ...]:
+            *more, asked = given
+            if asked is None:
+                raise PreventUpdate
+            return answer(desk, asked, *more)
+
+    connect(
+        answer_by_simulation, Output("simulated", "children", allow_duplicate=True),
+        Output("margins", "children", allow_duplicate=True),
+        Output("margins", "className", allow_duplicate=True),
+        Output("checks", "children", allow_duplicate=True),
+    )  # fmt: skip
+    connect(
+        answer_by_trends, Output("trends", "figure"), Output("curves", "hidden"),
+        Output("against", "children"), Input("start", "value"),
+    )  # fmt: skip
+    connect(
+        link_files, Output("files", "children"), Output("shift-link", "children"),
+        Output("command", "children"), Input("why", "value"),
+    )  # fmt: skip
+
+
+def answer_at_once(desk: Desk, asked: Row, start: str, keys: Sequence[str]) -> tuple[Any, ...]:
+    """Fill the page with what is known at once; a refusal stands at the number of ``keys``."""
+    try:
+        found = desk.predict(**asked)
+        study, begun = (desk.changed(asked["texts"] | more) for more in ({}, desk.shape(start)))
+    except DogshapeError as error:
+        words = str(error).removeprefix(f"the study {desk.study.name}: ")
+        faults = [words if key in words else "" for key in keys]
+        rest = "" if any(faults) else f"There is no such dog: {words}"
+        return "stale", rest, faults, *[no_update] * 7
+    svg = open_section_svg(study.config.clutch.dog, begun.config.clutch.dog)
+    reason = desk.unpredicted(study)
+    return (
+        "", "", [""] * len(keys), page.predicted_card(found, reason), *page.margin_card(found),
+        page.picture(svg), page.check_table(found.rows), page.cautions(found),
+        page.card("simulated shift time", "…"),
+    )  # fmt: skip
+
+
+def answer_by_simulation(desk: Desk, asked: Row) -> tuple[Any, ...]:
+    """Fill the page with the simulated time, and the checks with the landing."""
+    try:
+        found = desk.simulate(**asked)
+    except DogshapeError as error:
+        return page.card("simulated shift time", "none", str(error)), *[no_update] * 3
+    return page.simulated_card(found), *page.margin_card(found), page.check_table(found.rows)
+
+
+def answer_by_trends(desk: Desk, asked: Row, start: str) -> tuple[Any, ...]:
+    """Fill the page with the curves, and the comparison to the design begun with."""
+    found = desk.trends(**asked, start=start)
+    figure = no_update if found is None else trend_figure(found)
+    return figure, found is None, page.against_card(found, desk.designs[start])
+
+
+def link_files(desk: Desk, asked: Row, why: str | None) -> tuple[Any, ...]:
+    """Link the files of a design, and give the command that checks it."""
+    query = urlencode({**asked["texts"], "why": why or ""})
+    sets = "".join(f" --set {shlex.quote(one)}" for one in desk.changes(asked["texts"]))
+    point = _point(**asked).items()
+    at = "".join(f" --{key.replace('_', '-')} {value:.12g}" for key, value in point)
+    links = {name: f"/file/{name}?{query}" for name in FILES}
+    return *page.file_links(links), f"dogshape check {desk.command}{sets}{at}"
+
+
+def start_server(desk: Desk, port: int) -> BaseWSGIServer:
+    """Open the page's server on this machine alone; ``port`` 0 takes any free one."""
+    try:
+        listening = socket.create_server((HOST, port))
+    except OSError as error:
+        remedy = "give another with --port"
+        raise InputError(
+            f"port {port} cannot be taken ({strerror(error.errno or 0)}); {remedy}"
+        ) from error
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    number, descriptor = listening.getsockname()[1], listening.detach()
+    return make_server(HOST, number, build_app(desk).server, threaded=True, fd=descriptor)
+
+
+def serve_app(
+    study: Study,
+    *,
+    surrogate: str | Path | None = None,
+    folder: str | Path | None = None,
+    port: int = 0,
+    browser: bool = True,
+    progress: Progress = SILENT,
+    command: str = "",
+) -> None:
+    """Serve the live page of a study on this machine until it is interrupted.
+
+    ``surrogate``, ``folder`` and ``command`` as ``open_desk`` takes them. ``port`` 0 is any free
+    one; ``progress`` is told the address.
+    """
+    server = start_server(open_desk(study, surrogate, folder, command), port)
+    address = f"http://{HOST}:{server.port}/"
+    progress.say(f"{address} (Ctrl-C ends it)")
+    if browser:
+        webbrowser.open(address)
+    server.serve_forever()

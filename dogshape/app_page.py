@@ -1,0 +1,251 @@
+"""What the live page shows: its fields, and results of the package as cards and tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
+from urllib.parse import quote
+
+from dash import dcc, html
+
+from dogshape.check import Check, Checked
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.reports.charts import Row
+from dogshape.pipeline.reports.designs import design_name, is_measured
+from dogshape.pipeline.reports.text import check_name, label, minus, percent, time_text
+from dogshape.pipeline.store.result_records import CheckRow
+from dogshape.sim.strength.checks import GROUPS, smallest_margin
+from dogshape.sim.units import unit_of
+from dogshape.surrogate.model import Expected
+from dogshape.surrogate.store import Stored
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+
+TIME = "expected_shift_time_s"
+Children = list[Any]
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number of the page: a key of the study file, or of the question where it has no dot.
+
+    ``value`` stands in its field at the start, ``ends`` are those of its slider.
+    """
+
+    key: str
+    group: str
+    value: float
+    ends: tuple[float, float]
+    words: str = ""
+
+    @property
+    def text(self) -> str:
+        """What stands in the field at the start."""
+        return f"{self.value:.6g}"
+
+
+def number_field(one: Number) -> html.Div:
+    """Lay out a number: label, field, unit, slider, and the sentence on a wrong value."""
+    name, (low, high) = one.key.rpartition(".")[2], one.ends
+    if not low < high:
+        low, high = (0.5 * one.value, 1.5 * one.value) if one.value > 0.0 else (0.0, 1.0)
+    step = 1 if name == "count" else (high - low) / 400
+    field, slider = ({"number": one.key, "kind": kind} for kind in ("field", "slider"))
+    return html.Div([
+        html.Label(one.words or label(name)),
+        dcc.Input(one.text, "text", id=field, debounce=0.4),
+        html.Span(unit_of(name)),
+        dcc.Slider(low, high, step, marks=None, value=one.value, id=slider,
+                   allow_direct_input=False, tooltip={"placement": "bottom"}),
+        html.P(id={"fault": one.key}, className="bad"),
+    ], className="number")  # fmt: skip
+
+
+def layout(
+    config: Setup, numbers: Sequence[Number], designs: Mapping[str, Row], front: go.Figure | None,
+    stored: Stored | None,
+) -> html.Div:  # fmt: skip
+    """Lay out the page of a study with what it knows."""
+    name, still = config.name, cast(Any, {"displayModeBar": False})
+    fields = {group: [number_field(n) for n in numbers if n.group == group]
+              for group in ("dog", "point", "friction", "shift")}  # fmt: skip
+    where = {"all": f"all {len(config.points)} operating points of the study",
+             "one": "one operating point"}  # fmt: skip
+    engines = {"drake": "Drake", "planar": "compiled"}
+    start = {key: design["name"] for key, design in designs.items()}
+    aside = html.Aside([
+        html.H2("Dogs"),
+        html.Div(["from", dcc.Dropdown(start, next(iter(start)), id="start", clearable=False),
+                  html.Button("back to it", id="back")], className="from"),
+        *fields["dog"],
+        html.H2("Shifted at"), dcc.RadioItems(where, "all", id="where"), *fields["point"],
+        html.H2("Friction"), *fields["friction"],
+        html.H2("Single shift"), *fields["shift"],
+        dcc.RadioItems(engines, config.clutch.solver.engine, id="engine", inline=True),
+        html.P(id="shift-link"),
+    ])  # fmt: skip
+    cards = {"predicted": "chosen", "simulated": "gain", "against": "", "margins": ""}
+    main = html.Main([
+        html.Div([html.Div(id=one, className=f"card {kind}") for one, kind in cards.items()],
+                 className="cards"),
+        html.P(id="refused", className="bad"), html.Div(id="cautions"),
+        html.Img(id="section", alt="Section of both rings, unrolled at the mean radius"),
+        html.Div([
+            html.H2("Predicted time over each number"), dcc.Graph("trends", config=still),
+            html.P("The other numbers stay as they are; the dot is the present design.",
+                   className="note"),
+        ], id="curves", hidden=True),
+        html.H2("Checks"), html.Div(id="checks", className="scroll"),
+        html.P("Margin: distance to the limit over the limit. A check shows its formula, source "
+               "and key where the mouse points at it.", className="note"),
+        html.Div([
+            html.H2("Designs of the search"),
+            html.P("A click takes a design over into the fields.", className="note"),
+            dcc.Graph("front", figure=front or {}, config=still),
+        ], hidden=front is None),
+        html.H2("Files of this design"),
+        html.P(["reason of a decision, for the data sheet ", dcc.Input("", id="why")]),
+        html.P(id="files"), html.H2("The same from the command line"), html.Code(id="command"),
+        html.P(_origin(stored), className="note"),
+    ], id="answer")  # fmt: skip
+    lead = ("Move a number, and everything follows: section, checks and predicted time at once, "
+            "the simulated time with the landing in seconds.")  # fmt: skip
+    desk = html.Div([aside, main], className="desk")
+    return html.Div([html.H1(f"{name}: live"), html.P(lead, className="lead"), desk,
+                     dcc.Store("asked")])  # fmt: skip
+
+
+def _origin(stored: Stored | None) -> str:
+    if stored is None:
+        return "Without a surrogate nothing is predicted; 'dogshape fit' makes one of the study."
+    found = stored.validation
+    return (
+        f"Surrogate: root-mean-square error {time_text(found.rmse_s)} on {found.n} designs outside "
+        f"its fit, Q² {found.q2:.2f}, {found.coverage_95:.0%} within the 95 % interval."
+    )
+
+
+def searched_designs(result: Row) -> dict[str, Row]:
+    """Name the simulated designs of a search by number, those of the front first."""
+    front, best = [row["trial"] for row in result["front"]], (result["best"] or {}).get("trial")
+    rows = {row["trial"]: row for row in result["trials"]
+            if is_measured(row) and not row["prototype"]}  # fmt: skip
+    found = {}
+    for trial in sorted(rows, key=[*front, *rows].index):
+        kind = ", chosen" if trial == best else ", front" if trial in front else ""
+        words = f"{design_name(rows[trial])}{kind}: {time_text(rows[trial][TIME])}"
+        found[str(trial)] = {**rows[trial], "name": words}
+    return found
+
+
+def card(title: str, value: str, *lines: str, exact: Expected | None = None) -> Children:
+    """Fill a card: title, value, lines; ``exact`` in full, for who reads the page by program."""
+    marks: Row = {}
+    if exact is not None:
+        marks = {"data-exact": f"{exact.time!r} {exact.low!r} {exact.high!r}"}
+    return [html.Span(title), html.B(value, **marks), *(html.Span(one) for one in lines if one)]
+
+
+def _interval(found: Expected) -> str:
+    return f"95 %: {time_text(found.low)} to {time_text(found.high)}"
+
+
+def predicted_card(found: Checked, reason: str) -> Children:
+    """Show the surrogate's time with its interval, or the reason why it has none."""
+    answer = found.guess.answer if isinstance(found, Check) and found.guess else None
+    if answer is None or answer.expected is None:
+        return card("predicted shift time", "none", answer.refusal if answer else reason)
+    near, seen = f"next simulated design {answer.distance:.1f} usual spacings away", answer.expected
+    return card("predicted shift time", time_text(seen.time), _interval(seen), near, exact=seen)
+
+
+def simulated_card(found: Check) -> Children:
+    """Show the simulated time with its error, beside the prediction."""
+    seen, apart = found.expected, ""
+    if seen is None:
+        return card("simulated shift time", "none", found.refusal)
+    if found.guess is not None and (guess := found.guess.answer.expected) is not None:
+        word = "more" if seen.time > guess.time else "less"
+        apart = f"{time_text(abs(seen.time - guess.time))} {word} than predicted"
+        apart += ", beyond both intervals" if found.missed else ""
+    value, shifts = time_text(seen.time, seen.error), f"{found.shifts} shifts, compiled engine"
+    return card("simulated shift time", value, _interval(seen), apart, shifts, exact=seen)
+
+
+def against_card(found: pd.DataFrame | None, design: Row) -> Children:
+    """Compare the first two rows of predictions: the design, and the one begun with."""
+    title, known = f"against {design['name'].partition(':')[0]}", design.get(TIME)
+    simulated = "" if known is None else f"{time_text(known, design['standard_error_s'])} searched"
+    own, other = (math.nan, math.nan) if found is None else found[TIME][:2]
+    if math.isnan(own - other):
+        return card(title, "-", simulated)
+    apart = minus(time_text(own - other)) if abs(own - other) >= 5e-5 else "the same"
+    return card(title, apart, f"{time_text(other)} predicted", simulated)
+
+
+def margin_card(found: Checked) -> tuple[Children, str]:
+    """Show the smallest margin and whether the landing is judged; and the class of the card."""
+    weakest, failed = smallest_margin(found.design.checks), len(found.failed)
+    count, open_ones = len(found.design.checks), found.design.not_checked
+    worst = minus(found.verdict["at worst-case tolerances"]).replace("%", " %")
+    lines = (
+        f"{check_name(weakest.name)}; {f'{failed} of {count} fail' if failed else 'all pass'}",
+        f"at worst-case tolerances: {worst.replace('_', ' ')}",
+        "landing not judged yet" if open_ones else "landing judged",
+    )
+    kind = "bad" if failed else "open" if open_ones else "good"
+    return card("smallest margin", percent(weakest.margin), *lines), f"card {kind}"
+
+
+def cautions(found: Checked) -> Children:
+    """List what speaks against trusting a prediction, or the study's numbers."""
+    words = list(found.notes)
+    if isinstance(found, Check) and found.guess is not None:
+        words += found.guess.answer.warnings
+        q2, useful = found.guess.validation.q2, found.guess.validation.useful
+        words += [] if useful else [f"the surrogate has Q² {q2:.2f} on designs outside its fit"]
+    return [html.P(f"Caution: {one}.", className="bad") for one in words]
+
+
+def file_links(links: Mapping[str, str]) -> tuple[Children, Children]:
+    """Link the files of a design; the single shift apart."""
+    words = {"sheet.html": "data sheet", "dog.svg": "dimensioned drawing (SVG)",
+             "rings.step": "both rings (STEP)", "shift.html": "animate this shift"}  # fmt: skip
+    found = [html.A(text, href=links[name], target="_blank") for name, text in words.items()]
+    return found[:-1], found[-1:]
+
+
+def check_table(rows: Sequence[CheckRow]) -> html.Table:
+    """Tabulate all checks by group, with a bar for each margin."""
+    heads = ("check", "value", "", "limit", "unit", "margin", "with every tolerance at its worst")
+    body = []
+    for group, title in GROUPS.items():
+        if members := [_check_row(row) for row in rows if row.group == group]:
+            head = html.Td(title, colSpan=len(heads))
+            body += [html.Tr(head, className="group"), *members]
+    return html.Table([html.Thead(html.Tr([html.Th(head) for head in heads])), html.Tbody(body)])
+
+
+def _check_row(row: CheckRow) -> html.Tr:
+    margin, worst = row.margin or 0.0, row.margin_worst_case
+    bar = html.I(style={"width": f"{min(100.0, abs(100.0 * margin)):.0f}%"},
+                 className="low" if margin < 0.0 else "")  # fmt: skip
+    said = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
+    exact: Row = {"data-check": row.name, "data-margin": repr(row.margin)}
+    return html.Tr([
+        html.Td(check_name(row.name)), html.Td(row.cell("value")),
+        html.Td("≤" if row.at_most else "≥"), html.Td(row.cell("limit")),
+        html.Td(row.unit, className="words"),
+        html.Td([html.Span(bar, className="meter"), percent(margin)], className="margin"),
+        html.Td("-" if worst is None else percent(worst),
+                className="bad" if (worst or 0.0) < 0.0 else ""),
+    ], title=said, className="" if row.passed else "failed", **exact)  # fmt: skip
+
+
+def picture(svg: str) -> str:
+    """Give a drawing as the source of an image."""
+    return "data:image/svg+xml," + quote(svg)

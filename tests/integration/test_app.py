@@ -1,0 +1,212 @@
+"""The live page in Chromium: the figures of the command line, its fields, files and server."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+import pytest
+
+from dogshape.app import Desk, build_app, open_desk, start_server
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.study import Study
+from tests.browser import Chromium
+from tests.conftest import Said
+
+Call = Callable[..., Said]
+#: A strike, a spectrum and a scatter of the dogs, at two operating points.
+SETS = [
+    "operating.mismatch_rpm=[50, 149]", "operating.force_N=[469.0]",
+    "strike.ring_inertia_kgm2=0.0003", "strike.input_stiffness_Nm_rad=8000",
+    "strike.mismatch_rpm=[100.0, -60.0]", "strike.backlash_deg=0.5",
+    "load.accuracy=6", "load.run_out_um=10", "load.spectrum=[[1.0, 1e4], [-0.4, 1e5]]",
+]  # fmt: skip
+OPTIONS = [word for one in SETS for word in ("--set", one)]
+SIMULATED = "!['', '…'].includes(document.querySelector('#simulated b')?.textContent ?? '')"
+FIELD = "document.querySelector('aside .number input')"
+
+
+@pytest.fixture(scope="module")
+def desk() -> Iterator[Desk]:
+    """The paper's study with everything that is judged; few shifts make a time."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("dogshape.check.SHIFTS", 32)
+        yield open_desk(Study.from_config(load_study("mq200_paper", SETS)))
+
+
+@pytest.fixture(scope="module")
+def page(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
+    """The page of the study in a browser."""
+    server = start_server(desk, 0)
+    thread = Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        with Chromium(tmp_path_factory.mktemp("profile")) as browser:
+            browser.call("Page.enable")
+            watch = "window.faults = []; console.error = (...words) => faults.push(words.join(' '))"
+            browser.call("Page.addScriptToEvaluateOnNewDocument", source=watch)
+            browser.call("Page.navigate", url=f"http://127.0.0.1:{server.port}/")
+            browser.wait(SIMULATED, 120)
+            yield browser
+    finally:
+        server.shutdown()
+        thread.join()
+        server.server_close()
+
+
+def _questions(desk: Desk) -> Iterator[dict[str, str]]:
+    """Give texts of random designs in the search range: all points or one, other frictions."""
+    rng, ranges = np.random.default_rng(8), desk.study.config.variables
+    for k in range(24):
+        texts = {
+            f"dog.{key}": f"{rng.uniform(low, high):.{0 if key == 'count' else 3}f}"
+            for key, (low, high) in ranges.items()
+        }
+        if k % 3 == 1:
+            texts |= {"mismatch_rpm": str(5 + 5 * k), "force_N": "300"}
+        if k == 5:
+            texts["contact.static_friction"] = "0.15"
+        if k % 3 == 2:
+            low = f"{0.002 * k:.3f}"
+            texts |= {"load.friction_release": f"{0.1 + 0.005 * k:.3f}", "load.friction_hold": low}
+        yield texts
+
+
+def _ask(page: Chromium, desk: Desk, texts: dict[str, str]) -> None:
+    """Put texts into the fields, the others at their start."""
+    place = "one" if "force_N" in texts else "all"
+    page.ask(f"dash_clientside.set_props('where', {{value: '{place}'}})")
+    for one in desk.numbers:
+        name, text = f"{{number: '{one.key}', kind: 'field'}}", texts.get(one.key, one.text)
+        page.ask(f"dash_clientside.set_props({name}, {{value: '{text}'}})")
+
+
+def _words(texts: dict[str, str]) -> list[str]:
+    """Write texts as options of the command line."""
+    words = [f"--set {key}={text}" for key, text in texts.items() if "." in key]
+    if "force_N" in texts:
+        words += [f"--mismatch-rpm {texts['mismatch_rpm']} --force-N {texts['force_N']}"]
+    return " ".join(words).split()
+
+
+def _seen(page: Chromium) -> dict[str, Any]:
+    """Read times and margins of the page in full."""
+    times = {
+        name: [float(word) for word in (
+            page.ask(f"document.querySelector('#{name} b').dataset.exact ?? ''")
+        ).split()]
+        for name in ("predicted", "simulated")
+    }  # fmt: skip
+    rows = page.ask(
+        "[...document.querySelectorAll('[data-check]')]"
+        ".map(row => [row.dataset.check, Number(row.dataset.margin)])"
+    )
+    return {**times, "margins": dict(rows)}
+
+
+def _times(record: dict[str, Any] | None) -> list[float]:
+    keys = ("expected_shift_time_s", "low_s", "high_s")
+    times = [] if record is None else [record[key] for key in keys]
+    return [time for time in times if time is not None]
+
+
+def test_the_page_has_the_figures_of_the_command_line(
+    page: Chromium, desk: Desk, dogshape: Call
+) -> None:
+    compared = landed = 0
+    for texts in _questions(desk):
+        asked = _words(texts)
+        said = dogshape("check", "mq200_paper", *OPTIONS, *asked, "--json")
+        _ask(page, desk, texts)
+        if said.status == 2:
+            sentence = said.sentence.removeprefix("dogshape: ")
+            page.wait(f"document.body.textContent.includes({sentence!r})")
+            continue
+        command = f"dogshape check mq200_paper {' '.join(asked)}"
+        page.wait(f"document.querySelector('#command').textContent === {command!r}", 120)
+        page.wait(SIMULATED, 120)
+        seen, known = _seen(page), said.json
+        assert seen["predicted"] == pytest.approx(_times(known["predicted"]), rel=1e-9)
+        assert seen["simulated"] == pytest.approx(_times(known), rel=1e-9)
+        margins = {check["name"]: check["margin"] for check in known["checks"]}
+        assert seen["margins"] == pytest.approx(margins, rel=1e-9)
+        landed += "edge_pressure_impact" in margins
+        compared += 1
+    assert compared >= 12
+    assert landed >= 3
+    assert page.ask("faults.join('; ')") == ""
+
+
+def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) -> None:
+    _ask(page, desk, {})
+    page.wait("document.querySelector('#command').textContent === 'dogshape check mq200_paper'")
+    page.ask(f"{FIELD}.focus(); {FIELD}.select()")
+    page.call("Input.insertText", text="abc")
+    page.wait("document.querySelector('.number p').textContent.startsWith('dog.chamfer_deg is')")
+    assert page.ask("document.querySelector('#answer').className") == "stale"
+    assert page.ask("document.querySelector('.number p').textContent") == (
+        "dog.chamfer_deg is 'abc', but it must be a number in deg; write the number alone, without "
+        "a unit"
+    )
+    thumb = "document.querySelector('.dash-slider-thumb')"
+    box = f"{thumb}.getBoundingClientRect()"
+    x, y = page.ask(f"(() => {{ const box = {box}; return [box.x + 8, box.y + 8]; }})()")
+    mouse = {"y": y, "button": "left", "clickCount": 1}
+    page.call("Input.dispatchMouseEvent", type="mousePressed", x=x, buttons=1, **mouse)
+    page.call("Input.dispatchMouseEvent", type="mouseMoved", x=x + 40, buttons=1, **mouse)
+    page.wait(f"Number({thumb}.ariaValueNow) > 9")
+    page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 40, **mouse)
+    page.wait(f"Number({FIELD}.value) > 9")
+    page.wait("document.querySelector('#answer').className === ''")
+    trial = next(key for key in desk.designs if key != "own")
+    page.ask(
+        f"dash_clientside.set_props('front', {{clickData: {{points: [{{customdata: {trial}}}]}}}})"
+    )
+    chamfer = f"{desk.designs[trial]['chamfer_deg']:.6g}"
+    page.wait(f"{FIELD}.value === '{chamfer}'")
+    assert page.ask("document.documentElement.scrollWidth <= window.innerWidth")
+    loads = "performance.getEntriesByType('resource').map(one => new URL(one.name).hostname)"
+    assert set(page.ask(loads)) <= {"127.0.0.1", ""}
+    assert page.ask("faults.join('; ')") == ""
+
+
+def test_files_of_a_design_are_written(desk: Desk) -> None:
+    client = build_app(desk).server.test_client()
+    texts = {one.key: one.text for one in desk.numbers} | {"solver.engine": "planar"}
+    texts["dog.chamfer_deg"] = "11"
+    for name, part in {
+        "shift.html": b"<canvas", "dog.svg": b"chamfer \xce\xb1 11.00", "sheet.html": b"a reason",
+        "rings.step": b"ISO-10303-21",
+    }.items():  # fmt: skip
+        found = client.get(f"/file/{name}", query_string=texts | {"why": "a reason"})
+        assert found.status_code == 200, found.text
+        assert part in found.data
+    wrong = client.get("/file/dog.svg", query_string=texts | {"dog.height_mm": "0"})
+    assert (wrong.status_code, "dog.height_mm" in wrong.text) == (400, True)
+    assert client.get("/file/other").status_code == 404
+    assert client.get("/", headers={"Host": "elsewhere.example"}).status_code == 400
+
+
+def test_the_verb_serves_until_it_is_stopped(dogshape: Call, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "dogshape.pipeline", "app", "mq200_paper", "--no-browser"]
+    command += ["--port", "0"]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as process:
+        try:
+            assert process.stderr is not None
+            address = process.stderr.readline().split()[0]
+            port = int(address.removeprefix("http://127.0.0.1:").strip("/"))
+            said = dogshape("app", "mq200_paper", "--no-browser", "--port", port)
+            taken = f"port {port} cannot be taken (Address already in use)"
+            assert (said.status, said.sentence) == (
+                2, f"dogshape: {taken}; give another with --port"
+            )  # fmt: skip
+        finally:
+            process.send_signal(signal.SIGINT)
+        assert process.wait(timeout=60) == 130
+        assert process.stderr.read() == "dogshape: stopped\n"

@@ -1,0 +1,207 @@
+"""What the live page asks and shows, without a server: the values of the package."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import dogshape as ds
+from dogshape.app import (
+    FILES,
+    OWN,
+    Desk,
+    answer_at_once,
+    answer_by_trends,
+    build_app,
+    link_files,
+    open_desk,
+)
+from dogshape.pipeline.config.study_file import bundled_studies, load_study, replace_keys
+from dogshape.pipeline.export.drawing import open_section_svg
+from dogshape.pipeline.reports.charts import trend_figure
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.sim.shift.geometry import Dog
+from tests.conftest import Said
+
+PAPER = load_study("mq200_paper")
+
+
+@pytest.fixture(scope="module")
+def desk() -> Desk:
+    """The paper's study with the surrogate and the search that the package brings."""
+    return open_desk(ds.Study("mq200_paper"))
+
+
+def _texts(desk: Desk, **changed: str) -> dict[str, str]:
+    texts = {one.key: one.text for one in desk.numbers} | {"solver.engine": "drake"}
+    return texts | {key.replace("__", "."): text for key, text in changed.items()}
+
+
+def _marked(children: Any, name: str) -> list[Any]:
+    """Collect components that bear an attribute, in their order."""
+    found = []
+    for one in children if isinstance(children, list) else [children]:
+        found += [one] if hasattr(one, name) else []
+        inner = getattr(one, "children", None)
+        found += (
+            _marked(inner, name) if isinstance(inner, list) or hasattr(inner, "children") else []
+        )
+    return found
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_replaced_keys_are_those_of_the_command_line(name: str) -> None:
+    sets = {"dog.height_mm": 3.5, "load.torque_Nm": 150, "solver.engine": "planar"}
+    study = load_study(name)
+    assert replace_keys(study, sets).config_hash == load_study(name, sets).config_hash
+    assert replace_keys(study, {}).config_hash == study.config_hash
+    assert ds.Study(name).replace_keys(height_mm=3.5).dog["height_mm"] == 3.5
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_every_study_has_a_page(name: str) -> None:
+    desk = open_desk(ds.Study(name))
+    assert build_app(desk).layout is not None
+    answer = answer_at_once(desk, {"texts": _texts(desk), "where": "all"}, OWN, [])
+    assert answer[0] == ""
+    assert len(_marked(answer[7], "data-check")) > 15
+
+
+def test_answers_are_those_of_the_package(desk: Desk) -> None:
+    rng = np.random.default_rng(3)
+    for k in range(12):
+        texts = _texts(desk)
+        for key, (low, high) in PAPER.variables.items():
+            places = 0 if key == "count" else 3
+            texts[f"dog.{key}"] = f"{low + (0.3 + 0.4 * rng.random()) * (high - low):.{places}f}"
+        where, point = ("one", {"mismatch_rpm": 50.0, "force_N": 300.0}) if k % 2 else ("all", {})
+        texts |= {key: str(value) for key, value in point.items()}
+        asked = {"texts": texts, "where": where}
+        shape = {key: float(texts[f"dog.{key}"]) for key in PAPER.variables}
+        known = ds.Study("mq200_paper", **(shape | {"count": int(shape["count"])})).check(
+            **point, surrogate=desk.surrogate
+        )
+        answer = answer_at_once(desk, asked, OWN, list(texts))
+        time = _marked(answer[3], "data-exact")
+        seen = [float(word) for word in getattr(time[0], "data-exact").split()] if time else []
+        expected = known.expected
+        assert seen == ([] if expected is None else [expected.time, expected.low, expected.high])
+        rows = {getattr(r, "data-check"): getattr(r, "data-margin") for r in
+                _marked(answer[7], "data-check")}  # fmt: skip
+        assert rows == {row.name: repr(row.margin) for row in known.rows}
+
+
+@pytest.mark.parametrize(
+    ("key", "text", "sentence"),
+    [
+        ("dog.chamfer_deg", "abc", "dog.chamfer_deg is 'abc', but it must be a number in deg"),
+        ("dog.count", "15.5", "dog.count is 15.5, but it must be a whole number"),
+        ("dog.height_mm", "", "dog.height_mm is '', but it must be a number in mm"),
+        ("mismatch_rpm", "x", "mismatch_rpm is 'x', but it must be a number"),
+        ("load.friction_hold", "0.5", "load.friction_hold is 0.5, but it must not exceed"),
+    ],
+)
+def test_a_refusal_stands_at_its_number(desk: Desk, key: str, text: str, sentence: str) -> None:
+    asked = {"texts": _texts(desk) | {key: text}, "where": "one"}
+    kind, rest, faults, *_ = answer_at_once(desk, asked, OWN, keys := list(asked["texts"]))
+    assert (kind, rest) == ("stale", "")
+    assert dict(zip(keys, faults, strict=True))[key].startswith(sentence)
+
+
+def test_an_impossible_shape_is_refused_above_the_answers(desk: Desk) -> None:
+    asked = {"texts": _texts(desk, dog__traction_deg="50", dog__height_mm="9"), "where": "all"}
+    kind, rest, faults, *_ = answer_at_once(desk, asked, OWN, list(asked["texts"]))
+    assert kind == "stale"
+    assert rest.startswith("There is no such dog: ")
+    assert not any(faults)
+
+
+def test_other_physics_have_checks_and_no_prediction(desk: Desk) -> None:
+    asked = {"texts": _texts(desk, dog__axial_gap_mm="1.2"), "where": "all"}
+    answer = answer_at_once(desk, asked, OWN, [])
+    assert "other physics" in answer[3][-1].children
+    assert _marked(answer[7], "data-check")
+    assert answer_by_trends(desk, asked, OWN)[1]
+
+
+def test_curves_are_predictions_of_the_package(desk: Desk) -> None:
+    found = desk.trends(_texts(desk, dog__chamfer_deg="10"), "all", OWN)
+    assert found is not None
+    assert list(dict.fromkeys(found["moved"])) == ["", *PAPER.variables]
+    known = ds.Study("mq200_paper", chamfer_deg=10).check(surrogate=desk.surrogate).time_s
+    assert found["expected_shift_time_s"].iloc[0] == pytest.approx(known, rel=1e-6)
+    figure = trend_figure(found)
+    assert len(figure.data) == 2 * len(PAPER.variables)
+    pd.testing.assert_series_equal(
+        pd.Series(figure.data[0].x), found.loc[found["moved"] == "chamfer_deg", "chamfer_deg"],
+        check_names=False, check_index=False,
+    )  # fmt: skip
+
+
+def test_designs_of_a_search_are_offered_where_its_physics_are_the_studys(
+    desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert desk.result is not None
+    front = [str(row["trial"]) for row in desk.result["front"] if not row["prototype"]]
+    assert list(desk.designs)[: len(front) + 1] == [OWN, *front]
+    assert ", chosen: " in desk.designs[str(desk.result["best"]["trial"])]["name"]
+    other = ds.Study("mq200_paper", {"shift.timeout_s": 1.1})
+    assert list(open_desk(other).designs) == [OWN]
+    assert open_desk(other).surrogate is None
+    assert list(open_desk(ds.Study("mq200_actuation")).designs) == [OWN]
+    # A design goes into the fields with the rest of the dog as it was.
+    shape = desk.shape(front[0])
+    assert shape["dog.count"] == str(desk.designs[front[0]]["count"])
+    assert shape["dog.axial_gap_mm"] == "1"
+
+
+def test_the_verb_takes_the_folder_of_a_search(
+    dogshape: Callable[..., Said], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: dict[str, Any] = {}
+    monkeypatch.setattr(
+        "dogshape.app.serve_app", lambda study, **how: seen.update(how, study=study)
+    )
+    (tmp_path / "mine").mkdir()
+    StudyFolder(tmp_path / "mine").open(PAPER, resume=False)
+    said = dogshape("app", "mine", "--set", "dog.count=18", "--no-browser")
+    assert said.status == 130
+    assert seen["study"].dog["count"] == 18
+    assert (seen["folder"], seen["port"], seen["browser"]) == (Path("mine"), 8050, False)
+    assert seen["command"] == "mine --set=dog.count=18"
+
+
+def test_links_and_command_say_the_design(desk: Desk) -> None:
+    texts = _texts(desk, dog__count="18", force_N="300")
+    files, shift, command = link_files(desk, {"texts": texts, "where": "one"}, "why not")
+    assert (
+        command == "dogshape check mq200_paper --set dog.count=18 --mismatch-rpm 50 --force-N 300"
+    )
+    every = [*files, *shift]
+    assert {one.href.partition("?")[0] for one in every} == {f"/file/{name}" for name in FILES}
+    assert all("dog.count=18" in one.href and "why=why+not" in one.href for one in every)
+
+
+def test_the_open_section_has_both_rings_to_scale(prototype: Dog) -> None:
+    root = ElementTree.fromstring(open_section_svg(prototype, prototype))
+    paths = {
+        path.get("class"): path.get("d", "")
+        for path in root.iter("{http://www.w3.org/2000/svg}path")
+    }
+    levels = {
+        name: [float(pair.split(",")[1]) for pair in paths[name].strip("M Z").split(" L")]
+        for name in ("ring-a", "ring-b", "ghost")
+    }
+    bar = [float(pair.split(",")[0]) for pair in paths["bar"].strip("M").split(" L")]
+    scale = (bar[1] - bar[0]) / 5e-3
+    gap = min(levels["ghost"]) - max(levels["ring-b"][:-2])
+    assert gap == pytest.approx(prototype.axial_gap * scale, abs=0.1)
+    height = max(levels["ghost"]) - min(levels["ghost"])
+    assert height == pytest.approx(prototype.height * scale, abs=0.1)
