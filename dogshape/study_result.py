@@ -17,9 +17,9 @@ from dogshape.pipeline.reports.designs import designs_frame, front_frame, goals_
 from dogshape.pipeline.reports.study_figures import front_figure, sure_figure
 from dogshape.pipeline.reports.study_page import at_own_places, front_table, publish
 from dogshape.pipeline.reports.study_summary import gained, headline, summary_tables
+from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.simulate.executor import end_workers
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.store.result_schema import require_result
 from dogshape.pipeline.study import Run, run_study
 from dogshape.result import Result
 from dogshape.sim.clutch_tables import validate

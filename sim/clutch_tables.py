@@ -98,9 +98,9 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-def _absent() -> Any:
-    """Return the default of a key that is no part of a file's hash unless it is given."""
-    return Field(default=None, exclude_if=lambda value: value is None)
+def later(default: Any = None) -> Any:
+    """Return the default of a key that came later: as such it is no part of a file's hash."""
+    return Field(default=default, exclude_if=lambda value: value == default)
 
 
 class DogSection(Section):
@@ -114,7 +114,7 @@ class DogSection(Section):
     outer_diameter_mm: float
     inner_diameter_mm: float
     axial_gap_mm: float
-    edge_radius_mm: float | None = _absent()
+    edge_radius_mm: float | None = later()
 
     def dog(self) -> Dog:
         """Build the dog; what cannot be a dog raises InputError or GeometryError."""
@@ -138,27 +138,27 @@ class OutputSection(Section):
 class MechanismSection(Section):
     """Mechanism around the ring (``sim.shift.mechanism``); an absent key is no mechanism."""
 
-    spline_friction: float | None = _absent()
-    spline_radius_mm: float | None = _absent()
-    friction_N: float | None = _absent()
-    drag_torque_Nm: float | None = _absent()
-    added_mass_kg: float | None = _absent()
-    damping_Ns_m: float | None = _absent()
-    compliance_mm_kN: float | None = _absent()
-    free_play_mm: float | None = _absent()
-    detent_N: float | None = _absent()
-    detent_position_mm: float | None = _absent()
-    detent_width_mm: float | None = _absent()
-    ring_inertia_kgm2: float | None = _absent()
-    input_stiffness_Nm_rad: float | None = _absent()
-    spline_backlash_deg: float | None = _absent()
-    wheel_inertia_kgm2: float | None = _absent()
-    output_stiffness_Nm_rad: float | None = _absent()
-    delay_s: float | None = _absent()
-    lag_s: float | None = _absent()
-    force_factor: float | None = _absent()
-    force_loss_N: float | None = _absent()
-    rise_factor: float | None = _absent()
+    spline_friction: float | None = later()
+    spline_radius_mm: float | None = later()
+    friction_N: float | None = later()
+    drag_torque_Nm: float | None = later()
+    added_mass_kg: float | None = later()
+    damping_Ns_m: float | None = later()
+    compliance_mm_kN: float | None = later()
+    free_play_mm: float | None = later()
+    detent_N: float | None = later()
+    detent_position_mm: float | None = later()
+    detent_width_mm: float | None = later()
+    ring_inertia_kgm2: float | None = later()
+    input_stiffness_Nm_rad: float | None = later()
+    spline_backlash_deg: float | None = later()
+    wheel_inertia_kgm2: float | None = later()
+    output_stiffness_Nm_rad: float | None = later()
+    delay_s: float | None = later()
+    lag_s: float | None = later()
+    force_factor: float | None = later()
+    force_loss_N: float | None = later()
+    rise_factor: float | None = later()
 
     @property
     def given(self) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import plotly.graph_objects as go
 
-Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
+Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.search.result_schema``
 
 INK = "#1b2733"
 GREY = "#9aa5b1"

@@ -12,7 +12,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.sim.errors import DogshapeError
 
-Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
+Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.search.result_schema``
 
 
 def command_of(study: Setup) -> str | None:

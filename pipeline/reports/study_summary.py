@@ -39,9 +39,8 @@ from dogshape.pipeline.reports.text import (
     time_text,
     value,
 )
-from dogshape.pipeline.simulate.agreement import agreement_words
-from dogshape.pipeline.simulate.design import SIMULATED, WORST
-from dogshape.pipeline.simulate.failing import failing_words
+from dogshape.pipeline.search.confirmation import EngineAgreement
+from dogshape.pipeline.simulate.design import SIMULATED, WORST, failing_words
 
 END = 0.01  #: share of a search range within which a value lies at its end
 APART = 3.0  #: combined standard errors between search and new angles that are a fact
@@ -259,7 +258,7 @@ def _search_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         ("audit", result.get("audit")),
     ):
         if found is not None:
-            words = agreement_words(found)
+            words = EngineAgreement(**found).text
             yield name, words if found["agrees"] else Bad(words)
 
 

@@ -41,6 +41,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dogshape.sim.clutch_tables import Section
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -57,19 +58,16 @@ NEEDS = {
 LEAST = 1e-3  #: share of a distribution that a truncation must leave
 
 
-@dataclass(frozen=True)
-class Distribution:
-    """A distribution of one number, in the unit of the key that it stands for.
+class Distribution(Section):
+    """A distribution in place of a number, in the unit of the key that it stands for (``named``).
 
     Parameters
     ----------
-    key : of the study file, for messages.
-    kind : one of ``NEEDS``; an unknown one raises InputError.
+    distribution : one of ``NEEDS``.
     mean, sd, median, factor, low, mode, high : those that the kind needs, None for the others.
     """
 
-    key: str
-    kind: str
+    distribution: str
     mean: float | None = None
     sd: float | None = None
     median: float | None = None
@@ -77,37 +75,46 @@ class Distribution:
     low: float | None = None
     mode: float | None = None
     high: float | None = None
+    _key: str = ""
 
-    def __post_init__(self) -> None:
-        if self.kind not in NEEDS:
-            hint = did_you_mean(self.kind, NEEDS)
-            raise InputError(
-                f"{self.key}.distribution is '{self.kind}', which is not a distribution; {hint}"
-            )
-        self._require_names()
-        self._require_values()
-        if self._share_kept() < LEAST:
-            raise InputError(
-                f"{self.key}: next to nothing of the {self.kind} distribution lies between its "
-                "low and high; widen them"
-            )
+    def named(self, key: str) -> Distribution:
+        """Return the distribution that stands at ``key`` of a file; InputError for mistakes."""
+        found = self.model_copy()
+        found._key = key
+        found._require()
+        return found
 
-    def _require_names(self) -> None:
-        needed = NEEDS[self.kind]
-        allowed = {*needed, *(("low", "high") if self.kind in ("normal", "lognormal") else ())}
+    @property
+    def key(self) -> str:
+        """Key that the distribution stands for."""
+        return self._key
+
+    def _require(self) -> None:
+        kind, key = self.distribution, self._key
+        if kind not in NEEDS:
+            hint = did_you_mean(kind, NEEDS)
+            raise InputError(f"{key}.distribution is '{kind}', which is not a distribution; {hint}")
+        needed = NEEDS[kind]
         for name in needed:
             if name not in self.given:
                 whole = ", ".join(needed)
                 raise InputError(
-                    f"{self.key} lacks '{name}': a {self.kind} distribution needs {whole}; add it"
+                    f"{key} lacks '{name}': a {kind} distribution needs {whole}; add it"
                 )
+        allowed = {*needed, *(("low", "high") if kind in ("normal", "lognormal") else ())}
         for name, value in self.given.items():
             if name not in allowed:
                 raise InputError(
-                    f"{self.key}.{name} is nothing that a {self.kind} distribution has; remove it"
+                    f"{key}.{name} is nothing that a {kind} distribution has; remove it"
                 )
             if not math.isfinite(value):
-                raise InputError(f"{self.key}.{name} is {value}, but it must be finite; correct it")
+                raise InputError(f"{key}.{name} is {value}, but it must be finite; correct it")
+        self._require_values()
+        if self._share_kept() < LEAST:
+            raise InputError(
+                f"{key}: next to nothing of the {kind} distribution lies between its low and high; "
+                "widen them"
+            )
 
     def _require_values(self) -> None:
         low, high = self.bounds
@@ -130,21 +137,20 @@ class Distribution:
     @property
     def given(self) -> dict[str, float]:
         """The numbers that are given, by name."""
-        names = ("mean", "sd", "median", "factor", "low", "mode", "high")
-        pairs = ((name, getattr(self, name)) for name in names)
-        return {name: value for name, value in pairs if value is not None}
+        return self.model_dump(exclude={"distribution"}, exclude_none=True)
 
     @property
     def bounds(self) -> tuple[float, float]:
         """Least and largest value, infinite where there is none."""
-        least = 0.0 if self.kind == "lognormal" else -math.inf
+        least = 0.0 if self.distribution == "lognormal" else -math.inf
         low = least if self.low is None else max(self.low, least)
         return low, math.inf if self.high is None else self.high
 
     @property
     def text(self) -> str:
         """Description in words that tell any two distributions apart."""
-        return ", ".join([self.kind, *(f"{name} {v:.12g}" for name, v in self.given.items())])
+        numbers = (f"{name} {value:.12g}" for name, value in self.given.items())
+        return ", ".join([self.distribution, *numbers])
 
     def at(self, shares: Values) -> Values:
         """Return the values below which so large ``shares`` of the distribution lie, (n,)."""
@@ -156,7 +162,7 @@ class Distribution:
     def _share_kept(self) -> float:
         if self.low is None and self.high is None:
             return 1.0
-        if self.kind in ("uniform", "triangular"):
+        if self.distribution in ("uniform", "triangular"):
             return 1.0
         low, high = self._curve().cdf(self.bounds)
         return float(high - low)
@@ -165,12 +171,12 @@ class Distribution:
         """Return the distribution without its truncation, as scipy has it."""
         from scipy import stats  # noqa: PLC0415  slow to load, and a certain study does without
 
-        if self.kind == "normal":
+        if self.distribution == "normal":
             return stats.norm(self.mean, self.sd)
-        if self.kind == "lognormal":
+        if self.distribution == "lognormal":
             return stats.lognorm(math.log(self.factor or 0.0), scale=self.median)
         low, high = self.bounds
-        if self.kind == "uniform":
+        if self.distribution == "uniform":
             return stats.uniform(low, high - low)
         mode = self.mode if self.mode is not None else low
         return stats.triang((mode - low) / (high - low), low, high - low)

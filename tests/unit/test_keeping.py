@@ -74,14 +74,6 @@ def test_a_stopped_command_goes_on(
     assert not list((tmp_path / "results").iterdir())
 
 
-def test_each_engine_is_a_question_of_its_own(dogshape: Call, quick: Quick) -> None:
-    for engine, words in (("drake", "by Drake"), ("planar", "by the compiled engine")):
-        asked = (*PRECISE, "--engine", engine, "--jobs", 1)
-        said = dogshape(*asked, "--json")
-        assert (said.json["engine"], said.json["shifts"]) == (engine, 24)
-        assert f"simulated {words}" in dogshape(*asked).out
-
-
 def test_nothing_finished_leaves_nothing(dogshape: Call, tmp_path: Path, quick: Quick) -> None:
     quick.stop = 0
     said = dogshape(*EXPECT)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy.special import ndtri
 
-import dogshape as ds
 from dogshape.pipeline.config.operating import duty_cycles
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
 from dogshape.pipeline.search.state import Trial
@@ -15,13 +13,9 @@ from dogshape.pipeline.simulate.evaluation import FIRST
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import even_blocks
-from dogshape.sim.statistics.expectation import PointExpectation, expect
-from dogshape.sim.statistics.shift_records import clutch_record, content_key, inputs
 from dogshape.sim.units import RPM
 from dogshape.surrogate.hypervolume import not_dominated
-from dogshape.surrogate.model import point_coordinates
 from dogshape.surrogate.query import require_same_physics
 
 TWO = "[{mismatch_rpm=-50, force_N=300, weight=3}, {mismatch_rpm=80, force_N=469}]"
@@ -80,23 +74,6 @@ def test_a_list_goes_with_every_draw() -> None:
     points = _points(_listed(f"mismatch_rpm={NORMAL}", "force_N=[300, 469]", "samples=5"))
     assert len(points) == 10
     assert {force for _, force, _ in points} == {300, 469}
-
-
-def _found(point: OperatingPoint, mean: float) -> PointExpectation:
-    return PointExpectation(point, mean, mean, 0.001, 0.01, 1.0, 6)
-
-
-def test_weights_count_by_their_ratio_alone() -> None:
-    more = TWO.replace("469}", "469, weight=20}").replace("weight=3}", "weight=60}")
-    once, scaled = _listed(f"points={TWO}"), _listed(f"points={more}")
-    assert study_mix(once).weights == pytest.approx(study_mix(scaled).weights)
-    one, two = (
-        expect([_found(p, m) for p, m in zip(s.points, (0.05, 0.09), strict=True)])
-        for s in (once, scaled)
-    )
-    assert one.mean == pytest.approx(two.mean)
-    assert one.mean == pytest.approx(0.75 * 0.05 + 0.25 * 0.09)
-    assert one.standard_error == pytest.approx(two.standard_error)
 
 
 @pytest.mark.parametrize(
@@ -195,24 +172,6 @@ def test_every_mistake_is_one_sentence(more: list[str], sentence: str) -> None:
     assert "\n" not in text
 
 
-def test_a_certain_study_has_the_keys_and_physics_that_it_had() -> None:
-    """Those of the version before operating points could be drawn and factors uncertain."""
-    study = load_study("mq200_paper")
-    assert study.uncertainty is None
-    assert study.physics_hash == "d9069ea6093eea848d23"
-    (block, *_) = even_blocks(study.clutch, study.points, 6, 1)
-    assert block.keys == [
-        content_key(inputs(study.clutch, block.point, angle)) for angle in block.angles
-    ]
-    assert set(block.inputs[0]) == {
-        *clutch_record(study.clutch),
-        "mismatch_rpm",
-        "force_N",
-        "force_rise_s",
-        "relative_angle_deg",
-    }
-
-
 def test_uncertainty_belongs_to_the_physics_and_a_surrogate_without_it_is_refused() -> None:
     plain = load_study("mq200_paper")
     unsure = load_study("mq200_paper", [f"uncertain.friction_factor={FRICTION}"])
@@ -269,15 +228,6 @@ def test_a_finer_draw_repeats_no_uncertain_shift() -> None:
     assert first.variants == second.variants
 
 
-def test_the_surrogate_knows_either_sign_of_the_mismatch_alike() -> None:
-    speeds = np.array([0.0, 5.0, 60.0, 249.0])
-    ahead, behind = (
-        point_coordinates(np.column_stack([sign * speeds, np.full(4, 300.0)])) for sign in (1, -1)
-    )
-    assert behind[:, 0] == pytest.approx(-ahead[:, 0])
-    assert (behind[:, 1] == ahead[:, 1]).all()
-
-
 def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     names = "['smallest_margin', 'axial_length_mm']"
     study = load_study("mq200_paper", [f"search.objectives={names}"])
@@ -307,13 +257,11 @@ def test_every_bundled_study_can_be_read_and_searched() -> None:
 
 @pytest.mark.parametrize("name", [*duty_cycles()])
 def test_a_set_names_its_points(name: str) -> None:
-    """Every bundled set serves the bundled studies and says what it rests on."""
-    cycle, study = duty_cycles()[name], _listed(f"set='{name}'")
-    assert _points(study) == [pytest.approx(row) for row in cycle.rows]
-    assert len({row[:2] for row in cycle.rows}) == len(cycle.rows)
-    assert cycle.about
-    assert cycle.source
-    assert study.operating_text.startswith(f"{len(cycle.rows)} of the set {name}, ")
+    """Every bundled set serves the bundled studies."""
+    rows, study = duty_cycles()[name], _listed(f"set='{name}'")
+    assert _points(study) == [pytest.approx(row) for row in rows]
+    assert len({row[:2] for row in rows}) == len(rows)
+    assert study.operating_text.startswith(f"{len(rows)} of the set {name}, ")
 
 
 def test_the_set_of_the_paper_is_the_grid_of_the_bundled_study() -> None:
@@ -321,27 +269,3 @@ def test_the_set_of_the_paper_is_the_grid_of_the_bundled_study() -> None:
     assert named.points == grid.points
     assert named.physics_hash == grid.physics_hash
     assert named.file.model_dump()["operating"] == {"set": "paper"}
-
-
-def test_sets_have_the_signs_and_shares_that_they_say() -> None:
-    amt, axle = (np.array(duty_cycles()[name].rows) for name in ("amt", "ev_speed_control"))
-    weight = amt[:, 2] / amt[:, 2].sum()
-    # Six shifts up on five down; one of ten downshifts overshoots.
-    assert weight[amt[:, 0] > 0].sum() == pytest.approx((6 + 0.5) / 11)
-    assert [weight[amt[:, 1] == force].sum() for force in (611, 458, 320)] == pytest.approx(
-        [4 / 6, 1 / 6, 1 / 6]
-    )
-    middles = [15.0 * ndtri((k + 0.5) / 8) for k in range(8)]
-    assert sorted(set(axle[:, 0])) == pytest.approx(middles, abs=0.06)
-    assert (axle[:, 0] @ axle[:, 2]) == pytest.approx(0.0)
-
-
-def test_verbs_take_a_set() -> None:
-    study = ds.Study(
-        "mq200_paper",
-        {"operating": {"set": "ev_speed_control"}, "solver.engine": "planar"},
-    )
-    rows = np.array(duty_cycles()["ev_speed_control"].rows)
-    frame = study.expect(angles=3, jobs=1).to_frame()
-    assert frame["mismatch_rpm"].tolist() == pytest.approx(rows[:, 0].tolist())
-    assert len(study.strength(jobs=1).to_frame()) > 20

@@ -34,11 +34,6 @@ def test_overrides_replace_keys_and_change_the_right_hashes() -> None:
     assert other_contact.physics_hash != plain.physics_hash
 
 
-def test_rise_time_lies_between_the_table() -> None:
-    study = load_study("mq200_paper", ["operating.force_N=[392.25]"])
-    assert study.points[0].profile.rise == pytest.approx(0.5 * (0.2026 + 0.1766))
-
-
 @pytest.mark.parametrize(
     ("override", "sentence"),
     [

@@ -73,7 +73,7 @@ def test_an_angle_against_friction() -> None:
 def test_uncertain_friction_against_a_certain_angle() -> None:
     dog, limits = load_study("mq200_paper").clutch.dog, _limits(NONE)
     most = math.tan(dog.chamfer) / limits.load.friction_release
-    friction = Distribution("uncertain.friction_factor", "uniform", low=0.8, high=1.3)
+    friction = Distribution(distribution="uniform", low=0.8, high=1.3)
     _near(kept_share(dog, limits, friction), (most - 0.8) / 0.5)
 
 
