@@ -259,14 +259,8 @@ def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
 
 def rows_of(state: SearchState) -> dict[int, Record]:
     """Record every design of a state as a row, by trial, feasible ones with their standing."""
-    rows = {trial.number: row_of(state, trial) for trial in state.trials}
-    for number, standing in standings(state).items():
-        rows[number] |= {
-            "low": standing.low,
-            "high": standing.high,
-            "probability_on_front": standing.probability,
-        }
-    return rows
+    known = standings(state)
+    return {t.number: row_of(state, t) | known.get(t.number, {}) for t in state.trials}
 
 
 def row_of(state: SearchState, trial: Trial) -> Record:

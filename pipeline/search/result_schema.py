@@ -21,6 +21,7 @@ from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import unit_of
 
+#: Keys that a design has where the study searches them or has them for objectives.
 OPTIONAL = {
     **{name: ("searched key", unit_of(name)) for name in (*VARIABLES, *OPERATED)},
     **{
@@ -28,14 +29,10 @@ OPTIONAL = {
         for one in OBJECTIVES.values()
     },
 }
-#: Keys that a design has where the study searches them or has them for objectives.
-DesignKeys = create_model(
-    "DesignKeys",
-    __base__=Record,
-    **{
-        name: (float | None, key(meaning, unit, None)) for name, (meaning, unit) in OPTIONAL.items()
-    },
-)
+_FIELDS: dict[str, Any] = {
+    name: (float | None, key(meaning, unit, None)) for name, (meaning, unit) in OPTIONAL.items()
+}
+DesignKeys = create_model("DesignKeys", __base__=Record, **_FIELDS)
 
 
 class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]

@@ -9,6 +9,8 @@ from typing import Any
 
 import pytest
 
+import dogshape as ds
+
 from dogshape.pipeline.config.mechanism import ACTUATION
 from dogshape.pipeline.config.schema import keys_like
 from dogshape.pipeline.config.study_file import find_study, load_study
