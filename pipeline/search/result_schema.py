@@ -23,7 +23,10 @@ from dogshape.sim.units import unit_of
 
 #: Keys that a design has where the study searches them or has them for objectives.
 OPTIONAL = {
-    **{name: ("searched key", unit_of(name)) for name in (*VARIABLES, *OPERATED)},
+    **{
+        name: (f"value of `variables.{name}`, where it is searched", unit_of(name))
+        for name in (*VARIABLES, *OPERATED)
+    },
     **{
         one.name: (f"{one.label}, where it is an objective", one.unit)
         for one in OBJECTIVES.values()
