@@ -79,14 +79,8 @@ def test_a_list_goes_with_every_draw() -> None:
 @pytest.mark.parametrize(
     ("more", "sentence"),
     [
-        (
-            ["operating.mismatch_rpm={distribution='gauss', mean=1}"],
-            "valid are lognormal, normal, triangular, uniform",
-        ),
         (["operating.mismatch_rpm={distribution='norml', mean=1}"], "did you mean 'normal'?"),
         (["operating.mismatch_rpm={distribution='normal', mean=1}"], "lacks 'sd'"),
-        (["operating.mismatch_rpm={mean=1}"], "'operating.mismatch_rpm.distribution' is missing"),
-        (["operating.mismatch_rpm={distribution='normal', men=1}"], "did you mean 'operating.mism"),
         (
             ["operating.mismatch_rpm={distribution='uniform', low=1, high=2, sd=3}"],
             "operating.mismatch_rpm.sd is nothing that a uniform distribution has",
@@ -104,10 +98,6 @@ def test_a_list_goes_with_every_draw() -> None:
             "operating.mismatch_rpm.sd is 0, but it must be more than 0",
         ),
         (
-            ["operating.mismatch_rpm={distribution='lognormal', median=9, factor=1}"],
-            "operating.mismatch_rpm.factor is 1, but it must be more than 1",
-        ),
-        (
             ["operating.mismatch_rpm={distribution='normal', mean=nan, sd=1}"],
             "operating.mismatch_rpm.mean is nan, but it must be finite",
         ),
@@ -119,7 +109,6 @@ def test_a_list_goes_with_every_draw() -> None:
             ["operating.force_N={distribution='normal', mean=300, sd=100}"],
             "the rise times of the study cover 235.2 to 641.5 N",
         ),
-        (["operating.samples=8"], "operating.samples is for a distribution"),
         (["operating.seed=8"], "operating.seed is for a distribution"),
         (["operating.mismatch_weight=[1]"], "operating.mismatch_weight has 1 and"),
         (["operating.force_weight=[1, 1, 0, 1]"], "weights must be positive"),
@@ -130,26 +119,21 @@ def test_a_list_goes_with_every_draw() -> None:
         (["operating={set='ampt'}"], "operating.set is 'ampt', which is not a set of points; did"),
         (["operating.set='amt'"], "operating.mismatch_rpm cannot stand beside operating.set"),
         ([f"operating={{set='amt', points={TWO}}}"], "operating.points cannot stand beside"),
-        (["operating={set='amt', seed=1}"], "operating.seed cannot stand beside operating.set"),
         (
             ["operating={set='amt'}", "actuation={force_N=[200, 500], rise_s=[0.2, 0.1]}"],
             "operating.set 'amt': shift force is 611 N",
         ),
         ([f"operating.points={TWO}"], "operating.mismatch_rpm cannot stand beside"),
         (["operating={force_N=[300]}"], "'operating.mismatch_rpm' is missing"),
-        (["operating={points=[]}"], "operating.points is []"),
-        (["operating={points=[{mismatch_rpm=5}]}"], "'operating.points.0.force_N' is missing"),
         (
             ["operating={points=[{mismatch_rpm=5, force_N=300, wight=1}]}"],
             "did you mean 'operating.points.0.weight'?",
         ),
         (["operating={points=[{mismatch_rpm=5, force_N=300, weight=0}]}"], "weight is 0, but it"),
-        (["operating={points=[{mismatch_rpm=5, force_N=9}]}"], "study cover 235.2 to 641.5 N"),
         (
             ["operating={points=[{mismatch_rpm=5, force_N=300}, {mismatch_rpm=5, force_N=300}]}"],
             "operating.points has 5 1/min with 300 N twice",
         ),
-        ([f"uncertain.friction={FRICTION}"], "did you mean 'uncertain.friction_factor'?"),
         (
             ["uncertain.friction_factor={distribution='normal', mean=1, sd=0.1}"],
             "a factor must be positive and at most 10; give low and high",
@@ -160,8 +144,6 @@ def test_a_list_goes_with_every_draw() -> None:
              "contact.static_friction=0.3"],
             "contact.static_friction is 2.97",
         ),
-        (["uncertain.inertia_factor=1.1"], "uncertain.inertia_factor is 1.1"),
-        (["search.quantile=1"], "search.quantile is 1"),
     ],
 )  # fmt: skip
 def test_every_mistake_is_one_sentence(more: list[str], sentence: str) -> None:
