@@ -34,7 +34,7 @@ from dogshape.sim.errors import StorageError
 from dogshape.sim.files import naming
 
 DRIVER = "postgresql+psycopg"  #: of the extra 'machines'
-BEAT, SILENCE = 5, 30  #: s between heartbeats of a trial, and without one until it has failed
+BEAT, SILENCE = 5, 60  #: s between heartbeats of a trial, and without one until it has failed
 KEEPALIVE = {
     "connect_timeout": 10,
     "keepalives_idle": 20,
