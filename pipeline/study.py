@@ -139,7 +139,7 @@ def _searched(search: Search, how: Run) -> Record:
         for journal in journals:
             journal.say_unfinished(counter.say)
         executors.search.forget()
-    if search.pulse is not None:
+    if search.sharing is not None:
         searched = search.read()  # with what the others told meanwhile
     confirmed = searched.renew(trial for trial in state.trials if trial.confirmed)
     write_json(folder.rows, {"rows": simulated_rows(confirmed.simulated)})

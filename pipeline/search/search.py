@@ -47,7 +47,7 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, reference_blocks
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
-from dogshape.pipeline.store.trial_storage import Pulse, open_storage
+from dogshape.pipeline.store.trial_storage import Sharing, open_storage
 from dogshape.sim.errors import InputError, StorageError, did_you_mean
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
@@ -70,14 +70,14 @@ class Search:
     study : the study that is searched, in the engine that simulates its designs.
     optuna : its trials, in their storage.
     sampler_of : gives the sampler of a proposal.
-    pulse : heartbeats of this run's trials, where several machines share the search.
+    sharing : heartbeats and turns, where several machines share the search.
     left_open : numbers of trials that this run leaves to the next one.
     """
 
     study: Setup
     optuna: optuna.Study
     sampler_of: SamplerOf
-    pulse: Pulse | None = None
+    sharing: Sharing | None = None
     left_open: set[int] = field(default_factory=set)
 
     def read(self) -> SearchState:
@@ -100,9 +100,10 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
     It ends sooner where the space has fewer designs than that. Give the state at its end.
     """
     waiting, goal = False, search.study.file.search.trials
-    with search.pulse or nullcontext():
+    with search.sharing or nullcontext():
         while True:
-            trials = next_round(search)
+            with search.sharing.turn() if search.sharing else nullcontext():
+                trials = next_round(search)
             if trials:
                 waiting = False
                 finish_round(search, trials, executor)
@@ -128,7 +129,7 @@ def next_round(search: Search) -> list[FrozenTrial]:
     Designs that other runs have proposed count as if they were finished, so none is one too many.
     """
     settings, ids = search.study.file.search, list[int]()
-    if search.pulse is None:
+    if search.sharing is None:
         names = set(search.study.variables)
         for trial in search.running():  # of a dead run
             if names <= set(trial.params):
@@ -149,22 +150,17 @@ def next_round(search: Search) -> list[FrozenTrial]:
         search.optuna.sampler = search.sampler_of(number)
         if _none_left(search):
             break
-        proposed = _propose(search)
-        before = sum(trial.number < proposed.number for trial in search.trials(*BEGUN))
-        if before >= settings.trials:  # another run was faster
-            search.optuna.tell(proposed, state=TrialState.FAIL)
-            break
-        ids.append(proposed._trial_id)
+        ids.append(_propose(search))
     return [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
 
 
-def _propose(search: Search) -> optuna.Trial:
+def _propose(search: Search) -> int:
     study = search.optuna
     trial_id = study._pop_waiting_trial_id()
     if trial_id is None:
         trial_id = study._storage.create_new_trial(study._study_id)
-    if search.pulse is not None:  # before the sampler takes its time
-        search.pulse.add(trial_id)
+    if search.sharing is not None:  # before the sampler takes its time
+        search.sharing.add(trial_id)
     trial = optuna.Trial(study, trial_id)
     with warnings.catch_warnings():
         # The study's own dog may lie outside the ranges, which the run has said.
@@ -172,7 +168,7 @@ def _propose(search: Search) -> optuna.Trial:
         distributions = Space(search.study.variables).distributions
         for name in search.study.variables:
             trial._suggest(name, distributions[name])
-    return trial
+    return trial_id
 
 
 def _none_left(search: Search) -> bool:
@@ -208,8 +204,8 @@ def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | N
     found = one if one is not None and one.known else None
     landed = design_of(study, design.params, found.measured) if found else design
     estimates = {} if found is None else {n: e.value for n, e in found.estimates.items()}
-    if search.pulse is not None:
-        search.pulse.drop(given._trial_id)
+    if search.sharing is not None:
+        search.sharing.drop(given._trial_id)
     # Where this run seemed dead, another one is at the design by now.
     with suppress(UpdateFinishedTrialError):
         for name, value in landed.constraints.items():
@@ -287,7 +283,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     if not isinstance(backend, RDBStorage):
         return Search(study, opened, sampler_of)
     _require_same_versions(opened)
-    return Search(study, opened, sampler_of, Pulse(backend))
+    return Search(study, opened, sampler_of, Sharing(backend, study.name))
 
 
 def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:

@@ -1,8 +1,9 @@
 """Storage of trials: the folder's journal, or a PostgreSQL database that machines share.
 
 A folder belongs to one run, so a trial that is running there was cut off. Runs that share a
-database record a heartbeat for each trial that they are at (``Pulse``); a trial that has had none
+database (``Sharing``) record a heartbeat for each trial that they are at; a trial that has had none
 for ``SILENCE`` fails, and waits under another number to be asked for again, with its parameters.
+One run at a time proposes, so that none proposes what another does.
 
 Messages show an address without its password: that is how SQLAlchemy prints one.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 import json
 import threading
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -25,7 +27,7 @@ from optuna.storages import (
     RetryHeartbeatStaleTrialCallback,
 )
 from optuna.storages.journal import JournalFileBackend
-from sqlalchemy import URL, NullPool, make_url
+from sqlalchemy import URL, NullPool, make_url, text
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from dogshape.pipeline.store.folder import StudyFolder
@@ -35,30 +37,43 @@ from dogshape.sim.files import naming
 
 DRIVER = "postgresql+psycopg"  #: of the extra 'machines'
 BEAT, SILENCE = 5, 60  #: s between heartbeats of a trial, and without one until it has failed
+#: Parameters of the driver: server and run notice within a minute that the other is gone.
 KEEPALIVE = {
     "connect_timeout": 10,
     "keepalives_idle": 20,
     "keepalives_interval": 5,
     "keepalives_count": 4,
-}  #: parameters of the driver: a server that is gone is noticed within a minute
+    "options": "-c tcp_keepalives_idle=20 -c tcp_keepalives_interval=5 -c tcp_keepalives_count=4",
+}
 
 
-class Pulse:
-    """Heartbeats of the trials that this run is at; a context manager that ends with them."""
+class Sharing:
+    """Heartbeats of the trials that this run is at, and its turn to propose more.
 
-    def __init__(self, storage: RDBStorage) -> None:
+    A context manager that ends with the heartbeats.
+    """
+
+    def __init__(self, storage: RDBStorage, study: str) -> None:
         self._storage = storage
+        self._study = zlib.crc32(study.encode())
         self._trials: set[int] = set()
         self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._beat, name="pulse", daemon=True)
+        self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
 
-    def __enter__(self) -> Pulse:
+    def __enter__(self) -> Sharing:
         self._thread.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._ended.set()
         self._thread.join()
+
+    @contextmanager
+    def turn(self) -> Iterator[None]:
+        """Wait for the right to propose, and hold it; it ends with the run, however that ends."""
+        with self._storage.engine.begin() as connection:
+            connection.execute(text("SELECT pg_advisory_xact_lock(:n)"), {"n": self._study})
+            yield
 
     def add(self, trial_id: int) -> None:
         """Begin with a trial."""

@@ -71,7 +71,7 @@ def test_a_stopped_command_goes_on(
     again = dogshape(*asked)
     assert (again.status, again.out) == (0, whole.out)
     assert quick.done == shifts, "a finished shift was simulated again"
-    assert not list((tmp_path / "results").iterdir())
+    assert not (tmp_path / "results").exists()
 
 
 def test_nothing_finished_leaves_nothing(dogshape: Call, tmp_path: Path, quick: Quick) -> None:
