@@ -111,8 +111,8 @@ class Response:
         """Fit values (n,) at coordinates (n, c); ``errors`` are their standard errors, (n,).
 
         ``least`` is a standard deviation that values of other designs have at least. Fewer than
-        ``MIN_VALUES`` values have the process of a standard deviation of one, over the whole range: their
-        likelihood says nothing. InputError where there is none.
+        ``MIN_VALUES`` values have the process of a standard deviation of one, over the whole range:
+        their likelihood says nothing. InputError where there is none.
         """
         if not len(values):
             raise InputError("no design was simulated yet")

@@ -9,14 +9,11 @@ from typing import Any
 
 import pytest
 
-import dogshape as ds
-
 from dogshape.pipeline.config.mechanism import ACTUATION
 from dogshape.pipeline.config.schema import keys_like
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.search.tolerance_effects import tolerance_time
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.train.design_rows import jobs_of
 from dogshape.pipeline.train.training_rows import (
     known_surrogate,
     study_mix,
@@ -28,8 +25,6 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import LaggedProfile
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING
 from dogshape.sim.statistics.blocks import even_block
-from dogshape.sim.versions import bundled_root
-from dogshape.surrogate.query import require_same_physics
 from tests.conftest import Said
 
 Call = Callable[..., Said]
@@ -216,25 +211,6 @@ def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
     assert drawn.rise == pytest.approx(study.actuation.at_sleeve(drawn.force).rise)
 
 
-def test_surrogates_know_what_they_were_fitted_to(dogshape: Call) -> None:
-    """The package's is refused."""
-    for key, value in (("mechanism.spline_friction", 0.1), ("effects.contact_dissipation", 3.0),
-                       ("mechanism.delay_s", 0.05), ("mechanism.lag_s", 0.01),
-                       ("mechanism.force_factor", 0.9)):  # fmt: skip
-        study = load_study("mq200_paper", {key: value})
-        assert known_surrogate(study) is None
-        stored, _ = stored_surrogate(study, None)
-        with pytest.raises(InputError, match=r"other physics than the study's: .* 'dogshape fit'"):
-            require_same_physics(stored.surrogate.data, study.physics)
-    rubs = ("--set", "mechanism.spline_friction=0.1")
-    said = dogshape("check", "mq200_paper", *rubs)
-    assert "shifts of the compiled engine" in said.out  # and not the surrogate of another clutch
-    brought = str(bundled_root() / "mq200_paper" / "surrogate.json")
-    said = dogshape("check", "mq200_paper", *rubs, "--surrogate", brought)
-    assert said.status == 2
-    assert "mechanism_spline_friction is 0.1 here and absent there" in said.sentence
-
-
 def test_a_wider_gap_adds_the_flight_of_all_that_moves() -> None:
     stored = known_surrogate(load_study("mq200_paper"))
     assert stored is not None
@@ -265,40 +241,3 @@ def test_a_study_file_may_hold_them(tmp_path: Path) -> None:
     assert folder.stored_study().config_hash == study.config_hash
     assert study.clutch.contact.dissipation == 3.0
     assert study.retraction == pytest.approx(0.25)
-
-
-def test_what_a_surrogate_learns_from_has_them() -> None:
-    """Designs and operating points that ``fit`` simulates; forces of a range at the sleeve."""
-    keys = _mechanism(spline_friction=0.1, lag_s=0.02, force_factor=0.8)
-    study, plain = load_study("mq200_paper", keys), load_study("mq200_paper")
-    (job,) = jobs_of([study.prototype], 16, 1)
-    ours, others = job.blocks(study), job.blocks(plain)
-    for block, other in zip(ours, others, strict=True):
-        assert block.clutch.mechanism == study.clutch.mechanism
-        profile = block.point.profile
-        assert isinstance(profile, LaggedProfile)
-        assert profile.force == pytest.approx(0.8 * other.point.profile.force, rel=1e-3)
-        assert profile.rise == pytest.approx(other.point.profile.rise, rel=1e-3)
-
-
-def test_every_verb_takes_them(dogshape: Call) -> None:
-    point = ("--mismatch-rpm", 50, "--force-N", 469)
-    keys = ("--set", "mechanism.spline_friction=0.1", "--set", "mechanism.delay_s=0.05")
-    shift = dogshape(
-        "shift", "mq200_paper", *point, "--relative-angle-deg", 10, *keys, "--json"
-    ).json
-    assert shift["mechanism"]["spline_friction"] == 0.1
-    assert shift["phases"][0] == {"name": "dead time", "start": 0.0, "end": 0.05}
-    ours = ds.Study("mq200_paper", {"mechanism.spline_friction": 0.1, "mechanism.delay_s": 0.05})
-    assert ours.shift(mismatch_rpm=50, force_N=469, angle_deg=10).time_s == shift["shift_time_s"]
-    plain = dogshape("shift", "mq200_paper", *point, "--relative-angle-deg", 10, "--json").json
-    assert "mechanism" not in plain
-    assert plain["shift_time_s"] != shift["shift_time_s"]
-    mean = dogshape(
-        "expect", "mq200_paper", *point, "--angles", "3,10", *keys, "--jobs", 1, "--json"
-    ).json
-    assert mean["mechanism"]["delay_s"] == 0.05
-    alone = ours.expect(mismatch_rpm=50, force_N=469, angles=[3, 10], jobs=1)
-    assert mean["expected_shift_time_s"] == alone.mean.mean
-    text = dogshape("shift", "mq200_paper", *point, "--relative-angle-deg", 10, *keys).out
-    assert "dead time" in text
