@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import constants, field_table
-from dogshape.pipeline.store.result_schema import key_table
+from dogshape.pipeline.search.result_schema import key_table
 
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"

@@ -42,11 +42,10 @@ from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.guide import LANDING, DogGuide, search_space
+from dogshape.pipeline.search.guide import LANDING, Guide, Space
 from dogshape.pipeline.search.sampler import Pool, SurrogateSampler
 from dogshape.pipeline.search.search import open_search, run
 from dogshape.pipeline.search.state import SearchState
-from dogshape.pipeline.search.unit_cube import Space
 from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
@@ -90,20 +89,19 @@ class AllowedGP(GPSampler):
     def __init__(self, seed: int) -> None:
         super().__init__(seed=seed, n_startup_trials=START)
         study = problem()
-        self._space = Space(search_space(study))
-        self._pool = Pool(DogGuide(study), seed, WIDE)
+        self._pool = Pool(Guide(study), seed, WIDE)
         self._draw = np.random.default_rng(seed)
 
     def _optimize_acqf(self, acqf: Any, best_params: Any) -> Any:
-        inner, space = acqf.search_space, self._space
+        inner = acqf.search_space
         known = (
             [] if best_params is None else [inner.get_unnormalized_param(p) for p in best_params]
         )
-        found = self._pool.first(space)
-        found = found + (self._pool.drawn(space, self._draw, NEAR, known) if known else [])
+        found = self._pool.first()
+        found = found + (self._pool.draw(self._draw, NEAR, known) if known else [])
         values = acqf.eval_acqf_no_grad(inner.get_normalized_params([None] * len(found), found))
         best = [found[k] for k in np.argsort(values)[-10:]]
-        found = best + self._pool.drawn(space, self._draw, NEAR, best)
+        found = best + self._pool.draw(self._draw, NEAR, best)
         places = inner.get_normalized_params([None] * len(found), found)
         return places[int(np.argmax(acqf.eval_acqf_no_grad(places)))]
 
@@ -151,7 +149,7 @@ def other_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
     limiting = LANDING if isinstance(sampler, AllowedGP) else None
     while clock() - begun < 60.0 * minutes and asked < MOST_ASKED:
         asked += 1
-        trial = search.ask(search_space(study))
+        trial = search.ask(Space(study.variables).distributions)
         design = design_of(study, dict(trial.params))
         times: dict[str, float] = {SIMULATED: worst}
         simulated = design.feasible
@@ -185,10 +183,10 @@ def clock() -> float:
 def first_designs(study: Setup, seed: int) -> list[Values]:
     """Return the designs that a search of this project begins with."""
     asked = optuna.create_study(
-        directions=["minimize"] * 2, sampler=SurrogateSampler(DogGuide(study), seed, START)
+        directions=["minimize"] * 2, sampler=SurrogateSampler(Guide(study), seed, START)
     )
     asked.enqueue_trial(study.prototype)
-    return [dict(asked.ask(search_space(study)).params) for _ in range(START)]
+    return [dict(asked.ask(Space(study.variables).distributions).params) for _ in range(START)]
 
 
 def run_and_keep(sampler: str, seed: int, minutes: float, path: Path) -> str:

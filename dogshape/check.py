@@ -12,7 +12,7 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup, points_of
 from dogshape.pipeline.record import Table, frame_of
 from dogshape.pipeline.reports.text import ENGINES, interval_text, time_text
-from dogshape.pipeline.search.tolerance_effects import checks_within, spread_record, time_spread
+from dogshape.pipeline.search.tolerance_effects import ToleranceTime, checks_within, tolerance_time
 from dogshape.pipeline.simulate.design import (
     Design,
     Measured,
@@ -29,7 +29,7 @@ from dogshape.sim.errors import GeometryError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.locking import blocking_force
-from dogshape.sim.strength.manufacture import Spread, require_makeable
+from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
@@ -175,7 +175,7 @@ class Guess:
     """
 
     answer: Answer
-    spread: Spread
+    spread: ToleranceTime
     validation: Validation
     path: Path
 
@@ -268,8 +268,8 @@ class Check(Checked):
             )
         if expected is not None:
             lines.append(
-                f"within the tolerances: {1e3 * guess.spread.worst_case:.2g} ms in the worst case, "
-                f"{1e3 * guess.spread.root_sum_square:.2g} ms by root sum of squares"
+                f"within the tolerances: {1e3 * guess.spread.worst_case_s:.2g} ms in the worst "
+                f"case, {1e3 * guess.spread.root_sum_square_s:.2g} ms by root sum of squares"
             )
         return lines
 
@@ -311,7 +311,7 @@ class Check(Checked):
             "surrogate": str(self.guess.path),
             "predicted": time_record(answer.expected, answer.refusal),
             "missed_by_surrogate": self.missed,
-            "time_within_tolerances": spread_record(self.guess.spread),
+            "time_within_tolerances": self.guess.spread.to_dict(),
         }
 
 
@@ -390,7 +390,7 @@ def _guess(config: Setup, mix: Mix, named: Path | None, refusal: str) -> Guess |
     if refusal:
         warnings = (*answer.warnings, "the dog cannot be made")
         answer = Answer(None, answer.distance, warnings, refusal)
-    return Guess(answer, time_spread(config, model, own, mix), stored.validation, path)
+    return Guess(answer, tolerance_time(config, model, own, mix), stored.validation, path)
 
 
 def simulate_quickly(config: Setup) -> Quick:

@@ -20,9 +20,9 @@ from dogshape.pipeline.reports.study_page import (
     publish,
 )
 from dogshape.pipeline.reports.study_summary import gained, headline, summary_tables
+from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.simulate.executor import end_workers
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.store.result_schema import require_result
 from dogshape.pipeline.study import Run, run_study
 from dogshape.result import Result
 from dogshape.sim.clutch_tables import validate

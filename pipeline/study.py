@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from collections import Counter
-from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.reports.study_page import publish
-from dogshape.pipeline.search.confirmation import Executors, confirm, shifts_to_confirm
+from dogshape.pipeline.search.confirmation import (
+    EngineAgreement,
+    Executors,
+    audit,
+    confirm,
+    shifts_to_confirm,
+)
 from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import (
     PROTOTYPE,
@@ -20,21 +25,18 @@ from dogshape.pipeline.search.state import (
     simulated_rows,
     standings,
 )
-from dogshape.pipeline.search.tolerance_effects import smallest_within, spread_record, time_spread
-from dogshape.pipeline.simulate.agreement import Agreement, agreement_words, audit
+from dogshape.pipeline.search.tolerance_effects import smallest_within, tolerance_time
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
-    Design,
     exact_values,
     is_time,
     leading,
     limits_of,
     objectives_of,
 )
-from dogshape.pipeline.simulate.evaluation import failures
+from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
-from dogshape.pipeline.simulate.life import STAGES, life_of
 from dogshape.pipeline.store.folder import StudyFolder, write_json
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.store.trial_storage import kept
@@ -46,7 +48,7 @@ from dogshape.sim.versions import versions
 from dogshape.surrogate.model import MIN_DESIGNS
 
 UNKNOWN = "simulation"  #: what a design fails whose shifts say nothing of some objective
-Record = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
+Record = dict[str, Any]  #: a part of result.json (``pipeline.search.result_schema``)
 
 
 @dataclass(frozen=True)
@@ -78,8 +80,8 @@ def run_study(study: Setup, how: Run) -> Record:
     connect(how.cluster)
     with folder.writing():
         folder.open(study, how.resume)
-        search = open_search(study.working, folder, how.storage, how.resume)
-        with closing(search.claims), kept(how.storage, folder):
+        with kept(how.storage, folder):
+            search = open_search(study.working, folder, how.storage, how.resume)
             result = _searched(search, how)
         if result["n_simulated_designs"] >= MIN_DESIGNS:
             _learn(study, folder, result, say)
@@ -88,16 +90,17 @@ def run_study(study: Setup, how: Run) -> Record:
         write_json(folder.result, result)
         if how.report:
             publish(folder, say)
-    _require_agreement(study, result["audit"])
+    if result["audit"] is not None:
+        require_agreement(study, EngineAgreement(**result["audit"]))
     return result
 
 
-def _require_agreement(study: Setup, found: Record | None) -> None:
+def require_agreement(study: Setup, found: EngineAgreement) -> None:
     """Raise EngineError where the audit of a study finds that its engines do not agree."""
-    if found is not None and not found["agrees"]:
+    if not found.agrees:
         raise EngineError(
             f"the compiled engine and Drake do not agree in the study {study.name}: "
-            f"{agreement_words(found)}; its result does not hold: give solver.engine = "
+            f"{found.text}; its result does not hold: give solver.engine = "
             '"drake" to simulate all of it in Drake'
         )
 
@@ -120,18 +123,22 @@ def _searched(search: Search, how: Run) -> Record:
             counter.say(line)
             write_json(folder.result, collect(state, journals[1]))
 
+        def told(designs: int, line: str) -> None:
+            counter.rest(shifts_to_confirm(study, designs))
+            counter.say(line)
+
         executors = Executors(
             *(Executor(j, how.jobs, counter.advance, how.cluster, counter.known) for j in journals)
         )
         with counter.kept_in(folder.root, "--resume goes on"):
             searched = run(search, executors.search, after_round)
-            confirmation, state = _confirm(searched, executors, counter)
+            confirmation, state = confirm(searched, executors, told)
             life = _life(confirmation, state, executors.search, counter)
             audited = _audit(searched, executors.kept, counter)
         for journal in journals:
             journal.say_unfinished(counter.say)
         executors.search.forget()
-    if search.shared:
+    if search.sharing is not None:
         searched = search.read()  # with what the others told meanwhile
     confirmed = searched.renew(trial for trial in state.trials if trial.confirmed)
     write_json(folder.rows, {"rows": simulated_rows(confirmed.simulated)})
@@ -145,7 +152,7 @@ def _searched(search: Search, how: Run) -> Record:
         **result,
         "confirmation": confirmation,
         "life": life,
-        "audit": None if audited is None else audited.record,
+        "audit": audited,
     }
 
 
@@ -167,16 +174,6 @@ def _most(search: Search) -> int:
     return left * each + shifts_to_confirm(study, study.file.search.confirm_designs) + 2 * audited
 
 
-def _confirm(
-    state: SearchState, executors: Executors, counter: WorkCounter
-) -> tuple[Record | None, SearchState]:
-    def told(count: int, line: str) -> None:
-        counter.rest(shifts_to_confirm(state.study, count))
-        counter.say(line)
-
-    return confirm(state, executors, told)
-
-
 def _life(
     confirmation: Record | None, state: SearchState, executor: Executor, counter: WorkCounter
 ) -> list[Record] | None:
@@ -188,13 +185,13 @@ def _life(
     counter.rest(len(STAGES) * len(study.points) * study.file.expectation.angles)
     counter.say(f"design {trial.number} over its life: half worn and worn")
     try:
-        return life_of(study, trial.params, wear, executor)
+        return [row.to_dict() for row in life_of(study, trial.params, wear, executor)]
     except GeometryError as error:
         counter.say(f"no drift over the life: worn dogs are none: {error}")
         return None
 
 
-def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Agreement | None:
+def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Record | None:
     """Simulate shifts of the search again in Drake; None where Drake does not judge."""
     study, shifts = state.study, state.study.file.search.audit_shifts
     designs = [trial.params for trial in distinct(state.simulated)]
@@ -203,8 +200,8 @@ def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Agre
     counter.rest(2 * shifts)
     counter.say(f"auditing {shifts} shifts of the search in Drake")
     found = audit(study, designs, executor, study.judging.clutch, shifts)
-    counter.say(agreement_words(found.record))
-    return found
+    counter.say(found.text)
+    return found.to_dict()
 
 
 def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
@@ -217,8 +214,8 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
     result["surrogate"] = stored.validation.as_dict()
     of_new_angles = [*result["front"], *([result["best"]] if result["best"] else [])]
     for row in [*result["trials"], *of_new_angles]:
-        spread = time_spread(study, stored.surrogate, row, study_mix(study))
-        row["time_within_tolerances"] = spread_record(spread)
+        found = tolerance_time(study, stored.surrogate, row, study_mix(study))
+        row["time_within_tolerances"] = found.to_dict()
 
 
 def collect(state: SearchState, journal: ShiftJournal) -> Record:
@@ -261,14 +258,8 @@ def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
 
 def rows_of(state: SearchState) -> dict[int, Record]:
     """Record every design of a state as a row, by trial, feasible ones with their standing."""
-    rows = {trial.number: row_of(state, trial) for trial in state.trials}
-    for number, standing in standings(state).items():
-        rows[number] |= {
-            "low": standing.low,
-            "high": standing.high,
-            "probability_on_front": standing.probability,
-        }
-    return rows
+    known = standings(state)
+    return {t.number: row_of(state, t) | known.get(t.number, {}) for t in state.trials}
 
 
 def row_of(state: SearchState, trial: Trial) -> Record:
@@ -283,6 +274,7 @@ def row_of(state: SearchState, trial: Trial) -> Record:
     found = {name: known.get(name) if name not in silent else None for name in names}
     errors = {n: None if one is None else one.standard_error for n, one in found.items()}
     exact, failed = exact_values(study, design), list(design.failed)
+    weakest = smallest_margin(design.checks) if design.checks else None
     if not trial.judged:
         failed.append("engines")
     return {
@@ -290,7 +282,9 @@ def row_of(state: SearchState, trial: Trial) -> Record:
         PROTOTYPE: trial.prototype,
         **trial.params,
         **exact,
-        **_margins(design),
+        "smallest_margin": weakest.margin if weakest else None,
+        "weakest_check": weakest.name if weakest else "geometry",
+        "margins": {check.name: check.margin for check in design.checks},
         **{name: None if one is None else one.value for name, one in found.items()},
         "standard_errors": errors,
         "standard_error_s": errors[SIMULATED],
@@ -301,15 +295,4 @@ def row_of(state: SearchState, trial: Trial) -> Record:
         "failed": failed or ([] if trial.simulated else [UNKNOWN]),
         **smallest_within(study, design),
         "time_within_tolerances": None,
-    }
-
-
-def _margins(design: Design) -> Record:
-    if not design.checks:
-        return {"smallest_margin": None, "weakest_check": "geometry", "margins": {}}
-    weakest = smallest_margin(design.checks)
-    return {
-        "smallest_margin": weakest.margin,
-        "weakest_check": weakest.name,
-        "margins": {c.name: c.margin for c in design.checks},
     }

@@ -98,9 +98,9 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-def _absent() -> Any:
-    """Return the default of a key that is no part of a file's hash unless it is given."""
-    return Field(default=None, exclude_if=lambda value: value is None)
+def later(default: Any = None) -> Any:
+    """Return the default of a key that came later: as such it is no part of a file's hash."""
+    return Field(default=default, exclude_if=lambda value: value == default)
 
 
 class DogSection(Section):
@@ -114,7 +114,7 @@ class DogSection(Section):
     outer_diameter_mm: float
     inner_diameter_mm: float
     axial_gap_mm: float
-    edge_radius_mm: float | None = _absent()
+    edge_radius_mm: float | None = later()
 
     def dog(self) -> Dog:
         """Build the dog; what cannot be a dog raises InputError or GeometryError."""
@@ -140,7 +140,7 @@ ACTUATION_KEYS = ("delay_s", "lag_s", "force_factor", "force_loss_N", "rise_fact
 _Keys: Any = create_model(
     "_Keys",
     __base__=Section,
-    **{key: (float | None, _absent()) for key in (*FIELDS, *ACTUATION_KEYS)},  # type: ignore[call-overload]
+    **{key: (float | None, later()) for key in (*FIELDS, *ACTUATION_KEYS)},  # type: ignore[call-overload]
 )
 
 

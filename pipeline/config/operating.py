@@ -19,12 +19,12 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from dogshape.sim.clutch_tables import Section
+from dogshape.sim.clutch_tables import Section, later
 from dogshape.sim.errors import InputError, did_you_mean, refusal
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile, RiseTable
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -44,11 +44,6 @@ WIDEST = {MISMATCH: (-2000.0, 2000.0), FORCE: (0.01, 100.0), RISE: (0.1, 10.0)}
 
 Numbers = Annotated[list[float], Field(min_length=1)]
 Profiles = Callable[[float], ForceProfile]  #: the force profile of a nominal force in N
-
-
-def unless_given() -> Any:
-    """Return the default of a key that came later: unset, it is no part of a file's hash."""
-    return Field(default=None, exclude_if=lambda value: value is None)
 
 
 class ActuationSection(Section):
@@ -115,30 +110,10 @@ class Actuation:
         return {key: value for key, value in found.items() if value != 0.0}
 
 
-class DistributionSection(Section):
-    """A distribution in place of a number (``sim.statistics.distribution``)."""
-
-    distribution: str
-    mean: float | None = None
-    sd: float | None = None
-    median: float | None = None
-    factor: float | None = None
-    low: float | None = None
-    mode: float | None = None
-    high: float | None = None
-
-    def named(self, key: str) -> Distribution:
-        """Build the distribution that stands at ``key``; mistakes raise InputError."""
-        numbers = self.model_dump(exclude={"distribution"})
-        return Distribution(key, self.distribution, **numbers)
-
-
 #: A list of numbers or a distribution; tags have a space, which no key has.
 Spread = Annotated[
-    Annotated[Numbers, Tag("a list")] | Annotated[DistributionSection, Tag("a distribution")],
-    Discriminator(
-        lambda v: "a distribution" if isinstance(v, dict | DistributionSection) else "a list"
-    ),
+    Annotated[Numbers, Tag("a list")] | Annotated[Distribution, Tag("a distribution")],
+    Discriminator(lambda v: "a distribution" if isinstance(v, dict | Distribution) else "a list"),
 ]
 
 
@@ -153,14 +128,14 @@ class PointSection(Section):
 class OperatingSection(Section):
     """Operating points: a set, grid, list or draw."""
 
-    set: str | None = unless_given()
-    mismatch_rpm: Spread | None = unless_given()
-    force_N: Spread | None = unless_given()
-    mismatch_weight: Numbers | None = unless_given()
-    force_weight: Numbers | None = unless_given()
-    points: Annotated[list[PointSection], Field(min_length=1)] | None = unless_given()
-    samples: Annotated[int, Field(ge=1, le=4096)] | None = unless_given()
-    seed: Annotated[int, Field(ge=0)] | None = unless_given()
+    set: str | None = later()
+    mismatch_rpm: Spread | None = later()
+    force_N: Spread | None = later()
+    mismatch_weight: Numbers | None = later()
+    force_weight: Numbers | None = later()
+    points: Annotated[list[PointSection], Field(min_length=1)] | None = later()
+    samples: Annotated[int, Field(ge=1, le=4096)] | None = later()
+    seed: Annotated[int, Field(ge=0)] | None = later()
 
     def operating_points(self, profile: Profiles) -> tuple[OperatingPoint, ...]:
         """Return the operating points; mistakes raise InputError."""
@@ -198,8 +173,8 @@ class OperatingSection(Section):
         for name, unit, values in zip(AXES, ("1/min", "N"), axes, strict=True):
             given = getattr(self, name)
             text = ", ".join(f"{value:g}" for value in values)
-            if isinstance(given, DistributionSection):
-                text = given.named(name).text
+            if isinstance(given, Distribution):
+                text = given.text
             parts.append(f"{text} {unit}")
         weighted = self.mismatch_weight is not None or self.force_weight is not None
         drawn = f"; {count} drawn" if self._distributed else ", weighted" if weighted else ""
@@ -207,7 +182,7 @@ class OperatingSection(Section):
 
     @property
     def _distributed(self) -> list[str]:
-        return [name for name in AXES if isinstance(getattr(self, name), DistributionSection)]
+        return [name for name in AXES if isinstance(getattr(self, name), Distribution)]
 
     def _rows(self) -> Sequence[tuple[float, float, float]]:
         """Return mismatch in 1/min, nominal force in N and weight of each operating point."""
@@ -219,7 +194,7 @@ class OperatingSection(Section):
                 raise InputError(
                     f"operating.set is '{self.set}', which is not a set of points; {hint}"
                 )
-            return known[self.set].rows
+            return known[self.set]
         if self.points is not None:
             self._refuse(OWN, "cannot stand beside operating.points")
             places = [(point.mismatch_rpm, point.force_N) for point in self.points]
@@ -286,33 +261,14 @@ class OperatingSection(Section):
         return list(zip(values, weights, strict=True))
 
 
-@dataclass(frozen=True)
-class DutyCycle:
-    """Operating points of a kind of gearbox with their weights, named by ``operating.set``.
-
-    Parameters
-    ----------
-    name, about : of the set, for a user.
-    source : where its rows are from, or what they assume.
-    rows : mismatch in 1/min, nominal final shift force in N, and weight, of which the ratio counts.
-    """
-
-    name: str
-    about: str
-    source: str
-    rows: tuple[tuple[float, float, float], ...]
-
-
 @lru_cache(maxsize=1)
-def duty_cycles() -> dict[str, DutyCycle]:
-    """Read the bundled operating mixes, by name."""
+def duty_cycles() -> dict[str, list[tuple[float, float, float]]]:
+    """Read the bundled operating mixes, by name.
+
+    A point is mismatch in 1/min, nominal final shift force in N, and weight.
+    """
     return {
-        name: DutyCycle(
-            name,
-            entry["about"],
-            " ".join(entry["source"].split()),
-            tuple((float(m), float(force), float(weight)) for m, force, weight in entry["rows"]),
-        )
+        name: [(float(m), float(force), float(weight)) for m, force, weight in entry["rows"]]
         for name, entry in read_toml(bundled_root() / TABLE).items()
     }
 

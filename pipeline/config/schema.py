@@ -14,10 +14,8 @@ from pydantic_core import PydanticCustomError
 
 from dogshape.pipeline.config.operating import (
     ActuationSection,
-    DistributionSection,
     Numbers,
     OperatingSection,
-    unless_given,
 )
 from dogshape.sim.clutch_tables import (
     DogSection,
@@ -25,6 +23,7 @@ from dogshape.sim.clutch_tables import (
     OutputSection,
     Section,
     SlidingSection,
+    later,
     section_in,
     si_fields,
 )
@@ -41,6 +40,7 @@ from dogshape.sim.shift.clutch import (
 )
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
+from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits, Tolerances
 from dogshape.sim.strength.materials import Material, material_of
@@ -107,10 +107,10 @@ def _positive(key: str, value: float, most: float) -> None:
 class UncertainSection(Section):
     """Factors that differ from shift to shift; absent ones are one."""
 
-    friction_factor: DistributionSection | None = None
-    force_factor: DistributionSection | None = None
-    inertia_factor: DistributionSection | None = None
-    dissipation_factor: DistributionSection | None = unless_given()
+    friction_factor: Distribution | None = None
+    force_factor: Distribution | None = None
+    inertia_factor: Distribution | None = None
+    dissipation_factor: Distribution | None = later()
 
 
 class ExpectationSection(Section):
@@ -149,18 +149,18 @@ class LoadSection(Section):
     friction_release: float = LoadCase.friction_release
     friction_hold: float = LoadCase.friction_hold
     separating_force_limit_N: float = LoadCase.separating_force_limit
-    coast_share: float = Field(default=1.0, exclude_if=lambda value: value == 1.0)
-    pull_out_force_limit_N: float | None = unless_given()
-    accuracy: int | None = unless_given()
-    pitch_sd_um: float | None = unless_given()
-    dog_stiffness_N_um: float | None = unless_given()
-    spectrum: list[list[float]] | None = unless_given()
-    abuse_torque_Nm: float | None = unless_given()
-    axial_vibration_m_s2: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
-    run_out_um: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
-    tilt_mrad: float = Field(default=0.0, exclude_if=lambda value: value == 0.0)
-    release_by_itself: bool = Field(default=True, exclude_if=lambda value: value is True)
-    landing_share: float | None = unless_given()
+    coast_share: float = later(1.0)
+    pull_out_force_limit_N: float | None = later()
+    accuracy: int | None = later()
+    pitch_sd_um: float | None = later()
+    dog_stiffness_N_um: float | None = later()
+    spectrum: list[list[float]] | None = later()
+    abuse_torque_Nm: float | None = later()
+    axial_vibration_m_s2: float = later(0.0)
+    run_out_um: float = later(0.0)
+    tilt_mrad: float = later(0.0)
+    release_by_itself: bool = later(True)
+    landing_share: float | None = later()
 
     @property
     def case(self) -> LoadCase:
@@ -181,12 +181,12 @@ class StrikeSection(Section):
 
     ring_inertia_kgm2: float
     input_stiffness_Nm_rad: float
-    wheel_inertia_kgm2: float | None = unless_given()
-    output_stiffness_Nm_rad: float | None = unless_given()
+    wheel_inertia_kgm2: float | None = later()
+    output_stiffness_Nm_rad: float | None = later()
     backlash_deg: float = 0.0
     restitution: float = RESTITUTION
-    mismatch_rpm: Numbers | None = unless_given()
-    strikes: float | None = unless_given()
+    mismatch_rpm: Numbers | None = later()
+    strikes: float | None = later()
 
     def strike(
         self, sliding: SlidingSection, output: OutputSection, points: Sequence[OperatingPoint]
@@ -241,7 +241,7 @@ class ManufacturingSection(Section):
     tip_core_mm: float = ManufacturingLimits.tip_core / MM
     chamfer_share: float = ManufacturingLimits.chamfer_share
     module_mm: float = ManufacturingLimits.module / MM
-    rim_mm: float | None = unless_given()
+    rim_mm: float | None = later()
 
     @property
     def limits(self) -> ManufacturingLimits:
@@ -272,9 +272,9 @@ class ToleranceSection(Section):
 class WearSection(Section):
     """Wear over the life (``sim.strength.wear``): of faces by one of two keys, and of edges."""
 
-    rate_mm3_Nm: float | None = unless_given()
-    crest_loss_mm: float | None = unless_given()
-    edge_radius_mm: float | None = unless_given()
+    rate_mm3_Nm: float | None = later()
+    crest_loss_mm: float | None = later()
+    edge_radius_mm: float | None = later()
 
     def wear(self, dog: Dog) -> Wear:
         """Build what wears the dogs; InputError for mistakes."""
@@ -296,9 +296,9 @@ class VariablesSection(Section):
     braking_deg: Range | None = None
     height_mm: Range | None = None
     count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
-    mismatch_set_rpm: Range | None = unless_given()
-    force_factor: Range | None = unless_given()
-    rise_factor: Range | None = unless_given()
+    mismatch_set_rpm: Range | None = later()
+    force_factor: Range | None = later()
+    rise_factor: Range | None = later()
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -346,26 +346,22 @@ class SearchSection(Section):
     seed: Annotated[int, Field(ge=0)] = 1
     confirm_designs: Annotated[int, Field(ge=1)] = 24
     confirm_angles: Annotated[int, Field(ge=3, le=256)] = 16
-    audit_shifts: Annotated[int, Field(ge=0)] = Field(
-        default=AUDIT_SHIFTS, exclude_if=lambda value: value == AUDIT_SHIFTS
-    )
-    quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = Field(
-        default=QUANTILE, exclude_if=lambda value: value == QUANTILE
-    )
-    limits: dict[str, float] | None = unless_given()
-    within_s: Annotated[float, Field(gt=0.0)] | None = unless_given()
-    reference: dict[str, float] | None = unless_given()
+    audit_shifts: Annotated[int, Field(ge=0)] = later(AUDIT_SHIFTS)
+    quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = later(QUANTILE)
+    limits: dict[str, float] | None = later()
+    within_s: Annotated[float, Field(gt=0.0)] | None = later()
+    reference: dict[str, float] | None = later()
 
 
 class SolverSection(Section):
     """Numerical settings; absent ones follow from the contact set."""
 
-    engine: str | None = unless_given()
+    engine: str | None = later()
     scheme: str | None = None
     accuracy: float | None = None
     max_step_s: float | None = None
-    max_steps: int | None = unless_given()
-    time_limit_s: float | None = unless_given()
+    max_steps: int | None = later()
+    time_limit_s: float | None = later()
 
     def solver(self, contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
         """Build the solver of a contact set and a mechanism; InputError for mistakes.
@@ -400,9 +396,7 @@ class SurrogateSection(Section):
     references: Annotated[int, Field(ge=3)] = 40
     best_references: Annotated[int, Field(ge=0)] = 20
     reference_angles: Annotated[int, Field(ge=3)] = 32
-    mix_shifts: Annotated[int, Field(ge=1)] = Field(
-        default=MIX_SHIFTS, exclude_if=lambda value: value == MIX_SHIFTS
-    )
+    mix_shifts: Annotated[int, Field(ge=1)] = later(MIX_SHIFTS)
     seed: Annotated[int, Field(ge=0)] = 1
 
 
@@ -418,17 +412,17 @@ class StudyFile(Section):
     shift: ShiftSection = ShiftSection()
     actuation: ActuationSection
     operating: OperatingSection
-    mechanism: MechanismSection | None = unless_given()
-    effects: dict[str, Any] | None = unless_given()
-    uncertain: UncertainSection | None = unless_given()
+    mechanism: MechanismSection | None = later()
+    effects: dict[str, Any] | None = later()
+    uncertain: UncertainSection | None = later()
     expectation: ExpectationSection = ExpectationSection()
     driveline: DrivelineSection = DrivelineSection()
     load: LoadSection = LoadSection()
-    strike: StrikeSection | None = unless_given()
+    strike: StrikeSection | None = later()
     material: MaterialSection = MaterialSection()
     manufacturing: ManufacturingSection = ManufacturingSection()
     tolerance: ToleranceSection = ToleranceSection()
-    wear: WearSection | None = unless_given()
+    wear: WearSection | None = later()
     variables: VariablesSection = VariablesSection()
     search: SearchSection = SearchSection()
     solver: SolverSection = SolverSection()

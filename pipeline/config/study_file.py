@@ -7,7 +7,7 @@ that the package brings. Every mistake becomes one sentence.
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,7 @@ from dogshape.pipeline.config.operating import (
 )
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
-from dogshape.sim.errors import DogshapeError, InputError, refusal, require_between
+from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import require_stiff_enough
@@ -41,12 +41,11 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.wear import Wear
-from dogshape.sim.texts import listed, read_toml
+from dogshape.sim.texts import read_toml
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
-GONE = "use_known"  #: key of ``[search]`` that studies no longer have
 
 
 @dataclass(frozen=True)
@@ -265,24 +264,18 @@ def bundled_studies() -> list[str]:
     return sorted(file.parent.name for file in bundled_root().glob("*/study.toml"))
 
 
-def key_and_value(text: str) -> tuple[str, Any]:
-    """Read ``KEY=VALUE``, the value as TOML or else as text."""
+def pair_of(text: str) -> tuple[str, Any]:
+    """Read ``KEY=VALUE``, the value as TOML or else as text; None for no value."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise InputError(f"--set {text} is not KEY=VALUE; write for instance dog.chamfer_deg=14")
     try:
         read = tomllib.loads(f"v = {value}")
     except tomllib.TOMLDecodeError:
-        read = {"v": value.strip()}
+        read = {"v": value.strip() or None}
     if set(read) != {"v"}:
         raise InputError(f"--set {key.strip()} holds more than one value; give one --set a key")
     return key.strip(), read["v"]
-
-
-def pair_of(text: str) -> tuple[str, Any]:
-    """Read ``KEY=VALUE``; None for no value."""
-    key, value = key_and_value(text)
-    return key, value if text.partition("=")[2].strip() else None
 
 
 def override(data: dict[str, Any], key: str, value: Any) -> None:
@@ -309,8 +302,10 @@ def build_study(file: StudyFile) -> Setup:
             f"format is {file.format}, but this version reads format {FORMAT}; "
             "convert the file or use the version that wrote it"
         )
-    _require_parts(file)
     contact, shift = file.contact.contact, file.shift
+    shift.require()
+    file.driveline.require()
+    wear_of(file)
     clutch = Clutch(
         dog=file.dog.dog(),
         rings=rings(file.sliding, file.output),
@@ -330,34 +325,6 @@ def build_study(file: StudyFile) -> Setup:
     variables = file.variables.ranges
     require_ranges(points, actuation, variables)
     return Setup(file, clutch, limits, points, variables, actuation, unsure)
-
-
-def _require_parts(file: StudyFile) -> None:
-    """Raise InputError with what is wrong in any part of a study, all at once."""
-    parts: tuple[Callable[[], object], ...] = (
-        file.dog.dog,
-        lambda: rings(file.sliding, file.output),
-        lambda: file.solver.solver(file.contact.contact),
-        file.shift.require,
-        file.driveline.require,
-        lambda: file.operating.operating_points(Actuation(file.actuation.table).profile),
-        lambda: file.load.case,
-        lambda: file.material.material,
-        lambda: file.manufacturing.limits,
-        lambda: file.tolerance.tolerances,
-        lambda: wear_of(file),
-        lambda: file.variables.ranges,
-    )
-    faults: list[DogshapeError] = []
-    for part in parts:
-        try:
-            part()
-        except DogshapeError as error:
-            faults.append(error)
-    if len(faults) == 1:
-        raise faults[0]
-    if faults:
-        raise InputError(listed(f"the study {file.name}", map(str, faults)))
 
 
 def _uncertainty(
@@ -447,20 +414,3 @@ def points_of(
     if mismatch is None or force is None:
         return study.points
     return (point_of(study, mismatch, force, rise, other_way),)
-
-
-def hashed(file: StudyFile) -> Record:
-    """Return a study file as its hashes have it.
-
-    A key that is gone keeps the value that studies had, so that searches and results of earlier
-    versions are still those of their study.
-    """
-    content = file.model_dump()
-    content["search"][GONE] = True
-    return content
-
-
-def without_gone(content: Record) -> Record:
-    """Return the content of a study file that an earlier version wrote, as it is read today."""
-    search = {key: value for key, value in content.get("search", {}).items() if key != GONE}
-    return {**content, "search": search} if search else content

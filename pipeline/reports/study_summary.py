@@ -40,9 +40,8 @@ from dogshape.pipeline.reports.text import (
     time_text,
     value,
 )
-from dogshape.pipeline.simulate.agreement import agreement_words
-from dogshape.pipeline.simulate.design import SIMULATED, WORST
-from dogshape.pipeline.simulate.failing import failing_words
+from dogshape.pipeline.search.confirmation import EngineAgreement
+from dogshape.pipeline.simulate.design import SIMULATED, WORST, failing_words
 
 END = 0.01  #: share of a search range within which a value lies at its end
 LANDING = "_impact"  #: end of the names of the checks of a landing
@@ -193,7 +192,7 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     drake, audit = c["best"].get("drake"), result.get("audit")
     for name, found in (("chosen design in Drake", drake), ("audit", audit)):
         if found is not None:
-            words = minus(agreement_words(found))
+            words = minus(EngineAgreement(**found).text)
             yield name, words if found["agrees"] else Bad(words)
 
 

@@ -1,23 +1,16 @@
 """Confirmation: designs of the front, simulated again at every operating point and at new angles.
 
-A search picks designs that were also lucky, and more angles find harder landings. So prototype and
-designs of the front are simulated again at angles which the search did not use, by the compiled
-engine at ``DENSER`` times as many; their values and checks are those found there. At
-``search.confirm_angles`` of the same angles Drake simulates them too, and a design on which both
-engines do not agree (``pipeline.simulate.agreement``) leaves the front. A study in Drake has
-``search.confirm_angles`` new angles alone.
+A search picks designs that were also lucky, and more angles find harder landings. So values and
+checks of prototype and front are those of new angles, of the compiled engine at ``DENSER`` times as
+many as the search had. At ``search.confirm_angles`` of them Drake simulates too, and a design on
+which both do not agree leaves the front, as does one that fails a check or is beaten; those that
+come onto it are confirmed next, up to ``search.confirm_designs``. What is not confirmed is not on
+the front. All of it follows from trials and shifts: a run that was cut off ends as it would have.
 
-The front follows from these values: a design that fails a check leaves it, one that another now
-beats too, and designs that come onto it are confirmed next, until the whole front is, or
-``search.confirm_designs`` were simulated. What is not confirmed then is not on the front of the
-result. All of it follows from trials and shifts, so that a run that was cut off ends as it would
-have.
-
-**Gain under other contact.** Friction of dogs and dissipation of a blow are seldom known; a
-standard error counts neither. So the compiled engine simulates prototype and chosen design at the
-ends of what contact may be: friction a third less and a third more (oiled steel 0.08 to 0.16, VDI
-2230-1), dissipation 1 s/m of dry steel and 60 s/m of faces that meet through oil
-(``docs/simulation.md``). What the study draws stays drawn about that.
+Friction of dogs and dissipation of a blow are seldom known, and no standard error counts them. So
+the gain is simulated at the ends of what contact may be, too: friction a third less and more (oiled
+steel 0.08 to 0.16, VDI 2230-1), dissipation of dry steel and of faces that meet through oil
+(``docs/simulation.md``). An *audit* simulates random shifts of the search again in Drake.
 """
 
 from __future__ import annotations
@@ -27,9 +20,11 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
+import numpy as np
+
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.search.state import SearchState, Trial
-from dogshape.pipeline.simulate.agreement import Agreement, compare_engines
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
     design_of,
@@ -50,40 +45,49 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.result_records import check_record, expectation_record
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.clutch import ContactSet
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
 from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.shift_records import Record as Shift
+from dogshape.sim.statistics.shift_records import result_of
 
-ANGLES = 32  #: of each operating point, for either design
+ANGLES = 32  #: of each operating point, for either design under other contact
 FRICTION, DISSIPATION = (2.0 / 3.0, 4.0 / 3.0), (1.0, 60.0)  #: factors; s/m
+DENSER = 2  #: times the angles of the search that the compiled engine has at the new ones
+APART = 3.0  #: standard errors from which search and confirmation of a design do not agree
+#: Share of shifts that may end differently in both engines: at the angles between two slots a
+#: rounding decides, in up to 0.8 % of the shifts of a clutch (``docs/evidence/engines.txt``).
+FLIPS = 0.01
+MEAN = 0.01  #: difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %
+SURE = 3.0  #: standard errors from which a difference of the engines counts
+Told = Callable[[int, str], None]  #: called with how many designs are next, and a line for people
 
 
-def gains_by_contact(study: Setup, params: Params, executor: Executor) -> list[dict[str, Any]]:
-    """Simulate the gain in expected shift time under each contact, a row each.
+class ContactGain(Record):
+    """The gain under another contact, by the compiled engine."""
 
-    None where either design engages in too few shifts to have a time.
-    """
-    named = _contacts(study.clutch.contact)
-    designs = [study.prototype, params]
-    seed = study.file.expectation.seed + NEW_ANGLES
-    asked = []
-    for contact in named.values():
-        clutch = replace(study.clutch.with_engine("planar"), contact=contact)
-        quick = replace(study, clutch=clutch)
-        asked += [design_blocks(quick, one, ANGLES, seed) for one in designs]
-    with executor.apart() as running:
-        rows = iter(running.run([block for blocks in asked for block in blocks]))
-    found = [
-        expectation_of(study, [b.point for b in blocks], [next(rows) for _ in blocks])
-        for blocks in asked
-    ]
-    pairs = zip(named, found[::2], found[1::2], strict=True)
-    return [_row(name, before, after) for name, before, after in pairs]
+    contact: str = key("what differs from the study's contact")
+    gain_s: float | None = key("gain in expected shift time; null where one has none", "s")
+    gain_standard_error_s: float | None = key("its standard error", "s")
+    gain_share: float | None = key("gain over the time of the prototype", SHARE)
+
+    @classmethod
+    def of(cls, contact: str, before: Expectation, after: Expectation) -> ContactGain:
+        """Record a gain; none where either design engages in too few shifts to have a time."""
+        known, gain = before.engages and after.engages, before.mean - after.mean
+        error = math.hypot(before.standard_error, after.standard_error)
+        return cls(
+            contact=contact,
+            gain_s=gain if known else None,
+            gain_standard_error_s=error if known else None,
+            gain_share=gain / before.mean if known else None,
+        )
 
 
-def _contacts(own: ContactSet) -> dict[str, ContactSet]:
-    """Make the contact sets at the ends of friction and dissipation, by what they are called."""
-    frictions = {
+def gains_by_contact(study: Setup, params: Params, executor: Executor) -> list[ContactGain]:
+    """Simulate the gain in expected shift time under each contact."""
+    own, designs = study.clutch.contact, [study.prototype, params]
+    named = {
         f"friction {own.dynamic_friction * factor:.3g}": replace(
             own,
             static_friction=own.static_friction * factor,
@@ -91,25 +95,20 @@ def _contacts(own: ContactSet) -> dict[str, ContactSet]:
         )
         for factor in FRICTION
     }
-    blows = {f"dissipation {d:g} s/m": replace(own, dissipation=d) for d in DISSIPATION}
-    return frictions | blows
-
-
-def _row(name: str, before: Expectation, after: Expectation) -> dict[str, Any]:
-    known = before.engages and after.engages
-    gain = before.mean - after.mean
-    error = math.hypot(before.standard_error, after.standard_error)
-    return {
-        "contact": name,
-        "gain_s": gain if known else None,
-        "gain_standard_error_s": error if known else None,
-        "gain_share": gain / before.mean if known else None,
-    }
-
-
-Told = Callable[[int, str], None]  #: called with how many designs are next, and a line for people
-DENSER = 2  #: times the angles of the search that the compiled engine has at the new ones
-APART = 3.0  #: standard errors from which search and confirmation of a design do not agree
+    named |= {f"dissipation {d:g} s/m": replace(own, dissipation=d) for d in DISSIPATION}
+    seed = study.file.expectation.seed + NEW_ANGLES
+    asked = []
+    for contact in named.values():
+        clutch = replace(study.clutch.with_engine("planar"), contact=contact)
+        quick = replace(study, clutch=clutch)
+        asked += [design_blocks(quick, one, ANGLES, seed) for one in designs]
+    rows = iter(executor.scratch().run([block for blocks in asked for block in blocks]))
+    found = [
+        expectation_of(study, [b.point for b in blocks], [next(rows) for _ in blocks])
+        for blocks in asked
+    ]
+    pairs = zip(named, found[::2], found[1::2], strict=True)
+    return [ContactGain.of(name, before, after) for name, before, after in pairs]
 
 
 @dataclass(frozen=True)
@@ -128,7 +127,7 @@ class Confirmed:
     """A design at new angles, and the agreement of both engines there; None without two."""
 
     simulated: Simulated
-    agreement: Agreement | None
+    agreement: EngineAgreement | None
 
 
 def new_angles(study: Setup) -> int:
@@ -158,7 +157,8 @@ def confirm(
     values at the new angles.
     """
     state, study, found = searched, searched.study, dict[int, Confirmed]()
-    while trials := _next(state, len(found)):
+    most = study.file.search.confirm_designs
+    while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
         line = f"confirming prototype and {len(trials)} of the front at new angles"
         if found:
             line = f"confirming {len(trials)} more that the new angles put on the front"
@@ -173,12 +173,6 @@ def confirm(
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
     order = sorted(found, key=lambda number: (loss[number], number))
     return _record(searched, state, {number: found[number] for number in order}, executors), state
-
-
-def _next(state: SearchState, done: int) -> list[Trial]:
-    """Select the designs of the front as it is now that are confirmed next."""
-    open_ones = [trial for trial in state.front if not trial.confirmed]
-    return open_ones[: max(0, state.study.file.search.confirm_designs - done)]
 
 
 def _renewed(study: Setup, trial: Trial, found: Confirmed) -> Trial:
@@ -282,7 +276,9 @@ def _record(
         ],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
         **_gain(study, None if own else both[0].simulated, both[1].simulated),
-        "gains_by_contact": [] if own else gains_by_contact(study, params, executors.search),
+        "gains_by_contact": []
+        if own
+        else [gain.to_dict() for gain in gains_by_contact(study, params, executors.search)],
     }
 
 
@@ -349,5 +345,99 @@ def _confirmed(study: Setup, params: Params, found: Confirmed) -> dict[str, Any]
         **expectation_record(found.simulated.expectation),
         "estimates": _estimates(found.simulated),
         "checks": [check_record(check) for check in design.checks],
-        "drake": None if found.agreement is None else found.agreement.record,
+        "drake": None if found.agreement is None else found.agreement.to_dict(),
     }
+
+
+class EngineAgreement(Record):
+    """Shifts of the compiled engine that Drake simulated again."""
+
+    shifts: int = key("shifts that both engines simulated")
+    outcome_same: int = key("shifts that end as in Drake")
+    median_deviation: float = key(
+        "median size of the deviation of a shift's time from Drake's", "1"
+    )
+    worst_deviation: float = key("largest size of that deviation", "1")
+    mean_deviation: float = key(
+        "mean time less Drake's, over Drake's; shifts that engage in both", "1"
+    )
+    standard_error: float = key("standard error of `mean_deviation`", "1")
+    agrees: bool = key("whether the engines agree (`docs/search.md`)")
+
+    @property
+    def text(self) -> str:
+        """The agreement as a clause."""
+        return (
+            f"{self.outcome_same} of {self.shifts} shifts end as in Drake, the mean time "
+            f"deviates by {self.mean_deviation:+.2%} ± {self.standard_error:.2%} (s.e.), "
+            f"a shift's time by {self.median_deviation:.2%} (median), at most "
+            f"{self.worst_deviation:.1%}"
+        )
+
+
+def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:
+    """Compare shifts of the compiled engine with the same ones of Drake.
+
+    They agree where no more than ``max(1, n r + 3 sqrt(n r))`` of *n* shifts end differently, with
+    *r* the share ``FLIPS``, and the means of those that engage in both differ by no more than
+    ``MEAN`` or three standard errors. Deviations are 0 where none does.
+    """
+    both = [(result_of(mine), result_of(drake)) for mine, drake in pairs]
+    same = sum(mine.outcome is drake.outcome for mine, drake in both)
+    times = np.array(
+        [
+            (mine.shift_time, drake.shift_time)
+            for mine, drake in both
+            if mine.shift_time is not None and drake.shift_time is not None
+        ]
+    ).reshape(-1, 2)
+    apart, sizes, drakes = times[:, 0] - times[:, 1], np.zeros(1), 1.0
+    if len(times):
+        sizes, drakes = np.abs(apart) / times[:, 1], float(times[:, 1].mean())
+    deviation = float(apart.mean()) / drakes if len(times) else 0.0
+    error = float(apart.std(ddof=1)) / len(apart) ** 0.5 / drakes if len(apart) > 1 else 0.0
+    expected = FLIPS * len(pairs)
+    alike = len(pairs) - same <= max(1.0, expected + SURE * math.sqrt(expected))
+    return EngineAgreement(
+        shifts=len(pairs),
+        outcome_same=same,
+        median_deviation=float(np.median(sizes)),
+        worst_deviation=float(sizes.max()),
+        mean_deviation=deviation,
+        standard_error=error,
+        agrees=alike and abs(deviation) <= max(MEAN, SURE * error),
+    )
+
+
+def compare_engines(
+    blocks: Sequence[Block], rows: Sequence[Sequence[Shift]], judge: Clutch, executor: Executor
+) -> EngineAgreement:
+    """Simulate blocks of the compiled engine, whose shifts are ``rows``, again in Drake.
+
+    ``judge`` is the study's clutch in Drake.
+    """
+    drake = [replace(block, clutch=replace(block.clutch, solver=judge.solver)) for block in blocks]
+    found = executor.run(drake)
+    pairs = zip(rows, found, strict=True)
+    return agreement_of([pair for both in pairs for pair in zip(*both, strict=True)])
+
+
+def audit(
+    study: Setup, designs: Sequence[Params], executor: Executor, judge: Clutch, shifts: int
+) -> EngineAgreement:
+    """Simulate shifts of a search again in both engines, drawn at random by the search's seed.
+
+    ``study`` is in the compiled engine, ``designs`` are those that it simulated.
+    """
+    settings = study.file.expectation
+    places = len(designs), len(study.points), settings.angles
+    rng, size = np.random.default_rng([study.file.search.seed, shifts]), math.prod(places)
+    drawn = np.sort(rng.choice(size, min(shifts, size), replace=False))
+    blocks: list[Block] = []
+    own: list[Block] = []
+    last = -1
+    for design, point, angle in zip(*np.unravel_index(drawn, places), strict=True):
+        if design != last:
+            own, last = design_blocks(study, designs[design], places[2], settings.seed), design
+        blocks.append(own[point].only([int(angle)]))
+    return compare_engines(blocks, executor.scratch().run(blocks), judge, executor)

@@ -4,7 +4,7 @@ Designs of a round are proposed together, simulated side by side and told in the
 numbers, so the result does not depend on which finished first. A design that a dead run had
 proposed is simulated with the parameters it had; where the round was cut off while it was
 proposed, it is filled up. So the same seed gives the same designs, interrupted or not. Several runs
-can share a search: each proposes rounds of its own, and takes up those of runs that have ended.
+can share a search: each proposes rounds of its own, and the designs of a dead run once more.
 
 A design of which the clock ended a shift (``sim.statistics.shift_records.unfinished``) is not told:
 the next run simulates it again.
@@ -13,19 +13,21 @@ the next run simulates it again.
 from __future__ import annotations
 
 import logging
+import time
 import warnings
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 
 import numpy as np
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
 from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESampler
+from optuna.storages import RDBStorage, fail_stale_trials
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.guide import DogGuide, search_space
+from dogshape.pipeline.search.guide import Guide, Space
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.state import (
     FAILED,
@@ -45,14 +47,14 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, reference_blocks
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
-from dogshape.pipeline.store.trial_storage import Claims, opening
+from dogshape.pipeline.store.trial_storage import Sharing, open_storage
 from dogshape.sim.errors import InputError, StorageError, did_you_mean
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
 from dogshape.surrogate.model import MIN_DESIGNS
 
 SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
-WORKER = "worker"  #: attribute of a trial: number of the run that is at it
+WAIT = 0.5  #: s between looks at what other machines do
 BEGUN = (TrialState.RUNNING, TrialState.COMPLETE)
 
 SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a proposal by its number
@@ -68,34 +70,28 @@ class Search:
     study : the study that is searched, in the engine that simulates its designs.
     optuna : its trials, in their storage.
     sampler_of : gives the sampler of a proposal.
-    claims : which runs share the search.
+    sharing : heartbeats and turns, where several machines share the search.
     left_open : numbers of trials that this run leaves to the next one.
     """
 
     study: Setup
     optuna: optuna.Study
     sampler_of: SamplerOf
-    claims: Claims = field(default_factory=Claims)
+    sharing: Sharing | None = None
     left_open: set[int] = field(default_factory=set)
-
-    @property
-    def shared(self) -> bool:
-        """Whether several machines may share the search."""
-        return self.claims.worker is not None
 
     def read(self) -> SearchState:
         """Read the finished trials of the storage."""
-        done = self.optuna.get_trials(deepcopy=False, states=(TrialState.COMPLETE,))
-        return SearchState(self.study, tuple(trial_of(trial) for trial in done))
+        return SearchState(self.study, tuple(map(trial_of, self.trials(TrialState.COMPLETE))))
+
+    def trials(self, *states: TrialState) -> list[FrozenTrial]:
+        """List the trials in some states."""
+        return self.optuna.get_trials(deepcopy=False, states=states)
 
     def running(self) -> list[FrozenTrial]:
         """List the trials that are proposed and not told, but for those that are left open."""
-        trials = self.optuna.get_trials(deepcopy=False, states=(TrialState.RUNNING,))
+        trials = self.trials(TrialState.RUNNING)
         return [trial for trial in trials if trial.number not in self.left_open]
-
-    def begun(self) -> int:
-        """Count the trials that were proposed, told or not."""
-        return len(self.optuna.get_trials(deepcopy=False, states=BEGUN))
 
 
 def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchState:
@@ -104,27 +100,27 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
     It ends sooner where the space has fewer designs than that. Give the state at its end.
     """
     waiting, goal = False, search.study.file.search.trials
-    while True:
-        with search.claims.turn():
-            trials = next_round(search)
-            ended = not trials and not search.running() and _none_left(search)
-        if trials:
-            waiting = False
-            finish_round(search, trials, executor)
+    with search.sharing or nullcontext():
+        while True:
+            with search.sharing.turn() if search.sharing else nullcontext():
+                trials = next_round(search)
+            if trials:
+                waiting = False
+                finish_round(search, trials, executor)
+                state = search.read()
+                after_round(_status(state), state)
+                continue
             state = search.read()
-            after_round(_status(state), state)
-            continue
-        state = search.read()
-        if (left := goal - len(state.trials) - len(search.left_open)) <= 0:
-            return state
-        if ended:
-            line = f"every design that passes the checks was tried: {left} fewer than wanted"
-            after_round(line, state)
-            return state
-        if not waiting:
-            after_round(f"waiting for {left} designs that other runs simulate", state)
-        waiting = True
-        search.claims.wait()
+            if (left := goal - len(state.trials) - len(search.left_open)) <= 0:
+                return state
+            if not search.running() and _none_left(search):
+                line = f"every design that passes the checks was tried: {left} fewer than wanted"
+                after_round(line, state)
+                return state
+            if not waiting:
+                after_round(f"waiting for {left} designs that other runs simulate", state)
+            waiting = True
+            time.sleep(WAIT)
 
 
 def next_round(search: Search) -> list[FrozenTrial]:
@@ -132,11 +128,22 @@ def next_round(search: Search) -> list[FrozenTrial]:
 
     Designs that other runs have proposed count as if they were finished, so none is one too many.
     """
-    ids, settings = _cut_off(search), search.study.file.search
+    settings, ids = search.study.file.search, list[int]()
+    if search.sharing is None:
+        names = set(search.study.variables)
+        for trial in search.running():  # of a dead run
+            if names <= set(trial.params):
+                ids.append(trial._trial_id)
+            else:
+                search.optuna.tell(trial.number, state=TrialState.FAIL)
+    else:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ExperimentalWarning)
+            fail_stale_trials(search.optuna)
     known = search.optuna.get_trials(deepcopy=False)
     if not any(t.user_attrs.get(PROTOTYPE) for t in known if t.state != TrialState.FAIL):
         search.optuna.enqueue_trial(search.study.prototype, user_attrs={PROTOTYPE: True})
-    begun = search.begun()
+    begun = len(search.trials(*BEGUN))
     size = -begun % settings.batch if ids else settings.batch
     for number in range(begun, min(begun + size, settings.trials)):
         # Seeded by its number alone, a proposal does not depend on where a round was cut off.
@@ -144,39 +151,31 @@ def next_round(search: Search) -> list[FrozenTrial]:
         if _none_left(search):
             break
         ids.append(_propose(search))
-    for trial_id in ids if search.shared else []:
-        optuna.Trial(search.optuna, trial_id).set_user_attr(WORKER, search.claims.worker)
     return [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
 
 
-def _cut_off(search: Search) -> list[int]:
-    """List the trials that a dead run proposed and did not tell; those without parameters fail."""
-    living, names, ids = search.claims.living(), set(search.study.variables), []
-    for trial in search.running():
-        if trial.user_attrs.get(WORKER) in living:
-            continue
-        if names <= set(trial.params):
-            ids.append(trial._trial_id)
-        else:
-            search.optuna.tell(trial.number, state=TrialState.FAIL)
-    return ids
-
-
 def _propose(search: Search) -> int:
-    trial = search.optuna.ask()
+    study = search.optuna
+    trial_id = study._pop_waiting_trial_id()
+    if trial_id is None:
+        trial_id = study._storage.create_new_trial(study._study_id)
+    if search.sharing is not None:  # before the sampler takes its time
+        search.sharing.add(trial_id)
+    trial = optuna.Trial(study, trial_id)
     with warnings.catch_warnings():
         # The study's own dog may lie outside the ranges, which the run has said.
         warnings.filterwarnings("ignore", "Fixed parameter", UserWarning)
-        for name, distribution in search_space(search.study).items():
-            trial._suggest(name, distribution)
-    return trial._trial_id
+        distributions = Space(search.study.variables).distributions
+        for name in search.study.variables:
+            trial._suggest(name, distributions[name])
+    return trial_id
 
 
 def _none_left(search: Search) -> bool:
     """Check whether the study's own sampler could only propose designs again."""
-    if search.optuna.get_trials(deepcopy=False, states=(TrialState.WAITING,)):
+    if search.trials(TrialState.WAITING):
         return False
-    sampler = search.sampler_of(search.begun())
+    sampler = search.sampler_of(len(search.trials(*BEGUN)))
     return isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
 
 
@@ -205,7 +204,9 @@ def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | N
     found = one if one is not None and one.known else None
     landed = design_of(study, design.params, found.measured) if found else design
     estimates = {} if found is None else {n: e.value for n, e in found.estimates.items()}
-    # A run that seemed dead may have told it meanwhile: it found the same.
+    if search.sharing is not None:
+        search.sharing.drop(given._trial_id)
+    # Where this run seemed dead, another one is at the design by now.
     with suppress(UpdateFinishedTrialError):
         for name, value in landed.constraints.items():
             if name not in given.constraints:
@@ -238,7 +239,7 @@ def sampler_factory(study: Setup) -> SamplerOf:
     if search.sampler in ("surrogate", "space_filling"):
         startup = max(search.startup, MIN_DESIGNS)
         startup = startup if search.sampler == "surrogate" else search.trials
-        own = SurrogateSampler(DogGuide(study), search.seed, startup)
+        own = SurrogateSampler(Guide(study), search.seed, startup)
         own.require_allowed()
         return lambda _: own
     kinds: dict[str, Callable[[int], BaseSampler]] = {
@@ -261,8 +262,9 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     """
     sampler_of = sampler_factory(study)
     logging.getLogger("optuna").setLevel(logging.WARNING)
-    with warnings.catch_warnings(), opening(folder, storage, study.name) as (backend, claims):
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore", ExperimentalWarning)
+        backend = open_storage(folder, storage)
         try:
             opened = optuna.create_study(
                 study_name=study.name,
@@ -278,9 +280,10 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
         if opened.metric_names is None:
             opened.set_metric_names([objective.name for objective in objectives_of(study)])
         _require_same(study, opened, resume)
-        if claims.worker is not None:
-            _require_same_versions(opened)
-    return Search(study, opened, sampler_of, claims)
+    if not isinstance(backend, RDBStorage):
+        return Search(study, opened, sampler_of)
+    _require_same_versions(opened)
+    return Search(study, opened, sampler_of, Sharing(backend, study.name))
 
 
 def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:

@@ -124,15 +124,6 @@ DRAWS, PARTS = 2000, 40  #: draws, and parts of them that are compared at once
 
 
 @dataclass(frozen=True)
-class Standing:
-    """Interval (95 %) of a design's leading objective, and its probability of the front."""
-
-    low: float
-    high: float
-    probability: float
-
-
-@dataclass(frozen=True)
 class SearchState:
     """Finished trials of a study in the order of their numbers, and what follows from them."""
 
@@ -194,8 +185,11 @@ class SearchState:
         return replace(self, trials=tuple(new.get(t.number, t) for t in self.trials))
 
 
-def standings(state: SearchState) -> dict[int, Standing]:
-    """Compute interval and probability of each feasible design, by its trial."""
+def standings(state: SearchState) -> dict[int, dict[str, float]]:
+    """Compute 95 % interval of the leading objective and probability of the front, by trial.
+
+    The names are those of ``result.json``; feasible designs have them.
+    """
     if not state.feasible:
         return {}
     rng = np.random.default_rng(state.study.file.search.seed)
@@ -211,5 +205,5 @@ def standings(state: SearchState) -> dict[int, Standing]:
         low, high = value - 1.96 * error, value + 1.96 * error
         if value > 0.0:
             low, high = (float(end[0]) for end in interval(np.array([value]), np.array([error])))
-        found[trial.number] = Standing(low, high, probability)
+        found[trial.number] = {"low": low, "high": high, "probability_on_front": probability}
     return found

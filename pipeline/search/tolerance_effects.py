@@ -12,13 +12,21 @@ from __future__ import annotations
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.record import number_or_none
+from dogshape.pipeline.record import Record, key, number_or_none
 from dogshape.pipeline.simulate.design import KINDS, Design, Within, weakest_within
 from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.strength.manufacture import Spread
 from dogshape.sim.units import suffix_of, to_si
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
+
+
+class ToleranceTime(Record):
+    """Change of the expected shift time within the tolerances of the dimensions."""
+
+    worst_case_s: float = key("all tolerances at their worst ends", "s")
+    root_sum_square_s: float = key("root of the sum of squares over the dimensions", "s")
+    by_dimension_s: dict[str, float] = key("change by dimension", "s")
 
 
 def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
@@ -46,20 +54,27 @@ def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
     }
 
 
-def time_spread(study: Setup, surrogate: Surrogate, params: dict[str, float], mix: Mix) -> Spread:
-    """Compute the change of the expected shift time over a mix, s, by dimension."""
+def tolerance_time(
+    study: Setup, surrogate: Surrogate, params: dict[str, float], mix: Mix
+) -> ToleranceTime:
+    """Compute the change of the expected shift time over a mix."""
     tolerances = study.limits.tolerances.dimensions
     moves = {}
-    for key in surrogate.data.variables:
-        name = key.removesuffix(suffix_of(key))
+    for variable in surrogate.data.variables:
+        name = variable.removesuffix(suffix_of(variable))
         if name in tolerances:
-            step = tolerances[name] / to_si(key, 1.0)
-            designs = [{**params, key: params[key] + move} for move in (-step, step)]
+            step = tolerances[name] / to_si(variable, 1.0)
+            designs = [{**params, variable: params[variable] + move} for move in (-step, step)]
             below, above = surrogate.medians(study.rows(designs), mix)
             moves[name] = 0.5 * float(above - below)
     if gap := tolerances.get("axial_gap"):
         moves["axial_gap"] = _gap_time(study, mix, gap)
-    return Spread(moves, sum(abs(move) for move in moves.values()))
+    spread = Spread(moves, sum(abs(move) for move in moves.values()))
+    return ToleranceTime(
+        worst_case_s=spread.worst_case,
+        root_sum_square_s=spread.root_sum_square,
+        by_dimension_s=moves,
+    )
 
 
 def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
@@ -77,12 +92,3 @@ def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
     ]
     added = [0.5 * (wide - narrow) for wide, narrow in times]
     return float(mix.weights @ added)
-
-
-def spread_record(spread: Spread) -> dict[str, Any]:
-    """Return a spread of the expected shift time as a record, s."""
-    return {
-        "worst_case_s": spread.worst_case,
-        "root_sum_square_s": spread.root_sum_square,
-        "by_dimension_s": spread.by_dimension,
-    }

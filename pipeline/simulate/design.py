@@ -8,6 +8,7 @@ turned, feasible at or below zero.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
@@ -18,11 +19,12 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.errors import GeometryError, InputError, did_you_mean, refusal
 from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
+from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.strength.checks import Check, Rule, feasible
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
-from dogshape.sim.units import MM
+from dogshape.sim.units import MM, suffix_of
 from dogshape.surrogate.covariance import Array
 
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
@@ -31,6 +33,9 @@ WORST = "smallest_margin_worst"
 SUMMARIES = (WORST, "smallest_margin", "utilisation")
 KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
 Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
+FILLING = 512  #: designs that fill the ranges
+MAX_NAMED = 3  #: failed checks that are named
+Margins = Mapping[str, float]  #: of a design's checks, by name
 REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
 ENGAGEMENT = Rule(
     "engagement",
@@ -142,14 +147,6 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
     return design_of(study, params).feasible
 
 
-def _bare(study: Setup, params: dict[str, float]) -> Design:
-    """Return a design without its checks."""
-    try:
-        return Design(params, study.dog_with(params), (), "")
-    except GeometryError as error:
-        return Design(params, None, (), str(error))
-
-
 @dataclass(frozen=True)
 class Objective:
     """Something to minimise, or to maximise: label and unit for reports.
@@ -186,10 +183,6 @@ class Objective:
         said = "the study's own limit"
         unit, at_most, summary = self.unit, not self.maximise, self.name in SUMMARIES
         return Rule(self.name, "goal", self.label, how, said, unit, key, at_most, summary)
-
-
-def _separating_force(study: Setup, _: Design, dog: Dog) -> float:
-    return max(separating_force(dog, study.limits.load, flank) for flank in FLANKS)
 
 
 #: Losses of a design, which is asked for its limit, its objective and its record.
@@ -238,55 +231,35 @@ def weakest_within(study: Setup, design: Design, kind: str = "worst_case") -> tu
 #: What a study can minimise or maximise, and bound by ``search.limits``.
 OBJECTIVES = {
     objective.name: objective
-    for objective in (
+    for objective in [
         Objective(SIMULATED, "expected shift time", "s"),
         Objective("shift_time_quantile_s", "quantile of the shift time", "s"),
         Objective("worst_shift_time_s", "expected shift time at the slowest operating point", "s"),
-        Objective(
-            REFERRED,
-            "time lost on the reference at the worst operating point",
-            "s",
-            least=-math.inf,
-        ),
-        Objective(
-            "first_try_share", "share engaged in time at the first try", "", maximise=True, most=1.0
-        ),
+        Objective(REFERRED, "time lost on the reference at the worst operating point", "s",
+                  least=-math.inf),
+        Objective("first_try_share", "share engaged in time at the first try", "", maximise=True,
+                  most=1.0),
         Objective("peak_impact_force_N", "mean peak impact force", "N"),
         Objective("peak_axial_force_N", "mean peak axial force", "N"),
         Objective("strike_torque_Nm", "mean peak torque of a strike", "N m"),
         Objective("impact_impulse_Ns", "mean hardest impulse", "N s"),
         Objective("impact_energy_J", "mean energy taken by the contact", "J"),
-        Objective(
-            "smallest_margin", "smallest margin", "", maximise=True, least=-math.inf, most=1.0
-        ),
-        Objective(
-            WORST,
-            "smallest margin at worst-case tolerances",
-            "",
-            lambda study, design, _dog: weakest_within(study, design)[1],
-            maximise=True,
-            by_checks=True,
-            least=-math.inf,
-            most=1.0,
-        ),
-        Objective(
-            "axial_length_mm",
-            "axial length, root to root",
-            "mm",
-            lambda _study, _design, dog: dog.axial_length / MM,
-        ),
-        Objective(
-            "separating_force_N", "axial separating force", "N", _separating_force, least=-math.inf
-        ),
-        Objective(
-            "utilisation",
-            "utilisation of the most loaded check",
-            "",
-            lambda _study, design, _dog: max(check.utilisation for check in design.checks),
-            by_checks=True,
-        ),
-    )
-}
+        Objective("smallest_margin", "smallest margin", "", maximise=True, least=-math.inf,
+                  most=1.0),
+        Objective(WORST, "smallest margin at worst-case tolerances", "",
+                  lambda study, design, _dog: weakest_within(study, design)[1],
+                  maximise=True, by_checks=True, least=-math.inf, most=1.0),
+        Objective("axial_length_mm", "axial length, root to root", "mm",
+                  lambda _study, _design, dog: dog.axial_length / MM),
+        Objective("separating_force_N", "axial separating force", "N",
+                  lambda study, _design, dog: max(
+                      separating_force(dog, study.limits.load, flank) for flank in FLANKS),
+                  least=-math.inf),
+        Objective("utilisation", "utilisation of the most loaded check", "",
+                  lambda _study, design, _dog: max(check.utilisation for check in design.checks),
+                  by_checks=True),
+    ]
+}  # fmt: skip
 
 
 def is_time(name: str) -> bool:
@@ -300,12 +273,9 @@ def objectives_of(study: Setup) -> list[Objective]:
     for name in names:
         if name not in OBJECTIVES:
             hint = did_you_mean(name, OBJECTIVES)
-            every = (
-                "" if hint.startswith("valid") else f" Valid are {', '.join(sorted(OBJECTIVES))}"
-            )
-            raise InputError(
-                f"search.objectives has '{name}', which is not an objective; {hint}{every}"
-            )
+            if not hint.startswith("valid"):
+                hint += f" Valid are {', '.join(sorted(OBJECTIVES))}"
+            raise InputError(f"search.objectives has '{name}', which is not an objective; {hint}")
     if len(set(names)) != len(names):
         raise InputError("search.objectives names an objective twice; remove one of the two")
     found = [OBJECTIVES[name] for name in names]
@@ -324,29 +294,25 @@ def limits_of(study: Setup) -> list[tuple[Objective, float]]:
     An upper bound where less is better, else a lower one. An unknown name raises InputError, and a
     bound that no design can keep.
     """
-    given = study.file.search.limits or {}
-    for name in given:
+    found = []
+    for name, limit in (study.file.search.limits or {}).items():
         if name not in OBJECTIVES:
             raise InputError(
                 f"search.limits has '{name}', which is no quantity of a study; "
                 f"{did_you_mean(name, OBJECTIVES)}"
             )
-        _require_possible(OBJECTIVES[name], given[name])
-    return [(OBJECTIVES[name], limit) for name, limit in given.items()]
-
-
-def _require_possible(quantity: Objective, limit: float) -> None:
-    """Raise InputError for a bound that no value of a quantity keeps."""
-    rule = ""
-    if not math.isfinite(limit):
-        rule = "it must be finite"
-    elif quantity.maximise and limit > quantity.most:
-        rule = f"no {quantity.label} is above {quantity.most:g}"
-    elif not quantity.maximise and limit <= quantity.least:
-        rule = f"every {quantity.label} is above {quantity.least:g}"
-    if rule:
-        name = f"search.limits.{quantity.name}"
-        raise InputError(refusal(name, limit, quantity.unit, rule, "give another or take it out"))
+        one, rule = OBJECTIVES[name], ""
+        if not math.isfinite(limit):
+            rule = "it must be finite"
+        elif one.maximise and limit > one.most:
+            rule = f"no {one.label} is above {one.most:g}"
+        elif not one.maximise and limit <= one.least:
+            rule = f"every {one.label} is above {one.least:g}"
+        if rule:
+            remedy = "give another or take it out"
+            raise InputError(refusal(f"search.limits.{name}", limit, one.unit, rule, remedy))
+        found.append((one, limit))
+    return found
 
 
 def simulated_limits(study: Setup) -> list[str]:
@@ -382,9 +348,52 @@ def values_of(
 def exact_losses(study: Setup, designs: Sequence[dict[str, float]]) -> Array:
     """Return the objectives of designs as losses, (m, k): NaN where a simulation has to say."""
     objectives, rows = objectives_of(study), []
+    # Most follow from the dog; its checks take most of the time of a whole design.
+    checked = any(o.by_checks for o in objectives)
     for params in designs:
-        # Most follow from the dog; its checks take most of the time of a whole design.
-        checked = any(o.by_checks for o in objectives)
-        exact = exact_values(study, design_of(study, params) if checked else _bare(study, params))
+        try:
+            dog = None if checked else study.dog_with(params)
+            design = design_of(study, params) if checked else Design(params, dog, (), "")
+        except GeometryError as error:
+            design = Design(params, None, (), str(error))
+        exact = exact_values(study, design)
         rows.append([o.sign * exact.get(o.name, math.nan) for o in objectives])
     return np.array(rows, dtype=float).reshape(len(designs), len(objectives))
+
+
+def failing_words(margins: Sequence[Margins]) -> str:
+    """Count the designs that fail each check, with the nearest of them; empty where none fails."""
+    failing = Counter(name for row in margins for name, margin in row.items() if margin < 0.0)
+    said = []
+    for name, count in failing.most_common(MAX_NAMED):
+        short = -max(row[name] for row in margins if row.get(name, 0.0) < 0.0)
+        said.append(f"{count} of {len(margins)} fail {_words(name)}, the nearest of them by "
+                    f"{100.0 * short:.3g} %")  # fmt: skip
+    return "; ".join(said)
+
+
+def none_passes(study: Setup, whose: str) -> str:
+    """Explain which closed-form checks the designs that fill the ranges of a study fail.
+
+    ``whose`` begins the sentence, such as *none of 80000 designs*.
+    """
+    low, high = np.array(list(study.variables.values()), dtype=float).T
+    shares = sobol_shares(FILLING, len(low), study.file.search.seed)
+    designs = [design_of(study, study.named(low + row * (high - low))) for row in shares]
+    made = [(one, margins) for one in designs if (margins := margins_kept(study, one))]
+    if not made:
+        return f"{whose} passes every check: no dog has such a shape; widen [variables]"
+    worst = " with tolerances at their worst" if WORST in (study.file.search.limits or {}) else ""
+    nearest, margins = max(made, key=lambda one: min(one[1].values()))
+    name = min(margins, key=lambda one: margins[one])
+    at = ", ".join(f"{key} {value:.4g}" for key, value in nearest.params.items())
+    key = next(check.rule.key for check in nearest.checks if check.name == name)
+    return (
+        f"{whose} passes every check{worst}. Of those that fill the ranges "
+        f"{failing_words([margins for _, margins in made])}. Nearest is {at}: {_words(name)} fails "
+        f"by {100.0 * -margins[name]:.3g} %. Widen [variables], or change {key}"
+    )
+
+
+def _words(name: str) -> str:
+    return name.removesuffix(suffix_of(name)).replace("_", " ")

@@ -1,39 +1,18 @@
 """From a design to what is simulated of it: blocks out, expectation and measured checks back.
 
-Simulated objectives, each with its standard error:
+Each simulated objective has its standard error (``ESTIMATORS``; ``docs/studies.md`` defines them).
+The worst operating point of many with errors alike is too large by one to two of them. Forces are
+those of the whole ring, means over one step of the integration, of rigid rings on the stiffness of
+the dogs, with which they grow; the largest axial and tangential ones need not come at one time. A
+shift that does not engage counts with what it struck; one whose integration failed is left out.
+Where all failed an objective is NaN: the design counts as not simulated. The smallest margin has
+the landing's, which is an extreme, so no standard error is given: it is zero.
 
-``expected_shift_time_s``
-    mean time over the mix, retries included (``sim.statistics.expectation``).
-``shift_time_quantile_s``
-    time within which the share ``search.quantile`` of all shifts engages
-    (``sim.statistics.expectation``).
-``worst_shift_time_s``
-    largest expected time of any operating point, with that point's standard error. Of many points
-    with errors alike the largest is too large by one to two of them.
-``slower_than_reference_s``
-    largest difference of the expected times of design and ``search.reference`` at any operating
-    point, both at the same relative angles; errors count as independent.
-``first_try_share``
-    share of all shifts that engage within ``search.within_s``, retries left out.
-``peak_axial_force_N``, ``strike_torque_Nm``, ``impact_impulse_Ns``, ``impact_energy_J``
-    means over the mix of each shift's largest axial force and torque of the contact, hardest
-    impulse within a millisecond and energy that the contact took (``sim.shift.loads``).
-``peak_impact_force_N``
-    mean over the mix of each shift's peak contact force: the root of the squares of its largest
-    axial and its largest tangential force, which need not come at one time, so it is at
-    least their resultant. The forces are those of the whole ring, means over one step of the
-    integration, of rigid rings on the stiffness of the dogs, with which they grow. A shift that
-    does not engage counts with what it struck; one whose integration failed is left out. Where all
-    failed it is NaN: the design counts as not simulated.
-``smallest_margin``
-    of all checks, the hardest simulated landing among them. Most margins are exact and the
-    landing's is an extreme, so no standard error is given: it is zero.
+``expect_to`` doubles the even angles until the mean has a wanted standard error. One from few
+shifts may be small by luck, so none is believed before there are 24.
 
-An expected shift time to a wanted standard error, with as few shifts as that needs.
-
-Evenly spaced angles at every operating point; each round has twice the angles of the one
-before and holds them. A standard error from few shifts may be small by luck, so none is
-believed before there are 24.
+``life_of`` simulates the worn shape (``sim.strength.wear``) at each stage of a life, at angles that
+the search did not use. Wear by a rate follows the energy of the stage before.
 """
 
 from __future__ import annotations
@@ -41,11 +20,12 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES, Setup
 from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.simulate.design import (
     REFERRED,
     SIMULATED,
@@ -68,12 +48,14 @@ from dogshape.sim.statistics.expectation import (
     mean_over,
     time_quantile,
 )
-from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
-from dogshape.sim.strength.checks import smallest_margin
+from dogshape.sim.statistics.shift_records import Record as Shift
+from dogshape.sim.statistics.shift_records import landing_of, result_of, unfinished
+from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import Demand, demand_checks, demand_of, exceeded, hardest
-from dogshape.sim.strength.manufacture import require_makeable
-from dogshape.sim.units import RPM
+from dogshape.sim.strength.manufacture import CONTACT_RULE, require_makeable
+from dogshape.sim.strength.wear import Wear, worn
+from dogshape.sim.units import DEG, MM, RPM
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import rows_of
 
@@ -89,7 +71,7 @@ class Shifts:
     study: Setup
     design: Design
     expectation: Expectation
-    rows: Sequence[Sequence[Record]]
+    rows: Sequence[Sequence[Shift]]
     reference: Expectation | None = None
 
     @property
@@ -112,11 +94,6 @@ def _quantile(shifts: Shifts) -> Estimate:
     return time_quantile(shifts.weights, results, share, timeout, study.retraction)
 
 
-def _worst_time(shifts: Shifts) -> Estimate:
-    slowest = max(shifts.expectation.points, key=lambda point: point.mean)
-    return Estimate(slowest.mean, slowest.standard_error)
-
-
 def _slower(shifts: Shifts) -> Estimate:
     if shifts.reference is None:
         raise ValueError("the reference was not simulated")
@@ -128,59 +105,51 @@ def _slower(shifts: Shifts) -> Estimate:
 
 def _first_try(shifts: Shifts) -> Estimate:
     within = shifts.study.file.search.within_s or shifts.study.clutch.timeout
-    engaged = [
-        [
-            float(row["shift_time_s"] is not None and row["shift_time_s"] <= within)
-            for row in mine
-            if Outcome(row["outcome"]) is not Outcome.DIVERGED
-        ]
-        for mine in shifts.rows
-    ]
-    return mean_over(shifts.weights, engaged)
 
+    def in_time(row: Shift) -> float:
+        return float(row["shift_time_s"] is not None and row["shift_time_s"] <= within)
 
-def _peak_force(row: Record) -> float:
-    return math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
+    return _mean(shifts, in_time)
 
 
 def _strike_torque(shifts: Shifts) -> Estimate:
     dog = shifts.design.dog
     radius = 0.0 if dog is None else dog.mean_radius
-    return _mean_of(shifts, lambda row: radius * row["peak_tangential_force_N"])
+    return _mean(shifts, lambda row: radius * row["peak_tangential_force_N"])
 
 
-def _mean_of(shifts: Shifts, value: Callable[[Record], float]) -> Estimate:
+def _mean(shifts: Shifts, value: Callable[[Shift], float]) -> Estimate:
     """Compute the mean over the mix of what each shift that did not fail has."""
-    values = [
-        [value(row) for row in mine if Outcome(row["outcome"]) is not Outcome.DIVERGED]
-        for mine in shifts.rows
-    ]
-    return mean_over(shifts.weights, values)
+    return mean_over(shifts.weights, integrated(shifts.rows, value))
 
 
-def _mean_key(name: str) -> Callable[[Shifts], Estimate]:
-    return lambda shifts: _mean_of(shifts, lambda row: float(row[name]))
+def integrated(
+    rows: Sequence[Sequence[Shift]], value: Callable[[Shift], float]
+) -> list[list[float]]:
+    """Return what each shift has, by operating point, without those whose integration failed."""
+    failed = Outcome.DIVERGED.value
+    return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
 
 
 #: What each simulated objective is worked out by.
 ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
     SIMULATED: _expected_time,
     "shift_time_quantile_s": _quantile,
-    "worst_shift_time_s": _worst_time,
+    "worst_shift_time_s": lambda shifts: max(
+        (Estimate(point.mean, point.standard_error) for point in shifts.expectation.points),
+        key=lambda one: one.value,
+    ),
     REFERRED: _slower,
     "first_try_share": _first_try,
-    "peak_axial_force_N": _mean_key("peak_axial_force_N"),
+    "peak_axial_force_N": lambda shifts: _mean(shifts, lambda row: row["peak_axial_force_N"]),
     "strike_torque_Nm": _strike_torque,
-    "impact_impulse_Ns": _mean_key("impact_impulse_Ns"),
-    "impact_energy_J": _mean_key("energy_dissipated_J"),
-    "peak_impact_force_N": lambda shifts: _mean_of(shifts, _peak_force),
+    "impact_impulse_Ns": lambda shifts: _mean(shifts, lambda row: row["impact_impulse_Ns"]),
+    "impact_energy_J": lambda shifts: _mean(shifts, lambda row: row["energy_dissipated_J"]),
+    "peak_impact_force_N": lambda shifts: _mean(
+        shifts, lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
+    ),
     "smallest_margin": lambda shifts: Estimate(smallest_margin(shifts.design.checks).margin, 0.0),
 }
-
-
-def estimates_of(shifts: Shifts) -> dict[str, Estimate]:
-    """Compute the expected shift time, all simulated objectives and all limited quantities."""
-    return {name: ESTIMATORS[name](shifts) for name in estimated(shifts.study)}
 
 
 def estimated(study: Setup) -> list[str]:
@@ -268,7 +237,7 @@ def _simulated(
     nominal: Setup,
     params: Params,
     points: Sequence[OperatingPoint],
-    rows: Sequence[Sequence[Record]],
+    rows: Sequence[Sequence[Shift]],
     reference: Expectation | None,
 ) -> Simulated:
     study, dog = nominal.operated(params), nominal.dog_with(params)
@@ -276,7 +245,8 @@ def _simulated(
     demand = demand_over(study, dog, expectation, rows)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
     design = Design({}, dog, checks, "")
-    estimates = estimates_of(Shifts(study, design, expectation, rows, reference))
+    simulated = Shifts(study, design, expectation, rows, reference)
+    estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
     limited = {name: estimates[name].value for name in simulated_limits(study)}
     # Shifts whose integration failed say nothing of engagement.
     share = min((p.engaged for p in expectation.points if p.n), default=1.0)
@@ -292,7 +262,7 @@ def _simulated(
     )
 
 
-def failures(shifts: Iterable[Record]) -> dict[str, int]:
+def failures(shifts: Iterable[Shift]) -> dict[str, int]:
     """Count the shifts whose integration failed, by the reason; they have no time."""
     failed = [row for row in shifts if row["outcome"] == Outcome.DIVERGED.value]
     reasons = (str(row.get("reason", Outcome.DIVERGED.message)) for row in failed)
@@ -300,8 +270,8 @@ def failures(shifts: Iterable[Record]) -> dict[str, int]:
 
 
 def _as_searched(
-    study: Setup, operation: Mapping[str, float], rows: Sequence[Sequence[Record]]
-) -> list[Record]:
+    study: Setup, operation: Mapping[str, float], rows: Sequence[Sequence[Shift]]
+) -> list[Shift]:
     """Rewrite shifts of a design that is operated in its own way as the search sees them.
 
     Set-point, force and rise are variables of the design to it, and an operating point is one of
@@ -322,15 +292,15 @@ def _as_searched(
 def reference_of(study: Setup) -> Dog:
     """Build the dog that ``search.reference`` names; the study's own without it."""
     given = study.file.search.reference or {}
-    for key in given:
-        if key not in VARIABLES:
-            hint = did_you_mean(key, VARIABLES)
-            raise InputError(f"search.reference has '{key}', which is no key of the dog; {hint}")
+    for name in given:
+        if name not in VARIABLES:
+            hint = did_you_mean(name, VARIABLES)
+            raise InputError(f"search.reference has '{name}', which is no key of the dog; {hint}")
     return study.dog_with(dict(given))
 
 
 def demand_over(
-    study: Setup, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Record]]
+    study: Setup, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Shift]]
 ) -> Demand:
     """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""
     limits, share = study.limits, study.limits.load.landing_share
@@ -348,7 +318,7 @@ def demand_over(
 def expectation_of(
     study: Setup,
     points: Sequence[OperatingPoint],
-    rows: Sequence[Sequence[Record]],
+    rows: Sequence[Sequence[Shift]],
     even: bool = True,
 ) -> Expectation:
     """Return the expectation over points from the records of each."""
@@ -372,7 +342,7 @@ class Precise:
 
     expectation: Expectation
     blocks: list[Block]
-    rows: list[list[Record]]
+    rows: list[list[Shift]]
 
 
 def expect_to(
@@ -405,3 +375,86 @@ def expect_to(
             progress.extend(shifts)
             continue
         return Precise(found, blocks, rows)
+
+
+STAGES = (0.0, 0.5, 1.0)  #: shares of the life
+
+
+class LifeStage(Record):
+    """The chosen design at a share of its life."""
+
+    life: float = key("share of the life", SHARE)
+    crest_loss_mm: float = key("height that the crest has lost", "mm")
+    edge_radius_mm: float = key("radius of its edges; 0 is sharp", "mm", 0.0)
+    chamfer_deg: float = key("what is left of the chamfer", "deg")
+    expected_shift_time_s: float = key("mean shift time over the operating points", "s")
+    standard_error_s: float | None = key("its standard error", "s")
+    engaged: float = key("share of the shifts that engaged", SHARE)
+    energy_J: float = key("mean energy that the contact takes in a shift", "J")
+    smallest_margin: float = key("smallest margin, manufacture left out", "1")
+    weakest_check: str = key("check with the smallest margin")
+    margins: dict[str, float] = key("margin of each check", "1")
+
+
+def life_of(
+    study: Setup, params: Mapping[str, float], wear: Wear, executor: Executor
+) -> list[LifeStage]:
+    """Simulate a design over its life, at each of ``STAGES``.
+
+    Raises GeometryError where a worn dog cannot be.
+    """
+    own, new = study.operated(params), study.dog_with(dict(params))
+    loss, found, before = 0.0, list[LifeStage](), 0.0
+    for stage in STAGES:
+        if found:
+            energy, friction = found[-1].energy_J, study.clutch.contact.dynamic_friction
+            shifts = (stage - before) * study.limits.load.shifts
+            loss += wear.loss(worn(new, loss), energy, friction, shifts)
+        if wear.crest_loss is not None:
+            loss = stage * wear.crest_loss
+        dog = replace(worn(new, loss) if loss else new, edge_radius=wear.edges(new, stage))
+        found.append(_stage(own, new, dog, executor, life=stage, crest_loss_mm=loss / MM))
+        before = stage
+    return found
+
+
+def _stage(study: Setup, new: Dog, dog: Dog, executor: Executor, **worn_so_far: float) -> LifeStage:
+    settings, clutch = study.file.expectation, study.clutch.with_dog(dog)
+    seed, unsure = settings.seed + NEW_ANGLES, study.uncertainty
+    blocks = even_blocks(clutch, study.points, settings.angles, seed, uncertainty=unsure)
+    rows = executor.run(blocks)
+    expectation = expectation_of(study, [b.point for b in blocks], rows)
+    demand = demand_over(study, dog, expectation, rows)
+    checks = (*life_checks(study, new, dog), *demand_checks(demand, study.limits))
+    weakest = smallest_margin(checks)
+    energies = integrated(rows, lambda row: float(row["energy_dissipated_J"]))
+    return LifeStage(
+        **worn_so_far,
+        edge_radius_mm=dog.edge_radius / MM,
+        chamfer_deg=dog.chamfer / DEG,
+        expected_shift_time_s=expectation.mean,
+        standard_error_s=expectation.standard_error,
+        engaged=expectation.engaged,
+        energy_J=mean_over([point.weight for point in study.points], energies).value,
+        smallest_margin=weakest.margin,
+        weakest_check=weakest.name,
+        margins={check.name: check.margin for check in checks},
+    )
+
+
+def life_checks(study: Setup, new: Dog, dog: Dog) -> tuple[Check, ...]:
+    """Return the closed-form checks of a worn ``dog`` that was ``new``, without manufacture.
+
+    What bends the root counts as the worse of worn and new: a worn dog is loaded lower above its
+    root. The share of the height that touches is that of the new height.
+    """
+    fresh = {check.name: check for check in strength_checks(new, study.limits)}
+    found = []
+    for check in strength_checks(dog, study.limits):
+        if check.rule.group == "load":
+            found.append(min(check, fresh[check.name], key=lambda one: one.margin))
+        elif check.rule is CONTACT_RULE:
+            found.append(replace(check, value=check.value * dog.height / new.height))
+        elif check.rule.group != "make":
+            found.append(check)
+    return tuple(found)

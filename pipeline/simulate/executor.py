@@ -3,11 +3,10 @@
 On this machine workers write the journal themselves, so a kill of the parent loses nothing
 that was finished. Workers of a cluster hand their records back, and the parent writes them.
 
-**A command that is stopped** keeps its shifts, so that the same command goes on. ``expect``,
-``strength`` and ``validate`` keep them in ``results/shifts``, ``gap --study`` in its ``--out`` or
-else in the bank's folder: a folder for each command, named by what was asked and by the programs'
-versions, in which shifts are found by their content keys. It goes with the command's end, when its
-answer is there. Where it cannot be written the command runs all the same.
+**A command that is stopped** keeps its shifts, so that the same command goes on: in a folder for
+each question, named by what was asked and by the programs' versions, in which shifts are found by
+their content keys. The folder goes when the answer is there. Where it cannot be written the
+command runs all the same.
 """
 
 from __future__ import annotations
@@ -26,7 +25,6 @@ from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
@@ -43,9 +41,8 @@ from dogshape.sim.versions import engine, versions
 
 Progress = Callable[[int], None]  #: called with the number of shifts just finished
 
-LOOK = 1.0  #: s between looks whether the parent, or a cluster's worker, is alive
+LOOK = 1.0  #: s between looks whether the parent is alive
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
-ALONE = 60.0  #: s that a cluster may be without any worker
 MANY = 100  #: blocks that a cluster is sent at once
 TRIES = 3  #: times that workers may die one after the other without a shift finished
 
@@ -97,12 +94,9 @@ class Executor:
             self.progress(len(rows))
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
-    @contextmanager
-    def apart(self) -> Iterator[Executor]:
-        """Give an executor whose journal is gone afterwards: for shifts quick to repeat."""
-        with tempfile.TemporaryDirectory(prefix="dogshape-") as folder:
-            journal = ShiftJournal(Path(folder) / "shifts.jsonl")
-            yield Executor(journal, self.jobs, self.progress, self.cluster)
+    def scratch(self) -> Executor:
+        """Return an executor with a journal of its own, for shifts quick to repeat."""
+        return scratch_executor(self.jobs, self.progress, self.cluster)
 
     def forget(self, kept: Collection[str] = ()) -> None:
         """Drop the shifts of the journal, but those ``kept`` by their keys: results have them."""
@@ -135,7 +129,9 @@ class Executor:
         while blocks:
             known = len(self.journal.rows)
             try:
-                yield from self._pooled(blocks, jobs)
+                with parallel_config(backend="loky", inner_max_num_threads=1):
+                    pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
+                yield from pool(delayed(_work_alone)(block, self.journal.path) for block in blocks)
             except TerminatedWorkerError as error:
                 yield self.journal.read_new()
                 tries = tries - 1 if len(self.journal.rows) == known else TRIES
@@ -146,14 +142,6 @@ class Executor:
                         "again with fewer --jobs"
                     ) from error
             blocks = self._unfinished(blocks)
-
-    def _pooled(self, blocks: list[Block], jobs: int) -> Iterable[list[Record]]:
-        with parallel_config(backend="loky", inner_max_num_threads=1):
-            pool = Parallel(n_jobs=jobs, return_as="generator_unordered", batch_size=1)
-        results: Iterable[list[Record]] = pool(
-            delayed(_work_alone)(block, self.journal.path) for block in blocks
-        )
-        return results
 
     def _on_cluster(self, blocks: list[Block], address: str) -> Iterator[list[Record]]:
         """Yield the records of blocks as a cluster hands them back, written."""
@@ -220,33 +208,17 @@ def _work_away(block: Block) -> list[Record]:
 def _handed_back(address: str, blocks: Sequence[Block]) -> Iterator[list[Record]]:
     """Yield the records of blocks in the order in which a cluster finishes them.
 
-    Raises WorkerError where it has had no worker for ``ALONE``, an error of Dask where the
-    scheduler is lost or a block has ended several workers.
+    Raises an error of Dask where the scheduler is lost or a block has ended several workers.
     """
+    from distributed import as_completed  # noqa: PLC0415  an extra, and slow to load
+
     client = connect(address)
-    finished: SimpleQueue[Any] = SimpleQueue()
     left = client.map(_work_away, blocks, pure=False, batch_size=MANY)
-    for future in left:
-        future.add_done_callback(finished.put)
-    heard, open_ = time.monotonic(), set(left)
     try:
-        while open_:
-            try:
-                done = finished.get(timeout=LOOK)
-            except Empty:
-                if client.ncores():
-                    heard = time.monotonic()
-                elif time.monotonic() - heard > ALONE:
-                    raise WorkerError(
-                        f"the cluster {address} has had no worker for {ALONE:.0f} s; shifts that "
-                        "came back are kept, so start workers and run the command again"
-                    ) from None
-                continue
-            heard = time.monotonic()
-            open_.discard(done)
-            yield done.result()
+        for future in as_completed(left, loop=client.loop):  # type: ignore[no-untyped-call]
+            yield future.result()
     finally:
-        client.cancel(list(open_))
+        client.cancel(left)
 
 
 def scratch_executor(
@@ -296,7 +268,7 @@ def _client(address: str) -> Any:
             "tcp://scheduler:8786, and start workers"
         ) from error
     try:
-        found = client.run(_versions_here, on_error="return")
+        found = client.run(versions, on_error="return")
     except Exception as error:  # what a worker raises does not always find its way here
         raise WorkerError(
             f"the workers of the cluster {address} do not answer ({type(error).__name__}); "
@@ -305,11 +277,6 @@ def _client(address: str) -> Any:
     for where, theirs in found.items():
         _require_same(address, theirs, f"the worker {where}")
     return client
-
-
-def _versions_here() -> dict[str, str]:
-    """Return the versions that a worker has."""
-    return versions()
 
 
 def _require_same(address: str, found: Any, who: str) -> None:
@@ -346,12 +313,10 @@ def kept_shifts(
     same command, is told in a line, and nothing is kept.
     """
     connect(cluster)
-    made = [path for path in folder.parents if not path.exists()]
     with ExitStack() as held:
         try:
             held.enter_context(writing(folder))
         except StorageError as error:
-            _remove_empty(made)
             reason = str(error).partition(";")[0]
             progress.say(f"{reason}: should this run be stopped, its finished shifts are lost")
             yield scratch_executor(jobs, progress.advance, cluster)
@@ -359,30 +324,23 @@ def kept_shifts(
         journal = ShiftJournal(folder / "shifts.jsonl")
         try:
             yield Executor(journal, jobs, progress.advance, cluster, progress.known)
+            journal.say_unfinished(progress.say)
         except BaseException as error:
             if journal.read_new() or journal.rows:
                 if isinstance(error, KeyboardInterrupt):
-                    progress.say(_kept(len(journal.rows), folder))
+                    progress.say(
+                        f"{len(journal.rows)} finished shifts are kept in {folder}; the same "
+                        "command goes on from there"
+                    )
                 raise
-            _remove(folder, made)
+            _remove(folder)
             raise
-        journal.say_unfinished(progress.say)
-        _remove(folder, made)
+        _remove(folder)
 
 
-def _kept(shifts: int, folder: Path) -> str:
-    return f"{shifts} finished shifts are kept in {folder}; the same command goes on from there"
-
-
-def _remove(folder: Path, made: list[Path]) -> None:
+def _remove(folder: Path) -> None:
+    """Remove a command's folder, and those of all commands where nothing else is in them."""
     shutil.rmtree(folder, ignore_errors=True)
-    own = [folder.parent] if folder.parent == SHIFTS else []
-    _remove_empty([*own, *made])
-
-
-def _remove_empty(folders: list[Path]) -> None:
-    """Remove folders, the innermost first, as far as nothing else is in them."""
     with suppress(OSError):
-        for path in dict.fromkeys(folders):
-            if path.exists():
-                path.rmdir()
+        for path in (SHIFTS, SHIFTS.parent) if folder.parent == SHIFTS else ():
+            path.rmdir()

@@ -1,20 +1,5 @@
 """The folder of a study: manifest, trials, shifts, surrogate, report; one writer.
 
-``study.json``       the study file as it was run, with hashes and versions
-``trials.log``       Optuna's journal
-``running.jsonl``    finished shifts of designs that are under way; none once the storage has them
-``shifts.jsonl``     shifts of Drake: kept
-``result.json``      front, best design, confirmation and audit
-``rows.json``        what the surrogate learns of a search, by operating point
-``surrogate.json``   the surrogate with its data
-``points.csv``       its data as a table: simulated operating points
-``simulated.jsonl``  rows of each design of a fit, those that the surrogate is judged by included
-``chosen.json``      which of these designs were chosen as likely to be among the best
-``effects.json``     effects and prices from the surrogate, for the report
-``report.html``      the report
-``designs.csv``      every simulated design of the search as a table
-``shifts/``          pages of the shifts that the report links
-
 ``require_targets`` tries the files that a command is to write before the work that fills them.
 """
 
@@ -40,18 +25,18 @@ class StudyFolder:
 
     def __init__(self, root: Path) -> None:
         self.root = root
-        self.manifest = root / "study.json"
-        self.trials = root / "trials.log"
-        self.shifts = root / "shifts.jsonl"
-        self.result = root / "result.json"
-        self.running = root / "running.jsonl"
-        self.rows = root / "rows.json"
-        self.simulated = root / "simulated.jsonl"
-        self.chosen = root / "chosen.json"
-        self.points = root / "points.csv"
-        self.surrogate = root / "surrogate.json"
-        self.effects = root / "effects.json"
-        self.designs = root / "designs.csv"
+        self.manifest = root / "study.json"  # study file as it was run, hashes and versions
+        self.trials = root / "trials.log"  # Optuna's journal
+        self.running = root / "running.jsonl"  # shifts of designs under way, until they are told
+        self.shifts = root / "shifts.jsonl"  # shifts of Drake: kept
+        self.result = root / "result.json"  # front, best design, confirmation and audit
+        self.rows = root / "rows.json"  # what the surrogate learns of a search
+        self.surrogate = root / "surrogate.json"  # the surrogate with its data
+        self.points = root / "points.csv"  # its data as a table
+        self.simulated = root / "simulated.jsonl"  # rows of each design of a fit
+        self.chosen = root / "chosen.json"  # those chosen as likely to be among the best
+        self.effects = root / "effects.json"  # effects and indices, for the report
+        self.designs = root / "designs.csv"  # every simulated design of the search
         self.report = root / "report.html"
 
     def writing(self) -> AbstractContextManager[None]:

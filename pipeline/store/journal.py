@@ -35,18 +35,16 @@ class ShiftJournal:
     def __init__(self, path: Path, only_read: bool = False) -> None:
         self.path = path.absolute()  # workers may stand in another folder
         self.rows: dict[str, Record] = {}
-        self._named = False
-        if path.exists():
-            self._read(only_read)
+        self.read_new(only_read)
 
-    def read_new(self) -> list[Record]:
+    def read_new(self, only_read: bool = False) -> list[Record]:
         """Read what workers wrote and did not hand over; return the rows that are new."""
         known = set(self.rows)
         if self.path.exists():
-            self._read()
+            self._read(only_read)
         return [row for key, row in self.rows.items() if key not in known]
 
-    def _read(self, only_read: bool = False) -> None:
+    def _read(self, only_read: bool) -> None:
         if not only_read:
             drop_torn_line(self.path)
         content = self.path.read_bytes()
@@ -70,14 +68,9 @@ class ShiftJournal:
         """
         if self.path.exists():
             with _writing(self.path):
-                descriptor = os.open(self.path, os.O_RDWR)
-                try:
-                    os.fsync(descriptor)
-                finally:
-                    os.close(descriptor)
-                if not self._named:
-                    sync_folder(self.path.parent)
-                    self._named = True
+                with self.path.open("rb+") as file:
+                    os.fsync(file.fileno())
+                sync_folder(self.path.parent)
         self.rows.update((row["key"], row) for row in rows)
 
     def drop(self, keys: Collection[str]) -> None:
@@ -87,7 +80,8 @@ class ShiftJournal:
         """
         with _alone_in(self.path):
             with self.path.open("rb") as file:
-                left = [line for line in file if _key_of(line) not in keys]
+                found = [(line, KEY.match(line)) for line in file]
+            left = [line for line, key in found if key is None or key[1].decode() not in keys]
             write_whole(self.path, b"".join(left))
         self.rows = {key: row for key, row in self.rows.items() if key not in keys}
 
@@ -152,25 +146,11 @@ def _alone_in(path: Path) -> Iterator[int]:
         descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX)
-            if _is_still(path, descriptor):
+            if path.exists() and os.path.samestat(os.stat(path), os.fstat(descriptor)):
                 yield descriptor
                 return
         finally:
             os.close(descriptor)
-
-
-def _is_still(path: Path, descriptor: int) -> bool:
-    """Test that a name stands for an open file, and for no later one."""
-    try:
-        return os.path.samestat(os.stat(path), os.fstat(descriptor))
-    except FileNotFoundError:
-        return False
-
-
-def _key_of(line: bytes) -> str:
-    """Read the key of a line, which comes first; none of one that a kill has torn."""
-    found = KEY.match(line) if line.endswith(b"\n") else None
-    return found[1].decode() if found else ""
 
 
 def _drop_torn_line(descriptor: int) -> int:

@@ -19,8 +19,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.simulate.design import worth_simulating
-from dogshape.pipeline.simulate.failing import none_passes
+from dogshape.pipeline.simulate.design import none_passes, worth_simulating
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strength_checks

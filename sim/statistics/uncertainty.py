@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dogshape.sim.clutch_tables import Section
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -39,19 +40,16 @@ CUT = ("normal", "lognormal")  #: distributions that low and high may truncate
 LEAST = 1e-3  #: share of a distribution that a truncation must leave
 
 
-@dataclass(frozen=True)
-class Distribution:
-    """A distribution of one number, in the unit of the key that it stands for.
+class Distribution(Section):
+    """A distribution in place of a number, in the unit of the key that it stands for (``named``).
 
     Parameters
     ----------
-    key : of the study file, for messages.
-    kind : one of ``NEEDS``; an unknown one raises InputError.
+    distribution : one of ``NEEDS``.
     mean, sd, median, factor, low, mode, high : those that the kind needs, None for the others.
     """
 
-    key: str
-    kind: str
+    distribution: str
     mean: float | None = None
     sd: float | None = None
     median: float | None = None
@@ -59,13 +57,23 @@ class Distribution:
     low: float | None = None
     mode: float | None = None
     high: float | None = None
+    _key: str = ""
 
-    def __post_init__(self) -> None:
-        for fault in itertools.chain(self._wrong_names(), self._wrong_values()):
-            raise InputError(f"{self.key}{fault}")
+    def named(self, key: str) -> Distribution:
+        """Return the distribution that stands at ``key`` of a file; InputError for mistakes."""
+        found = self.model_copy()
+        found._key = key
+        for fault in itertools.chain(found._wrong_names(), found._wrong_values()):
+            raise InputError(f"{key}{fault}")
+        return found
+
+    @property
+    def key(self) -> str:
+        """Key that the distribution stands for."""
+        return self._key
 
     def _wrong_names(self) -> Iterator[str]:
-        kind, given = self.kind, self.given
+        kind, given = self.distribution, self.given
         if kind not in NEEDS:
             hint = did_you_mean(kind, NEEDS)
             yield f".distribution is '{kind}', which is not a distribution; {hint}"
@@ -92,30 +100,29 @@ class Distribution:
             if name in given and given[name] <= least:
                 rule = f"it must be more than {least:.6g}; correct it"
                 yield f".{name} is {given[name]:.6g}, but {rule}"
-        if self.kind in CUT and not {"low", "high"}.isdisjoint(given):
+        if self.distribution in CUT and not {"low", "high"}.isdisjoint(given):
             below, above = self._curve().cdf(self.bounds)
             if above - below < LEAST:
-                what = f"next to nothing of the {self.kind} distribution"
+                what = f"next to nothing of the {self.distribution} distribution"
                 yield f": {what} lies between its low and high; widen them"
 
     @property
     def given(self) -> dict[str, float]:
         """The numbers that are given, by name."""
-        names = ("mean", "sd", "median", "factor", "low", "mode", "high")
-        pairs = ((name, getattr(self, name)) for name in names)
-        return {name: value for name, value in pairs if value is not None}
+        return self.model_dump(exclude={"distribution"}, exclude_none=True)
 
     @property
     def bounds(self) -> tuple[float, float]:
         """Least and largest value, infinite where there is none."""
-        least = 0.0 if self.kind == "lognormal" else -math.inf
+        least = 0.0 if self.distribution == "lognormal" else -math.inf
         low = least if self.low is None else max(self.low, least)
         return low, math.inf if self.high is None else self.high
 
     @property
     def text(self) -> str:
         """Description in words that tell any two distributions apart."""
-        return ", ".join([self.kind, *(f"{name} {v:.12g}" for name, v in self.given.items())])
+        numbers = (f"{name} {value:.12g}" for name, value in self.given.items())
+        return ", ".join([self.distribution, *numbers])
 
     def at(self, shares: Values) -> Values:
         """Return the values below which so large ``shares`` of the distribution lie, (n,)."""
@@ -128,12 +135,12 @@ class Distribution:
         """Return the distribution without its truncation, as scipy has it."""
         from scipy import stats  # noqa: PLC0415  slow to load, and a certain study does without
 
-        if self.kind == "normal":
+        if self.distribution == "normal":
             return stats.norm(self.mean, self.sd)
-        if self.kind == "lognormal":
+        if self.distribution == "lognormal":
             return stats.lognorm(math.log(self.factor or 0.0), scale=self.median)
         low, high = self.bounds
-        if self.kind == "uniform":
+        if self.distribution == "uniform":
             return stats.uniform(low, high - low)
         mode = self.mode if self.mode is not None else low
         return stats.triang((mode - low) / (high - low), low, high - low)

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.pipeline.config.study_file import key_and_value
+from dogshape.pipeline.config.study_file import pair_of
 from dogshape.sim.files import writing
 from tests.conftest import SMALL
 
 #: Keys of the study file that make a study small, with their values; None takes a key out.
-SETTINGS = {k: None if value == "" else value for k, value in map(key_and_value, SMALL)}
+SETTINGS = dict(map(pair_of, SMALL))
 
 
 @dataclass(frozen=True)

@@ -14,11 +14,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate import executor
-from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.sim.errors import WorkerError
-from dogshape.sim.statistics.blocks import even_blocks
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
 from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
@@ -141,23 +137,6 @@ def test_a_lost_cluster_is_one_sentence(tmp_path: Path) -> None:
     assert "Traceback" not in err
 
 
-def test_a_cluster_whose_workers_are_gone_is_not_waited_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(executor, "ALONE", 1.0)
-    study = load_study("mq200_paper", SMALL)
-    blocks = even_blocks(study.clutch, study.points, 3, 1)
-    with dask_cluster(1) as doomed:
-        client = executor.connect(doomed.address)
-        doomed.workers[0].kill()
-        while client.ncores():
-            time.sleep(0.05)
-        away = executor.Executor(ShiftJournal(tmp_path / "shifts.jsonl"), cluster=doomed.address)
-        with pytest.raises(WorkerError, match=r"has had no worker for 1 s; .* start workers"):
-            away.run(blocks)
-        client.close()
-
-
 def test_no_cluster_is_said(tmp_path: Path) -> None:
     """One that waits for ever runs into the limit of ``_call``."""
     nobody = f"tcp://127.0.0.1:{free_port()}"
@@ -184,7 +163,7 @@ dogshape.sim.versions.versions.__wrapped__.__globals__["metadata"] = type(
 """
 NO_DOGSHAPE = """
 import sys
-sys.modules["dogshape.pipeline.simulate.executor"] = None
+sys.modules["dogshape.sim.versions"] = None
 """
 
 

@@ -9,12 +9,8 @@ from typing import Any
 
 import optuna
 import pytest
-from optuna.storages import JournalStorage
-from optuna.storages.journal import JournalFileBackend
-from optuna.trial import FrozenTrial
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.progress import Count
 from dogshape.pipeline.reports.designs import (
     designs_shown,
     failed_at_new_angles,
@@ -22,13 +18,13 @@ from dogshape.pipeline.reports.designs import (
     simulated_frame,
 )
 from dogshape.pipeline.search.confirmation import Executors, confirm, shifts_to_confirm
+from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.search.search import Search, run, sampler_factory
-from dogshape.pipeline.search.state import SearchState, standings
+from dogshape.pipeline.search.state import SearchState
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.folder import StudyFolder, comparable
+from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.store.result_schema import require_result
 from dogshape.pipeline.study import Run, collect, run_study
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.statistics.blocks import Block
@@ -204,19 +200,6 @@ def test_the_whole_front_is_confirmed_and_has_the_values_of_the_new_angles(opene
     assert len(made_up.keys) <= shifts_to_confirm(state.study, len(values))
 
 
-def test_what_a_failing_design_dominated_is_on_the_front_and_confirmed(opened: Open) -> None:
-    first = _dominating(opened([])[0])
-    state, executor, _ = opened([first])
-    came = {*_front(state, {first})} - {*_front(state, set())}
-    assert came
-    found, after = _confirmed(state, executor)
-    assert _failed(found) == {first}
-    assert first not in _numbers(after)
-    assert came <= {*_trials(found)}
-    assert {*_numbers(after)} <= {*_trials(found)} - {first}
-    assert found["chosen"] in _numbers(after)
-
-
 def test_a_design_that_was_lucky_in_the_search_leaves_the_front(opened: Open) -> None:
     """What it had beaten is confirmed, and the record says how far search and new angles differ."""
     first = _dominating(opened([])[0])
@@ -272,30 +255,6 @@ def test_a_confirmation_that_was_cut_off_ends_as_it_would_have(share: float, ope
     assert len(rest.keys) == len(whole.keys) - cut
     assert set(other.kept.journal.rows) == set(executor.kept.journal.rows)
     assert collect(last, other.kept.journal) == collect(after, executor.kept.journal)
-
-
-def test_a_state_lists_the_storage_once_and_its_use_never(
-    study: Setup, ended: tuple[optuna.Study, Path], opened: Open, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    _, executor, _ = opened([])
-    listed, listing = list[int](), optuna.Study.get_trials
-
-    def counted(self: optuna.Study, *given: Any, **named: Any) -> list[FrozenTrial]:
-        listed.append(1)
-        return listing(self, *given, **named)
-
-    monkeypatch.setattr(optuna.Study, "get_trials", counted)
-    state = Search(study, ended[0], sampler_factory(study)).read()
-    _, after = _confirmed(state, executor)
-    result = collect(after, executor.kept.journal)
-    assert [row["trial"] for row in result["front"]] == _numbers(after)
-    assert {*standings(after)} == {trial.number for trial in after.feasible}
-    assert len(listed) == 1
-
-
-def test_how_many_are_confirmed_may_change_between_runs() -> None:
-    files = [load_study("mq200_paper", [f"search.confirm_designs={n}"]).file for n in (2, 9)]
-    assert comparable(files[0]) == comparable(files[1])
 
 
 def test_a_study_ends_with_the_front_of_what_did_not_fail(
@@ -367,36 +326,3 @@ def test_designs_that_do_not_engage_have_no_time_and_no_gain(
     count = confirmation["prototype"]["shifts"]
     assert f"{count} of {count} shifts; prototype {count // 3} of {count}" in page
     assert f"engages in {count // 3} of {count}<" in page
-
-
-class _Lines:
-    """Keeps the sentences of a run."""
-
-    def __init__(self) -> None:
-        self.lines: list[str] = []
-
-    def update(self, count: Count) -> None:
-        """Ignore a count."""
-
-    def say(self, line: str) -> None:
-        self.lines.append(line)
-
-
-def test_the_own_dog_may_lie_outside_the_ranges(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The run says so in its own words; objectives have their names in the storage."""
-    monkeypatch.setattr("dogshape.pipeline.study.MIN_DESIGNS", 99)
-    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", MadeUp())
-    study = load_study("mq200_paper", [*SETTINGS, "search.trials=6", "variables.count=[16, 24]"])
-    folder, told = StudyFolder(tmp_path / "out"), _Lines()
-    result = run_study(study, Run(folder, 1, report=False, progress=told))
-    assert result["trials"][0]["prototype"]
-    assert result["trials"][0]["count"] == 15
-    assert (
-        "the study's own dog is not among the designs searched: count is 15, the range 16 to 24"
-        in told.lines
-    )
-    storage = JournalStorage(JournalFileBackend(str(folder.root / "trials.log")))
-    names = optuna.load_study(study_name=study.name, storage=storage).metric_names
-    assert names == ["expected_shift_time_s", "axial_length_mm"]

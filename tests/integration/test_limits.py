@@ -9,13 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import dogshape as ds
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.simulate.design import OBJECTIVES, design_of, worth_simulating
-from dogshape.pipeline.simulate.evaluation import ESTIMATORS, evaluate, reference_of
+from dogshape.pipeline.simulate.evaluation import ESTIMATORS, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import run_study
-from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.landing import Demand, exceeded
 from tests.conftest import SMALL, Said, searching
@@ -74,13 +72,6 @@ def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
     assert found.measured.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
     assert lost > 0.0
     assert not design_of(study, {"chamfer_deg": 5.0}, found.measured).feasible
-
-
-def test_the_reference_is_any_dog() -> None:
-    study = study_with("search.reference.chamfer_deg=12.0")
-    assert reference_of(study) == study.dog_with({"chamfer_deg": 12.0})
-    with pytest.raises(InputError, match="did you mean 'chamfer_deg'"):
-        reference_of(study_with("search.reference.chamfer=12.0"))
 
 
 def test_margins_at_the_worst_ends_of_tolerances_are_a_limit() -> None:
@@ -145,8 +136,3 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
 
 def _dog(row: dict[str, Any]) -> dict[str, float]:
     return {key: row[key] for key in VARIABLES}
-
-
-def test_the_public_package_says_the_same() -> None:
-    study = ds.Study("mq200_paper", {"search.limits.axial_length_mm": 8.0})
-    assert not study.strength(simulate=False).feasible

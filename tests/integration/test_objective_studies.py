@@ -85,22 +85,3 @@ def test_the_study_of_three_objectives_at_smoke_size(tmp_path: Path) -> None:
     assert {len(found) for found in peaks.values()} == {3}
     mean = (2.0 * np.mean(peaks[100]) + np.mean(peaks[-149])) / 3.0
     assert row["estimates"]["peak_impact_force_N"]["value"] == pytest.approx(mean)
-
-
-def test_the_largest_margin_is_searched_for(tmp_path: Path) -> None:
-    """Fourteen designs, so that the sampler's own process is used for what is not a time."""
-    budget = ["search.trials=14", "search.startup=10", "search.sampler=surrogate"]
-    points = "operating={points=[{mismatch_rpm=149, force_N=641.5}]}"
-    more = ["search.objectives=['smallest_margin', 'axial_length_mm']", *budget, points]
-    study = _tiny("mq200_paper", "load.landing_share=", *more, "shift.timeout_s=1.1")
-    result, _ = _run(study, tmp_path)
-    rows = [row for row in result["trials"] if row["feasible"]]
-    assert result["best"]["smallest_margin"] == max(row["smallest_margin"] for row in rows)
-    margins = [row["smallest_margin"] for row in result["front"]]
-    lengths = [row["axial_length_mm"] for row in result["front"]]
-    assert margins == sorted(margins, reverse=True)
-    assert lengths == sorted(lengths, reverse=True)
-    assert result["maximised"] == ["smallest_margin"]
-    for row in result["trials"]:
-        if row["margins"]:
-            assert row["smallest_margin"] == min(row["margins"].values())

@@ -12,8 +12,8 @@ import pytest
 
 import dogshape as ds
 from dogshape.pipeline.config.study_file import VARIABLES, bundled_studies
+from dogshape.pipeline.search.result_schema import DesignRow, StudyRecord, require_result
 from dogshape.pipeline.simulate.design import OBJECTIVES
-from dogshape.pipeline.store.result_schema import DesignRow, StudyRecord, require_result
 from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished
 

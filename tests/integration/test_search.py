@@ -20,7 +20,7 @@ from dogshape.pipeline.config.schema import VariablesSection
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.search.confirmation import shifts_to_confirm
-from dogshape.pipeline.search.guide import DogGuide, search_space
+from dogshape.pipeline.search.guide import Guide, Space
 from dogshape.pipeline.search.sampler import SurrogateSampler
 from dogshape.pipeline.search.search import sampler_factory
 from dogshape.pipeline.search.state import SIMULATION
@@ -117,16 +117,9 @@ def test_same_seed_gives_the_same_trials_on_more_workers(
     assert json.loads((tmp_path / "result.json").read_text()) == again
 
 
-def test_another_seed_gives_other_trials(finished: Finished) -> None:
-    study = load_study("mq200_paper", [*SMALL, "search.seed=2"])
-    first = _proposals(study, 3)
-    assert first != _proposals(load_study("mq200_paper", SMALL), 3)
-    assert finished.result["trials"][1]["height_mm"] != first[1]["height_mm"]
-
-
 def _proposals(study: Setup, count: int) -> list[dict[str, float]]:
     searched = optuna.create_study(directions=["minimize"] * 2, sampler=sampler_factory(study)(0))
-    return [dict(searched.ask(search_space(study)).params) for _ in range(count)]
+    return [dict(searched.ask(Space(study.variables).distributions).params) for _ in range(count)]
 
 
 @pytest.mark.parametrize(
@@ -222,19 +215,6 @@ def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Pat
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
-def test_every_key_that_differs_is_named(tmp_path: Path, small_study: Setup) -> None:
-    folder = StudyFolder(tmp_path)
-    folder.open(small_study, resume=False)
-    changed = ["search.seed=3", "search.batch=2", "variables.count=[12, 26]", "search.trials=99"]
-    with pytest.raises(StorageError) as refused:
-        folder.open(load_study("mq200_paper", [*SMALL, *changed]), resume=True)
-    assert (
-        "search.batch was 4 and is now 2; search.seed was 1 and is now 3; "
-        "variables.count was [12, 24] and is now [12, 26]); give"
-    ) in str(refused.value)
-    assert "trials" not in str(refused.value)
-
-
 @pytest.mark.parametrize(("designs", "learned"), [(MIN_DESIGNS - 1, False), (MIN_DESIGNS, True)])
 def test_a_search_learns_from_as_many_designs_as_the_surrogate_needs(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, designs: int, learned: bool
@@ -284,31 +264,8 @@ def test_a_folder_of_another_version_is_refused(tmp_path: Path, small_study: Set
         run_study(small_study, searching(tmp_path, resume=True))
 
 
-def test_an_unreachable_storage_is_refused(tmp_path: Path, small_study: Setup) -> None:
-    url = f"sqlite:///{tmp_path}/no/such/folder/db.sqlite"
-    with pytest.raises(StorageError, match="cannot be opened"):
-        run_study(small_study, searching(tmp_path / "out", storage=url))
-
-
-def test_a_database_serves_as_storage_and_guards_what_it_holds(tmp_path: Path) -> None:
-    url = f"sqlite:///{tmp_path}/search.db"
-    settings = [*SMALL, "search.sampler=random", "search.trials=4"]
-    study = load_study("mq200_paper", settings)
-    first = run_study(study, searching(tmp_path / "a", 1, storage=url))
-    assert len(first["trials"]) == 4
-    assert not (tmp_path / "a" / "trials.log").exists()
-    with pytest.raises(StorageError, match="holds a study 'mq200_paper' already"):
-        run_study(study, searching(tmp_path / "b", 1, storage=url))
-    other = load_study("mq200_paper", [*settings, "sliding.mass_kg=0.4"])
-    with pytest.raises(StorageError, match="of another configuration"):
-        run_study(other, searching(tmp_path / "c", 1, storage=url, resume=True))
-    again = run_study(study, searching(tmp_path / "a", 1, storage=url, resume=True))
-    assert _designs(again) == _designs(first)
-
-
-@pytest.mark.parametrize("sampler", ["tpe", "nsga2", "random"])
-def test_infeasible_designs_are_never_simulated(tmp_path: Path, sampler: str) -> None:
-    study = load_study("mq200_paper", [*SMALL, f"search.sampler={sampler}", "search.trials=10"])
+def test_infeasible_designs_are_never_simulated(tmp_path: Path) -> None:
+    study = load_study("mq200_paper", [*SMALL, "search.sampler=tpe", "search.trials=10"])
     result = run_study(study, searching(tmp_path, jobs=1))
     barred = [row for row in result["trials"] if not row["feasible"]]
     assert barred
@@ -337,10 +294,10 @@ def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
 
     best = {}
     for startup in (10, 1000):
-        sampler = SurrogateSampler(DogGuide(study), seed=4, startup=startup)
+        sampler = SurrogateSampler(Guide(study), seed=4, startup=startup)
         search = optuna.create_study(directions=["minimize"], sampler=sampler)
         for _ in range(30):
-            trial = search.ask(search_space(study))
+            trial = search.ask(Space(study.variables).distributions)
             time = bowl(trial.params)
             design = [trial.params[n] for n in names]
             at = [(p.mismatch / RPM, p.profile.force) for p in study.points]

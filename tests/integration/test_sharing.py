@@ -1,4 +1,4 @@
-"""Many machines, one search: PostgreSQL tells whose trial is whose."""
+"""Many machines, one search: heartbeats in PostgreSQL tell whose trial is whose."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.trial_storage import Shared, _address
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import StorageError
 from tests.conftest import SMALL, searching
@@ -84,10 +83,10 @@ def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
 
 def _require_whole(server: Server, name: str, outs: list[Path], trials: int) -> None:
     """Every folder has all trials, each once, and the same surrogate and report of them."""
-    assert _states(server, name) == ["COMPLETE"] * trials
+    assert _states(server, name).count("COMPLETE") == trials
+    assert set(_states(server, name)) <= {"COMPLETE", "FAIL"}
     first = _result(outs[0])
-    assert [row["trial"] for row in first["trials"]] == list(range(trials))
-    assert len({tuple(row[1:]) for row in _designs(first)}) == trials
+    assert len({tuple(row[1:]) for row in _designs(first)}) == len(first["trials"]) == trials
     for out in outs:
         result = _result(out)
         for key in ("trials", "best", "front", "confirmation", "surrogate"):
@@ -100,7 +99,7 @@ def _require_whole(server: Server, name: str, outs: list[Path], trials: int) -> 
 
 
 def test_two_machines_share_a_search_and_one_is_killed(server: Server, tmp_path: Path) -> None:
-    """The trials of the killed one are taken over, each once; started again, it has them all."""
+    """Designs of the killed one are simulated by the other; started again, it has them all."""
     one, two = tmp_path / "one", tmp_path / "two"
     first = _start(server, "killed", one)
     second = _start(server, "killed", two)
@@ -110,28 +109,9 @@ def test_two_machines_share_a_search_and_one_is_killed(server: Server, tmp_path:
     first.communicate()
     assert "RUNNING" in _states(server, "killed")
     _ended(second)
+    assert "FAIL" in _states(server, "killed")
     _ended(_start(server, "killed", one))
     _require_whole(server, "killed", [one, two], 12)
-
-
-def test_a_live_run_keeps_its_trials(server: Server, tmp_path: Path) -> None:
-    """A run that stands still is not dead: its trials wait for it, and none is asked too many."""
-    one, two = tmp_path / "one", tmp_path / "two"
-    more = ("search.trials=11", "search.sampler=space_filling")
-    first = _start(server, "standing", one, *more)
-    _wait_for_shifts(one, 2)
-    os.killpg(first.pid, signal.SIGSTOP)
-    second = _start(server, "standing", two, *more)
-    end = time.monotonic() + 240
-    while _states(server, "standing").count("COMPLETE") < 7 and time.monotonic() < end:
-        time.sleep(0.2)
-    time.sleep(2.0)
-    assert sorted(_states(server, "standing")) == ["COMPLETE"] * 7 + ["RUNNING"] * 4
-    assert second.poll() is None
-    os.killpg(first.pid, signal.SIGCONT)
-    _ended(first)
-    assert "waiting for 4 designs that other runs simulate" in _ended(second)
-    _require_whole(server, "standing", [one, two], 11)
 
 
 def test_a_server_that_goes_away_is_one_sentence(server: Server, tmp_path: Path) -> None:
@@ -150,25 +130,7 @@ def test_a_server_that_goes_away_is_one_sentence(server: Server, tmp_path: Path)
     assert "finished shifts are kept" in last
     assert "Traceback" not in err.decode()
     _ended(_start(server, "lost", out, *more))
-    assert _states(server, "lost") == ["COMPLETE"] * 4
-
-
-def test_locks_tell_the_living(server: Server) -> None:
-    address = _address(server.url)
-    one, two, other = (Shared(address, name) for name in ("a", "a", "b"))
-    assert one.living() == two.living() == {one.worker, two.worker}
-    assert other.living() == {other.worker}
-    with one.turn(), other.turn(), two.opening():
-        assert not two._try(two._study, 0)
-    with two.turn():
-        assert not one._try(one._study, 0)
-    one.close()
-    end = time.monotonic() + 10
-    while one.worker in two.living() and time.monotonic() < end:
-        time.sleep(0.05)
-    assert two.living() == {two.worker}
-    two.close()
-    other.close()
+    assert _states(server, "lost").count("COMPLETE") == 4
 
 
 @pytest.mark.parametrize(
@@ -196,23 +158,19 @@ def test_a_missing_driver_names_the_extra(
         run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, storage=server.url))
 
 
-def test_a_machine_with_other_versions_is_refused(
+def test_a_database_guards_what_it_holds(
     server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    study = load_study("mq200_paper", [*SMALL, "search.trials=1", "name=versions"])
+    few = [*SMALL, "search.trials=1", "name=versions"]
+    study = load_study("mq200_paper", few)
     run_study(study, searching(tmp_path / "a", 1, server.url))
+    with pytest.raises(StorageError, match="holds a study 'versions' already"):
+        run_study(study, searching(tmp_path / "b", 1, server.url))
+    other = load_study("mq200_paper", [*few, "sliding.mass_kg=0.4"])
+    with pytest.raises(StorageError, match="of another configuration"):
+        run_study(other, searching(tmp_path / "c", 1, server.url, resume=True))
     monkeypatch.setattr(
         "dogshape.pipeline.search.search.engine", lambda: {"dogshape": "0.1.0", "drake": "9"}
     )
     with pytest.raises(StorageError, match=r"other versions simulate \(.*drake .* and 9 here"):
         run_study(study, searching(tmp_path / "b", 1, server.url, resume=True))
-
-
-def test_an_sqlite_file_serves_one_run_at_a_time(tmp_path: Path) -> None:
-    from dogshape.pipeline.store.trial_storage import OneFile
-
-    study = load_study("mq200_paper", [*SMALL, "search.trials=1"])
-    held = OneFile(tmp_path / "search.db")
-    with pytest.raises(StorageError, match="SQLite serves one at a time"):
-        run_study(study, searching(tmp_path, 1, f"sqlite:///{tmp_path}/search.db"))
-    held.close()

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.simulate.agreement import Agreement, agreement_of, audit
+from dogshape.pipeline.search.confirmation import agreement_of, audit
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.study import _require_agreement
+from dogshape.pipeline.study import require_agreement
 from dogshape.sim.errors import EngineError
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import Said
-
-PERFECT = Agreement(200, 0, 0.0, 0.0, 0.0, 0.0)
 
 
 def _row(time: float | None) -> Record:
@@ -32,31 +29,32 @@ def _pairs(count: int, apart: Callable[[int], float]) -> list[tuple[Record, Reco
 def test_figures_are_those_of_the_pairs() -> None:
     pairs = [*_pairs(99, lambda k: 1e-4 * (k % 3)), (_row(None), _row(0.2))]
     found = agreement_of(pairs)
-    assert (found.shifts, found.flips) == (100, 1)
-    assert found.deviation == pytest.approx(1e-3)
-    assert found.median == pytest.approx(1e-3)
-    assert found.worst == pytest.approx(2e-3)
-    assert found.error == pytest.approx(np.std([0.0, 1e-3, 2e-3] * 33, ddof=1) / 99**0.5)
+    assert (found.shifts, found.outcome_same) == (100, 99)
+    assert found.mean_deviation == found.median_deviation == pytest.approx(1e-3)
+    assert found.worst_deviation == pytest.approx(2e-3)
+    spread = np.std([0.0, 1e-3, 2e-3] * 33, ddof=1)
+    assert found.standard_error == pytest.approx(spread / 99**0.5)
     assert found.agrees
     assert agreement_of([(_row(None), _row(None))] * 4).agrees
 
 
 @pytest.mark.parametrize(
-    ("changes", "agrees"),
-    [
-        ({}, True),
-        ({"flips": 6}, True),
-        ({"flips": 7}, False),
-        ({"shifts": 6, "flips": 1}, True),
-        ({"shifts": 6, "flips": 2}, False),
-        ({"deviation": 0.0099}, True),
-        ({"deviation": -0.011}, False),
-        ({"deviation": -0.011, "error": 0.004}, True),
-        ({"deviation": 0.05, "error": 0.01}, False),
-    ],
+    ("shifts", "flips", "agrees"),
+    [(200, 6, True), (200, 7, False), (6, 1, True), (6, 2, False)],
 )
-def test_the_rule(changes: dict[str, Any], agrees: bool) -> None:
-    assert replace(PERFECT, **changes).agrees is agrees
+def test_as_many_shifts_may_end_differently(shifts: int, flips: int, agrees: bool) -> None:
+    pairs = [(_row(None), _row(0.1))] * flips + _pairs(shifts - flips, lambda _: 0.0)
+    assert agreement_of(pairs).agrees is agrees
+
+
+@pytest.mark.parametrize(
+    ("off", "scatter", "agrees"),
+    [(9.9e-4, 0.0, True), (-1.1e-3, 0.0, False), (-1.1e-3, 8e-3, True), (5e-3, 8e-3, False)],
+)
+def test_means_may_differ_by_so_much(off: float, scatter: float, agrees: bool) -> None:
+    """By a hundredth of Drake's mean, or by three standard errors."""
+    pairs = _pairs(100, lambda k: off + scatter * (-1.0) ** k)
+    assert agreement_of(pairs).agrees is agrees
 
 
 @pytest.fixture
@@ -83,7 +81,7 @@ def test_an_audit_simulates_the_same_shifts_in_both_engines(
     designs = [study.prototype, {**study.prototype, "height_mm": 3.5}]
     found = audit(study, designs, scratch_executor(1), judge.clutch, 8)
     assert found.shifts == 8
-    assert found.deviation == pytest.approx(-0.001 / 0.101)
+    assert found.mean_deviation == pytest.approx(-0.001 / 0.101)
     by_engine = {
         engine: [row[1:] for row in simulated if row[0] == engine] for engine, *_ in simulated
     }
@@ -94,10 +92,10 @@ def test_an_audit_simulates_the_same_shifts_in_both_engines(
 
 
 def test_engines_that_do_not_agree_end_a_study_with_a_sentence(small_study: Setup) -> None:
-    _require_agreement(small_study, None)
-    _require_agreement(small_study, PERFECT.record)
+    require_agreement(small_study, agreement_of(_pairs(200, lambda _: 0.0)))
+    pairs = [(_row(None), _row(0.1))] * 90 + _pairs(110, lambda _: 0.0)
     with pytest.raises(EngineError, match=r"110 of 200 shifts end as in Drake.*solver\.engine"):
-        _require_agreement(small_study, replace(PERFECT, flips=90).record)
+        require_agreement(small_study, agreement_of(pairs))
 
 
 def test_the_exit_status_is_one(

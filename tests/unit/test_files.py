@@ -104,7 +104,7 @@ def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
     assert disk.calls == [("write", path), ("sync", path), ("sync folder", tmp_path)]
     append(path, {**row, "key": "b"})
     journal.add([{**row, "key": "b"}])
-    assert disk.calls[3:] == [("write", path), ("sync", path)]
+    assert disk.calls[3:] == disk.calls[:3]
 
     def broken(_: int) -> None:
         raise OSError(errno.EIO, os.strerror(errno.EIO))

@@ -71,15 +71,7 @@ def test_a_stopped_command_goes_on(
     again = dogshape(*asked)
     assert (again.status, again.out) == (0, whole.out)
     assert quick.done == shifts, "a finished shift was simulated again"
-    assert not list((tmp_path / "results").iterdir())
-
-
-def test_each_engine_is_a_question_of_its_own(dogshape: Call, quick: Quick) -> None:
-    for engine, words in (("drake", "by Drake"), ("planar", "by the compiled engine")):
-        asked = (*PRECISE, "--engine", engine, "--jobs", 1)
-        said = dogshape(*asked, "--json")
-        assert (said.json["engine"], said.json["shifts"]) == (engine, 24)
-        assert f"simulated {words}" in dogshape(*asked).out
+    assert not (tmp_path / "results").exists()
 
 
 def test_nothing_finished_leaves_nothing(dogshape: Call, tmp_path: Path, quick: Quick) -> None:

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
-import dogshape as ds
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.evaluation import evaluate
-from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.simulate.plausibility import folded, slips_of
-from dogshape.sim.errors import GeometryError, InputError
+from dogshape.sim.errors import InputError
 from tests.conftest import Said
 
 Call = Callable[..., Said]
@@ -154,43 +150,3 @@ def test_forces_without_a_rise_time(
     )  # fmt: skip
     assert said.status == 2
     assert words in said.sentence
-
-
-@pytest.mark.parametrize(
-    ("option", "name", "wanted"),
-    [
-        ("--svg", "a.png", "a.svg"),
-        ("--stl", "ring", "ring.stl"),
-        ("--step", "r.stl", "r.step"),
-        ("--svg", "v1.2", "v1.svg"),
-    ],
-)
-def test_endings_that_belie_their_content_are_refused(
-    dogshape: Call, option: str, name: str, wanted: str
-) -> None:
-    said = dogshape("export", "mq200_paper", option, name)
-    assert said.status == 2
-    assert f"write for instance {wanted}" in said.sentence
-    assert not Path(name).exists()
-
-
-def test_upper_case_endings_are_taken(dogshape: Call) -> None:
-    assert dogshape("export", "mq200_paper", "--svg", "A.SVG").status == 0
-
-
-def test_a_notebook_reads_the_same_scope() -> None:
-    with pytest.raises(InputError, match="no circular play"):
-        ds.Study("mq200", backlash_deg=3)
-
-
-def test_a_prototype_that_breaks_a_limit_of_the_workshop_is_still_compared_with() -> None:
-    study = load_study(
-        "mq200_paper",
-        ["manufacturing.module_mm=4", "solver.engine=planar", "operating.mismatch_rpm=[50]",
-         "operating.force_N=[469]"],
-    )  # fmt: skip
-    asked = ([{}], scratch_executor(1), 3, 1)
-    with pytest.raises(GeometryError, match=r"number of dogs is 3\.2 mm"):
-        evaluate(study, *asked)
-    (found,) = evaluate(study, *asked, require_made=False)
-    assert 0.02 < found.expectation.mean < 0.5

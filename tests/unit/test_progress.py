@@ -6,15 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.cli.console import ProgressBar, show
+from dogshape.cli.console import ProgressBar
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter, about
 from dogshape.pipeline.search.confirmation import new_angles, shifts_to_confirm
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.statistics.blocks import even_blocks
-from dogshape.study_result import StudyResult
-from tests.found import Row
 
 
 def test_shifts_are_announced_with_all_that_is_planned() -> None:
@@ -104,18 +102,3 @@ def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:
     assert sum(counted) == 3
     Executor(journal, 1, counted.append).run(blocks)  # one that was stopped goes on
     assert sum(counted) == 6
-
-
-def test_the_end_prints_what_the_report_has(
-    study: Setup, result: Row, capsys: pytest.CaptureFixture[str]
-) -> None:
-    for row in result["trials"]:
-        row |= {**study.prototype, **row}
-    show(StudyResult(study, Path(), result, None), False)
-    lines = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
-    assert lines[0] == "Design 2 is 20 % faster than the prototype."
-    assert "expected shift time, ms 100.0 ± 0.6 80.0 ± 0.6 20.0 ± 1.0 (20 %)" in lines
-    assert lines[-1] == "report: none yet, 'dogshape report' makes it"
-    nothing = result | {"best": None, "front": [], "confirmation": None}
-    show(StudyResult(study, Path(), nothing, None), False)
-    assert capsys.readouterr().out.startswith("No design of this search passes every check")

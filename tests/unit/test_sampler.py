@@ -1,81 +1,57 @@
-"""The sampler among Optuna's own: Optuna's tests of samplers, and what it is better at."""
+"""The sampler: what it draws, how it improves a front, and how unsure few values leave it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import combinations
-from pathlib import Path
-from types import MappingProxyType
+from typing import Any, cast
 
 import numpy as np
 import optuna
 import pytest
-from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
-from optuna.storages.journal import JournalFileBackend
-from optuna.testing.pytest_samplers import (
-    BasicSamplerTestCase,
-    MultiObjectiveSamplerTestCase,
-    RelativeSamplerTestCase,
-)
 from optuna.trial import FrozenTrial
 from scipy.special import ndtr
 
-from dogshape.pipeline.search.guide import FreeGuide, Params, Response
-from dogshape.pipeline.search.sampler import WIDE, Breadth, Pool, SurrogateSampler
-from dogshape.pipeline.search.unit_cube import STEP, Space
+from dogshape.pipeline.search.guide import NEAR, Params, Response, Space
+from dogshape.pipeline.search.sampler import Breadth, Pool, SurrogateSampler
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.hypervolume import added, directions, scales, volume_of
 
 FEW = Breadth(wide=60, near=20, draws=8, ways=32)  #: for what holds however much is weighed
+RANGES = {"height_mm": (2.0, 4.0), "count": (6, 36)}
 
 
-class TestAsOptunaWantsIt(
-    BasicSamplerTestCase, RelativeSamplerTestCase, MultiObjectiveSamplerTestCase
-):
-    """Optuna's own cases; startup ends soon, so that most of them reach the processes."""
+class Told:
+    """A guide and prediction that know a line of designs exactly: quick ones are long.
 
-    @pytest.fixture
-    def sampler(self) -> Callable[[], optuna.samplers.BaseSampler]:
-        return lambda: SurrogateSampler(seed=0, startup=2, breadth=FEW)
+    ``b`` puts a design behind the front, in both objectives.
+    """
 
+    def __init__(self, **variables: tuple[float, float]) -> None:
+        self.space = Space(variables or {"a": (0.0, 1.0), "b": (0.0, 1.0)})
 
-def bowls(trial: optuna.Trial) -> tuple[float, float]:
-    """Two bowls whose front is the line between their centres; a ring of it is forbidden."""
-    x, y = trial.suggest_float("x", 0.0, 1.0), trial.suggest_float("y", 0.0, 1.0)
-    trial.set_constraint("ring", 0.15 - float(np.hypot(x - 0.5, y - 0.5)))
-    return (x - 0.2) ** 2 + (y - 0.2) ** 2, (x - 0.8) ** 2 + (y - 0.8) ** 2
+    def allows(self, params: Params) -> bool:
+        return True
 
+    def predict(self, trials: Sequence[FrozenTrial]) -> Told:
+        return self
 
-def test_ask_and_tell_from_a_storage_goes_on_as_before(tmp_path: Path) -> None:
-    """Any storage serves, and a search that is taken up again makes the same trials."""
-    backend = JournalFileBackend(str(tmp_path / "trials.log"))
-    storage = optuna.storages.JournalStorage(backend)
-    whole = optuna.create_study(
-        directions=["minimize"] * 2, sampler=SurrogateSampler(seed=3, breadth=FEW)
-    )
-    whole.optimize(bowls, n_trials=14)
-    for part in (12, 2):
-        again = optuna.create_study(
-            study_name="bowls",
-            storage=storage,
-            directions=["minimize"] * 2,
-            sampler=SurrogateSampler(seed=3, breadth=FEW),
-            load_if_exists=True,
-        )
-        for _ in range(part):
-            trial = again.ask()
-            again.tell(trial, bowls(trial))
-    assert [t.params for t in again.trials] == [t.params for t in whole.trials]
+    def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
+        values = np.array([self.of(one) for one in params]).reshape(1, len(params), 2)
+        return np.repeat(values, count, axis=0)
+
+    def chances(self, params: Sequence[Params]) -> Array:
+        return np.ones(len(params))
+
+    def of(self, params: Params) -> tuple[float, float]:
+        behind = 0.2 * round(5.0 * params["b"])
+        return params["a"] + behind, 1.0 - params["a"] + behind
 
 
-def test_proposals_of_a_batch_differ() -> None:
-    study = optuna.create_study(directions=["minimize"] * 2, sampler=SurrogateSampler(seed=1))
-    study.optimize(bowls, n_trials=12)
-    ranges = {"x": FloatDistribution(0.0, 1.0), "y": FloatDistribution(0.0, 1.0)}
-    batch = [study.ask(ranges).params for _ in range(4)]
-    apart = [np.hypot(a["x"] - b["x"], a["y"] - b["y"]) for a, b in combinations(batch, 2)]
-    assert min(apart) > 0.02
+def searched(guide: Told, startup: int = 3) -> optuna.Study:
+    sampler = SurrogateSampler(cast(Any, guide), 1, startup, FEW)
+    return optuna.create_study(directions=["minimize"] * 2, sampler=sampler)
 
 
 @pytest.mark.parametrize("objectives", [1, 2, 3])
@@ -105,36 +81,20 @@ def test_what_adds_nothing_gains_nothing() -> None:
     assert added(dominated, front, np.ones(2), ways) == pytest.approx([0.0, 0.0, 0.0])
 
 
-SPACE = {
-    "log": FloatDistribution(1e-3, 10.0, log=True),
-    "step": FloatDistribution(0.0, 1.0, step=0.25),
-    "whole": IntDistribution(6, 36),
-    "choice": CategoricalDistribution(["a", "b", "c"]),
-}
-
-
-def test_a_space_draws_what_it_holds_and_every_value() -> None:
-    space, rng = Space(SPACE), np.random.default_rng(0)
-    drawn = [space.drawn(rng) for _ in range(600)]
+def test_a_space_draws_what_it_holds_evenly_or_near_a_design() -> None:
+    space, rng = Space(RANGES), np.random.default_rng(0)
+    drawn = [space.draw(rng) for _ in range(600)]
     assert all(space.holds(params) for params in drawn)
-    assert {params["step"] for params in drawn} == {0.0, 0.25, 0.5, 0.75, 1.0}
-    assert {params["whole"] for params in drawn} == set(range(6, 37))
+    assert {params["count"] for params in drawn} == set(range(6, 37))
     where = space.coordinates(drawn)
-    assert where.shape == (600, space.size) == (600, 6)
     assert 0.0 <= where.min() < where.max() <= 1.0
-    assert where.mean(axis=0) == pytest.approx([1 / 3] * 3 + [0.5] * 3, abs=0.06)
-    assert not space.holds({**drawn[0], "whole": 37})
-    assert not space.holds({"log": 1.0})
-
-
-def test_draws_near_a_design_are_near() -> None:
-    space, rng = Space(SPACE), np.random.default_rng(0)
-    centre = {"log": 0.1, "step": 0.5, "whole": 20, "choice": "b"}
-    near = [space.drawn(rng, centre) for _ in range(300)]
-    where, there = space.coordinates(near), space.coordinates([centre])
-    numbers = where[:, [3, 5]] - there[:, [3, 5]]  # of the logarithm and the whole number
-    assert numbers.std(axis=0) == pytest.approx([STEP, STEP], rel=0.2)
-    assert np.mean([params["choice"] == "b" for params in near]) > 0.7
+    assert where.mean(axis=0) == pytest.approx([0.5, 0.5], abs=0.06)
+    assert not space.holds({**drawn[0], "count": 37})
+    assert not space.holds({"count": 7})
+    centre = {"height_mm": 3.0, "count": 20}
+    near = space.coordinates([space.draw(rng, centre) for _ in range(300)])
+    off = near - space.coordinates([centre])
+    assert off.std(axis=0) == pytest.approx([NEAR, NEAR], rel=0.2)
 
 
 def test_a_chance_from_no_value_is_refused_and_from_few_is_unsure() -> None:
@@ -160,48 +120,16 @@ def test_a_chance_from_no_value_is_refused_and_from_few_is_unsure() -> None:
     assert (chance[asked[:, 0] > 0.6] < 0.05).all()
 
 
-@pytest.mark.parametrize("value", [-2000.0, 0.0, 3e-6])
-def test_a_constraint_of_any_size_is_unsure_where_few_trials_tell_it(value: float) -> None:
-    """A lone value of a free guide says that others may be as far away as the limit is."""
-    trials = [
-        optuna.trial.create_trial(
-            params={"x": 0.1 * k}, distributions={"x": FloatDistribution(0.0, 1.0)}, value=1.0,
-            constraints={"limit": value},
-        )
-        for k in range(3)
-    ]  # fmt: skip
-    space = Space({"x": FloatDistribution(0.0, 1.0)})
-    for count in (1, 3):
-        found = FreeGuide().predict(space, trials[:count], np.ones(1))
-        chance = found.chances([{"x": 0.9}])[0]
-        assert 0.02 < chance < 0.98
-        assert (chance > 0.5) == (value < 0.0)
-
-
-def test_a_small_space_lists_what_it_holds() -> None:
-    space = Space({name: SPACE[name] for name in ("step", "choice", "whole")})
-    every = space.every(1000)
-    assert every is not None
-    assert len(every) == len({space.key(params) for params in every}) == 5 * 31 * 3
-    assert all(space.holds(params) for params in every)
-    rng = np.random.default_rng(0)
-    keys = {space.key(params) for params in every}
-    assert all(space.key(space.drawn(rng)) in keys for _ in range(200))
-    assert space.every(5 * 31 * 3 - 1) is None
-    assert Space(SPACE).every(10**9) is None
-    assert Space({"one": FloatDistribution(2.0, 2.0)}).every(1) == [{"one": 2.0}]
-
-
-@pytest.mark.parametrize("startup", [3, 100])
+@pytest.mark.parametrize("startup", [1, 100])
 def test_every_design_of_a_small_space_is_proposed_before_any_again(startup: int) -> None:
-    """While it fills, and while it improves; then the search goes round evenly."""
-    ranges = {"n": IntDistribution(1, 4), "kind": CategoricalDistribution(["a", "b", "c"])}
-    study = optuna.create_study(sampler=SurrogateSampler(seed=0, startup=startup))
-    told = []
+    """While it fills, and while it improves; then a filling search goes round evenly."""
+    guide = Told(count=(1, 12))
+    guide.of = lambda params: (params["count"], -params["count"])  # type: ignore[method-assign]
+    study, told = searched(guide, startup), []
     for _ in range(24):
-        trial = study.ask(ranges)
-        study.tell(trial, trial.params["n"] * 1.0)
-        told.append(tuple(trial.params.values()))
+        trial = study.ask(guide.space.distributions)
+        study.tell(trial, guide.of(trial.params))
+        told.append(trial.params["count"])
     assert len(set(told[:12])) == 12
     if startup == 100:
         assert len(set(told[12:])) == 12
@@ -209,79 +137,47 @@ def test_every_design_of_a_small_space_is_proposed_before_any_again(startup: int
 
 def test_a_pool_that_was_taken_is_drawn_anew() -> None:
     """More designs that fill the space than the pool has: none comes twice."""
-    space, pool = Space({"x": FloatDistribution(0.0, 1.0)}), Pool(FreeGuide(), seed=0)
-    taken = pool.first(space)
-    more = pool.untaken(space, taken)
-    assert len(taken) == len(more) == WIDE
-    assert not {space.key(params) for params in taken} & {space.key(params) for params in more}
-    assert pool.untaken(space, taken) == more
-
-
-class Told:
-    """A guide and prediction that know a line of designs exactly: quick ones are long.
-
-    ``b`` puts a design behind the front, in both objectives.
-    """
-
-    distributions = MappingProxyType(
-        {"a": FloatDistribution(0.0, 1.0), "b": FloatDistribution(0.0, 1.0, step=0.2)}
-    )
-
-    def allows(self, params: Params) -> bool:
-        return True
-
-    def predict(self, space: Space, trials: Sequence[FrozenTrial], signs: Array) -> Told:
-        return self
-
-    def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
-        values = np.array([self.of(one) for one in params]).reshape(1, len(params), 2)
-        return np.repeat(values, count, axis=0)
-
-    def chances(self, params: Sequence[Params]) -> Array:
-        return np.ones(len(params))
-
-    def of(self, params: Params) -> tuple[float, float]:
-        return params["a"] + params["b"], 1.0 - params["a"] + params["b"]
-
-
-def narrow_then_proposed(more: list[tuple[float, float]], proposals: int) -> Array:
-    """Propose designs after a narrow front and others behind it, (n, 2)."""
     guide = Told()
-    study = optuna.create_study(
-        directions=["minimize"] * 2, sampler=SurrogateSampler(guide, 1, 3, FEW)
-    )
+    space, pool = guide.space, Pool(cast(Any, guide), 0, 400)
+    taken = pool.first()
+    more = pool.untaken(taken)
+    assert len(taken) == len(more) == 400
+    assert not {space.key(params) for params in taken} & {space.key(params) for params in more}
+    assert pool.untaken(taken) == more
+
+
+def test_proposals_of_a_batch_differ() -> None:
+    guide = Told()
+    study = searched(guide)
+    for _ in range(5):
+        trial = study.ask(guide.space.distributions)
+        study.tell(trial, guide.of(trial.params))
+    batch = [study.ask(guide.space.distributions).params for _ in range(4)]
+    apart = [np.hypot(a["a"] - b["a"], a["b"] - b["b"]) for a, b in combinations(batch, 2)]
+    assert min(apart) > 0.02
+
+
+@pytest.mark.parametrize("outliers", [[], [(1e3, 1.5)]], ids=["narrow", "with an outlier"])
+def test_a_front_that_is_narrow_does_not_stay_so(outliers: list[tuple[float, float]]) -> None:
+    """Designs beyond either end of the front are proposed, slower or longer than all of it.
+
+    Beside a design a thousand times as slow, slow ones would gain all and quick ones nothing.
+    """
+    guide = Told()
+    study = searched(guide)
     front = [{"a": a, "b": 0.0} for a in (0.48, 0.5, 0.52)]
     behind = [{"a": 0.1, "b": 0.6}, {"a": 0.9, "b": 0.6}, {"a": 0.5, "b": 0.4}]
-    for params in front + behind:
+    known = [(params, guide.of(params)) for params in front + behind]
+    for params, values in known + [({"a": 0.5, "b": 1.0}, values) for values in outliers]:
         study.add_trial(
             optuna.trial.create_trial(
-                params=params, distributions=dict(guide.distributions), values=guide.of(params)
+                params=params, distributions=guide.space.distributions, values=values
             )
         )
-    for values in more:
-        study.add_trial(
-            optuna.trial.create_trial(
-                params={"a": 0.5, "b": 1.0},
-                distributions=dict(guide.distributions),
-                values=values,
-            )
-        )
-    first = len(study.trials)
-    for _ in range(proposals):
-        trial = study.ask(dict(guide.distributions))
-        study.tell(trial, guide.of(trial.params))
-    return np.array([trial.values for trial in study.trials[first:]])
-
-
-def test_a_front_that_is_narrow_does_not_stay_so() -> None:
-    """Designs beyond either end of the front are proposed, slower or longer than all of it."""
-    proposed = narrow_then_proposed([], 4)
-    assert proposed[:, 0].min() < 0.25
-    assert proposed[:, 1].min() < 0.25
-
-
-def test_an_outlier_does_not_decide_what_is_proposed() -> None:
-    """Beside a design a thousand times as slow, slow ones would gain all and quick ones nothing."""
-    proposed = narrow_then_proposed([(1e3, 1.5)], 3)
-    assert proposed[:, 0].min() < 0.25
-    assert proposed[:, 1].min() < 0.25
+    proposed = []
+    for _ in range(4):
+        trial = study.ask(guide.space.distributions)
+        proposed.append(guide.of(trial.params))
+        study.tell(trial, proposed[-1])
+    assert min(one for one, _ in proposed) < 0.25
+    assert min(other for _, other in proposed) < 0.25

@@ -7,11 +7,11 @@ import pytest
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.guide import search_space
+from dogshape.pipeline.search.guide import Space
+from dogshape.pipeline.search.result_schema import DesignRow
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.store.result_schema import DesignRow
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
 
@@ -40,14 +40,6 @@ def test_the_set_point_is_the_mean_and_the_spread_stays(target: float) -> None:
     assert moved - moved.mean() == pytest.approx(own - own.mean(), abs=1e-9)
 
 
-def test_weights_count_in_the_mean() -> None:
-    points = "[{mismatch_rpm=10, force_N=300, weight=3}, {mismatch_rpm=50, force_N=400}]"
-    study = load_study("mq200_paper", [f"operating={{points={points}}}", SEARCHED[0]])
-    assert study.prototype["mismatch_set_rpm"] == pytest.approx(20.0)
-    moved = study.operated({"mismatch_set_rpm": -20.0})
-    assert _mismatches(moved).tolist() == pytest.approx([-30.0, 10.0])
-
-
 def test_the_force_takes_the_rise_time_of_the_table() -> None:
     study = _study()
     (profile, *_) = [p.profile for p in study.operated({"force_factor": 469.0 / 300.0}).points]
@@ -62,7 +54,7 @@ def test_a_study_is_operated_as_it_says() -> None:
     assert study.operated(study.prototype).points == study.points
     assert study.operated({"chamfer_deg": 9.0}) is study
     assert study.shape_keys == ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
-    assert [*search_space(study)][-3:] == [*OPERATED]
+    assert [*Space(study.variables).distributions][-3:] == [*OPERATED]
     assert study.dog_with(study.prototype) == study.clutch.dog
 
 

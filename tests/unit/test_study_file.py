@@ -34,58 +34,34 @@ def test_overrides_replace_keys_and_change_the_right_hashes() -> None:
     assert other_contact.physics_hash != plain.physics_hash
 
 
-def test_rise_time_lies_between_the_table() -> None:
-    study = load_study("mq200_paper", ["operating.force_N=[392.25]"])
-    assert study.points[0].profile.rise == pytest.approx(0.5 * (0.2026 + 0.1766))
-
-
 @pytest.mark.parametrize(
     ("override", "sentence"),
     [
         ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'dog.height_mm'?"),
-        ("dog.height_m=0.003", "did you mean 'dog.height_mm'?"),
         ("surprise.key=1", "'surprise' is not a known key; valid are"),
         ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but it must be a number in mm; "),
         ("dog.height_mm=0.0037", "dog.height_mm is 0.0037 mm"),
-        ("dog.count=15.5", "dog.count is 15.5"),
-        ("dog.count=true", "dog.count is True"),
         ("dog.chamfer_deg=nan", "dog.chamfer_deg is nan deg"),
-        ("dog=3", "dog is 3"),
         ("sliding.mass_kg=-0.3", "sliding.mass_kg is -0.3 kg"),
-        ("sliding.mass_kg=300", "sliding.mass_kg is 300 kg"),
-        ("output.inertia_kgm2=0", "output.inertia_kgm2 is 0 kg m2"),
         ("dog.count=70", "tip width at the inner radius is -"),
         ("dog.chamfer_deg=30", "height of the braking flank is"),
         ("contact.set=lubricated_stel", "did you mean 'lubricated_steel'?"),
         ("contact.dynamic_friction=0.5", "it must not exceed contact.static_friction = 0.12"),
-        ("contact.stiction_velocity_m_s=0", "contact.stiction_velocity_m_s is 0 m/s"),
         ("shift.timeout_s=-1", "shift.timeout_s is -1 s"),
-        ("shift.retraction_s=-1", "shift.retraction_s is -1 s"),
         ("operating.force_N=[100]", "the rise times of the study cover 235.2 to 641.5 N"),
-        ("operating.mismatch_rpm=[1e9]", "mismatch speed is 1e+09 1/min"),
-        ("operating.mismatch_rpm=[]", "operating.mismatch_rpm is []"),
         ("actuation.rise_s=[0.1]", "actuation.force_N has 4 and actuation.rise_s 1 values"),
         ("variables.count=[24, 6]", "variables.count is [24, 6]"),
         ("variables.braking_deg=[5, 70]", "variables.braking_deg is 70 deg"),
-        ("load.load_sharing=0", "load.load_sharing is 0"),
-        ("load.safety=0", "load.safety is 0"),
         ("load.load_height=0.4", "load.load_height is 0.4, but it must lie between 0.5 and 1"),
         ("load.friction_hold=0.2", "load.friction_hold is 0.2, but it must not exceed"),
-        ("dog.chamfer_deg=50", "must leave more than half the height"),
         ("material.set=16MnCr", "which is not a material set; did you mean '16MnCr5'?"),
         ("material.proof_stress_MPa=1", "material.proof_stress_MPa is 1 MPa"),
-        ("material.name=steel", "'material.name' is not a known key"),
         ("tolerance.height_mm=-1", "tolerance.height_mm is -1 mm"),
-        ("tolerance.chamfer_deg=9", "tolerance.chamfer_deg is 9 deg"),
         ("manufacturing.chamfer_share=0.6", "manufacturing.chamfer_share is 0.6"),
-        ("manufacturing.tip_width_mm=0", "manufacturing.tip_width_mm is 0 mm"),
-        ("search.trials=0", "search.trials is 0"),
         ("solver.scheme=rk4", "solver.scheme is 'rk4', which is not a scheme"),
-        ("solver.accuracy=1", "solver.accuracy is 1"),
         ("format=2", "format is 2, but this version reads format 1"),
         ("dog.count", "--set dog.count is not KEY=VALUE"),
         ("chamfer_deg=9", "'chamfer_deg' is not a known key; did you mean 'dog.chamfer_deg'?"),
-        ("dog.torque_Nm=9", "did you mean 'load.torque_Nm'?"),
         ("name.x=1", "--set name.x=1: name is a value and not a table"),
     ],
 )

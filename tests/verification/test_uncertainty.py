@@ -37,36 +37,40 @@ TIMEOUT, RETRACTION = 1.0, 0.2
 @pytest.mark.parametrize(
     ("given", "mean", "sd"),
     [
-        ({"kind": "normal", "mean": 60.0, "sd": 20.0}, 60.0, 20.0),
-        ({"kind": "uniform", "low": -20.0, "high": 40.0}, 10.0, 60.0 / 12**0.5),
+        ({"distribution": "normal", "mean": 60.0, "sd": 20.0}, 60.0, 20.0),
+        ({"distribution": "uniform", "low": -20.0, "high": 40.0}, 10.0, 60.0 / 12**0.5),
         # A lognormal with sigma = ln 1.5: mean m e^(s2/2), variance mean2 (e^s2 - 1).
         (
-            {"kind": "lognormal", "median": 50.0, "factor": 1.5},
+            {"distribution": "lognormal", "median": 50.0, "factor": 1.5},
             50.0 * np.exp(np.log(1.5) ** 2 / 2),
             50.0 * np.exp(np.log(1.5) ** 2 / 2) * np.expm1(np.log(1.5) ** 2) ** 0.5,
         ),
         # Kotz and van Dorp: mean (a + b + c)/3, variance (a2 + b2 + c2 - ab - ac - bc)/18.
-        ({"kind": "triangular", "low": 0.8, "mode": 1.0, "high": 1.5}, 1.1, (0.39 / 18) ** 0.5),
+        (
+            {"distribution": "triangular", "low": 0.8, "mode": 1.0, "high": 1.5},
+            1.1,
+            (0.39 / 18) ** 0.5,
+        ),
         # A normal cut at its mean: mean mu + sigma sqrt(2/pi), sd sigma sqrt(1 - 2/pi).
         (
-            {"kind": "normal", "mean": 0.0, "sd": 3.0, "low": 0.0},
+            {"distribution": "normal", "mean": 0.0, "sd": 3.0, "low": 0.0},
             3.0 * (2.0 / np.pi) ** 0.5,
             3.0 * (1.0 - 2.0 / np.pi) ** 0.5,
         ),
     ],
-    ids=lambda v: v["kind"] if isinstance(v, dict) else "",
+    ids=lambda v: v["distribution"] if isinstance(v, dict) else "",
 )
 def test_distributions_have_the_moments_of_their_closed_forms(
     given: dict[str, float], mean: float, sd: float
 ) -> None:
-    one = Distribution("key", **given)  # type: ignore[arg-type]
+    one = Distribution.model_validate(given).named("key")
     values = one.at((np.arange(20_000) + 0.5) / 20_000)
     assert values.mean() == pytest.approx(mean, rel=1e-3)
     assert values.std() == pytest.approx(sd, rel=3e-3)
     low, high = one.bounds
     assert low <= values.min() < values.max() <= high
     assert (np.diff(values) > 0.0).all()
-    assert one.kind in NEEDS
+    assert one.distribution in NEEDS
 
 
 def test_sobol_shares_fill_evenly_and_hang_on_the_seed() -> None:

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study, wear_of
+from dogshape.pipeline.simulate.evaluation import STAGES, life_checks, life_of
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.simulate.life import STAGES, life_checks, life_of
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.strength.dog_strength import strength_checks
@@ -74,8 +74,8 @@ def test_a_life_is_that_of_three_dogs() -> None:
     wear = wear_of(study.file)
     assert wear is not None
     rows = life_of(study, study.prototype, wear, scratch_executor())
-    assert [row["life"] for row in rows] == [*STAGES]
-    assert [row["crest_loss_mm"] for row in rows] == pytest.approx([0.0, 0.1, 0.2])
+    assert [row.life for row in rows] == [*STAGES]
+    assert [row.crest_loss_mm for row in rows] == pytest.approx([0.0, 0.1, 0.2])
     pair = worn(DOG, 0.2 * MM)
     keys = {
         "dog.height_mm": pair.height / MM,
@@ -85,9 +85,9 @@ def test_a_life_is_that_of_three_dogs() -> None:
     sets = [*QUICK, *(f"{key}={value!r}" for key, value in keys.items())]
     other = load_study("mq200_paper", [*sets, "wear.crest_loss_mm=0.0"])
     (first, *_) = life_of(other, other.prototype, Wear(crest_loss=0.0), scratch_executor())
-    assert rows[-1]["expected_shift_time_s"] == pytest.approx(first["expected_shift_time_s"])
-    assert rows[-1]["margins"]["chamfer_release"] < 0.0 < rows[0]["margins"]["chamfer_release"]
-    assert rows[-1]["margins"]["contact_ratio"] < rows[0]["margins"]["contact_ratio"]
+    assert rows[-1].expected_shift_time_s == pytest.approx(first.expected_shift_time_s)
+    assert rows[-1].margins["chamfer_release"] < 0.0 < rows[0].margins["chamfer_release"]
+    assert rows[-1].margins["contact_ratio"] < rows[0].margins["contact_ratio"]
 
 
 def test_wear_by_a_rate_follows_the_energy() -> None:
@@ -97,9 +97,7 @@ def test_wear_by_a_rate_follows_the_energy() -> None:
     assert wear.rate == pytest.approx(1e-15)
     new, half, _ = life_of(study, study.prototype, wear, scratch_executor())
     friction, shifts = study.clutch.contact.dynamic_friction, 0.5 * study.limits.load.shifts
-    assert half["crest_loss_mm"] == pytest.approx(
-        wear.loss(DOG, new["energy_J"], friction, shifts) / MM
-    )
+    assert half.crest_loss_mm == pytest.approx(wear.loss(DOG, new.energy_J, friction, shifts) / MM)
 
 
 def test_checks_of_the_root_keep_the_worse_of_worn_and_new() -> None:
@@ -135,15 +133,13 @@ def test_a_life_has_rounder_edges() -> None:
     wear = wear_of(study.file)
     assert wear is not None
     rows = life_of(study, study.prototype, wear, scratch_executor())
-    assert [row["edge_radius_mm"] for row in rows] == pytest.approx(
-        [0.0, 0.4 * math.sqrt(0.5), 0.4]
-    )
-    assert [row["crest_loss_mm"] for row in rows] == [0.0, 0.0, 0.0]
+    assert [row.edge_radius_mm for row in rows] == pytest.approx([0.0, 0.4 * math.sqrt(0.5), 0.4])
+    assert [row.crest_loss_mm for row in rows] == [0.0, 0.0, 0.0]
     sets = [*QUICK, "dog.edge_radius_mm=0.4", "wear.crest_loss_mm=0.0"]
     other = load_study("mq200_paper", sets)
     (first, *_) = life_of(other, other.prototype, Wear(crest_loss=0.0), scratch_executor())
-    assert rows[-1]["expected_shift_time_s"] == pytest.approx(first["expected_shift_time_s"])
-    assert rows[-1]["expected_shift_time_s"] != rows[0]["expected_shift_time_s"]
+    assert rows[-1].expected_shift_time_s == pytest.approx(first.expected_shift_time_s)
+    assert rows[-1].expected_shift_time_s != rows[0].expected_shift_time_s
 
 
 @pytest.mark.parametrize(

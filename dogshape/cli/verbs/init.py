@@ -12,7 +12,7 @@ import typer
 
 from dogshape.cli.console import emit, rich_table, say, terminal, verb
 from dogshape.cli.options import Json, Sets
-from dogshape.pipeline.config.study_file import key_and_value, pair_of
+from dogshape.pipeline.config.study_file import pair_of
 from dogshape.pipeline.drafts.bench_folder import BenchDraft, guessed, write_bench
 from dogshape.pipeline.drafts.sources import require_free, source_of
 from dogshape.pipeline.drafts.study_folder import (
@@ -135,7 +135,7 @@ def bench(
     target = out or Path(paths[0].stem.replace(" ", "_") if paths else "my_bench")
     require_free(target, force)
     columns = dict(_pair(text) for text in column or [])
-    values = dict(key_and_value(text) for text in set_ or [])
+    values = dict(pair_of(text) for text in set_ or [])
     draft = BenchDraft(paths, origin, columns, rise_s, values, decimal, rows or "")
     if may_ask(yes):
         draft = _asked(draft, target)

@@ -7,21 +7,38 @@ from __future__ import annotations
 
 from typing import Any
 
+from pydantic import create_model
+
 from dogshape.pipeline import record
+from dogshape.pipeline.config.operating import OPERATED
+from dogshape.pipeline.config.study_file import VARIABLES
 from dogshape.pipeline.record import SHARE, Record, key
+from dogshape.pipeline.search.confirmation import ContactGain, EngineAgreement
+from dogshape.pipeline.search.tolerance_effects import ToleranceTime
+from dogshape.pipeline.simulate.design import OBJECTIVES
+from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
 from dogshape.sim.clutch_tables import validate
+from dogshape.sim.units import unit_of
+
+#: Keys that a design has where the study searches them or has them for objectives.
+OPTIONAL = {
+    **{
+        name: (f"value of `variables.{name}`, where it is searched", unit_of(name))
+        for name in (*VARIABLES, *OPERATED)
+    },
+    **{
+        one.name: (f"{one.label}, where it is an objective", one.unit)
+        for one in OBJECTIVES.values()
+    },
+}
+_FIELDS: dict[str, Any] = {
+    name: (float | None, key(meaning, unit, None)) for name, (meaning, unit) in OPTIONAL.items()
+}
+DesignKeys = create_model("DesignKeys", __base__=Record, **_FIELDS)
 
 
-class ToleranceTime(Record):
-    """Change of the expected shift time within the tolerances of the dimensions."""
-
-    worst_case_s: float = key("all tolerances at their worst ends", "s")
-    root_sum_square_s: float = key("root of the sum of squares over the dimensions", "s")
-    by_dimension_s: dict[str, float] = key("change by dimension", "s")
-
-
-class DesignRow(Record):
+class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
     """A design of the search; its searched keys have the units that their names end in.
 
     In `trials` values and margins are those of the search, in `best` and `front` those of the new
@@ -31,70 +48,11 @@ class DesignRow(Record):
 
     trial: int = key("number of the trial")
     prototype: bool = key("whether this is the study's own design")
-    chamfer_deg: float | None = key("chamfer angle, where it is searched", "deg", None)
-    traction_deg: float | None = key(
-        "angle of the traction flank, where it is searched", "deg", None
-    )
-    braking_deg: float | None = key("angle of the braking flank, where it is searched", "deg", None)
-    height_mm: float | None = key("height of the dogs, where it is searched", "mm", None)
-    count: int | None = key("number of dogs of a ring, where it is searched", "", None)
-    axial_length_mm: float | None = key(
-        "axial length, root to root, where it is an objective", "mm", None
-    )
-    separating_force_N: float | None = key(
-        "axial separating force, where it is an objective", "N", None
-    )
-    utilisation: float | None = key(
-        "utilisation of the most loaded check, where it is an objective", "1", None
-    )
     smallest_margin: float | None = key("smallest margin of all checks at nominal size", "1")
     weakest_check: str = key("check with the smallest margin; `geometry` if no dog has the shape")
     margins: dict[str, float] = key("margin to the limit, by check", "1")
     expected_shift_time_s: float | None = key(
         "mean shift time over the operating points, retries included", "s"
-    )
-    shift_time_quantile_s: float | None = key(
-        "quantile of the shift time, where it is an objective", "s", None
-    )
-    peak_impact_force_N: float | None = key(
-        "mean of each shift's largest contact force, where it is an objective", "N", None
-    )
-    worst_shift_time_s: float | None = key(
-        "expected shift time at the slowest operating point, where it is an objective", "s", None
-    )
-    slower_than_reference_s: float | None = key(
-        "time lost on the reference at the worst operating point, where it is an objective",
-        "s",
-        None,
-    )
-    first_try_share: float | None = key(
-        "share of shifts that engage in time at the first try, where it is an objective",
-        SHARE,
-        None,
-    )
-    peak_axial_force_N: float | None = key(
-        "mean of each shift's largest axial force, where it is an objective", "N", None
-    )
-    strike_torque_Nm: float | None = key(
-        "mean of each shift's largest torque of the contact, where it is an objective", "N m", None
-    )
-    impact_impulse_Ns: float | None = key(
-        "mean of each shift's hardest impulse, where it is an objective", "N s", None
-    )
-    impact_energy_J: float | None = key(
-        "mean energy that the contact took, where it is an objective", "J", None
-    )
-    smallest_margin_worst: float | None = key(
-        "smallest margin at worst-case tolerances, where it is an objective", "1", None
-    )
-    mismatch_set_rpm: float | None = key(
-        "mean mismatch that the speed control aims at, where it is searched", "1/min", None
-    )
-    force_factor: float | None = key(
-        "shift force over that of the study, where it is searched", "1", None
-    )
-    rise_factor: float | None = key(
-        "rise time of the force over that of the study, where it is searched", "1", None
     )
     standard_errors: dict[str, float | None] = key(
         "standard error of each objective that is an estimate, in its unit"
@@ -135,22 +93,6 @@ class Estimate(Record):
     standard_error: float = key("standard error, in the same unit")
 
 
-class EngineAgreement(Record):
-    """Shifts of the compiled engine that Drake simulated again."""
-
-    shifts: int = key("shifts that both engines simulated")
-    outcome_same: int = key("shifts that end as in Drake")
-    median_deviation: float = key(
-        "median size of the deviation of a shift's time from Drake's", "1"
-    )
-    worst_deviation: float = key("largest size of that deviation", "1")
-    mean_deviation: float = key(
-        "mean time less Drake's, over Drake's; shifts that engage in both", "1"
-    )
-    standard_error: float = key("standard error of `mean_deviation`", "1")
-    agrees: bool = key("whether the engines agree (`docs/search.md`)")
-
-
 class ConfirmedDesign(ExpectedTime):
     """A design re-simulated at every operating point and at angles that the search did not use."""
 
@@ -169,15 +111,6 @@ class ConfirmedDesign(ExpectedTime):
     agrees: bool | None = key(
         "whether these are at most 3 standard errors apart; in `designs` alone", "", None
     )
-
-
-class ContactGain(Record):
-    """The gain under another contact, by the compiled engine."""
-
-    contact: str = key("what differs from the study's contact")
-    gain_s: float | None = key("gain in expected shift time; null where one has none", "s")
-    gain_standard_error_s: float | None = key("its standard error", "s")
-    gain_share: float | None = key("gain over the time of the prototype", SHARE)
 
 
 class Confirmation(Record):
@@ -209,22 +142,6 @@ class Confirmation(Record):
         "gain with friction and dissipation at the ends of what they may be; empty where the "
         "prototype is chosen"
     )
-
-
-class LifeStage(Record):
-    """The chosen design at a share of its life."""
-
-    life: float = key("share of the life", SHARE)
-    crest_loss_mm: float = key("height that the crest has lost", "mm")
-    edge_radius_mm: float = key("radius of its edges; 0 is sharp", "mm", 0.0)
-    chamfer_deg: float = key("what is left of the chamfer", "deg")
-    expected_shift_time_s: float = key("mean shift time over the operating points", "s")
-    standard_error_s: float | None = key("its standard error", "s")
-    engaged: float = key("share of the shifts that engaged", SHARE)
-    energy_J: float = key("mean energy that the contact takes in a shift", "J")
-    smallest_margin: float = key("smallest margin, manufacture left out", "1")
-    weakest_check: str = key("check with the smallest margin")
-    margins: dict[str, float] = key("margin of each check", "1")
 
 
 class SurrogateFigures(Record):
