@@ -1,4 +1,4 @@
-"""What the live page shows: its fields, and results of the package as cards and tables."""
+"""Content of the live page: its fields, and results of the package as cards and tables."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Number:
 
     @property
     def text(self) -> str:
-        """What stands in the field at the start."""
+        """Text of the field at the start."""
         return f"{self.value:.6g}"
 
 

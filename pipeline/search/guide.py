@@ -1,4 +1,4 @@
-"""What the sampler knows of dogs: search space, exact constraints and predictions.
+"""Knowledge of the sampler about dogs: search space, exact constraints and predictions.
 
 Constraints that cost nothing are known exactly: what they forbid is never proposed. Expected times
 come from the surrogate over designs and operating points, fitted to every row so far; each other

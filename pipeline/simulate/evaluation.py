@@ -126,7 +126,7 @@ def _mean(shifts: Shifts, value: Callable[[Shift], float]) -> Estimate:
 def integrated(
     rows: Sequence[Sequence[Shift]], value: Callable[[Shift], float]
 ) -> list[list[float]]:
-    """Return what each shift has, by operating point, without those whose integration failed."""
+    """Select the shifts of each operating point whose integration did not fail."""
     failed = Outcome.DIVERGED.value
     return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
 

@@ -77,8 +77,8 @@ def test_a_comparison_as_table_and_figure(comparison: ds.Comparison) -> None:
     frame = comparison.to_frame()
     assert {"mismatch_rpm", "force_N", "bench_s", "simulated_s", "standard_error_s"} < set(frame)
     drawn = {trace.name: trace for trace in comparison.plot().data if trace.name}
-    assert set(drawn) == {"simulated", "bench"}
-    for name, column in (("simulated", "simulated_s"), ("bench", "bench_s")):
+    assert set(drawn) == {"simulation", "bench"}
+    for name, column in (("simulation", "simulated_s"), ("bench", "bench_s")):
         values = sorted(1e3 * frame[column].dropna())
         assert sorted(drawn[name].x) == pytest.approx(values)
     assert comparison.rmse_s == comparison.to_dict()["rmse_s"]
