@@ -249,9 +249,9 @@ def studies() -> str:
     def other(study: str, who: str) -> str:
         length = f"{designs(study)[who]['axial_length_mm']:.1f} mm"
         if study == "mq200_robust":
-            return f"{plus_minus(estimate(study, who, 'shift_time_quantile_s'), 0)}; {length}"
-        mean = plus_minus(estimate(study, who, "expected_shift_time_s"), 0)
-        return f"{mean}; {length}; {plus_minus(estimate(study, who, blow, 1e-3), 1, 'kN')}"
+            return f"{plus_minus(estimate(study, who, 'shift_time_quantile_s'), 1)}; {length}"
+        mean = plus_minus(estimate(study, who, "expected_shift_time_s"), 1)
+        return f"{mean}; {length}; {plus_minus(estimate(study, who, blow, 1e-3), 2, 'kN')}"
 
     rows = [
         ("`mq200`: [the default study](#the-default-study)", time, "mq200"),
