@@ -196,7 +196,10 @@ def test_files_of_a_design_are_written(desk: Desk) -> None:
 def test_the_verb_serves_until_it_is_stopped(dogshape: Call, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dogshape.pipeline", "app", "mq200_paper", "--no-browser"]
     command += ["--port", "0"]
-    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path) as process:
+    with subprocess.Popen(
+        command, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    ) as process:  # fmt: skip
         try:
             assert process.stderr is not None
             address = process.stderr.readline().split()[0]
