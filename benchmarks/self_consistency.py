@@ -148,7 +148,7 @@ def draw_means(
     if unlisted:
         wide = float(generator.choice(USUAL.unlisted_sizes))
         length = float(generator.choice(USUAL.unlisted_lengths))
-        columns.append(wide * likelihood._free(length, p)[0])
+        columns.append(wide * simulated[:, None] * likelihood._unlisted_root(length))
         own = own + (1.0 - USUAL.unlisted_smooth) * (wide * simulated) ** 2
     every = np.hstack(columns)
     found = p.mean[0] + every @ generator.standard_normal(every.shape[1])

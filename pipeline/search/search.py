@@ -228,6 +228,13 @@ def _status(state: SearchState) -> str:
     return text
 
 
+def require_sampler(name: str) -> None:
+    """Raise InputError for an unknown sampler."""
+    if name not in SAMPLERS:
+        hint = did_you_mean(name, SAMPLERS)
+        raise InputError(f"search.sampler is '{name}', which is not a sampler; {hint}")
+
+
 def sampler_factory(study: Setup) -> SamplerOf:
     """Return a function that gives the sampler for a proposal, by how many were asked before.
 
@@ -236,6 +243,7 @@ def sampler_factory(study: Setup) -> SamplerOf:
     the checks that need no simulation.
     """
     search = study.file.search
+    require_sampler(search.sampler)
     if search.sampler in ("surrogate", "space_filling"):
         startup = max(search.startup, MIN_DESIGNS)
         startup = startup if search.sampler == "surrogate" else search.trials
@@ -247,9 +255,6 @@ def sampler_factory(study: Setup) -> SamplerOf:
         "nsga2": lambda seed: NSGAIISampler(seed=seed, population_size=search.startup),
         "random": lambda seed: RandomSampler(seed=seed),
     }
-    if search.sampler not in kinds:
-        hint = did_you_mean(search.sampler, SAMPLERS)
-        raise InputError(f"search.sampler is '{search.sampler}', which is not a sampler; {hint}")
     make = kinds[search.sampler]
     return lambda number: make(int(np.random.default_rng([search.seed, number]).integers(2**31)))
 

@@ -81,7 +81,7 @@ def test_a_cluster_gives_what_one_machine_gives(
     assert json.loads(away.stdout) == dogshape("expect", *EXPECT, "--jobs", 1).json
     # One worker must do it, and not this machine in its place.
     busy = sum(float(t) for t in _times(cluster.workers[0].pid))
-    assert busy > 1.0
+    assert busy > 0.3
 
 
 def _times(pid: int) -> list[float]:

@@ -44,9 +44,7 @@ def test_a_shift_as_table_figure_and_page(shift: ds.Shift, tmp_path: Path) -> No
     frame = shift.to_frame()
     assert shift.time_s is not None
     assert frame["t_s"].iloc[-1] == pytest.approx(shift.time_s, abs=2e-3)
-    assert [axis.title.text for axis in shift.plot().select_yaxes()] == [
-        *("displacement, mm", "speed, 1/min", "force, N")
-    ]
+    assert [axis.title.text for axis in shift.plot().select_yaxes()] == [*("mm", "1/min", "N")]
     page = shift.report(tmp_path / "shift.html")
     assert page.stat().st_size > 1_000_000
 
@@ -66,7 +64,7 @@ def test_expectation_is_what_the_command_line_prints(dogshape: Dogshape) -> None
     assert json.loads(said.out) == found.to_dict()
     assert list(found.to_frame()["n"]) == [3]
     (line,) = found.plot().data
-    assert line.y[0] == pytest.approx(1e3 * found.to_frame()["mean_s"][0])
+    assert line.x[0] == pytest.approx(1e3 * found.to_frame()["mean_s"][0])
 
 
 def test_settings_are_keys_of_the_study_file() -> None:

@@ -93,8 +93,7 @@ def _require_whole(server: Server, name: str, outs: list[Path], trials: int) -> 
             assert result[key] == first[key], key
         assert result["n_simulated_shifts"] == 6 * trials + 12
         stored, other = (json.loads((o / "surrogate.json").read_text()) for o in (out, outs[0]))
-        assert stored["rows"] == other["rows"]
-        assert len(stored["rows"]) == 2 * trials + 2
+        assert stored == other
     assert f"{trials} designs" in write_report(StudyFolder(outs[-1])).read_text()
 
 

@@ -231,7 +231,7 @@ def test_a_held_ring_is_let_go_as_the_whole_motion_says(
     asked = point(50, 315.5)
     apart = engage(ClutchPlant(far), asked, 0.0).trace
     at_once = Release(*np.zeros((3, 1)))
-    monkeypatch.setattr("dogshape.sim.shift.plant.release", lambda *_: at_once)
+    monkeypatch.setattr("dogshape.sim.shift.conclusion.release", lambda *_: at_once)
     whole = engage(ClutchPlant(far), asked, 0.0).trace
     assert apart.displacement[-1] == pytest.approx(whole.displacement[-1], rel=5e-3)
     assert apart.actuator_displacement[-1] == pytest.approx(
