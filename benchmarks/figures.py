@@ -23,9 +23,6 @@ EVIDENCE = ROOT / "docs" / "evidence"
 BLOCK = re.compile(r"(<!-- ([\w ]+): .*-->\n)(.*?)(<!-- end of \2 -->\n)", re.DOTALL)
 NUMBER = re.compile(r"(?<![\w.])[+-]?\d+(?:\.\d+)?(?:e[+-]?\d+)?")
 PAPER = "mq200_paper"
-OPTUNA = ("TPE", "NSGA-II", "GPSampler", "quasi-random")
-OWN = "own"
-CLUTCHES = {"prototype": "prototype", "small": "small, 40 mm", "large": "large, 92 mm"}
 BESTS = ("chosen", "gearbox's")  #: designs of contact_sets.txt
 #: Settings of contact_sets.txt, and their words.
 CONTACTS = {
@@ -163,19 +160,9 @@ def field(words: str, *, counted: bool = True) -> str:
     return f"{value} of {n}" if counted else value
 
 
-def fitted(clutch: str) -> list[float]:
-    """Return designs, rmse, bias, error of references, Q2, share in 95 %, of points, and rank."""
-    return numbers("surrogate_validation", f"{clutch} ")
-
-
-def each_clutch(place: int, digits: int) -> str:
-    """Write one figure of the fits of three clutches."""
-    return "{}, {} and {}".format(*(f"{fitted(one)[place]:.{digits}f}" for one in CLUTCHES))
-
-
-def shares(sampler: str) -> list[float]:
-    """Return a sampler's shares of the hypervolume, three a column, and its number of seeds."""
-    return numbers("samplers", "share of the reference front", sampler)
+def validated() -> dict[str, float]:
+    """Return the validation of the bundled surrogate."""
+    return dict(read("studies/mq200_paper/surrogate.json")["validation"])
 
 
 # Tables
@@ -185,14 +172,16 @@ def found() -> str:
     """Write what README.md says was found."""
     every = numbers("adams", "all angles, as published")
     times = [confirmed("mq200", who) for who in ("best", "prototype")]
+    audited = result("mq200")["audit"]
     rows = [
         ("fastest dogs, 28 operating points, with mechanism and uncertain contact",
          f"{times[0]}, instead of {times[1]} of the prototype"),
-        ("search, share of the best hypervolume known in 0.8 minutes of one core",
-         f"{shares(OWN)[3]:.2f}; the best of four samplers of Optuna "
-         f"{max(shares(name)[3] for name in OPTUNA):.2f}"),
-        ("surrogate of three clutches, on designs that it never saw",
-         f"Q\u00b2 {each_clutch(4, 3)}"),
+        ("compiled engine beside Drake, 200 shifts of that search",
+         f"{audited['outcome_same']} end alike; the mean time deviates by "
+         f"{100 * audited['mean_deviation']:+.2f} \u00b1 "
+         f"{100 * audited['standard_error']:.2f} %".replace("-", "\u2212")),
+        (f"surrogate of `{PAPER}`, on {validated()['n']} designs that it never saw",
+         f"Q\u00b2 {validated()['q2']:.3f}; {validated()['q2_points']:.3f} at single points"),
         ("published Adams model, all relative angles",
          f"root-mean-square deviation {every[0]:.1f} %"),
         ("blind diagnosis, share of named causes that are the whole truth",
@@ -339,28 +328,16 @@ def engines() -> str:
 
 
 def validation() -> str:
-    """Write the figures of the surrogate of three clutches."""
-    rows = []
-    for clutch, words in CLUTCHES.items():
-        _, error, bias, noise, q2, inside, points, inside_points, rank, _ = fitted(clutch)
-        sure = f"{inside:.0f} %", f"{points:.3f}", f"{inside_points:.0f} %", f"{rank:.2f}"
-        errors = f"{error:.2f} ms", f"{bias:+.2f} ms"
-        rows.append((words, f"{q2:.3f}", *errors, *sure, f"{noise:.2f} ms"))
-    head = ("clutch", "Q\u00b2", "error", "bias", "in 95 %", "Q\u00b2 of points", "in 95 %",
+    """Write the figures of the bundled surrogate."""
+    v = validated()
+    row = (
+        f"{v['q2']:.3f}", f"{1e3 * v['rmse_s']:.2f} ms", f"{1e3 * v['bias_s']:+.2f} ms",
+        percent(v["coverage_95"]), f"{v['q2_points']:.3f}", percent(v["coverage_points"]),
+        f"{v['rank_best']:.2f}", f"{1e3 * v['noise_s']:.2f} ms",
+    )  # fmt: skip
+    head = ("Q\u00b2", "error", "bias", "in 95 %", "Q\u00b2 of points", "in 95 %",
             "rank of the best", "error of a reference")  # fmt: skip
-    return markdown(head, rows)
-
-
-def samplers() -> str:
-    """Write the shares of the hypervolume of all samplers."""
-    rows = []
-    for name in (*OPTUNA, OWN):
-        row = shares(name)
-        spans = [row[k : k + 3] for k in range(0, 9, 3)]
-        rows.append((name, *(f"{m:.2f} ({low:.2f} to {high:.2f})" for m, low, high in spans),
-                     f"{row[9]:.0f}"))  # fmt: skip
-    head = ("sampler", "0.4 min", "0.8 min", "1.6 min", "seeds")
-    return markdown(head, rows)
+    return markdown(head, [row])
 
 
 TABLES: dict[str, Callable[[], str | None]] = {
@@ -373,7 +350,6 @@ TABLES: dict[str, Callable[[], str | None]] = {
     "adams": adams,
     "engines": engines,
     "validation": validation,
-    "samplers": samplers,
     "constants": constants.table,
     "keys": key_table,
 }
