@@ -6,14 +6,14 @@ The paper's study's objectives and constraints at six of its operating points; o
 one may be harder than the checks take. The compiled engine simulates every design, at 64 angles of
 each point. All samplers begin with the same ten designs and know nothing else of the clutch.
 
-Optuna's samplers are asked and told one design at a time, as one uses Optuna with a simulator. A
-design that a closed form forbids costs no shift: it is told the worst time so far and its largest
+Optuna's samplers propose one design at a time, as one uses Optuna with a simulator. A
+design that a closed form forbids costs no shift: it gets the worst time so far and its largest
 constraint. ``GPSampler`` proposes forbidden designs nearly always, so it proposes among allowed
 ones only (``AllowedGP``). This project's search is that of a study.
 
 A front is what a search declares once it has spent so many minutes: designs that pass every check
 and that no other dominates. All of them are simulated again at new angles; those whose dogs land
-too hard there are left out. What is told is the hypervolume of the others up to a quarter beyond
+too hard there are left out. The result is the hypervolume of the others up to a quarter beyond
 the prototype, as a share of that of the reference front: the best of all designs simulated so,
 among them the front of a search over 20 000 designs by the surrogate that the package brings.
 
@@ -161,12 +161,15 @@ def other_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
             design = design_of(study, design.params, one.measured)
             if design.feasible:
                 found.append((design.params, values_of(study, design, times)))
-        # A shape that is impossible has no length either: it is told the prototype's.
+        # A shape that is impossible has no length either: it has the prototype's.
         length = values_of(study, design, times)[1]
-        told = [times[SIMULATED], length if np.isfinite(length) else study.clutch.dog.travel * 1e3]
+        losses = [
+            times[SIMULATED],
+            length if np.isfinite(length) else study.clutch.dog.travel * 1e3,
+        ]
         limits = [v for n, v in design.constraints.items() if limiting is None or n in limiting]
         trial.set_constraint("largest", max(limits))
-        search.tell(trial, told)
+        search.tell(trial, losses)
         if simulated and found:
             kept = not_dominated(np.array([values for _, values in found]))
             front = [params for (params, _), keep in zip(found, kept, strict=True) if keep]

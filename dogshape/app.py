@@ -401,7 +401,7 @@ def serve_app(
     """Serve the live page of a study on this machine until it is interrupted.
 
     ``surrogate``, ``folder`` and ``command`` as ``open_desk`` takes them. ``port`` 0 is any free
-    one; ``progress`` is told the address.
+    one; ``progress`` gets the address.
     """
     server = start_server(open_desk(study, surrogate, folder, command), port)
     address = f"http://{HOST}:{server.port}/"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import plotly.graph_objects as go
 
 
-TOLD = (
+PRINTED_KEYS = (
     "engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation", "audit",
 )  # fmt: skip
 
@@ -110,7 +110,7 @@ class StudyResult(Result):
         """Give chosen design, front, confirmation, and how much was simulated."""
         report = None if self.page is None else str(self.page)
         own = {"seconds_cpu": self.seconds_cpu, "report": report}
-        return {key: self.record[key] for key in TOLD} | own
+        return {key: self.record[key] for key in PRINTED_KEYS} | own
 
     def to_frame(self) -> pd.DataFrame:
         """Give all designs of the search (``trials``)."""

@@ -55,7 +55,7 @@ Record = dict[str, Any]  #: a part of result.json (``pipeline.search.result_sche
 class Run:
     """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers.
 
-    Without ``report`` it ends with its result. ``progress`` is told how far it is.
+    Without ``report`` it ends with its result. ``progress`` gets the number of finished shifts.
     """
 
     folder: StudyFolder

@@ -310,7 +310,7 @@ def kept_shifts(
     """Give an executor whose finished shifts stay in ``folder`` until the work is done.
 
     A stop by Ctrl-C says how many are kept. A folder that cannot be written, or is in use by the
-    same command, is told in a line, and nothing is kept.
+    same command, gets a line, and nothing is kept.
     """
     connect(cluster)
     with ExitStack() as held:

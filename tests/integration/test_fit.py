@@ -40,7 +40,7 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> Finished:
 
 @pytest.fixture
 def fitted(begun: Finished, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
-    """What the fit said; the test stands in a copy of its folder."""
+    """Output of the fit; the test stands in a copy of its folder."""
     monkeypatch.chdir(begun.copy(tmp_path / "own"))
     found: dict[str, Any] = json.loads(Path("said.json").read_text())
     return found

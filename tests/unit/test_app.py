@@ -1,4 +1,4 @@
-"""What the live page asks and shows, without a server: the values of the package."""
+"""Values of the live page, without a server: those of the package."""
 
 from __future__ import annotations
 
