@@ -88,19 +88,6 @@ def loads_of(clutch: Clutch, trace: Trace, touched: Touches, phases: tuple[Phase
     )
 
 
-def peak_duration(trace: Trace) -> float:
-    """Measure how long the tangential force stays above half of its peak, s."""
-    force = np.abs(trace.tangential_force)
-    peak = int(np.argmax(force))
-    low = np.flatnonzero(force < 0.5 * force[peak])
-    before = low[low < peak]
-    after = low[low > peak]
-    # A force is the mean of the step that ends at its time.
-    start = trace.time[before[-1]] if before.size else trace.time[0]
-    end = trace.time[after[0] - 1] if after.size else trace.time[-1]
-    return float(end - start)
-
-
 def _dog_on_dog(clutch: Clutch, trace: Trace, touched: Touches) -> Landing:
     dog = clutch.dog
     landed = touched.faces & (trace.contact_force > np.abs(trace.tangential_force))

@@ -16,7 +16,7 @@ from dogshape.sim.shift.conclusion import Outcome, depends_on_clock
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS
 from dogshape.sim.statistics.expectation import ShiftResult
-from dogshape.sim.statistics.uncertainty import FACTORS, Variant
+from dogshape.sim.statistics.uncertainty import Variant
 from dogshape.sim.units import DEG, MM, RPM, from_si
 
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
@@ -88,12 +88,9 @@ OPTIONAL = (
     *MECHANISM_KEYS,
 )
 
-#: Keys of a record that say how its factors are distributed; a certain shift has none.
-UNCERTAIN = tuple(f"uncertain_{name}" for name in FACTORS)
-
 
 def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
-    """Return distributions in words as a flat record under ``UNCERTAIN``."""
+    """Return distributions in words as a flat record; a certain shift has none."""
     return {f"uncertain_{name}": text for name, text in source}
 
 

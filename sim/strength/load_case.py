@@ -241,23 +241,17 @@ class LoadCase:
         if torque == 0.0:
             return self.load_sharing
         equal = torque / (dog.mean_radius * dog.count)
-        return self._share(self._load_share, dog, equal, 0.5 * self.run_out)
-
-    def _load_share(self, count: int, scatter: float, wave: float) -> float:
-        return load_share(count, scatter, wave)
-
-    def _landing_share(self, count: int, scatter: float, wave: float) -> float:
-        return landing_share(count, scatter, wave)
+        return self._share(load_share, dog, equal, 0.5 * self.run_out)
 
     def landing(self, dog: Dog, line_load: float) -> float:
         """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""
         # Thousands of landings differ by less: three digits let them share an answer.
         force = line_load * dog.radial_width
-        return self._share(self._landing_share, dog, force, dog.mean_radius * self.tilt, digits=3)
+        return self._share(landing_share, dog, force, dog.mean_radius * self.tilt, digits=3)
 
     def blow(self, dog: Dog, force: float) -> float:
         """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
-        return self._share(self._landing_share, dog, force, 0.5 * self.run_out, digits=3)
+        return self._share(landing_share, dog, force, 0.5 * self.run_out, digits=3)
 
     def _share(
         self,
