@@ -124,7 +124,7 @@ def _searched(search: Search, how: Run) -> Record:
             counter.say(line)
             write_json(folder.result, collect(state, journals[1]))
 
-        def told(designs: int, line: str) -> None:
+        def before_round(designs: int, line: str) -> None:
             counter.rest(shifts_to_confirm(study, designs))
             counter.say(line)
 
@@ -133,7 +133,7 @@ def _searched(search: Search, how: Run) -> Record:
         )
         with counter.kept_in(folder.root, "--resume goes on"):
             searched = run(search, executors.search, after_round)
-            confirmation, state = confirm(searched, executors, told)
+            confirmation, state = confirm(searched, executors, before_round)
             life = _life(confirmation, state, executors.search, counter)
             audited = _audit(searched, executors.kept, counter)
         for journal in journals:

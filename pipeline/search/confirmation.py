@@ -60,7 +60,7 @@ APART = 3.0  #: standard errors from which search and confirmation of a design d
 FLIPS = 0.01
 MEAN = 0.01  #: difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %
 SURE = 3.0  #: standard errors from which a difference of the engines counts
-Told = Callable[[int, str], None]  #: called with how many designs are next, and a line for people
+BeforeRound = Callable[[int, str], None]  #: gets the number of designs that are next, and a line
 
 
 class ContactGain(Record):
@@ -149,7 +149,7 @@ def shifts_to_confirm(study: Setup, designs: int) -> int:
 
 
 def confirm(
-    searched: SearchState, executors: Executors, told: Told
+    searched: SearchState, executors: Executors, before_round: BeforeRound
 ) -> tuple[dict[str, Any] | None, SearchState]:
     """Simulate prototype and front of an ended search at angles that it did not use.
 
@@ -162,7 +162,7 @@ def confirm(
         line = f"confirming prototype and {len(trials)} of the front at new angles"
         if found:
             line = f"confirming {len(trials)} more that the new angles put on the front"
-        told(len(trials), line)
+        before_round(len(trials), line)
         new = _resimulated(study, [trial.params for trial in trials], executors)
         names = [f"design {trial.number}" for trial in trials]
         _require_known(dict(zip(names, new, strict=True)))

@@ -238,7 +238,7 @@ def require_sampler(name: str) -> None:
 def sampler_factory(study: Setup) -> SamplerOf:
     """Return a function that gives the sampler for a proposal, by how many were asked before.
 
-    Optuna's samplers are made and seeded anew for each proposal, which makes a resumed search
+    Optuna's samplers are built for each proposal, with its own seed, which makes a resumed search
     equal to an uninterrupted one. InputError for an unknown sampler, and where no design passes
     the checks that need no simulation.
     """

@@ -136,7 +136,7 @@ TIMES = (
 )  # fmt: skip
 CHECKS = ("feasible", "smallest_margin", "worst_check", "reason")
 NEAR = 0.7  #: likeness of a column's name to a variable's from which it is taken for a misspelling
-TOLD = 10  #: faulty cells that a refusal lists
+MAX_LISTED = 10  #: faulty cells that a refusal lists
 
 
 @dataclass(frozen=True)
@@ -310,9 +310,9 @@ def _designs(table: TextTable, variables: tuple[str, ...], filled: Mapping[str, 
         else:
             x[:, place] = _numbers(table, name, faults)
     if faults:
-        told = [fault for _, fault in sorted(faults)]
-        more = [f"and {len(told) - TOLD} more cells"] if len(told) > TOLD else []
-        raise InputError(listed(str(table.path), [*told[:TOLD], *more]))
+        texts = [fault for _, fault in sorted(faults)]
+        more = [f"and {len(texts) - MAX_LISTED} more cells"] if len(texts) > MAX_LISTED else []
+        raise InputError(listed(str(table.path), [*texts[:MAX_LISTED], *more]))
     return x
 
 
