@@ -24,14 +24,10 @@ from dogshape.sim.units import MM
 
 @dataclass(frozen=True)
 class Wear:
-    """Cause of the wear of faces, a rate or a measured loss, and what it leaves of the edges.
+    """Wear of the faces, by a rate (m3/(N m)) or a measured loss of height, and of the edges (m).
 
-    Parameters
-    ----------
-    rate : specific wear rate, m3/(N m).
-    crest_loss : height that the crest lost at the end of the life, as measured, m.
-    edge_radius : of crest and braking edge at the end of the life, as measured, m; None where they
-        stay as they are. With it faces need not wear.
+    ``crest_loss`` and ``edge_radius`` are those at the end of the life; edges stay as they are
+    without the latter, and faces need not wear with it.
     """
 
     rate: float | None = within(

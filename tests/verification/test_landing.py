@@ -17,9 +17,9 @@ from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.statistics.shift_records import landing_of, landing_record
+from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import edge_pressure, hardest, landing_checks
+from dogshape.sim.strength.landing import demand_checks, demand_of, edge_pressure
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import MPA
 
@@ -96,6 +96,10 @@ def _landing(**classes: float) -> Landing:
     return Landing(tuple(loads))
 
 
+def _checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[Check, ...]:
+    return demand_checks(demand_of(dog, landing, limits), limits)
+
+
 def test_hertz_of_two_edges_by_hand() -> None:
     """54 N/mm on two radii of 0.3 mm: sqrt(54e3 x 115.4e9 / (pi 0.15e-3))."""
     assert edge_pressure(54e3, 0.3e-3) / MPA == pytest.approx(3636, abs=2)
@@ -104,7 +108,7 @@ def test_hertz_of_two_edges_by_hand() -> None:
 def test_overlap_is_flat_between_two_rounded_crests(prototype: Dog) -> None:
     """0.3 mm at 94 degrees takes 0.2798 mm of either face: 1.4 mm leave 0.840 mm."""
     limits = Limits(load=LoadCase(load_sharing=1.0))
-    face, core, edge = landing_checks(prototype, _landing(at_14=100.0), limits)
+    face, core, edge = _checks(prototype, _landing(at_14=100.0), limits)
     assert face.value == pytest.approx(100.0 / 0.8405, rel=1e-3)
     assert core.value == pytest.approx(100.0 / (0.8405 + 0.8), rel=1e-3)
     assert edge.value == 0.0
@@ -114,24 +118,17 @@ def test_overlap_is_flat_between_two_rounded_crests(prototype: Dog) -> None:
 
 def test_what_is_not_flat_bears_on_edges(prototype: Dog) -> None:
     limits = Limits(load=LoadCase(load_sharing=1.0))
-    face, core, edge = landing_checks(prototype, _landing(at_6=54.0, at_3=20.0), limits)
+    face, core, edge = _checks(prototype, _landing(at_6=54.0, at_3=20.0), limits)
     assert face.value == core.value == 0.0
     assert edge.value == pytest.approx(3636, abs=2)
     wide = limits.with_root_radius(0.6e-3)  # now 1.12 mm are rounded
-    assert landing_checks(prototype, _landing(at_11=54.0), wide)[0].value == 0.0
-    assert landing_checks(prototype, _landing(at_11=54.0), limits)[0].value > 0.0
+    assert _checks(prototype, _landing(at_11=54.0), wide)[0].value == 0.0
+    assert _checks(prototype, _landing(at_11=54.0), limits)[0].value > 0.0
 
 
 def test_uneven_landing_grows_with_the_root_of_the_share(prototype: Dog) -> None:
     landing = _landing(at_3=20.0, at_14=100.0)
-    even = landing_checks(prototype, landing, Limits(load=LoadCase(load_sharing=1.0)))
-    half = landing_checks(prototype, landing, Limits(load=LoadCase(load_sharing=0.25)))
+    even = _checks(prototype, landing, Limits(load=LoadCase(load_sharing=1.0)))
+    half = _checks(prototype, landing, Limits(load=LoadCase(load_sharing=0.25)))
     assert half[0].value == pytest.approx(2.0 * even[0].value)
     assert half[2].value == pytest.approx(even[2].value * math.sqrt(2.0))
-
-
-def test_hardest_of_many() -> None:
-    landings = [_landing(at_1=1.0, at_2=5.0), _landing(at_1=3.0, at_2=2.0)]
-    assert hardest(landings) == _landing(at_1=3.0, at_2=5.0)
-    assert hardest([]) == Landing()
-    assert landing_of(landing_record(landings[0])) == landings[0]
