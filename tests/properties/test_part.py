@@ -6,7 +6,6 @@ Thousands of designs from the ranges of the search, with other diameters and zer
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -205,15 +204,6 @@ def test_mating_dogs_fill_their_slots_and_nothing_more(many: list[Design]) -> No
         assert gap.min() < NEAR
 
 
-@pytest.mark.parametrize("count", [2, 3, 100])
-def test_few_and_many_dogs_are_sound_as_well(prototype: Dog, count: int) -> None:
-    dog = replace(prototype, count=count, height=0.5 * MM, chamfer=0.3 * DEG)
-    mesh = ring_part(dog, 0.05 * MM, BODY, **COARSE)
-    assert open_edges(mesh.cells) == 0
-    assert piercings(mesh, 2, count) == 0
-    assert abs(clearance(dog, 0.05 * MM, mate_points(dog, 0.05 * MM)).min()) < NEAR
-
-
 def test_sharp_tips_do_not_fit_filled_slots(prototype: Dog) -> None:
     """Why tips are rounded: a sharp one would stand in the fillet."""
     sharp = clearance(prototype, 0.3 * MM, mate_points(prototype, 0.0)).min()
@@ -253,13 +243,3 @@ def test_two_rings_at_full_depth_share_no_volume(many: list[Design]) -> None:
         shared = _overlap(mesh, mated(dog, mesh))
         tooth = 0.25 * dog.pitch * dog.height * dog.radial_width / MM**3
         assert shared < 1e-6 * tooth, f"{dog}, root radius {radius}"
-
-
-@pytest.mark.usefixtures("_manifold")
-def test_the_intersection_sees_what_stands_in_a_fillet(prototype: Dog) -> None:
-    sharp = ring_part(prototype, 0.0, BODY)
-    filled = ring_part(prototype, 0.3 * MM, BODY, 16)
-    assert _overlap(sharp, mated(prototype, sharp)) < 1e-6
-    assert _overlap(filled, mated(prototype, sharp)) > 0.05
-    pushed = mated(prototype, sharp, -0.01 * MM)
-    assert _overlap(sharp, pushed) > 0.1

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks.impact_force import flat, with_setting
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.events import face_overlap
@@ -55,37 +54,6 @@ def test_peak_pressure_of_flat_faces(clutch: Clutch, point: Point, force: float)
     classes = result.loads.landing.line_loads
     assert max(classes) == pytest.approx(load, rel=0.05)
     assert classes.index(max(classes)) == np.searchsorted(OVERLAPS, width, side="right") - 1
-
-
-@pytest.mark.parametrize(("stiffness", "fork"), [(2e13, 0.0), (5e12, 1.0), (2e13, 1.0)])
-def test_peak_forces_are_no_bound_but_grow_with_stiffness_and_mass(
-    clutch: Clutch, point: Point, stiffness: float, fork: float
-) -> None:
-    """Flat faces land as the closed form says: with the root of stiffness times mass, the heavier
-    ring slower.
-    """
-    base = clutch.with_dog(replace(clutch.dog, chamfer=0.0, inner_diameter=48e-3))
-    operating, changed = point(1.0, 469.0), with_setting(base, stiffness, fork)
-    known, found = [], []
-    for one in (base, changed):
-        mass = one.mechanism.sleeve_mass(one.rings.mass)
-        time = operating.profile.free_flight_time(one.dog.axial_gap, mass)
-        known.append(flat(one, float(operating.profile.free_speed(time, mass))))
-        found.append(engage(ClutchPlant(one), operating, 0.0).loads.peak_axial_force)
-    assert known[1] / known[0] > 1.2
-    assert found[1] / found[0] == pytest.approx(known[1] / known[0], rel=0.05)
-
-
-def test_flanks_do_not_land(clutch: Clutch, point: Point) -> None:
-    """A shift that never meets a face has no landing, however hard its flanks close."""
-    angle = next(
-        angle
-        for angle in np.linspace(0.0, clutch.dog.pitch_angle, 25)
-        if engage(ClutchPlant(clutch), point(25, 641.5), angle).events.face_contacts == 0
-    )
-    result = engage(ClutchPlant(clutch), point(25, 641.5), angle)
-    assert result.loads.landing == Landing()
-    assert result.loads.peak_tangential_force > 100.0
 
 
 def _landing(**classes: float) -> Landing:

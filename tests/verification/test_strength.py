@@ -69,9 +69,7 @@ def test_roundings_shorten_the_flanks(prototype: Dog) -> None:
     assert touching == pytest.approx([3.7 - 2 * crest, 3.7 - 2 * (0.579 + edge)], abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    "values", [(8, 12, 22, 3.7, 15), (16, 7.4, 23, 2.1, 33), (15, 30, 5, 5.5, 9), (0, 4, 4, 2, 20)]
-)
+@pytest.mark.parametrize("values", [(8, 12, 22, 3.7, 15), (16, 7.4, 23, 2.1, 33), (0, 4, 4, 2, 20)])
 @pytest.mark.parametrize("side", [0, 1])
 def test_contact_area_agrees_with_the_solid(
     prototype: Dog, values: tuple[float, ...], side: int
@@ -188,13 +186,6 @@ def test_axial_force_of_a_loaded_flank(
     assert blocking_force(prototype, LoadCase()) == pytest.approx(4338, abs=1)  # of the steeper one
 
 
-def test_locking_limits_are_friction_angles(prototype: Dog) -> None:
-    checks = _by_name(prototype)
-    for name in ("chamfer_release", "traction_release", "braking_release"):
-        assert checks[name].limit == pytest.approx(math.degrees(math.atan(0.12)))
-        assert not checks[name].rule.at_most
-
-
 def test_life_factor_of_case_hardened_steel() -> None:
     """ISO 6336-3: 2.5 up to 1e3 cycles, 1 at 3e6, 0.85 at 1e10; slope 0.115 between."""
     steel = material_of("16MnCr5")
@@ -203,12 +194,6 @@ def test_life_factor_of_case_hardened_steel() -> None:
     assert steel.life_factor(1e5) == pytest.approx((3e6 / 1e5) ** 0.115, rel=3e-3)
     assert steel.endurance(3e6) == pytest.approx(860 * MPA)
     assert Limits().fatigue_stress == pytest.approx(860 * MPA * 30**0.1144 * 0.7 / 1.2, rel=1e-3)
-
-
-def test_hardness_sets_yield_and_shakedown_of_the_case() -> None:
-    """700 HV: 2288 MPa, and 4 / sqrt(3) of it for an edge."""
-    assert material_of("16MnCr5").case_yield == pytest.approx(2288 * MPA, rel=1e-3)
-    assert material_of("16MnCr5").edge_pressure == pytest.approx(5284 * MPA, rel=1e-3)
 
 
 def test_margin_is_the_share_of_the_limit_that_is_left() -> None:
