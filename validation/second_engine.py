@@ -1,24 +1,11 @@
 """The same shift in another physics engine, MuJoCo, as a check on the first.
 
-Geometry, masses and the force are the project's; collision, contact, friction and
-integration are MuJoCo's (``validation.second_model``). It stands for a contact set with
-one friction coefficient and little creep, as ``lubricated_steel``; the stiffness of the
-set is not used, contact is as stiff as the step allows.
-
-The free flight before the crests meet is taken from its closed form. From there
-MuJoCo's semi-implicit Euler steps, all in compiled code, run with speeds half a
-step behind the positions: so started it is the leapfrog rule, of second order.
-
-``python -m benchmarks.second_engine`` prints how far both engines agree, and why not farther. In
-short: single shifts agree within a percent or two (median) everywhere, and within 0.1 % where rings
-are so narrow that the radius of a contact is known. What remains is contact at edges. Faces and
-flanks of two rings turned against each other are not parallel and touch at their ends; where edges
-cross, MuJoCo pushes along the common normal of the edges, as rigid bodies do. Drake's contact
-surface pushes along the normal of the rigid side, which makes the entry a millisecond slower, and
-lets no crest stand on a crest. At high speeds the smallest difference decides which slot a dog
-enters, for a tenth of the angles.
-
-MuJoCo is an optional extra, ``pip install -c constraints.txt '.[blind]'``.
+Geometry, masses and force are the project's; collision, contact, friction and integration are
+MuJoCo's (``validation.second_model``). It stands for a contact set with one friction coefficient
+and little creep, as ``lubricated_steel``; contact is as stiff as the step allows. Free flight is
+its closed form; then semi-implicit Euler with speeds half a step behind, of second order. Single
+shifts agree within a percent or two (``python -m benchmarks.second_engine``): what remains is
+contact at edges, whose normal is the edges' in MuJoCo and the rigid side's in Drake.
 """
 
 from __future__ import annotations

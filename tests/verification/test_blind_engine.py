@@ -19,7 +19,7 @@ from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.data import draws, write_case
-from dogshape.validation.blind.mujoco_model import damping_ratio, dog_corners, restitution
+from dogshape.validation.blind.mujoco_model import dog_corners
 from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift, signal
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_points, read_stand
 from dogshape.validation.blind.true_effects import OUTSIDE, RANGES, truth_of, values_of
@@ -179,16 +179,6 @@ def test_two_stages_and_the_end_of_both(stand: Stand) -> None:
     truth = Truth(stage=0.4, stage_time=0.5)
     assert signal(truth, POINT, 0.4) == pytest.approx(0.4 * POINT.force)
     assert signal(truth, POINT, 0.5 + POINT.rise) == pytest.approx(POINT.force)
-
-
-def test_restitution_and_its_damping_ratio() -> None:
-    """1 - 2/3 dv for slow blows, 1/(dv) for fast ones; the ratio gives it back at z < 1."""
-    assert restitution(0.01) == pytest.approx(1.0 - 0.02 / 3.0, abs=1e-4)
-    assert restitution(50.0) == pytest.approx(1.0 / 50.0, rel=0.02)
-    z = damping_ratio(0.5)
-    root = math.sqrt(1.0 - z * z)
-    angle = math.pi - math.atan2(2.0 * z * root, 1.0 - 2.0 * z * z)
-    assert math.exp(-z / root * angle) == pytest.approx(0.5, rel=1e-9)
 
 
 def test_dog_is_that_of_the_project(stand: Stand) -> None:

@@ -1,16 +1,14 @@
 r"""One shift of a stand with its truth, in MuJoCo, and what the stand reads of it.
 
-MuJoCo's semi-implicit Euler steps through the free flight coarsely and, from just before the
-crests meet, with ``STEP``. Between steps four things are set that MuJoCo has as constants: the
-coefficient of friction by the last slip *v*,
+MuJoCo's semi-implicit Euler steps through the free flight coarsely and, from just before the crests
+meet, with ``STEP``. Between steps three constants of MuJoCo are set: the coefficient of
+friction by the last slip *v*, with :math:`z = v/v_s - 10`,
 
 .. math:: \mu(v) = \left(\mu_d + \frac{\mu_s - \mu_d}{2} \Big(1 - \frac{z}{\sqrt{1+z^2}}\Big)
-   \right) \frac{v}{\sqrt{v^2 + v_s^2}}, \qquad z = v/v_s - 10,
+   \right) \frac{v}{\sqrt{v^2 + v_s^2}}
 
-where the stand creeps below :math:`v_s` as the published one (below ``HELD`` dogs are held, as
-MuJoCo does it, and the dynamic coefficient acts); the friction of a spline by the torque of the
-dogs on the ring; the contact's spring and damper, one for faces and one for flanks; and applied
-forces (detent, ripple).
+where the stand creeps as the published one (below ``HELD`` dogs are held); the friction of a spline
+by the torque of the dogs; spring and damper of the contact, for faces or flanks.
 """
 
 from __future__ import annotations
