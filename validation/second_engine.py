@@ -12,8 +12,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from importlib import import_module
-from typing import Any
 
 import numpy as np
 
@@ -22,6 +20,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.events import STILL_WINDOW, stays_held
 from dogshape.sim.shift.trace import Series, Trace, trace_of
+from dogshape.validation.blind.mujoco_shift import loaded
 from dogshape.validation.second_model import (
     EngineSettings,
     damping_ratio,
@@ -37,21 +36,10 @@ FREE = 0.999  #: part of the axial gap that is flown in closed form
 def engine_available() -> bool:
     """Test that MuJoCo can be imported."""
     try:
-        _mujoco()
+        loaded()
     except InputError:
         return False
     return True
-
-
-def _mujoco() -> Any:
-    try:
-        import_module("mujoco.rollout")
-        return import_module("mujoco")
-    except ImportError as error:
-        raise InputError(
-            f"the second physics engine cannot be loaded ({error}), but this comparison needs it; "
-            "install it with: pip install -c constraints.txt '.[blind]'."
-        ) from error
 
 
 @dataclass(frozen=True)
@@ -92,7 +80,7 @@ class SecondEngine:
 
     def __init__(self, clutch: Clutch, settings: EngineSettings | None = None) -> None:
         require_one_coefficient(clutch)
-        mujoco = _mujoco()
+        mujoco = loaded()
         self.clutch = clutch
         self.settings = settings or EngineSettings()
         self._model = mujoco.MjModel.from_xml_string(model_text(clutch, self.settings))

@@ -198,8 +198,7 @@ def expect(points: Sequence[PointExpectation]) -> Expectation:
 
 
 TAIL = 1e-6  #: of a point's weight, left out of its retries
-WIDE = 1.0  #: half width of the interval that gives a standard error, in those of the share
-LEAST = 0.5  #: the same where the largest time is near, at least
+LEAST = 0.5  #: standard errors of the share to either side that give an error, where 1 is too wide
 
 
 @dataclass(frozen=True)
@@ -263,9 +262,9 @@ def time_quantile(
     if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
         variances = [share * (1.0 - share) / len(mine) for mine in shifts]
     error = math.sqrt(sum((w / whole) ** 2 * v for w, v in zip(weights, variances, strict=True)))
-    half = min(WIDE, (places[-1] - share) / error) if error > 0.0 else WIDE
+    half = min(1.0, (places[-1] - share) / error) if error > 0.0 else 1.0
     if half < LEAST:
-        return Estimate(value, (value - at(share - WIDE * error)) / WIDE)
+        return Estimate(value, value - at(share - error))
     return Estimate(value, (at(share + half * error) - at(share - half * error)) / (2.0 * half))
 
 

@@ -53,14 +53,10 @@ class Demand:
 
 
 def exceeded(demands: Sequence[Demand], weights: Sequence[float], share: float) -> Demand:
-    """Compute what the ``share`` of all shifts exceeds, of each pressure for itself.
+    """Compute what the ``share`` in (0, 1) of all shifts exceeds, of each pressure for itself.
 
-    Parameters
-    ----------
-    demands : of single shifts.
-    weights : of the same shifts; they need not add up to one.
-    share : in (0, 1). A value stands in the middle of its weight; between two the quantile runs
-        straight, and beyond the largest nothing is known.
+    ``weights`` of the shifts need not add up to one. A value stands in the middle of its weight;
+    between two the quantile runs straight, and beyond the largest nothing is known.
     """
     if not demands:
         return Demand()

@@ -65,10 +65,11 @@ class Shift:
 def loaded() -> Any:
     """Return MuJoCo; InputError where it cannot be loaded."""
     try:
+        import_module("mujoco.rollout")
         return import_module("mujoco")
     except ImportError as error:
         raise InputError(
-            f"MuJoCo cannot be loaded ({error}), but blind cases come from it; "
+            f"MuJoCo, the second physics engine, cannot be loaded ({error}); "
             "install it with: pip install -c constraints.txt '.[blind]'."
         ) from error
 

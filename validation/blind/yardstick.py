@@ -39,10 +39,7 @@ SERIES, DRAWN = 100, 100  #: test series of an observer, and draws of the gap fo
 class Yardstick:
     """Expected data of a case under the likelihood of its diagnosis.
 
-    Parameters
-    ----------
-    likelihood : of the data of the case.
-    truth, plain : expected by the engine of the case with and without its causes, at its points.
+    ``truth`` and ``plain`` are expected by the engine of the case with and without its causes.
     """
 
     likelihood: Likelihood

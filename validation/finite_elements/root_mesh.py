@@ -35,14 +35,7 @@ _SMALLEST_FLOOR = 0.05  #: of the fillet radius: half of the floor left between 
 
 @dataclass(frozen=True)
 class RootShape:
-    """A dog with its root fillet.
-
-    Parameters
-    ----------
-    dog : the dog.
-    root_radius : of the fillet between floor and flank, m.
-    depth : of the body below the floor, m.
-    """
+    """A dog with its root fillet (``root_radius``, m), on a body ``depth`` (m) below the floor."""
 
     dog: Dog
     root_radius: float

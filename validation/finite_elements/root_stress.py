@@ -100,11 +100,7 @@ class _Surface:
 class RootModel:
     """One pitch of a ring, assembled and ready for any number of loads.
 
-    Parameters
-    ----------
-    shape : dog, fillet and depth of the body.
-    fineness : multiple of the coarsest mesh's cells in each direction.
-    cut : what holds at the middle of the slots.
+    ``fineness`` multiplies the coarsest mesh's cells each way; ``cut`` holds the middle of slots.
     """
 
     def __init__(
