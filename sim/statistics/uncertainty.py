@@ -222,15 +222,14 @@ class Uncertainty:
         return next((d.bounds for d in self.distributions if d.name == name), (1.0, 1.0))
 
     def variants(
-        self, point: OperatingPoint, count: int, seed: int, index: int, base: int | None = None
+        self, point: OperatingPoint, count: int, seed: int, index: int
     ) -> tuple[Variant, ...]:
         """Return the draws of an operating point's angles, ``count`` of them in their order.
 
-        ``seed``, ``index`` and ``base`` as for ``sim.statistics.expectation.even_phases``.
+        ``seed`` and ``index`` as for ``sim.statistics.expectation.even_phases``.
         """
         rng = np.random.default_rng([seed, index, STREAM])
         shares = rng.random((count, len(self.distributions)))
-        shares = shares[draw_order(count, seed, index, base)]
         columns = zip(self.distributions, shares.T, strict=True)
         drawn = {one.name: one.at(column) for one, column in columns}
         factors = np.column_stack([drawn.get(name, np.ones(count)) for name in FACTORS])
@@ -240,21 +239,3 @@ class Uncertainty:
             rise = self.rise.profile(profile.force * force).rise if by_table else profile.rise
             found.append(Variant(friction, force, inertia, rise, source, dissipation))
         return tuple(found)
-
-
-def draw_order(count: int, seed: int, index: int, base: int | None = None) -> NDArray[np.int64]:
-    """Assign a draw to each of the even angles, (count,), each draw once.
-
-    The angles of a coarser draw keep what they had; those between them get the next ones.
-    """
-    base = base or count
-    parts = count // base
-    if parts == 1:
-        return np.arange(count)
-    coarse = count // 2 if parts % 2 == 0 else base
-    start = np.random.default_rng([seed, index]).random() * (coarse // base) % 1.0
-    order = np.full(count, -1)
-    first = int(start * (count // coarse))
-    order[first :: count // coarse] = draw_order(coarse, seed, index, base)
-    order[order < 0] = np.arange(coarse, count)
-    return order

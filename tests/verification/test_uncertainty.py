@@ -24,7 +24,6 @@ from dogshape.sim.statistics.uncertainty import (
     Distribution,
     Uncertainty,
     Variant,
-    draw_order,
 )
 from dogshape.sim.units import RPM
 
@@ -69,19 +68,6 @@ def test_distributions_have_the_moments_of_their_closed_forms(
     assert low <= values.min() < values.max() <= high
     assert (np.diff(values) > 0.0).all()
     assert one.distribution in NEEDS
-
-
-@pytest.mark.parametrize(("base", "steps"), [(6, (12, 24, 48)), (5, (15,)), (12, (24, 96))])
-def test_a_finer_draw_keeps_the_factors_of_each_angle(base: int, steps: tuple[int, ...]) -> None:
-    before = dict(
-        zip(even_phases(base, 3, 7).round(9), draw_order(base, 3, 7, base).tolist(), strict=True)
-    )
-    for count in steps:
-        order = draw_order(count, 3, 7, base)
-        assert sorted(order) == list(range(count))
-        now = dict(zip(even_phases(count, 3, 7, base).round(9), order.tolist(), strict=True))
-        assert {angle: now[angle] for angle in before} == before
-        before = now
 
 
 def _unsure() -> tuple[Setup, Uncertainty]:
