@@ -68,14 +68,3 @@ def test_a_jump_that_cancels_its_slope_is_found() -> None:
     times[0] = times[7] - 0.015  # the end of the pitch falls like all of it
     assert times[5] == pytest.approx(times[4])
     assert 4.5 / 8.0 in halves(phases, times, 2)
-
-
-def test_a_shift_that_does_not_engage_stands_for_the_next_below_it() -> None:
-    phases, times = sampled(missed, 7)
-    order = np.argsort(phases)
-    lost, below = order[3], order[2]
-    gone, like = times.copy(), times.copy()
-    gone[lost], like[lost] = np.nan, times[below]
-    assert mean_round_the_pitch(phases, gone) == mean_round_the_pitch(phases, like)
-    none = mean_round_the_pitch(phases, np.full(len(phases), np.nan))
-    assert np.isnan(none).all()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import cases as field_cases
 from dogshape.validation.blind import expected_means, field_set, figures, sealed
-from dogshape.validation.blind.cases import DRAWS, Case, case_of
+from dogshape.validation.blind.cases import DRAWS, Case
 from dogshape.validation.blind.data import series_draws, series_places, true_points
 from dogshape.validation.blind.field_set import base, cases_of, make_field
 from dogshape.validation.blind.stand import read_points, read_stand
@@ -60,10 +59,6 @@ def test_candidates_differ_in_their_truth_alone() -> None:
             )
             assert same == first
             assert other.seed != first.seed
-
-
-def test_each_case_is_read_back_from_the_key() -> None:
-    assert all(case_of(json.loads(json.dumps(one.record()))) == one for one in CASES)
 
 
 def test_nominal_values_are_off_by_their_errors() -> None:

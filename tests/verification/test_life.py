@@ -74,16 +74,6 @@ def test_negative_classes_load_the_braking_flank(prototype: Dog) -> None:
     assert limit == pytest.approx(limits.endurance(1e5), rel=1e-9)
 
 
-def test_small_cycles_of_driving_take_some_of_the_life(prototype: Dog) -> None:
-    alone = fatigue(prototype, Limits(load=LoadCase(spectrum=((1.0, 1e5),))))[1]
-    limits = [
-        fatigue(prototype, Limits(load=LoadCase(spectrum=((1.0, 1e5), (share, 1e7)))))[1]
-        for share in (0.1, 0.6, 0.9)
-    ]
-    assert alone >= limits[0] > limits[1] > limits[2]
-    assert limits[0] == pytest.approx(alone, rel=1e-6)
-
-
 def test_misuse_meets_the_static_limits_alone(prototype: Dog) -> None:
     plain, hard = _checks(prototype, LoadCase()), _checks(prototype, LoadCase(abuse_torque=600.0))
     for name, check in hard.items():

@@ -28,11 +28,6 @@ def coarse(prototype: Dog) -> FlankModel:
     return FlankModel(prototype, strips=12)
 
 
-def test_like_dogs_carry_at_half_height(coarse: FlankModel) -> None:
-    assert coarse.press(0.0, FORCE).height == pytest.approx(0.5, abs=1e-6)
-    assert coarse.press(0.0, FORCE, "cut").height == pytest.approx(0.5, abs=1e-6)
-
-
 def test_angle_moves_the_load_to_either_end(coarse: FlankModel) -> None:
     heights = [coarse.press(a * DEG, FORCE).height for a in (0.0, 0.05, 0.1, 0.25, 0.5)]
     assert np.all(np.diff(heights) > 0.0)

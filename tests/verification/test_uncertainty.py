@@ -34,7 +34,6 @@ TIMEOUT, RETRACTION = 1.0, 0.2
 @pytest.mark.parametrize(
     ("given", "mean", "sd"),
     [
-        ({"distribution": "normal", "mean": 60.0, "sd": 20.0}, 60.0, 20.0),
         ({"distribution": "uniform", "low": -20.0, "high": 40.0}, 10.0, 60.0 / 12**0.5),
         # A lognormal with sigma = ln 1.5: mean m e^(s2/2), variance mean2 (e^s2 - 1).
         (
