@@ -285,8 +285,9 @@ def _with_retries(
         times, engaged, share = np.full(count, timeout), np.ones(count, bool), 1.0 / (count + 1)
     tries = 1 if share == 1.0 else math.ceil(math.log(TAIL) / math.log1p(-share))
     again = np.arange(tries)[:, None]
-    sizes = (1.0 - share) ** again * (share * times.size / engaged.sum()) * engaged
-    return again * (timeout + retraction) + np.where(engaged, times, 0.0), sizes
+    sizes: Values = (1.0 - share) ** again * (share * times.size / engaged.sum()) * engaged
+    tried: Values = again * (timeout + retraction) + np.where(engaged, times, 0.0)
+    return tried, sizes
 
 
 def halves(phases: Values, times: Values, count: int) -> Values:
