@@ -138,29 +138,6 @@ def _diagnose(folder: Path) -> dict[str, Any]:
     return result["diagnosis"]
 
 
-def test_a_run_never_opens_the_key(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the key gone and every way to open it watched, all cases are diagnosed."""
-    folder = _sealed(tmp_path)
-    key = (folder / "key.json").read_bytes()
-    (folder / "key.json").unlink()
-    opened: list[str] = []
-    plain = Path.open
-
-    def watched(self: Path, *args: Any, **more: Any) -> Any:
-        opened.append(self.name)
-        return plain(self, *args, **more)
-
-    monkeypatch.setattr(Path, "open", watched)
-    counted: list[int] = []
-    found = sealed.run(folder, _diagnose, advance=counted.append)
-    assert set(found) == set(CASES)
-    assert "key.json" not in opened
-    assert "manifest.json" in opened
-    assert sum(counted) == len(CASES)
-    (folder / "key.json").write_bytes(key)
-    assert score_field(folder, _advise)["cases"] == len(CASES)
-
-
 def test_a_run_goes_on_where_it_was_stopped(tmp_path: Path) -> None:
     folder = _sealed(tmp_path)
 

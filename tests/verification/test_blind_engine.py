@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.sim.effects import load
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
@@ -186,21 +185,6 @@ def test_ranges_are_those_of_the_priors() -> None:
         assert [(r.name, r.low, r.high, r.log) for r in ranges] == theirs
 
 
-def test_reversed_sense_is_the_other_sign_of_every_mismatch(stand: Stand) -> None:
-    """The shift is that of the negated point; its first speeds are of the other sign."""
-    other = replace(POINT, mismatch=-POINT.mismatch)
-    for more in ({}, {"mismatch_speed": {"offset_rpm": 2.0}}):
-        truth = truth_of({"reversed_mismatch": {}, **more}, {})
-        assert truth.reversed
-        shift = Engine(stand, truth).shift(POINT, Draw(0.1), keep=True)
-        plain = Engine(stand, truth_of(more, {})).shift(other, Draw(0.1), keep=True)
-        assert shift.motion is not None
-        assert plain.motion is not None
-        np.testing.assert_array_equal(shift.motion, plain.motion)
-        assert shift.motion[0, 4] == pytest.approx(-(10.0 + 2.0 * len(more)) * RPM)
-    assert shift.time != Engine(stand, truth_of(more, {})).shift(POINT, Draw(0.1)).time
-
-
 def test_every_truth_makes_a_shift(stand: Stand) -> None:
     """Each truth ends as a time or not engaged, never as a number that is none."""
     fast = Point(249.0 * RPM, 641.5, 0.12614)  # the one that costs least
@@ -214,22 +198,6 @@ def test_every_truth_makes_a_shift(stand: Stand) -> None:
 def _placed(*numbers: int, **more: Any) -> Case:
     case = Case("single", "means", "mujoco", "prototype", 1, force_error=0.02, speed_error=0.01)
     return replace(case, places=tuple(range(len(numbers))), numbers=numbers, **more)
-
-
-def test_traces_begin_with_time_zero_and_last_as_long_as_their_shift(
-    stand: Stand, tmp_path: Path
-) -> None:
-    delay = {"actuation_delay": {"delay_s": 0.05}}
-    case = _placed(1, form="traces", parameters=delay)
-    point = Point(100.0 * RPM, 641.5, 0.12614)
-    shift = Engine(stand, case.truth).shift(point, Draw(0.2), keep=True)
-    write_case(tmp_path / "c", BASE, case, (point,), [[shift]])
-    (cell,) = load_bench(tmp_path / "c").cells
-    (trace,) = cell.traces
-    assert trace.time[0] == 0.0
-    assert abs(np.interp(0.05, trace.time, trace.displacement)) < 0.02 * MM
-    assert trace.displacement.max() == pytest.approx(4.65 * MM, abs=0.03 * MM)
-    assert trace.time[-1] >= (cell.time or math.inf)
 
 
 @pytest.mark.parametrize(
