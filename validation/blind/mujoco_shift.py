@@ -136,24 +136,31 @@ class Engine:
         point = self.truth.given(point, draw.fade)
         delay = self.truth.delay + draw.late
         self._begin(point, draw)
-        seen, kept = _Seen(self._travel), [self._state(delay)] if keep else None
+        kept = [self._state(delay)] if keep else None
+        before = mark = 0.0
+        read: float | None = None  # time at which the sensor is seated
+        ended: float | None = None  # the same, once the ring is
         limit = self.stand.timeout - delay
         stood: tuple[float, ...] = ()
         look = point.rise + 6.0 * self.truth.lag + self.truth.stage_time
         while self._data.time < limit:
             self._step(point, draw.phase)
             ring, sensor = self._places()
+            now = float(self._data.time)
             if kept is not None:
                 kept.append(self._state(delay))
-            if seen.done(self._data.time, ring, sensor):
+            if read is None and sensor >= self._travel:
+                read = before + (self._travel - mark) / (sensor - mark) * (now - before)
+            before, mark = now, sensor
+            if ring >= self._travel:
+                ended = delay + (now if read is None else read)
                 break
-            if self._data.time >= look:
-                now = self._rest()
-                if stood and max(abs(a - b) for a, b in zip(now, stood, strict=True)) < 1e-7:
+            if now >= look:
+                rest = self._rest()
+                if stood and max(abs(a - b) for a, b in zip(rest, stood, strict=True)) < 1e-7:
                     break
-                look, stood = self._data.time + LOOK, now
+                look, stood = now + LOOK, rest
         motion = None if kept is None else np.array(kept)
-        ended = seen.ended if seen.ended is None else seen.ended + delay
         late = ended is not None and ended > self.stand.timeout
         return Shift(None if late else ended, motion)
 
@@ -228,25 +235,3 @@ class Engine:
         output, _, sliding, *_ = self._dof
         speeds = float(self._rate[sliding]), float(self._rate[output])
         return (float(self._data.time) + delay, sensor, ring, *speeds)
-
-
-class _Seen:
-    """Watches the ring and the sensor: the time is the sensor's, the end is the ring's."""
-
-    def __init__(self, travel: float) -> None:
-        self._travel = travel
-        self._last = (0.0, 0.0, 0.0)
-        self._read: float | None = None
-        self.ended: float | None = None
-
-    def done(self, time: float, ring: float, sensor: float) -> bool:
-        """Take the next state and tell whether the ring is seated."""
-        before, _, mark = self._last
-        if self._read is None and sensor >= self._travel:
-            share = (self._travel - mark) / (sensor - mark)
-            self._read = before + share * (time - before)
-        self._last = (time, ring, sensor)
-        if ring < self._travel:
-            return False
-        self.ended = time if self._read is None else self._read
-        return True
