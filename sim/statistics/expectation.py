@@ -279,12 +279,12 @@ def _with_retries(
     sound = [s for s in shifts if s.outcome is not Outcome.DIVERGED]
     times = np.array([np.nan if s.shift_time is None else s.shift_time for s in sound])
     engaged = np.isfinite(times)
-    share = engaged.mean() if sound else 0.0
+    share = float(engaged.mean()) if sound else 0.0
     if not engaged.any():
         count = max(1, len(shifts))
         times, engaged, share = np.full(count, timeout), np.ones(count, bool), 1.0 / (count + 1)
     tries = 1 if share == 1.0 else math.ceil(math.log(TAIL) / math.log1p(-share))
-    again = np.arange(tries)[:, None]
+    again: Values = np.arange(float(tries))[:, None]
     sizes: Values = (1.0 - share) ** again * (share * times.size / engaged.sum()) * engaged
     tried: Values = again * (timeout + retraction) + np.where(engaged, times, 0.0)
     return tried, sizes
