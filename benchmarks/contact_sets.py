@@ -84,7 +84,9 @@ def expectations(
 def print_times(name: str, contact: ContactSet, found: dict[str, Expectation]) -> None:
     """Print the times under one setting, the prototype's first, then gains."""
     prototype = found["prototype"]
-    print(f"\n{name}; restitution {restitution(contact, IMPACT):.2f} at {IMPACT:g} m/s")
+    print(
+        f"\n{name}; restitution {restitution(contact.dissipation * IMPACT):.2f} at {IMPACT:g} m/s"
+    )
     for design, one in found.items():
         gain = prototype.mean - one.mean
         error = math.hypot(prototype.standard_error, one.standard_error)

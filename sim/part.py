@@ -1,15 +1,13 @@
 r"""The ring as a part: a closed surface for printing and drawing, and its volume.
 
-All corners of the dogs are straight lines, so a fillet or rounding of radius :math:`\rho` is a
-cylinder about a straight line, and the toothed side is ruled by straight lines that end on the
-cylinders of inner and outer radius. Seen along the axis no line hides another: with the underside
-and two walls of strips the surface cannot cut itself while the lines keep their order. A flank
-without lean is taken with ``LEANING``, a line of which nothing stands above another.
+A fillet or rounding of radius :math:`\rho` is a cylinder about a straight line, and the toothed
+side is ruled by straight lines that end on the cylinders of inner and outer radius. Seen along the
+axis no line hides another: with the underside and two walls the surface cannot cut itself while the
+lines keep their order. A flank without lean is taken with ``LEANING``.
 
-*Why two like rings never overlap.* Tips rounded with :math:`\rho` are all that a ball of radius
-:math:`\rho` can reach from inside the dog, and a slot filled with :math:`\rho` is all that it can
-reach inside the slot, as long as roundings and fillets leave some of every face
-(``require_room``).
+*Why two like rings never overlap.* A ball of radius :math:`\rho` reaches all of a tip rounded with
+:math:`\rho` from inside the dog, and all of a slot filled with :math:`\rho`, as long as roundings
+and fillets leave some of every face (``require_room``).
 """
 
 from __future__ import annotations
@@ -57,9 +55,8 @@ def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
 def profile(dog: Dog, root_radius: float, segments: int, step: float) -> list[Lines]:
     """Return the lines of one pitch: four corners, each with the face that follows it.
 
-    Corner *i* and the face that follows it are items 2 i and 2 i + 1; a face has
-    only the lines between its two corners, as many as keep neighbours within
-    ``step`` (rad) of each other, and may have none. The floor leads to the next dog.
+    A face has only the lines between its corners that keep neighbours within ``step`` (rad), and
+    may have none. The floor leads to the next dog.
     """
     require_room(dog, root_radius)
     corners = [corner.lines(segments) for corner in dog_corners(dog, root_radius)]
@@ -72,10 +69,9 @@ def profile(dog: Dog, root_radius: float, segments: int, step: float) -> list[Li
 
 
 def between(here: Lines, there: Lines, radii: tuple[float, float], step: float) -> Lines:
-    """Return lines between two lines of a plane: in it, and none crosses another.
+    """Return lines between two lines of a plane, ``step`` (rad) apart at most at ``radii`` (m).
 
-    ``radii`` are those between which the lines are wanted, m; neighbours are at most
-    ``step`` (rad) apart there.
+    They lie in the plane, and none crosses another.
     """
     ends = [(here.at(radius)[0], there.at(radius)[0]) for radius in radii]
     spans = [math.atan2(a[0] * b[1] - a[1] * b[0], a[0] * b[0] + a[1] * b[1]) for a, b in ends]
@@ -139,19 +135,13 @@ def require_body(body: float) -> None:
 def ring_part(
     dog: Dog, root_radius: float, body: float, segments: int = SEGMENTS, step: float = STEP
 ) -> Mesh:
-    """Return one ring as a closed triangle surface with normals outwards.
+    """Return one ring as a closed triangle surface with normals outwards; lengths in m.
 
-    Parameters
-    ----------
-    root_radius : of fillets, and of tips without a radius of their own, m; 0 gives sharp corners.
-    body : thickness of the ring below the floors of the slots, m.
-    segments : flat strips of each fillet and rounding.
-    step : largest angle between neighbouring lines, rad; volume errs by step²/6.
+    ``root_radius`` is that of fillets, and of tips without a radius of their own; 0 gives sharp
+    corners. ``body`` is the thickness below the slots. ``segments`` are flat strips of a rounding;
+    with ``step``, the largest angle between lines in rad, the volume errs by step²/6.
 
-    Raises
-    ------
-    GeometryError
-        Fillets or roundings do not fit, or the body has no thickness.
+    Raises GeometryError where roundings do not fit, or the body has no thickness.
     """
     require_body(body)
     flanks = {name: max(getattr(dog, name), LEANING) for name in ("traction", "braking")}

@@ -1,20 +1,12 @@
 r"""A single impact in closed form, and what the published contact makes of it.
 
-Faces that lie flat on each other over an area *A* press with
-:math:`F = k A x (1 + d v)`: penetration *x*, its speed *v*, stiffness *k* and
-dissipation *d* of the contact set. For a mass *m* that arrives at :math:`v_0` and
-is alone with that force, separating variables gives, with
-:math:`g(u) = u - \ln(1 + u)`,
+Flat faces of area *A* press with :math:`F = k A x (1 + d v)` (Hunt and Crossley 1975). For a mass
+*m* alone with that force that arrives at :math:`v_0`, with :math:`g(u) = u - \ln(1 + u)`,
 
-.. math:: x_{max}^2 = \frac{2 m}{k A d^2} g(d v_0), \qquad g(-d v_1) = g(d v_0),
+.. math:: x_{max}^2 = \frac{2 m}{k A d^2} g(d v_0), \qquad g(-d v_1) = g(d v_0).
 
-where :math:`v_1` is the speed of departure. The restitution :math:`v_1/v_0` thus
-depends on :math:`d v_0` alone; it is 1 - (2/3) d v for small and 1/(d v) for large
-ones (Hunt and Crossley 1975 for the law).
-
-The published model used IMPACT of Adams, :math:`F = K x^{3/2} + C s(x/x_C) v` with the
-cubic step *s*, K = 1e8 (N, m or N, mm: ambiguous), C = 1e4 N s/m from
-:math:`x_C` = 10 um on (thesis table 7).
+The published model used IMPACT of Adams, :math:`F = K x^{3/2} + C s(x/x_C) v` with the cubic step
+*s*, K = 1e8 (N, m or N, mm: ambiguous), C = 1e4 N s/m from :math:`x_C` = 10 um on (thesis table 7).
 """
 
 from __future__ import annotations
@@ -59,12 +51,11 @@ def impact(contact: ContactSet, area: float, mass: float, speed: float) -> Impac
 
     half = 0.5 * math.pi
     times = [quad(slowness, 0.0, half, args=(arriving,))[0] for arriving in (True, False)]
-    return Impact(deepest, restitution(contact, speed), sum(times))
+    return Impact(deepest, restitution(d * speed), sum(times))
 
 
-def restitution(contact: ContactSet, speed: float) -> float:
-    """Return the speed of departure over that of arrival, ``speed`` in m/s."""
-    approach = contact.dissipation * speed
+def restitution(approach: float) -> float:
+    """Return the speed of departure over that of arrival; ``approach`` is d v."""
     if approach < 1e-9:
         return 1.0
     return _speed(approach - math.log1p(approach), False) / approach

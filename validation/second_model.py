@@ -1,65 +1,13 @@
 r"""The clutch as a MuJoCo model, and the contact law it is given.
 
-Frame and joints are those of the project: z along the shaft, the output ring
-turns about it, the sliding ring starts one travel away, turned over about x, and
-both slides and turns. Dogs are convex meshes of eight corners. One dog of the
-sliding ring with a share 1/N of mass, inertia and force meets every dog of the
-output ring, as in ``sim.shift.plant``; three dogs instead of all would save 5 % of the
-cost. It reaches a millimetre beyond the output ring inwards and outwards, or two
-equal ends would push each other along the radius.
-
-MuJoCo solves for the acceleration of each contact
-
-.. math:: a + R f = -(k r + b v), \qquad R = A (1-d)/d,
-
-with the inverse mass *A* of the contact, penetration :math:`-r`, speed *v* and
-impedance *d* (its documentation, chapter Computation). The direct format of its
-parameters makes of it
-
-.. math:: A f = \omega^2 |r| - c v,
-
-a spring and a damper for the very mass that the contact moves, whatever *d* is.
-Five things matter; each was measured by changing it alone:
-
-- **Impedance.** The friction cone is convex: a contact that slips at *s* is also
-  pushed apart, at about :math:`\mu s` for d near 1, the usual choice. A flank struck at
-  249 1/min then rebounds with a restitution of 0.33 instead of 0.06, and mean times there
-  double. At 1e-3 nothing is left of it; 1e-2 and 1e-4 give the same times within 2 %.
-- **Friction.** Coulomb's on the elliptic cone, dynamic coefficient: no friction that is
-  updated from the slip is needed. Its damping times the step decides which slip of the
-  step sets the direction: 1 the last, 2 the mean, 5 the first. A dog that hits a flank
-  still slides in before it is thrown out: 0.69 m/s by the impulses of rigid bodies; a
-  coarse contact gives 0.58, 0.68 and 0.78 m/s at 1, 1.5 and 2. What friction can
-  hold creeps at less than 1 mm/s. The pyramidal cone diverges.
-- **Damping.** It takes ``c`` times the step of a normal speed in the first step of an
-  impact, in which the slip may turn. A quarter is fine enough for means, a tenth for
-  single shifts; too soft a contact lets faces sink in and shortens the way.
-- **One contact a pair.** With ``multiccd`` the normal of two crossing edges becomes
-  that of a flank (68 deg to the shaft instead of 40 deg).
-- **Exact A** (``diagexact``). The approximation leaves out the turning inertia.
-
-Median error of single shifts of the prototype over 16 angles against a step of 2 us and
-c = 5e4 1/s, and CPU time a shift on a busy core:
-
-====== ======= =============== ================ ===== ======
-step   c, 1/s  25 and 50 1/min 100, 149 and 249 -50   CPU
-====== ======= =============== ================ ===== ======
-5 us   2.5e4   0.02 %          0.6 to 1.9 %     0.0 % 94 ms
-10 us  2.5e4   0.02 %          1.2 to 2.5 %     0.0 % 44 ms
-20 us  1.25e4  0.1 %           1.2 to 2.7 %     0.1 % 25 ms
-40 us  1.25e4  0.1 %           4 to 5 %         0.1 % 16 ms
-80 us  1.25e4  0.2 %           3 to 17 %        0.2 % 8 ms
-40 us  6e3     0.4 %           2 to 3.5 %       0.3 % 14 ms
-====== ======= =============== ================ ===== ======
-
-Solver, tolerance and number of dogs change the cost by less than a fifth; the sparse
-Jacobian, where MuJoCo 4.0.0 has a bug, is avoided.
-
-The restitution of this law depends on the damping ratio :math:`\zeta = c/2\omega` alone,
-:math:`e = \exp(-\zeta \varphi/\sqrt{1-\zeta^2})` with
-:math:`\varphi = \pi - \mathrm{atan2}(2\zeta\sqrt{1-\zeta^2}, 1-2\zeta^2)` (Schwager and
-Pöschel 2007, no pull at the end), that of Hunt and Crossley on the speed. So the
-ratio is chosen for the operating point: the speed at which a flank is hit.
+Frame and joints are the project's. One convex dog of the sliding ring, with a share 1/N of mass,
+inertia and force, meets every dog of the output ring and overhangs it. The direct format of contact
+parameters gives each contact a spring and a damper for the very mass that it moves, :math:`A f =
+\omega^2 |r| - c v`. Impedance 1e-3: near 1, a contact that slips is also pushed apart. Friction:
+elliptic cone, dynamic coefficient; its damping times the step sets which slip of the step counts.
+``multiccd`` off: of two crossing edges it takes a flank's normal. ``diagexact``: else *A* lacks the
+turning inertia. Restitution of the law: :math:`e = \exp(-\zeta \varphi/\sqrt{1-\zeta^2})`,
+:math:`\zeta = c/2\omega` (Schwager and Pöschel 2007), chosen for the speed at which a flank is hit.
 """
 
 from __future__ import annotations
@@ -67,12 +15,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scipy.optimize import brentq
-
 from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mesh import Vertices, corners, dog_planes, dog_solid
 from dogshape.sim.units import MM
+from dogshape.validation.blind.mujoco_model import ratio_of
 from dogshape.validation.impact import restitution
 
 IMPEDANCE = 1e-3  #: d above
@@ -118,17 +65,6 @@ def require_one_coefficient(clutch: Clutch) -> None:
     require_between(rule_at, contact.stiction_velocity, 0.0, 5e-3, remedy)
 
 
-def restitution_of(damping_ratio: float) -> float:
-    """Return the restitution of a spring and damper that cannot pull."""
-    z = damping_ratio
-    root = math.sqrt(abs(1.0 - z * z))
-    if root < 1e-6:
-        return math.exp(-2.0)
-    if z < 1.0:
-        return math.exp(-z / root * (math.pi - math.atan2(2.0 * z * root, 1.0 - 2.0 * z * z)))
-    return math.exp(-z / root * math.log((z + root) / (z - root)))
-
-
 def damping_ratio(clutch: Clutch, point: OperatingPoint) -> float:
     """Return the damping ratio whose restitution is that of the contact set at a flank hit.
 
@@ -145,14 +81,9 @@ def damping_ratio(clutch: Clutch, point: OperatingPoint) -> float:
     smooth = c * c * turning + s * s / rings.mass
     rough = c * (c + mu * s) * turning + s * (s - mu * c) / rings.mass
     felt = math.sqrt(smooth / max(rough, 0.25 * smooth))
-    wanted = restitution(clutch.contact, speed)
-    low, high = DAMPING_RATIOS
-    if wanted >= restitution_of(low):
-        return low
-    if wanted <= restitution_of(high):
-        return high
-    ratio = float(brentq(lambda z: restitution_of(z) - wanted, low, high))
-    return min(high, ratio * felt)
+    wanted = restitution(clutch.contact.dissipation * speed)
+    ratio = ratio_of(wanted, DAMPING_RATIOS)
+    return ratio if ratio in DAMPING_RATIOS else min(DAMPING_RATIOS[1], ratio * felt)
 
 
 def solver_reference(settings: EngineSettings, ratio: float) -> tuple[float, float]:

@@ -81,10 +81,7 @@ class Shifts:
 
 
 def _expected_time(shifts: Shifts) -> Estimate:
-    found = shifts.expectation
-    errors = (p.standard_error for p in found.points)
-    parts = tuple((w * error) ** 2 for w, error in zip(shifts.weights, errors, strict=True))
-    return Estimate(found.mean, found.standard_error, parts)
+    return Estimate(shifts.expectation.mean, shifts.expectation.standard_error)
 
 
 def _quantile(shifts: Shifts) -> Estimate:
@@ -372,7 +369,7 @@ def expect_to(
             few = ", from too few to trust" if share <= precision else ""
             progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
             count *= 2
-            progress.extend(shifts)
+            progress.extend(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
             continue
         return Precise(found, blocks, rows)
 

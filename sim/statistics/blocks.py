@@ -1,10 +1,7 @@
 """Blocks of work: one clutch at one operating point with its relative angles.
 
-A block is a value that can be sent to another process and simulated there.
-
-A plant is built in the process that simulates and kept for the next block of the same clutch.
-
-The numerical error of a mean shift time, found by repeating some of its shifts.
+A block is a value that any process can simulate. The numerical error of a mean shift time is found
+by repeating some of its shifts.
 """
 
 from __future__ import annotations
@@ -113,13 +110,9 @@ def even_block(
     *,
     uncertainty: Uncertainty | None = None,
 ) -> Block:
-    """Return one operating point at ``count`` evenly spaced angles.
-
-    ``draw`` is seed and index, with ``base`` as for ``sim.statistics.expectation.even_phases``.
-    """
-    phases = even_phases(count, *draw, base)
-    angles = tuple((phases * clutch.dog.pitch_angle).tolist())
-    variants = uncertainty.variants(point, count, *draw, base) if uncertainty else ()
+    """Return one operating point at evenly spaced angles; ``draw`` is their seed and index."""
+    angles = tuple((even_phases(count, *draw, base) * clutch.dog.pitch_angle).tolist())
+    variants = uncertainty.variants(point, count, *draw) if uncertainty else ()
     return Block(clutch, point, angles, draw[0], variants)
 
 
@@ -130,18 +123,13 @@ def listed_blocks(
     seed: int,
     uncertainty: Uncertainty | None = None,
 ) -> list[Block]:
-    """Return a block for each operating point at given ``angles`` in rad.
+    """Return a block for each point at ``angles`` in rad; ``seed`` is of uncertain factors."""
 
-    ``seed`` is that of what is uncertain.
-    """
-    count = len(angles)
+    def variants(point: OperatingPoint, index: int) -> tuple[Variant, ...]:
+        return uncertainty.variants(point, len(angles), seed, index) if uncertainty else ()
+
     return [
-        Block(
-            clutch,
-            point,
-            angles,
-            variants=uncertainty.variants(point, count, seed, index) if uncertainty else (),
-        )
+        Block(clutch, point, angles, variants=variants(point, index))
         for index, point in enumerate(points)
     ]
 
@@ -161,16 +149,14 @@ def events_record(result: Engagement) -> Record:
 
 def loads_record(result: Engagement) -> Record:
     """Return the loads of a shift as a flat record in the edge's units."""
-    loads = result.loads
+    loads, left = result.loads, result.loads.residual_mismatch
     return {
         "peak_axial_force_N": loads.peak_axial_force,
         "peak_tangential_force_N": loads.peak_tangential_force,
         "impact_impulse_Ns": loads.impact_impulse,
         "energy_dissipated_J": loads.energy_dissipated,
         "strike_mismatch_rpm": loads.strike_mismatch / RPM,
-        "residual_mismatch_rpm": None
-        if loads.residual_mismatch is None
-        else loads.residual_mismatch / RPM,
+        "residual_mismatch_rpm": None if left is None else left / RPM,
         **landing_record(loads.landing),
     }
 
@@ -193,22 +179,19 @@ def run_block(block: Block) -> Iterator[Record]:
         if variant is not None:
             clutch, point = variant.clutch(clutch), variant.point(point)
         result = engage(clutch, point, angle)
-        linked = clutch.mechanism.has_linkage
-        yield {
+        record = {
             "key": key,
             **given,
             "outcome": result.outcome.value,
             "shift_time_s": result.shift_time,
-            **({"actuator_time_s": result.actuator_time} if linked else {}),
-            **shaft_record(result.trace),
-            **events_record(result),
-            **loads_record(result),
-            "steps": result.steps,
-            "evaluations": result.evaluations,
-            **({"reason": result.detail} if result.outcome is Outcome.DIVERGED else {}),
-            **engine(),
-            "seed": block.seed,
         }
+        if clutch.mechanism.has_linkage:
+            record["actuator_time_s"] = result.actuator_time
+        record |= shaft_record(result.trace) | events_record(result) | loads_record(result)
+        record |= {"steps": result.steps, "evaluations": result.evaluations}
+        if result.outcome is Outcome.DIVERGED:
+            record["reason"] = result.detail
+        yield record | engine() | {"seed": block.seed}
 
 
 CHECKED, LEAST = 8, 4  #: one shift in so many is repeated, and at least so many
@@ -226,10 +209,9 @@ def numerical_error(
 ) -> float:
     """Return the numerical error of a mean shift time over operating points, s.
 
-    An eighth of the shifts, at least four, drawn at random, is repeated with a
-    tolerance thirty times smaller. The mean difference (weighted as the mean is) and its
-    standard error are added as squares. A shift that does not engage counts with the
-    time-out. NaN for a single shift.
+    An eighth of the shifts, at least four, drawn at random, is repeated with a tolerance thirty
+    times smaller. The mean difference (weighted as the mean is) and its standard error are added as
+    squares. A shift that does not engage counts with the time-out. NaN for a single shift.
     """
     shifts = [(k, place, row) for k, mine in enumerate(rows) for place, row in enumerate(mine)]
     number = repeated(len(shifts))
@@ -239,15 +221,15 @@ def numerical_error(
     if number < 2:
         return math.nan
     timeout = blocks[0].clutch.timeout
-    pairs = zip((row for *_, row in chosen), fine, strict=True)
-    apart = np.array([_time(row, timeout) - _time(again[0], timeout) for row, again in pairs])
+
+    def time(row: Record) -> float:
+        found = result_of(row).shift_time
+        return timeout if found is None else found
+
+    pairs = zip(chosen, fine, strict=True)
+    apart = np.array([time(row) - time(again) for (*_, row), (again,) in pairs])
     weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k, *_ in chosen])
     weights /= weights.sum()
     mean = float(weights @ apart)
     scatter = float(weights**2 @ (apart - mean) ** 2) * number / (number - 1)
     return math.sqrt(mean**2 + scatter)
-
-
-def _time(row: Record, timeout: float) -> float:
-    time = result_of(row).shift_time
-    return timeout if time is None else time

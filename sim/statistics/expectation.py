@@ -8,10 +8,9 @@ to all designs. A shift that does not engage is tried again; with the share *p* 
    \hat\sigma^2 = \max(0, -\overline{d_k d_{k+1}}),
 
 :math:`d_k` being differences round the pitch: the variance of a saw-tooth and of scatter (Wolter
-2007, ch. 8). Where fewer than ``LEAST_ENGAGED`` engage there is no expected time; ``mean`` stays
-for what learns from it. A quantile of a single shift's time takes :math:`t + k (t_{timeout} +
-t_{retraction})` with probability :math:`p (1-p)^k`; its error is Woodruff's (1952), from the
-quantiles at the share plus and minus its own standard error.
+2007, ch. 8). A quantile of a single shift's time takes :math:`t + k (t_{timeout} + t_{retraction})`
+with probability :math:`p (1-p)^k`; its error is Woodruff's (1952): from the quantiles at the share
+plus and minus its standard error.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 
-Phases = NDArray[np.float64]
+Values = NDArray[np.float64]
 
 LEAST_ENGAGED = 0.5  #: share of an operating point's shifts from which it has a time (judged)
 NO_TIME = "no expected shift time, as fewer than half engage at some operating point"
@@ -44,10 +43,9 @@ class ShiftResult:
 class PointExpectation:
     """Expected shift time at one operating point, s.
 
-    ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift
-    engaged, ``mean`` is an estimate with p = 1/(n + 1) and ``mean_engaged`` None.
-    ``standard_error`` is NaN for fewer than three shifts, which say nothing of it.
-    ``blocked`` of the ``n`` shifts stood still dog on dog, held by friction.
+    ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift engaged, ``mean`` is an
+    estimate with p = 1/(n + 1) and ``mean_engaged`` None. ``standard_error`` is NaN for fewer than
+    three shifts. ``blocked`` of the ``n`` shifts stood still dog on dog, held by friction.
     """
 
     point: OperatingPoint
@@ -79,8 +77,7 @@ class PointExpectation:
 class Expectation:
     """Expected shift time over all operating points, weighted, s.
 
-    ``numerical_error`` is that of the mean from repeating some shifts with a far
-    smaller tolerance; None where that was not done.
+    ``numerical_error`` is found by repeating some shifts with a far smaller tolerance, or None.
     """
 
     points: tuple[PointExpectation, ...]
@@ -107,15 +104,16 @@ class Expectation:
 
     @property
     def mean_engaged(self) -> float | None:
-        """Weighted mean of the shifts that engage, s: what is left without the retries.
+        """Weighted mean without retries, s; None where at some operating point none engaged.
 
-        One hung shift in some hundreds moves ``mean`` by milliseconds and this one hardly. None
-        where at some operating point none engaged.
+        One hung shift in some hundreds moves ``mean`` by milliseconds and this one hardly.
         """
-        total = sum(p.point.weight for p in self.points)
-        means = [(p.point.weight / total, p.mean_engaged) for p in self.points]
-        found = [weight * mean for weight, mean in means if mean is not None]
-        return sum(found) if len(found) == len(means) else None
+        total, found = sum(p.point.weight for p in self.points), 0.0
+        for p in self.points:
+            if p.mean_engaged is None:
+                return None
+            found += p.point.weight / total * p.mean_engaged
+        return found
 
     @property
     def shifts(self) -> int:
@@ -138,12 +136,11 @@ class Expectation:
         return min(p.engaged for p in self.points)
 
 
-def even_phases(count: int, seed: int, index: int, base: int | None = None) -> Phases:
-    """Return ``count`` fractions of a pitch in [0, 1), evenly spaced, (count,).
+def even_phases(count: int, seed: int, index: int, base: int | None = None) -> Values:
+    """Return ``count`` fractions of a pitch in [0, 1), evenly spaced from a random start, (count,).
 
-    The start is random. ``index`` is that of the operating point: each has angles
-    of its own, so that the errors of the points are independent. Where ``count`` is a
-    multiple of ``base``, the result holds the ``base`` fractions of the same draw.
+    Each operating point has an ``index``, and so angles of its own and an independent error. Where
+    ``count`` is a multiple of ``base``, the result holds the ``base`` fractions of the same draw.
     """
     start = np.random.default_rng([seed, index]).random() * (count // (base or count))
     return (np.arange(count) + start % 1.0) / count
@@ -179,7 +176,7 @@ def expect_point(
     return PointExpectation(point, mean + retry, mean, error, sd, share, n, blocked)
 
 
-def variance_of_mean(times: Phases, *, even: bool = True) -> float:
+def variance_of_mean(times: Values, *, even: bool = True) -> float:
     """Return the variance of the mean of times (n,) in the order of their angles, s2."""
     n = times.size
     if n < 3:
@@ -200,41 +197,16 @@ def expect(points: Sequence[PointExpectation]) -> Expectation:
     return Expectation(tuple(points), mean, error)
 
 
-Values = NDArray[np.float64]
-
 TAIL = 1e-6  #: of a point's weight, left out of its retries
-WIDE = 1.0  #: half width of the interval that gives a standard error, in those of the share
-LEAST = 0.5  #: the same where the largest time is near, at least
+LEAST = 0.5  #: standard errors of the share to either side that give an error, where 1 is too wide
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its standard error, in the unit of its name.
-
-    ``parts`` is what each operating point adds to the variance, up to a common factor; empty
-    where nothing is known of that.
-    """
+    """A number with its standard error, in the unit of its name."""
 
     value: float
     standard_error: float
-    parts: tuple[float, ...] = ()
-
-
-@dataclass(frozen=True)
-class _Retried:
-    """Times of one operating point, retries included, with their weights."""
-
-    times: Values  # of each shift and retry, s, (m,)
-    masses: Values  # (m,), add up to the weight of the point
-    shift: NDArray[np.int64]  # which shift a time comes from, (m,)
-    sizes: Values  # what a time adds to its shift's share below, (m,)
-    count: int  # of shifts
-
-    def below(self, time: float) -> float:
-        """Return the variance of the share of the point's shifts below a time."""
-        each = np.zeros(self.count)
-        np.add.at(each, self.shift, np.where(self.times <= time, self.sizes, 0.0))
-        return variance_of_mean(each) if self.count > 2 else 0.25 / self.count
 
 
 def mean_over(weights: Sequence[float], values: Sequence[Sequence[float]]) -> Estimate:
@@ -243,13 +215,13 @@ def mean_over(weights: Sequence[float], values: Sequence[Sequence[float]]) -> Es
     ``weights`` of the points need not add up to one; a point without values is left out. NaN, and
     its standard error too, where no point has any.
     """
-    pairs = [(w, np.array(v, dtype=float)) for w, v in zip(weights, values, strict=True)]
-    total = sum(weight for weight, v in pairs if len(v))
+    pairs = [(w, np.array(v, dtype=float)) for w, v in zip(weights, values, strict=True) if len(v)]
+    total = sum(weight for weight, _ in pairs)
     if not total:
         return Estimate(math.nan, math.nan)
-    mean = sum(weight * float(v.mean()) for weight, v in pairs if len(v)) / total
-    parts = [weight**2 * variance_of_mean(v) if len(v) else 0.0 for weight, v in pairs]
-    return Estimate(mean, math.sqrt(sum(parts) / total**2), tuple(parts))
+    mean = sum(weight * float(v.mean()) for weight, v in pairs) / total
+    variance = sum(weight**2 * variance_of_mean(v) for weight, v in pairs)
+    return Estimate(mean, math.sqrt(variance / total**2))
 
 
 def time_quantile(
@@ -261,19 +233,19 @@ def time_quantile(
 ) -> Estimate:
     """Return the time within which the ``share`` of all shifts engages, s.
 
-    Parameters
-    ----------
-    weights : of the operating points; they need not add up to one.
-    shifts : of each, in the order of their angles; those whose integration failed are left out.
-    timeout, retraction : what a shift that does not engage costs, s.
+    ``weights`` of the operating points need not add up to one; ``shifts`` of each are in the order
+    of their angles, and those whose integration failed are left out. ``timeout`` and ``retraction``
+    in s are the cost of a shift that does not engage.
     """
     whole = sum(weights)
-    points = [
-        _retried(weight / whole, mine, timeout, retraction)
-        for weight, mine in zip(weights, shifts, strict=True)
-    ]
-    times = np.concatenate([point.times for point in points])
-    masses = np.concatenate([point.masses for point in points])
+    points = [_with_retries(mine, timeout, retraction) for mine in shifts]
+    times = np.concatenate([times[sizes > 0.0] for times, sizes in points])
+    masses = np.concatenate(
+        [
+            w / whole * sizes[sizes > 0.0] / sizes.shape[1]
+            for w, (_, sizes) in zip(weights, points, strict=True)
+        ]
+    )
     order = np.argsort(times, kind="stable")
     times, masses = times[order], masses[order] / masses.sum()
     places = np.cumsum(masses) - 0.5 * masses
@@ -281,40 +253,41 @@ def time_quantile(
     def at(wanted: float) -> float:
         return float(np.interp(wanted, places, times))
 
+    def variance_below(times: Values, sizes: Values) -> float:
+        each = np.where(times <= value, sizes, 0.0).sum(axis=0)
+        return variance_of_mean(each) if each.size > 2 else 0.25 / each.size
+
     value = at(share)
-    variances = [point.below(value) for point in points]
+    variances = [variance_below(*point) for point in points]
     if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
         variances = [share * (1.0 - share) / len(mine) for mine in shifts]
-    parts = tuple((w / whole) ** 2 * v for w, v in zip(weights, variances, strict=True))
-    error = math.sqrt(sum(parts))
-    half = min(WIDE, (places[-1] - share) / error) if error > 0.0 else WIDE
+    error = math.sqrt(sum((w / whole) ** 2 * v for w, v in zip(weights, variances, strict=True)))
+    half = min(1.0, (places[-1] - share) / error) if error > 0.0 else 1.0
     if half < LEAST:
-        return Estimate(value, (value - at(share - WIDE * error)) / WIDE, parts)
-    spread = at(share + half * error) - at(share - half * error)
-    return Estimate(value, spread / (2.0 * half), parts)
+        return Estimate(value, value - at(share - error))
+    return Estimate(value, (at(share + half * error) - at(share - half * error)) / (2.0 * half))
 
 
-def _retried(
-    weight: float, shifts: Sequence[ShiftResult], timeout: float, retraction: float
-) -> _Retried:
+def _with_retries(
+    shifts: Sequence[ShiftResult], timeout: float, retraction: float
+) -> tuple[Values, Values]:
+    """Return times, s, of each try and shift, and their sizes, (tries, shifts).
+
+    Sizes add up to the number of shifts, 0 for those that did not engage. Where none did, each has
+    the time-out, with a share of 1/(n + 1).
+    """
     sound = [s for s in shifts if s.outcome is not Outcome.DIVERGED]
-    places = [k for k, s in enumerate(sound) if s.shift_time is not None]
-    times = np.array([s.shift_time for s in sound if s.shift_time is not None], dtype=float)
-    count, share = len(sound), len(places) / max(1, len(sound))
-    if not places:
+    times = np.array([np.nan if s.shift_time is None else s.shift_time for s in sound])
+    engaged = np.isfinite(times)
+    share = float(engaged.mean()) if sound else 0.0
+    if not engaged.any():
         count = max(1, len(shifts))
-        places, times, share = list(range(count)), np.full(count, timeout), 1.0 / (count + 1)
+        times, engaged, share = np.full(count, timeout), np.ones(count, bool), 1.0 / (count + 1)
     tries = 1 if share == 1.0 else math.ceil(math.log(TAIL) / math.log1p(-share))
-    again = (1.0 - share) ** np.arange(tries)
-    failed_time = np.arange(tries) * (timeout + retraction)
-    sizes = np.repeat(again, len(places)) * (share * count / len(places))
-    return _Retried(
-        times=(failed_time[:, None] + times[None, :]).ravel(),
-        masses=weight * sizes / count,
-        shift=np.tile(np.array(places), tries),
-        sizes=sizes,
-        count=count,
-    )
+    again: Values = np.arange(float(tries))[:, None]
+    sizes: Values = (1.0 - share) ** again * (share * times.size / engaged.sum()) * engaged
+    tried: Values = again * (timeout + retraction) + np.where(engaged, times, 0.0)
+    return tried, sizes
 
 
 def halves(phases: Values, times: Values, count: int) -> Values:
@@ -322,10 +295,8 @@ def halves(phases: Values, times: Values, count: int) -> Values:
 
     With neighbours that go on as their slopes do, the jump in an interval of width :math:`h_k` and
     difference :math:`d_k` is :math:`r_k = \sqrt{|d_k - h_k d_{k-1}/h_{k-1}|\,|d_k - h_k
-    d_{k+1}/h_{k+1}|}`; the largest :math:`h_k r_k` count.
-
-    ``phases`` (n,) are fractions of a pitch in [0, 1), in any order, ``times`` (n,) those of the
-    shifts, s, NaN where one did not engage. Fewer than ``count`` where there are fewer intervals.
+    d_{k+1}/h_{k+1}|}`; the largest :math:`h_k r_k` count. ``phases`` (n,) are fractions of a
+    pitch in any order, ``times`` (n,) in s, NaN of shifts that did not engage.
     """
     places, widths, values = _round_the_pitch(phases, times)
     below, above = _jumps(widths, values)

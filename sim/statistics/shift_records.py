@@ -14,7 +14,6 @@ from dogshape.sim.errors import ranges_of
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, ContactSet, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, depends_on_clock
 from dogshape.sim.shift.loads import Landing
-from dogshape.sim.shift.mechanism import MECHANISM_KEYS
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
 from dogshape.sim.units import DEG, MM, RPM, from_si
@@ -26,9 +25,8 @@ Record = dict[str, Any]
 def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
 
-    The limit of steps is named only where it is not the usual one, which then is no part of a
-    key; the limit of time never is, since a shift that it ends is not kept (``unfinished``). A
-    mechanism and a radius of edges are named where there are some.
+    A limit of steps, radius of edges, engine and mechanism are named where they are not the usual
+    ones; the limit of time never is, since a shift that it ends is not kept (``unfinished``).
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
@@ -63,11 +61,7 @@ def clutch_record(clutch: Clutch) -> Record:
 def inputs(
     clutch: Clutch, point: OperatingPoint, angle: float, variant: Variant | None = None
 ) -> Record:
-    """Return the inputs of one shift as a flat record.
-
-    Those of an uncertain shift are nominal; its factors, what was simulated by them and
-    their distributions stand beside them.
-    """
+    """Return the nominal inputs of one shift as a flat record, and its draw where uncertain."""
     drawn = {} if variant is None else variant_record(clutch, point, variant)
     return {
         **clutch_record(clutch),
@@ -78,35 +72,18 @@ def inputs(
     }
 
 
-#: Keys that a record may have and need not.
-OPTIONAL = (
-    "max_steps",
-    "edge_radius_mm",
-    "force_delay_s",
-    "force_lag_s",
-    "force_loss_N",
-    *MECHANISM_KEYS,
-)
-
-
 def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
     """Return distributions in words as a flat record; a certain shift has none."""
     return {f"uncertain_{name}": text for name, text in source}
 
 
 def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> Record:
-    """Return the factors of an uncertain shift and what they make of its nominal inputs.
+    """Return the factors of an uncertain shift and the inputs that they make.
 
     A dissipation is named where it is uncertain: records of studies without it stay as they were.
     """
     built, operated = variant.clutch(clutch), variant.point(point)
-    more: Record = {}
-    if any(name == "dissipation_factor" for name, _ in variant.source):
-        more = {
-            "dissipation_factor": variant.dissipation,
-            "drawn_dissipation_s_m": built.contact.dissipation,
-        }
-    return {
+    found: Record = {
         "friction_factor": variant.friction,
         "force_factor": variant.force,
         "inertia_factor": variant.inertia,
@@ -116,8 +93,11 @@ def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> R
         "drawn_force_N": operated.profile.force,
         "drawn_force_rise_s": operated.profile.rise,
         **uncertain_record(variant.source),
-        **more,
     }
+    if "dissipation_factor" in dict(variant.source):
+        found["dissipation_factor"] = variant.dissipation
+        found["drawn_dissipation_s_m"] = built.contact.dissipation
+    return found
 
 
 def content_key(record: Record) -> str:

@@ -1,9 +1,8 @@
 """Quantities that differ from shift to shift: friction, dissipation, shift force, inertia.
 
 Each is a factor on its nominal value. The *n* shifts of an operating point have the *n* even
-angles, each with one independent draw of the factors, the same for all designs: the mean is
-unbiased, and its standard error takes the factors for scatter from angle to angle. Where the number
-of angles is doubled, every angle that was there keeps its factors.
+angles, each with one independent draw of the factors, the same for all designs: the standard error
+of the mean takes the factors for scatter from angle to angle.
 
 Distributions: ``normal`` (mean, sd), ``uniform`` (low, high), ``triangular`` (low, mode, high),
 ``lognormal`` (median *m*, factor *k*: two values of three lie between m/k and m k). ``low`` and
@@ -13,7 +12,6 @@ Distributions: ``normal`` (mean, sd), ``uniform`` (low, high), ``triangular`` (l
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -43,10 +41,7 @@ LEAST = 1e-3  #: share of a distribution that a truncation must leave
 class Distribution(Section):
     """A distribution in place of a number, in the unit of the key that it stands for (``named``).
 
-    Parameters
-    ----------
-    distribution : one of ``NEEDS``.
-    mean, sd, median, factor, low, mode, high : those that the kind needs, None for the others.
+    ``distribution`` is one of ``NEEDS``; the numbers are those that it needs.
     """
 
     distribution: str
@@ -63,7 +58,7 @@ class Distribution(Section):
         """Return the distribution that stands at ``key`` of a file; InputError for mistakes."""
         found = self.model_copy()
         found._key = key
-        for fault in itertools.chain(found._wrong_names(), found._wrong_values()):
+        for fault in found._faults():
             raise InputError(f"{key}{fault}")
         return found
 
@@ -72,7 +67,12 @@ class Distribution(Section):
         """Key that the distribution stands for."""
         return self._key
 
-    def _wrong_names(self) -> Iterator[str]:
+    @property
+    def name(self) -> str:
+        """Last part of the key."""
+        return self._key.rpartition(".")[2]
+
+    def _faults(self) -> Iterator[str]:
         kind, given = self.distribution, self.given
         if kind not in NEEDS:
             hint = did_you_mean(kind, NEEDS)
@@ -87,8 +87,9 @@ class Distribution(Section):
                 yield f".{name} is nothing that a {kind} distribution has; remove it"
             if not math.isfinite(value):
                 yield f".{name} is {value}, but it must be finite; correct it"
+        yield from self._value_faults()
 
-    def _wrong_values(self) -> Iterator[str]:
+    def _value_faults(self) -> Iterator[str]:
         given, (low, high) = self.given, self.bounds
         if not low < high:
             rule = f"it must lie below high = {high:.6g}; exchange or correct them"
@@ -147,10 +148,7 @@ class Distribution(Section):
 
 
 def sobol_shares(count: int, dimensions: int, seed: int) -> Values:
-    """Return the first ``count`` places of a scrambled Sobol sequence, (count, dimensions).
-
-    Each in (0, 1).
-    """
+    """Return the first ``count`` places of a scrambled Sobol sequence in (0, 1), (count, dims)."""
     from scipy.stats import qmc  # noqa: PLC0415  slow to load, and a certain study does without
 
     sequence = qmc.Sobol(dimensions, seed=np.random.default_rng(seed))
@@ -162,20 +160,12 @@ def sobol_shares(count: int, dimensions: int, seed: int) -> Values:
 FACTORS = ("friction_factor", "force_factor", "inertia_factor", "dissipation_factor")
 STREAM = 101  #: keeps the draws of the factors apart from that of the angles
 
-Order = NDArray[np.int64]
-
 
 @dataclass(frozen=True)
 class Variant:
-    """One draw of the factors: what a shift has in place of its nominal values.
+    """One draw of the factors on friction, final shift force, output inertia and dissipation.
 
-    Parameters
-    ----------
-    friction, force, inertia : factors on both coefficients of friction, on the final shift force
-        and on the output ring's inertia.
-    rise : rise time that belongs to the force as it is drawn, s.
-    source : the distributions in words, by their keys.
-    dissipation : factor on the contact's dissipation.
+    ``rise`` is the rise time of the force as drawn, s; ``source`` has the distributions in words.
     """
 
     friction: float
@@ -225,27 +215,23 @@ class Uncertainty:
     @property
     def source(self) -> tuple[tuple[str, str], ...]:
         """The distributions in words, by their keys."""
-        return tuple((_name(one), one.text) for one in self.distributions)
+        return tuple((one.name, one.text) for one in self.distributions)
 
     def bounds(self, name: str) -> tuple[float, float]:
         """Return the least and the largest value of a factor."""
-        found = [one.bounds for one in self.distributions if _name(one) == name]
-        return found[0] if found else (1.0, 1.0)
+        return next((d.bounds for d in self.distributions if d.name == name), (1.0, 1.0))
 
     def variants(
-        self, point: OperatingPoint, count: int, seed: int, index: int, base: int | None = None
+        self, point: OperatingPoint, count: int, seed: int, index: int
     ) -> tuple[Variant, ...]:
         """Return the draws of an operating point's angles, ``count`` of them in their order.
 
-        ``seed``, ``index`` and ``base`` as for ``sim.statistics.expectation.even_phases``.
+        ``seed`` and ``index`` as for ``sim.statistics.expectation.even_phases``.
         """
         rng = np.random.default_rng([seed, index, STREAM])
         shares = rng.random((count, len(self.distributions)))
-        shares = shares[draw_order(count, seed, index, base)]
-        drawn = {
-            _name(one): one.at(column)
-            for one, column in zip(self.distributions, shares.T, strict=True)
-        }
+        columns = zip(self.distributions, shares.T, strict=True)
+        drawn = {one.name: one.at(column) for one, column in columns}
         factors = np.column_stack([drawn.get(name, np.ones(count)) for name in FACTORS])
         source, profile, found = self.source, point.profile, []
         by_table = self.rise.gives(profile)  # a rise time that was given by hand stays
@@ -253,25 +239,3 @@ class Uncertainty:
             rise = self.rise.profile(profile.force * force).rise if by_table else profile.rise
             found.append(Variant(friction, force, inertia, rise, source, dissipation))
         return tuple(found)
-
-
-def draw_order(count: int, seed: int, index: int, base: int | None = None) -> Order:
-    """Assign a draw to each of the even angles, (count,), each draw once.
-
-    The angles of a coarser draw keep what they had; those between them get the next ones.
-    """
-    base = base or count
-    parts = count // base
-    coarse = count if parts == 1 else count // 2 if parts % 2 == 0 else base
-    if coarse == count:
-        return np.arange(count)
-    start = np.random.default_rng([seed, index]).random() * (coarse // base) % 1.0
-    kept = np.arange(coarse) * (count // coarse) + int(start * (count // coarse))
-    order = np.full(count, -1)
-    order[kept] = draw_order(coarse, seed, index, base)
-    order[order < 0] = np.arange(coarse, count)
-    return order
-
-
-def _name(distribution: Distribution) -> str:
-    return distribution.key.rpartition(".")[2]

@@ -1,10 +1,17 @@
-"""A check: a number of a design against its limit, with the rule that it follows."""
+"""A check: a number of a design against its limit, with the rule that it follows.
+
+``RULES`` declares every check of a shape, its load and its landing. The module with the closed form
+gives value and limit by the rule's name (``Row``); ``checks_of`` makes the check.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
+
+from dogshape.sim.shift.geometry import FLANKS
+from dogshape.sim.units import DEG, MM, MPA
 
 Group = Literal["make", "load", "lock", "impact", "tolerance", "goal"]
 
@@ -21,18 +28,9 @@ GROUPS: dict[Group, str] = {
 
 @dataclass(frozen=True)
 class Rule:
-    """Question of a check.
+    """Question of a check: value in words, its formula, source of formula and limit.
 
-    Parameters
-    ----------
-    name : of the check.
-    meaning : the value in words.
-    formula : of the value.
-    source : of formula and limit.
-    unit : of value and limit.
-    key : of the study file that sets the limit.
-    at_most : whether the limit is an upper or a lower one.
-    summary : whether the value sums up other checks, such as their smallest margin.
+    ``key`` of the study file sets the limit; ``summary`` if the value sums up other checks.
     """
 
     name: str
@@ -97,3 +95,146 @@ def feasible(checks: Iterable[Check]) -> bool:
 def smallest_margin(checks: Iterable[Check]) -> Check:
     """Return the check with the smallest margin; one that sums up others names none of them."""
     return min((c for c in checks if not c.rule.summary), key=lambda check: check.margin)
+
+
+_STATIC = "Jasny et al. 2019, with the static coefficient"
+_STRIKE = "two-mass impact coupled through the shafts (Rao); limit: "
+#: Name (of both flanks at once), unit, key of the limit, whether it is an upper one; then meaning,
+#: formula and source.
+_TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
+    "make": (
+        ("tip_width", "mm", "manufacturing.tip_width_mm", False,
+         "width of the tip at the inner radius",
+         "pitch angle r_i/2 - h (tan beta + tan gamma)/2",
+         "handling and distortion in hardening (assumption)"),
+        ("slot_width", "mm", "manufacturing.slot_width_mm", False,
+         "width of the slot's floor at the inner radius",
+         "pitch at r_i less the root width there", "smallest cutter (assumption)"),
+        ("cutter_reach", "", "manufacturing.cutter_reach", True,
+         "depth of the slot over the width of its floor",
+         "h over the slot's width at the inner radius",
+         "reach of a short end mill, three diameters (assumption)"),
+        ("flank_height", "mm", "manufacturing.flank_height_mm", False,
+         "height of the braking flank at the outer radius, where it is lowest",
+         "h - d, d depth of the face at its edge there",
+         "keeps a flank on the side that brakes (assumption)"),
+        ("root_radius", "mm", "manufacturing.root_radius_mm", False,
+         "largest root radius that fits into slot and tip",
+         "two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
+         "geometry; wear of the cutter sets the limit (assumption)"),
+        ("edge_clearance", "mm", "manufacturing.root_radius_mm", False,
+         "radius of the tip edges, which meet the root fillets of the other ring",
+         "R of the edges, at least that of the roots",
+         "geometry: a ball that fits into the tip fits into the slot"),
+        ("chamfer_share", "", "manufacturing.chamfer_share", True,
+         "depth of the face at its edge over the height of the dog", "d/h",
+         "leaves a flank of two thirds (assumption)"),
+        ("module", "mm", "manufacturing.module_mm", False, "mean diameter over the number of dogs",
+         "2 r/N", "distortion in hardening (assumption)"),
+        ("tip_core", "mm", "manufacturing.tip_core_mm", False,
+         "soft core of the tip at the inner radius", "width of the tip less a case depth from "
+         "either side", "a tip hardened through chips; limit an assumption"),
+    ),
+    "lock": (
+        ("chamfer_release", "deg", "load.friction_release", False,
+         "chamfer, which slides from rest above the friction angle",
+         "angle against arctan of the static coefficient", _STATIC),
+        ("{flank}_release", "deg", "load.friction_release", False,
+         "{flank} flank, which is self-locking below the friction angle",
+         "angle against arctan of the static coefficient + arctan(mu_t r/r_t) of the spline",
+         _STATIC),
+        ("separating_force_{flank}", "N", "load.separating_force_limit_N", True,
+         "axial force that the {flank} flank puts on the blocking mechanism",
+         "K_A T/r tan(side angle - rho) - min(mu_t, mu) K_A T/r_t + m a, rho = arctan mu of the "
+         "low dynamic coefficient, mu_t and r_t of the spline, T of coast on the braking flank",
+         "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)"),
+        ("pull_out_force", "N", "load.pull_out_force_limit_N", True,
+         "axial force that pulls the ring out under the rated torque, the worse flank; below 0 it "
+         "comes by itself",
+         "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
+         "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the largest shift "
+         "force of the operating points"),
+    ),
+    "load": (
+        ("flank_pressure_{flank}", "MPa", "material.allowable_pressure_MPa", True,
+         "mean pressure on the {flank} flank", "F/A, A what touches at full depth",
+         "DIN 5466-1; limit of the material set"),
+        ("root_bending_{flank}", "MPa", "material.bending_endurance_MPa", True,
+         "tension in the fillet below the loaded {flank} flank",
+         "notch factor times nominal root stress, load at the load height",
+         "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3"),
+        ("shear_stress", "MPa", "material.proof_stress_MPa", True, "shear stress of the root",
+         "1.5 F/(b s)",
+         "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)"),
+        ("equivalent_stress", "MPa", "material.proof_stress_MPa", True,
+         "equivalent stress of the core at the root, the worse flank",
+         "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
+         "von Mises; limit: proof stress of the core over safety"),
+        ("root_fatigue", "MPa", "load.shifts", True,
+         "tension in the fillet, the worse flank, over the shifts of the life",
+         "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue, or at "
+         "the largest torque of load.spectrum what it is when Miner's sum of all classes is 1",
+         "ISO 6336-3, ISO 6336-5, ISO 6336-6"),
+        ("rim", "mm", "dog.height_mm", False,
+         "thickness of the ring behind the roots; below 1.2 heights it raises the stress of the "
+         "root",
+         "manufacturing.rim_mm against 0.5 h; root stress times Y_B = 1.6 ln(2.242 h/rim)",
+         "ISO 6336-3, rim thickness factor, whose range ends there"),
+        ("flank_strike_root", "MPa", "material.bending_endurance_MPa", True,
+         "tension in the fillet when flanks strike, the worse flank",
+         "as root bending, F = T/(r N sqrt(K_l)); T = sum |k D q/omega| over the modes of ring, "
+         "wheel and shafts, or nu w sqrt(k J) of a second strike",
+         f"{_STRIKE}static strength, or less where strike.strikes allow less, ISO 6336-3"),
+        ("flank_strike_flank", "MPa", "material.surface_hardness_HV", True,
+         "mean pressure on the flank when flanks strike, the worse flank",
+         "F/A, F as in flank_strike_root",
+         f"{_STRIKE}yield stress of the case, HV/3, over safety"),
+    ),
+    "impact": (
+        ("face_pressure_impact", "MPa", "material.surface_hardness_HV", True,
+         "mean pressure on the flat overlap of the faces, hardest landing",
+         "w/((L - 2 c) sqrt(K_s)), w = F/(N b), c what a rounded crest takes",
+         "simulated peak; limit: yield stress of the case, HV/3, over safety"),
+        ("core_pressure_impact", "MPa", "material.proof_stress_MPa", True,
+         "mean pressure below the case of the faces, hardest landing",
+         "w/((L - 2 c + 2 t) sqrt(K_s)), t case depth",
+         "simulated peak; limit: proof stress of the core over safety"),
+        ("edge_pressure_impact", "MPa", "material.surface_hardness_HV", True,
+         "pressure of Hertz of rounded edge on rounded edge, hardest landing",
+         "sqrt(w E*/(pi rho/2 sqrt(K_s)))",
+         "simulated peak; limit 0.77 HV, shakedown of a line contact (Johnson 1985)"),
+    ),
+    "tolerance": (
+        ("contact_ratio", "", "tolerance.contact_ratio", False,
+         "share of the height that touches on the worse flank, every tolerance at its worst",
+         "(height that touches - seated tolerance)/h less all losses",
+         "worst case of all dimensions; limit an assumption"),
+        ("clearance", "mm", "tolerance.clearance_mm", False,
+         "gap between the crests in neutral, gap and both heights at their worst",
+         "axial gap - its tolerance - 2 tolerances of the height",
+         "dogs that meet in neutral ratchet; limit an assumption"),
+    ),
+}  # fmt: skip
+#: By name, all but a study's own limits.
+RULES = {
+    name.format(flank=flank): Rule(
+        name.format(flank=flank), group, meaning.format(flank=flank), formula, source, unit, key,
+        at_most,
+    )
+    for group, rows in _TABLE.items()
+    for name, unit, key, at_most, meaning, formula, source in rows
+    for flank in (FLANKS if "{flank}" in name else ("",))
+}  # fmt: skip
+
+Row = tuple[str, float, float]  #: name of a rule, value and limit, SI
+_UNITS = {"MPa": MPA, "mm": MM, "deg": DEG, "N": 1.0, "": 1.0}
+
+
+def checks_of(rows: Iterable[Row]) -> tuple[Check, ...]:
+    """Return the checks of values and limits, which turn from SI to the units of their rules."""
+    found = []
+    for name, value, limit in rows:
+        rule = RULES[name]
+        unit = _UNITS[rule.unit]
+        found.append(Check(rule, value / unit, limit / unit))
+    return tuple(found)

@@ -1,14 +1,11 @@
 r"""Strength of a dog by closed forms, and everything that a design is checked against.
 
-- flank pressure :math:`F/A` over what touches; shear :math:`1.5 F/(b s)` (parabola over a
-  rectangle)
-- root bending: tension in the fillet (``root_tension``) against the static strength of the
-  case; behind a rim thinner than 1.2 heights times :math:`Y_B = 1.6 \ln(2.242\,h/s_R)` (ISO 6336-3,
-  of spur gears; below half a height the formula ends)
+- flank pressure :math:`F/A` over what touches; shear :math:`1.5 F/(b s)` (parabola)
+- root bending: tension in the fillet (``root_tension``) against the static strength of the case;
+  behind a rim thinner than 1.2 heights times :math:`Y_B = 1.6 \ln(2.242\,h/s_R)` (ISO 6336-3)
 - equivalent stress of the core :math:`\sqrt{\sigma_c^2 + 3 \tau^2}` below the case depth *t*:
   :math:`\sigma_c = \sigma_n (1 + (K - 1) f)`, :math:`f = (r^{-2} + 3 r^{-4})/4`, :math:`r = 1 +
   t/\varrho` (Kirsch 1898)
-- flank strike: fillet and flank under the force of ``sim.strength.strike``
 - fatigue: one load cycle a shift, or Miner's sum over a spectrum (``sim.strength.materials``); the
   abuse torque is carried once and meets the static limits alone
 
@@ -26,18 +23,16 @@ from typing import NamedTuple
 from dogshape.sim.elementwise import each, hypot, largest, log, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
-from dogshape.sim.strength.checks import Check, Rule, feasible
+from dogshape.sim.strength.checks import Check, checks_of, feasible
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
     ManufacturingLimits,
     Spread,
     Tolerances,
-    clearance_check,
-    contact_check,
     losses,
     manufacturing_checks,
-    tip_core_check,
+    tolerance_checks,
 )
 from dogshape.sim.strength.materials import (
     ENDURANCE_CYCLES,
@@ -47,7 +42,7 @@ from dogshape.sim.strength.materials import (
     reserve,
 )
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.units import DEG, MM, MPA
+from dogshape.sim.units import DEG, MM
 
 
 @dataclass(frozen=True)
@@ -114,8 +109,10 @@ def root_tension(dog: Dog, root_radius: float, load: Load, by: Tension = TENSION
 
 def notch_factor(dog: Dog, root_radius: float, flank: Flank, by: Tension = TENSION) -> float:
     """Return the tension in the fillet over the nominal one, at least 1."""
-    lean = smallest(tan(side_angle(dog, flank)), STEEPEST)
-    return largest(1.0, _notch(dog, root_radius, by) * (1.0 + by.lean * lean))
+    require_between("root_radius_mm", root_radius / MM, 0.01, 10.0, "correct the fillet")
+    sharp = 1.0 + by.notch * (dog.root_width / root_radius) ** by.sharpness
+    notch = sharp * (1.0 + by.spread * smallest(dog.radial_width / dog.root_width, LONGEST))
+    return largest(1.0, notch * (1.0 + by.lean * smallest(tan(side_angle(dog, flank)), STEEPEST)))
 
 
 def outside_fit(dog: Dog, root_radius: float) -> list[str]:
@@ -131,13 +128,6 @@ def outside_fit(dog: Dog, root_radius: float) -> list[str]:
         for name, value, low, high in ratios
         if not low <= value <= high
     ]
-
-
-def _notch(dog: Dog, root_radius: float, by: Tension) -> float:
-    require_between("root_radius_mm", root_radius / MM, 0.01, 10.0, "correct the fillet")
-    sharp = 1.0 + by.notch * (dog.root_width / root_radius) ** by.sharpness
-    length = smallest(dog.radial_width / dog.root_width, LONGEST)
-    return sharp * (1.0 + by.spread * length)
 
 
 #: m2 that a flank is taken to touch with at least, so that any design has a finite pressure.
@@ -194,42 +184,20 @@ class Limits:
 
 def root_load(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> Load:
     """Return the load of the most loaded dog on a flank; under its static torque by default."""
+    return _at_load_height(dog, limits, flank, limits.load.force_per_dog(dog, flank, torque))
+
+
+def _at_load_height(dog: Dog, limits: Limits, flank: Flank, force: float) -> Load:
     level = flank_contact(dog, limits.root_radius, flank).level(limits.load.load_height)
-    return Load(limits.load.force_per_dog(dog, flank, torque), flank, level)
+    return Load(force, flank, level)
 
 
-def rim_factor(dog: Dog, limits: ManufacturingLimits) -> float:
-    """Return the factor by which a thin rim raises the stress of the root, at least 1."""
-    if limits.rim is None:
-        return 1.0
-    thin = largest(1.0, 1.6 * log(2.242 * dog.height / limits.rim))
-    return where(limits.rim >= THICK * dog.height, 1.0, thin)
+class Root(NamedTuple):
+    """Stresses of a root, Pa: tension in the fillet and below the case, mean shear."""
 
-
-@dataclass(frozen=True)
-class Root:
-    """Flank and root of a dog under a torque, stresses in Pa.
-
-    ``pressure`` is the mean one under the design torque, ``nominal`` the tension without the
-    factors ``notch`` and ``rim``; ``below`` is the share of the notch left below the case.
-    """
-
-    pressure: float
-    nominal: float
+    tension: float
+    core: float
     shear: float
-    notch: float
-    rim: float
-    below: float
-
-    @property
-    def tension(self) -> float:
-        """Tension in the fillet, Pa."""
-        return self.notch * self.nominal * self.rim
-
-    @property
-    def core(self) -> float:
-        """Tension below the case, Pa."""
-        return self.nominal * (1.0 + (self.notch - 1.0) * self.below) * self.rim
 
     @property
     def equivalent(self) -> float:
@@ -237,22 +205,26 @@ class Root:
         return hypot(self.core, math.sqrt(3.0) * self.shear)
 
 
-def root_of(dog: Dog, limits: Limits, flank: Flank, torque: float | None = None) -> Root:
-    """Compute what a torque does to a flank and its root; by default its static torque."""
-    radius, case = limits.root_radius, limits.load
-    contact = flank_contact(dog, radius, flank)
-    load = Load(case.force_per_dog(dog, flank, torque), flank, contact.level(case.load_height))
-    # The allowable is of flanks that carry for life: misuse, which comes once, is not in it.
-    lasting = case.force_per_dog(dog, flank, case.design_torque * case.share_of(flank))
+def root_of(dog: Dog, limits: Limits, load: Load) -> Root:
+    """Compute the stresses of a root, with the factor of a thin rim and the notch below a case."""
+    radius, rim = limits.root_radius, limits.manufacturing.rim
+    nominal, notch = root_nominal(dog, load), notch_factor(dog, radius, load.flank)
+    thin = 1.0
+    if rim is not None:
+        raised = largest(1.0, 1.6 * log(2.242 * dog.height / rim))
+        thin = where(rim >= THICK * dog.height, 1.0, raised)
     depth = 1.0 + limits.material.case_depth / radius
+    below = (depth**-2 + 3.0 * depth**-4) / 4.0
     return Root(
-        lasting / largest(contact.area, SMALLEST_AREA),
-        root_nominal(dog, load),
+        notch * nominal * thin,
+        nominal * (1.0 + (notch - 1.0) * below) * thin,
         1.5 * load.force / (dog.radial_width * dog.root_width),
-        notch_factor(dog, radius, flank),
-        rim_factor(dog, limits.manufacturing),
-        (depth**-2 + 3.0 * depth**-4) / 4.0,
     )
+
+
+def flank_pressure(dog: Dog, limits: Limits, flank: Flank, force: float) -> float:
+    """Return the mean pressure of a force on a flank, Pa."""
+    return force / largest(flank_contact(dog, limits.root_radius, flank).area, SMALLEST_AREA)
 
 
 def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
@@ -261,27 +233,28 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
     Under a spectrum the tension is that of its largest torque, and the limit is that tension times
     the factor on all torques at which Miner's sum is 1.
     """
-    load = limits.load
-    if not load.spectrum:
-        torques = {flank: load.design_torque * load.share_of(flank) for flank in FLANKS}
-        tensions = (root_of(dog, limits, *one).tension for one in torques.items())
-        return largest(*tensions), limits.fatigue_stress
-    found = []
-    endurance = limits.endurance(ENDURANCE_CYCLES)
+    case = limits.load
+
+    def tension(flank: Flank, share: float) -> float:
+        return root_of(
+            dog, limits, root_load(dog, limits, flank, share * case.design_torque)
+        ).tension
+
+    if not case.spectrum:
+        return largest(*(tension(f, case.share_of(f)) for f in FLANKS)), limits.fatigue_stress
+    found, endurance = [], limits.endurance(ENDURANCE_CYCLES)
     for flank, sign in zip(FLANKS, (1.0, -1.0), strict=True):
-        loads = [(sign * share, cycles) for share, cycles in load.spectrum if sign * share > 0.0]
+        loads = [(sign * share, cycles) for share, cycles in case.spectrum if sign * share > 0.0]
         if loads:
-            stresses = [
-                root_of(dog, limits, flank, s * load.design_torque).tension for s, _ in loads
-            ]
+            stresses = [tension(flank, share) for share, _ in loads]
             bears = partial(reserve, limits.material, [cycles for _, cycles in loads])
             factor = each(bears, *(stress / endurance for stress in stresses))
             found.append((factor, largest(*stresses)))
-    (factor, tension), *others = found
+    (factor, worst), *others = found
     for second, stress in others:
-        worse = (second < factor) | ((second == factor) & (stress < tension))
-        factor, tension = where(worse, second, factor), where(worse, stress, tension)
-    return tension, factor * tension
+        worse = second < factor
+        factor, worst = where(worse, second, factor), where(worse, stress, worst)
+    return worst, factor * worst
 
 
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
@@ -319,132 +292,77 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
     Contact ratio and clearance are left out: they have the tolerances in them already.
     """
 
-    def checks(shape: Dog, root_radius: float) -> list[Check]:
+    def margins(shape: Dog, root_radius: float) -> dict[str, float]:
         case = limits.with_root_radius(root_radius)
-        return [check for group in _GROUPS[:-1] for check in group(shape, case)]
+        return {check.name: check.margin for group in _GROUPS[:-1] for check in group(shape, case)}
 
-    def margins(shape: Dog, root_radius: float) -> list[float]:
-        return [check.margin for check in checks(shape, root_radius)]
-
-    names = [check.name for check in checks(dog, limits.root_radius)]
-    spreads = losses(dog, limits.root_radius, limits.tolerances, margins)
-    return dict(zip(names, spreads, strict=True))
+    return losses(dog, limits.root_radius, limits.tolerances, margins)
 
 
-_RULES = {
-    name: Rule(name, "load", meaning, formula, source, "MPa", key, True)
-    for name, meaning, formula, source, key in (
-        *((f"flank_pressure_{flank}", f"mean pressure on the {flank} flank",
-           "F/A, A what touches at full depth", "DIN 5466-1; limit of the material set",
-           "material.allowable_pressure_MPa") for flank in FLANKS),
-        *((f"root_bending_{flank}", f"tension in the fillet below the loaded {flank} flank",
-           "notch factor times nominal root stress, load at the load height",
-           "Heywood 1948, fitted to finite elements; limit: static strength, ISO 6336-3",
-           "material.bending_endurance_MPa") for flank in FLANKS),
-        ("shear_stress", "shear stress of the root", "1.5 F/(b s)",
-         "parabola over a rectangle; limit: proof stress of the core over safety and sqrt(3)",
-         "material.proof_stress_MPa"),
-        ("equivalent_stress", "equivalent stress of the core at the root, the worse flank",
-         "sqrt(sigma_c^2 + 3 tau^2), sigma_c the tension below the case",
-         "von Mises; limit: proof stress of the core over safety", "material.proof_stress_MPa"),
-        ("root_fatigue", "tension in the fillet, the worse flank, over the shifts of the life",
-         "as root bending; limit: bending_endurance 2 Y_NT(shifts) reversal/safety_fatigue, or at "
-         "the largest torque of load.spectrum what it is when Miner's sum of all classes is 1",
-         "ISO 6336-3, ISO 6336-5, ISO 6336-6", "load.shifts"),
-    )
-}  # fmt: skip
-
-_RULES["rim"] = Rule(
-    "rim", "load",
-    "thickness of the ring behind the roots; below 1.2 heights it raises the stress of the root",
-    "manufacturing.rim_mm against 0.5 h; root stress times Y_B = 1.6 ln(2.242 h/rim)",
-    "ISO 6336-3, rim thickness factor, whose range ends there", "mm", "dog.height_mm", False,
-)  # fmt: skip
+def _shape_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+    core = dog.tip_width_at(dog.inner_radius) - 2.0 * limits.material.case_depth
+    made = manufacturing_checks(dog, limits.manufacturing)
+    return (*made, *checks_of([("tip_core", core, limits.manufacturing.tip_core)]))
 
 
 def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+    case, allowable, rim = limits.load, limits.allowable_stress, limits.manufacturing.rim
     # Thousands of designs are checked, each at every deviation: what they share is found once.
-    roots = {flank: root_of(dog, limits, flank) for flank in FLANKS}
-    tension = {flank: root.tension for flank, root in roots.items()}
-    shear = largest(*(root.shear for root in roots.values()))
-    equivalent = largest(*(root.equivalent for root in roots.values()))
-    allowable = limits.allowable_stress
-    pressure = limits.material.allowable_pressure
-    rows = (
-        *((f"flank_pressure_{f}", roots[f].pressure, pressure) for f in FLANKS),
-        *((f"root_bending_{f}", tension[f], limits.static_root_stress) for f in FLANKS),
+    roots = {flank: root_of(dog, limits, root_load(dog, limits, flank)) for flank in FLANKS}
+    rows = []
+    for flank in FLANKS:
+        # The allowable is of flanks that carry for life: misuse, which comes once, is not in it.
+        lasting = case.force_per_dog(dog, flank, case.design_torque * case.share_of(flank))
+        pressure = flank_pressure(dog, limits, flank, lasting)
+        rows.append((f"flank_pressure_{flank}", pressure, limits.material.allowable_pressure))
+    static = limits.static_root_stress
+    rows += [(f"root_bending_{flank}", root.tension, static) for flank, root in roots.items()]
+    shear, equivalent = (
+        largest(*(getattr(root, name) for root in roots.values()))
+        for name in ("shear", "equivalent")
+    )
+    rows += [
         ("shear_stress", shear, allowable / math.sqrt(3.0)),
         ("equivalent_stress", equivalent, allowable),
-    )
-    made = [Check(_RULES[name], value / MPA, limit / MPA) for name, value, limit in rows]
-    lasting, endured = fatigue(dog, limits)
-    made.append(Check(_RULES["root_fatigue"], lasting / MPA, endured / MPA))
-    rim = limits.manufacturing.rim
-    if rim is not None:
-        made.append(Check(_RULES["rim"], rim / MM, THINNEST * dog.height / MM))
-    return tuple(made)
+        ("root_fatigue", *fatigue(dog, limits)),
+    ]
+    return checks_of(rows if rim is None else [*rows, ("rim", rim, THINNEST * dog.height)])
 
 
-_STRIKE_SOURCE = "two-mass impact coupled through the shafts (Rao); limit: "
-_STRIKE_ROOT = Rule(
-    "flank_strike_root", "load", "tension in the fillet when flanks strike, the worse flank",
-    "as root bending, F = T/(r N sqrt(K_l)); T = sum |k D q/omega| over the modes of ring, wheel "
-    "and shafts, or nu w sqrt(k J) of a second strike",
-    f"{_STRIKE_SOURCE}static strength, or less where strike.strikes allow less, ISO 6336-3", "MPa",
-    "material.bending_endurance_MPa", True,
-)  # fmt: skip
-_STRIKE_FLANK = replace(
-    _STRIKE_ROOT,
-    name="flank_strike_flank",
-    meaning="mean pressure on the flank when flanks strike, the worse flank",
-    formula="F/A, F as in flank_strike_root",
-    source=f"{_STRIKE_SOURCE}yield stress of the case, HV/3, over safety",
-    key="material.surface_hardness_HV",
-)
-
-
-def strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
-    """Return the checks of the flank strike, none where the study does not describe it."""
-    strike = limits.strike
+def _strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
+    strike, root = limits.strike, limits.static_root_stress
     if strike is None:
         return ()
     tension = pressure = 0.0
     for flank in strike.flanks:
         force = strike_force(dog, limits, strike, flank)
-        contact = flank_contact(dog, limits.root_radius, flank)
-        load = Load(force, flank, contact.level(limits.load.load_height))
-        rim = rim_factor(dog, limits.manufacturing)
-        tension = largest(tension, root_tension(dog, limits.root_radius, load) * rim)
-        pressure = largest(pressure, force / largest(contact.area, SMALLEST_AREA))
-    root = limits.static_root_stress
+        load = _at_load_height(dog, limits, flank, force)
+        tension = largest(tension, root_of(dog, limits, load).tension)
+        pressure = largest(pressure, flank_pressure(dog, limits, flank, force))
     if strike.strikes is not None:
         root = min(root, limits.endurance(strike.strikes))
     bears = limits.material.case_yield / limits.load.safety
-    return (
-        Check(_STRIKE_ROOT, tension / MPA, root / MPA),
-        Check(_STRIKE_FLANK, pressure / MPA, bears / MPA),
+    return checks_of(
+        [("flank_strike_root", tension, root), ("flank_strike_flank", pressure, bears)]
     )
 
 
+_STRIKE_KEYS = "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad"
 #: Checks that only some studies have, and what they want.
 UNJUDGED = {
     "pull_out_force": "mechanism.spline_friction, or load.pull_out_force_limit_N",
-    "flank_strike_root": "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad",
-    "flank_strike_flank": "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad",
+    "flank_strike_root": _STRIKE_KEYS,
+    "flank_strike_flank": _STRIKE_KEYS,
     "rim": "manufacturing.rim_mm",
 }
 
-#: Groups of checks, cheap and often failing ones first.
+#: Groups of checks, cheap and often failing ones first; the last has the tolerances in it.
 _GROUPS: tuple[Callable[[Dog, Limits], tuple[Check, ...]], ...] = (
-    lambda dog, limits: (
-        *manufacturing_checks(dog, limits.manufacturing),
-        tip_core_check(dog, limits.manufacturing, limits.material.case_depth),
-    ),
+    _shape_checks,
     lambda dog, limits: locking_checks(dog, limits.load),
     _load_checks,
-    strike_checks,
-    lambda dog, limits: (
-        contact_check(dog, limits.root_radius, limits.tolerances, limits.seated_tolerance),
-        clearance_check(dog, limits.tolerances),
+    _strike_checks,
+    lambda dog, limits: tolerance_checks(
+        dog, limits.root_radius, limits.tolerances, limits.seated_tolerance
     ),
 )

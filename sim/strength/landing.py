@@ -22,10 +22,9 @@ import numpy as np
 
 from dogshape.sim.shift.geometry import LAND, Dog, crest_cut, tip_radius
 from dogshape.sim.shift.loads import OVERLAPS, Landing
-from dogshape.sim.strength.checks import Check, Rule
+from dogshape.sim.strength.checks import RULES, Check, checks_of
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.materials import POISSON, YOUNG
-from dogshape.sim.units import MPA
 
 MODULUS = YOUNG / (2.0 * (1.0 - POISSON**2))  #: Pa, of two like bodies
 
@@ -41,25 +40,7 @@ def hardest(landings: Iterable[Landing]) -> Landing:
     return Landing(tuple(max(column) for column in columns)) if columns else Landing()
 
 
-FACE_RULE = Rule(
-    "face_pressure_impact", "impact", "mean pressure on the flat overlap of the faces, hardest "
-    "landing", "w/((L - 2 c) sqrt(K_s)), w = F/(N b), c what a rounded crest takes",
-    "simulated peak; limit: yield stress of the case, HV/3, over safety",
-    "MPa", "material.surface_hardness_HV", True,
-)  # fmt: skip
-CORE_RULE = Rule(
-    "core_pressure_impact", "impact", "mean pressure below the case of the faces, hardest landing",
-    "w/((L - 2 c + 2 t) sqrt(K_s)), t case depth",
-    "simulated peak; limit: proof stress of the core over safety",
-    "MPa", "material.proof_stress_MPa", True,
-)  # fmt: skip
-EDGE_RULE = Rule(
-    "edge_pressure_impact", "impact", "pressure of Hertz of rounded edge on rounded edge, hardest "
-    "landing", "sqrt(w E*/(pi rho/2 sqrt(K_s)))",
-    "simulated peak; limit 0.77 HV, shakedown of a line contact (Johnson 1985)",
-    "MPa", "material.surface_hardness_HV", True,
-)  # fmt: skip
-LANDING_RULES = (FACE_RULE, CORE_RULE, EDGE_RULE)
+LANDING_RULES = tuple(rule for rule in RULES.values() if rule.group == "impact")
 
 
 @dataclass(frozen=True)
@@ -72,14 +53,10 @@ class Demand:
 
 
 def exceeded(demands: Sequence[Demand], weights: Sequence[float], share: float) -> Demand:
-    """Compute what the ``share`` of all shifts exceeds, of each pressure for itself.
+    """Compute what the ``share`` in (0, 1) of all shifts exceeds, of each pressure for itself.
 
-    Parameters
-    ----------
-    demands : of single shifts.
-    weights : of the same shifts; they need not add up to one.
-    share : in (0, 1). A value stands in the middle of its weight; between two the quantile runs
-        straight, and beyond the largest nothing is known.
+    ``weights`` of the shifts need not add up to one. A value stands in the middle of its weight;
+    between two the quantile runs straight, and beyond the largest nothing is known.
     """
     if not demands:
         return Demand()
@@ -89,11 +66,6 @@ def exceeded(demands: Sequence[Demand], weights: Sequence[float], share: float) 
         places = np.cumsum(mass[order]) - 0.5 * mass[order]
         columns.append(float(np.interp(1.0 - share, places, column[order])))
     return Demand(*columns)
-
-
-def landing_checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[Check, ...]:
-    """Return the checks of the hardest landing."""
-    return demand_checks(demand_of(dog, landing, limits), limits)
 
 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
@@ -115,8 +87,7 @@ def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
 def demand_checks(demand: Demand, limits: Limits) -> tuple[Check, ...]:
     """Return the checks of a landing, or of what a share of landings exceeds."""
     material = limits.material
-    return (
-        Check(FACE_RULE, demand.face / MPA, material.case_yield / limits.load.safety / MPA),
-        Check(CORE_RULE, demand.core / MPA, limits.allowable_stress / MPA),
-        Check(EDGE_RULE, demand.edge / MPA, material.edge_pressure / MPA),
-    )
+    bears = (material.case_yield / limits.load.safety, limits.allowable_stress)
+    limiting = (*bears, material.edge_pressure)
+    names = (rule.name for rule in LANDING_RULES)
+    return checks_of(zip(names, astuple(demand), limiting, strict=True))

@@ -1,17 +1,14 @@
 r"""The load case of a design, and what it puts on one dog: :math:`F = K_A T/(r N K_s)`.
 
-*Load height* 0.9: a flank is stiff against tilt, and 0.25 degrees move the resultant from 0.5 there
-(``tests/verification/flank_model.py``). *Coast*: a petrol engine brakes with 0.25 to 0.4 of its
-torque (Heywood 1988, 13.6). Reversed bending endures 0.7 (ISO 6336-5).
+*Load height* 0.9: 0.25 degrees of tilt move the resultant there (``tests/verification/
+flank_model.py``). *Coast*: a petrol engine brakes with 0.25 to 0.4 of its torque (Heywood 1988).
 
 *Springs*: pairs of dogs of stiffness *c* touch at normal gaps :math:`g_i`; under *F* the rings
-approach by *d*, :math:`\sum c (d - g_i)_+ = F`, and :math:`K_s = (F/N)/\overline{c (d - g_{min})}`
-over ``SAMPLES`` pairs. *Landing*: the energy :math:`\tfrac12 N c \delta_0^2` is taken by the
-foremost dogs; the peak over :math:`c \delta_0` is :math:`1/\sqrt{K_l}`. *Slow errors*: run-out *t*
-adds a wave of amplitude *t/2* to the gaps of flanks, tilt :math:`\psi` one of :math:`r_m \psi` to
-faces. *Accuracy*: :math:`f_{pT} = (0.001 d + 0.4 d/N + 5) \sqrt 2^{A - 5}` um, *d* in mm (ISO
-1328-1:2013), is three standard deviations. *c*: 25 N/(mm um) of radial width. Sources: Naunheimer
-2011 (:math:`K_A`), DIN 5466-1.
+approach by *d*, :math:`\sum c (d - g_i)_+ = F`, :math:`K_s = (F/N)/\overline{c (d - g_{min})}`.
+*Landing*: the energy :math:`\tfrac12 N c \delta_0^2` is taken by the foremost dogs; the peak over
+:math:`c \delta_0` is :math:`1/\sqrt{K_l}`. *Slow errors*: run-out *t* adds a wave of amplitude
+*t/2* to the gaps of flanks, tilt :math:`\psi` one of :math:`r_m \psi` to faces. *Accuracy*:
+:math:`f_{pT} = (0.001 d + 0.4 d/N + 5) \sqrt 2^{A - 5}` um, *d* in mm (ISO 1328-1), is 3 sd.
 """
 
 from __future__ import annotations
@@ -36,6 +33,7 @@ SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its toleranc
 MICRON = 1e-6
 
 Floats = NDArray[np.float64]
+Share = Callable[[int, float, float], float]  #: of a number of dogs, scatter and wave
 
 
 def pitch_tolerance(accuracy: int, diameter: float, count: int) -> float:
@@ -52,10 +50,11 @@ def load_share(count: int, scatter: float, wave: float = 0.0) -> float:
     ``scatter`` is the standard deviation of the gaps, ``wave`` the amplitude of their slow error,
     both over the approach of perfect dogs: sigma c N/F and a c N/F.
     """
-    approach = _approach(
-        *_gaps(count, scatter, wave), lambda touching, total, _: (count + total) / touching
-    )
-    return float(1.0 / approach.mean())
+
+    def approach(touching: int, total: Floats, _: Floats) -> Floats:
+        return (count + total) / touching
+
+    return float(1.0 / _approaches(count, scatter, wave, approach).mean())
 
 
 @lru_cache(maxsize=2**16)  # designs of a search have thousands of landings, many of them alike
@@ -68,100 +67,62 @@ def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
 
     def peak(touching: int, total: Floats, squares: Floats) -> Floats:
         mean = total / touching
-        spread = squares / touching - mean**2
         # The root is real up to the first number of dogs that fits; none is looked at beyond.
-        root: Floats = np.sqrt(np.maximum(count / touching - spread, 0.0))
+        root: Floats = np.sqrt(np.maximum(count / touching - (squares / touching - mean**2), 0.0))
         return mean + root
 
-    return float(1.0 / _approach(*_gaps(count, scatter, wave), peak).mean() ** 2)
+    return float(1.0 / _approaches(count, scatter, wave, peak).mean() ** 2)
 
 
-def _gaps(count: int, scatter: float, wave: float) -> tuple[float, Floats]:
-    """Return a scale, and gaps over it beyond the smallest, in their order, (count, samples).
-
-    They are taken from the foremost before they are scaled, so that wide ones lose no digits.
-    """
-    if wave == 0.0:
-        return scatter, _normal_gaps(count)
-    larger = max(scatter, wave)
-    drawn, phase = _drawn(count)
-    around = 2.0 * np.pi * (np.arange(count) / count + phase[:, None])
-    return larger, _from_foremost(scatter / larger * drawn + wave / larger * np.cos(around))
+def _rounded_share(count: int, scatter: float, wave: float) -> float:
+    """Return ``landing_share`` of errors to three digits: thousands of landings share an answer."""
+    return landing_share(count, float(f"{scatter:.3g}"), float(f"{wave:.3g}"))
 
 
 @lru_cache(maxsize=64)
-def _normal_gaps(count: int) -> Floats:
-    """Return gaps of standard deviation 1 beyond the smallest, in their order, (count, samples)."""
-    gaps = _from_foremost(_drawn(count)[0])
-    gaps.flags.writeable = False
-    return gaps
-
-
-def _drawn(count: int) -> tuple[Floats, Floats]:
-    """Draw normal gaps, (samples, count), and the phase of each pair's slow error, (samples,)."""
+def _gaps(count: int, scatter: float, wave: float) -> Floats:
+    """Draw gaps beyond the smallest, in their order, (count, samples)."""
     rng = np.random.default_rng(SEED)
-    return rng.standard_normal((SAMPLES, count)), rng.random(SAMPLES)
+    drawn, phase = rng.standard_normal((SAMPLES, count)), rng.random(SAMPLES)
+    around = 2.0 * np.pi * (np.arange(count) / count + phase[:, None])
+    ordered = np.sort(scatter * drawn + wave * np.cos(around), axis=1).T
+    return np.ascontiguousarray(ordered - ordered[0])
 
 
-def _from_foremost(gaps: Floats) -> Floats:
-    ordered = np.ascontiguousarray(np.sort(gaps, axis=1).T)
-    return ordered - ordered[0]
+def _approaches(
+    count: int, scatter: float, wave: float, approach_of: Callable[[int, Floats, Floats], Floats]
+) -> Floats:
+    """Return the approach of each sample, with the fewest dogs that do not reach the next gap.
 
-
-def _approach(scale: float, gaps: Floats, of: Callable[[int, Floats, Floats], Floats]) -> Floats:
-    """Return the approach of each sample with as many dogs as it touches, (samples,).
-
-    ``of`` gives it for a number of foremost dogs from the sums of their gaps and of their squares.
-    ``scale`` times ``gaps`` (count, samples) are the gaps. An approach holds while it does not
-    reach the next one.
+    ``approach_of`` gives it from a number of foremost dogs and the sums of their gaps and squares.
     """
-    found = np.empty(gaps.shape[1])
-    left = np.arange(gaps.shape[1])
-    here, total, squares = scale * gaps[0], 0.0 * gaps[0], 0.0 * gaps[0]
-    for touching in range(1, len(gaps) + 1):
-        total, squares = total + here, squares + here**2
-        found[left] = approach = of(touching, total, squares)
-        if touching < len(gaps):
-            here = scale * gaps[touching, left]
-            beyond = approach > here
-            left, here = left[beyond], here[beyond]
-            total, squares = total[beyond], squares[beyond]
+    larger = max(scatter, wave) or 1.0  # scaled from the foremost, so that no digit is lost
+    gaps = _gaps(count, scatter / larger, wave / larger)
+    found, left = np.empty(SAMPLES), np.arange(SAMPLES)
+    total, squares = np.zeros(SAMPLES), np.zeros(SAMPLES)
+    for touching, here in enumerate(gaps, start=1):
+        gap = larger * here[left]
+        total, squares = total + gap, squares + gap**2
+        found[left] = approach = approach_of(touching, total, squares)
+        if touching < count:
+            beyond = approach > larger * gaps[touching, left]
+            left, total, squares = left[beyond], total[beyond], squares[beyond]
     return found
 
 
 @dataclass(frozen=True)
 class LoadCase:
-    """Loads that a dog has to carry, hold and let go.
+    """Loads that a dog has to carry, hold and let go: keys of ``[load]``, SI.
 
-    Parameters
-    ----------
-    torque : rated torque, N m.
-    application_factor, load_sharing : see above.
-    load_height : of the resultant, as a share of the height that touches.
-    safety, safety_fatigue : against yielding and against fatigue.
-    shifts : over the life; each is one load cycle.
-    spectrum : classes of torque over the rated one and their cycles over the life, which replace
-        the load cycle of each shift in the fatigue of the root; a negative torque loads the
-        braking flank.
-    abuse_torque : of misuse, N m without further factor, which either flank survives; None for the
-        design torque alone.
-    reversal : factor on the endurance of a root that is bent both ways.
-    friction_release : static coefficient, for release and self-locking.
-    friction_hold : low dynamic coefficient, for what has to be held.
-    separating_force_limit : that the blocking mechanism holds, N.
-    vibration_force : inertia of the ring in gearbox vibration, N, which the blocking mechanism
-        holds beside the separating force.
-    coast_share : torque on the braking flank over that on the traction flank.
-    pull_out_force_limit : that the actuator pulls the ring out with, N; None for no such check.
-    accuracy : class of ISO 1328-1 that the dogs are made to; None for the fixed load sharing.
-    pitch_sd : standard deviation of a single pitch deviation in place of a class, m.
-    run_out : total radial run-out of one ring on the other that no play takes, m.
-    tilt : angle between the rings as they land, rad.
-    dog_stiffness : of a pair of dogs along the circumference, N/m; None for 25 N/(mm um) of width.
-    release_by_itself : whether flanks have to let go under torque without a pull.
-    spline_friction, spline_radius : of the toothing that the ring sits on, the latter in m.
-    landing_share : share of shifts that may land harder than the checks take
-        (``sim.strength.landing``); None for the hardest of those simulated.
+    Each of ``shifts`` is a load cycle; classes of ``spectrum`` replace them in the fatigue of the
+    root: torque over the rated one (negative on the braking flank) and cycles. ``abuse_torque``
+    has no further factor. ``reversal`` is the factor on the endurance of a root that is bent both
+    ways. ``friction_release`` is the static coefficient, ``friction_hold`` the low dynamic one.
+    ``vibration_force`` is the inertia of the ring in gearbox vibration. Without
+    ``pull_out_force_limit`` there is no such check, without ``release_by_itself`` flanks may need a
+    pull. Without ``accuracy`` (ISO 1328-1) or ``pitch_sd``, ``run_out`` and ``tilt`` the load
+    sharing is fixed. ``dog_stiffness`` is of a pair of dogs, None for 25 N/(mm um) of width.
+    ``landing_share`` of the shifts may land harder than the checks take, None for no shift.
     """
 
     torque: float = within("torque_Nm", 1e-3, 1e5, 200.0)
@@ -245,22 +206,14 @@ class LoadCase:
 
     def landing(self, dog: Dog, line_load: float) -> float:
         """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""
-        # Thousands of landings differ by less: three digits let them share an answer.
         force = line_load * dog.radial_width
-        return self._share(landing_share, dog, force, dog.mean_radius * self.tilt, digits=3)
+        return self._share(_rounded_share, dog, force, dog.mean_radius * self.tilt)
 
     def blow(self, dog: Dog, force: float) -> float:
         """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
-        return self._share(landing_share, dog, force, 0.5 * self.run_out, digits=3)
+        return self._share(_rounded_share, dog, force, 0.5 * self.run_out)
 
-    def _share(
-        self,
-        share: Callable[[int, float, float], float],
-        dog: Dog,
-        force: float,
-        wave: float,
-        digits: int | None = None,
-    ) -> float:
+    def _share(self, share: Share, dog: Dog, force: float, wave: float) -> float:
         """Compute a share of the dogs; ``load_sharing`` where nothing is said of their errors."""
         scatter = self.scatter(dog)
         if scatter is None and wave == 0.0:
@@ -269,10 +222,7 @@ class LoadCase:
         def of_one(count: int, force: float, stiffness: float, *errors: float) -> float:
             if force == 0.0:
                 return self.load_sharing
-            found = [error * stiffness / force for error in errors]
-            if digits is not None:
-                found = [float(f"{value:.{digits}g}") for value in found]
-            return share(int(count), *found)
+            return share(int(count), *(error * stiffness / force for error in errors))
 
-        errors = 0.0 if scatter is None else scatter, wave
-        return each(of_one, dog.count, force, self.stiffness(dog), *errors)
+        drawn = 0.0 if scatter is None else scatter
+        return each(of_one, dog.count, force, self.stiffness(dog), drawn, wave)

@@ -17,41 +17,8 @@ import math
 
 from dogshape.sim.elementwise import arctan, largest, tan
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
-from dogshape.sim.strength.checks import Check, Rule
+from dogshape.sim.strength.checks import Check, checks_of
 from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.units import DEG
-
-_RULES = {
-    name: Rule(
-        name, "lock", meaning, formula, "Jasny et al. 2019, with the static coefficient", "deg",
-        "load.friction_release", False,
-    )
-    for name, meaning, formula in (
-        ("chamfer_release", "chamfer, which slides from rest above the friction angle",
-         "angle against arctan of the static coefficient"),
-        *((f"{flank}_release", f"{flank} flank, which is self-locking below the friction angle",
-           "angle against arctan of the static coefficient + arctan(mu_t r/r_t) of the spline")
-          for flank in FLANKS),
-    )
-} | {
-    f"separating_force_{flank}": Rule(
-        f"separating_force_{flank}", "lock",
-        f"axial force that the {flank} flank puts on the blocking mechanism",
-        "K_A T/r tan(side angle - rho) - min(mu_t, mu) K_A T/r_t + m a, rho = arctan mu of the low "
-        "dynamic coefficient, mu_t and r_t of the spline, T of coast on the braking flank",
-        "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)",
-        "N", "load.separating_force_limit_N", True,
-    )
-    for flank in FLANKS
-}  # fmt: skip
-PULL_OUT_RULE = Rule(
-    "pull_out_force", "lock",
-    "axial force that pulls the ring out under the rated torque, the worse flank; below 0 it comes "
-    "by itself",
-    "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
-    "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the largest shift force "
-    "of the operating points", "N", "load.pull_out_force_limit_N", True,
-)  # fmt: skip
 
 
 def axial_force(dog: Dog, torque: float, angle: float, friction: float) -> float:
@@ -90,22 +57,17 @@ def blocking_force(dog: Dog, load: LoadCase) -> float:
 
 def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
     """Return the checks of release and holding, and of pulling out where that has a limit."""
-    angles = {"chamfer_release": (dog.chamfer, math.atan(load.friction_release))}
+    rows = [("chamfer_release", dog.chamfer, math.atan(load.friction_release))]
     if load.release_by_itself:
         least = release_angle(dog, load)
-        angles |= {f"{flank}_release": (side_angle(dog, flank), least) for flank in FLANKS}
-    limit = load.separating_force_limit
-    checks = (
-        *(Check(_RULES[name], one / DEG, least / DEG) for name, (one, least) in angles.items()),
-        *(
-            Check(_RULES[f"separating_force_{flank}"], separating_force(dog, load, flank), limit)
-            for flank in FLANKS
-        ),
-    )
-    if load.pull_out_force_limit is None:
-        return checks
-    pull = largest(*(pull_out_force(dog, load, flank) for flank in FLANKS))
-    return (*checks, Check(PULL_OUT_RULE, pull, load.pull_out_force_limit))
+        rows += [(f"{flank}_release", side_angle(dog, flank), least) for flank in FLANKS]
+    for flank in FLANKS:
+        force = separating_force(dog, load, flank)
+        rows.append((f"separating_force_{flank}", force, load.separating_force_limit))
+    if load.pull_out_force_limit is not None:
+        pull = largest(*(pull_out_force(dog, load, flank) for flank in FLANKS))
+        rows.append(("pull_out_force", pull, load.pull_out_force_limit))
+    return checks_of(rows)
 
 
 def locking_friction(dog: Dog, load: LoadCase) -> tuple[float, str]:

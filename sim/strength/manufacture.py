@@ -7,34 +7,23 @@ flight a shift. These rules are checked first and cost nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
 from dogshape.sim.elementwise import key, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
-from dogshape.sim.strength.checks import Check, Rule
+from dogshape.sim.strength.checks import RULES, Check, checks_of
 from dogshape.sim.units import DEG, MM
 
 
 @dataclass(frozen=True)
 class ManufacturingLimits:
-    """Limits of the workshop; lengths in m.
+    """Limits of the workshop, lengths in m: ``RULES`` has their meaning and reason.
 
-    Parameters
-    ----------
-    tip_width : narrower tips are bruised in handling and lose their shape in hardening.
-    tip_core : soft core that the case leaves of the tip, so that it does not harden through.
-    slot_width : diameter of the cutter, which has to reach the floor of the slot where
-        that is narrowest, at the inner radius.
-    cutter_reach : depth of the slot over the width of its floor; a slender cutter bends.
-    flank_height : of the braking flank, the lower one.
-    root_radius : with which roots are filleted, and tip edges rounded that have no radius of
-        their own.
-    chamfer_share : depth of the face at its edge over the height of the dog.
-    module : mean diameter over count; smaller dogs lose their shape in hardening.
-    rim : thickness of the ring behind the roots; None for one that is thick enough.
+    ``root_radius`` is also that of tip edges without a radius of their own; ``rim`` is the
+    thickness of the ring behind the roots, None for one that is thick enough.
     """
 
     tip_width: float = within("tip_width_mm", 0.05, 100.0, 1.5e-3)
@@ -53,78 +42,38 @@ class ManufacturingLimits:
 
 _NARROW = "use fewer or lower dogs or smaller side angles"
 _LOW_FLANK = "use a smaller chamfer, more dogs or a higher dog"
-#: By check: rule, and what helps a shape that breaks it.
-_RULES = {
-    name: (Rule(name, "make", what, formula, source, unit, f"manufacturing.{key}", at_most), help)
-    for name, unit, key, at_most, what, formula, source, help in (
-        ("tip_width", "mm", "tip_width_mm", False, "width of the tip at the inner radius",
-         "pitch angle r_i/2 - h (tan beta + tan gamma)/2",
-         "handling and distortion in hardening (assumption)", _NARROW),
-        ("slot_width", "mm", "slot_width_mm", False,
-         "width of the slot's floor at the inner radius",
-         "pitch at r_i less the root width there", "smallest cutter (assumption)", _NARROW),
-        ("cutter_reach", "", "cutter_reach", True, "depth of the slot over the width of its floor",
-         "h over the slot's width at the inner radius",
-         "reach of a short end mill, three diameters (assumption)", _NARROW),
-        ("flank_height", "mm", "flank_height_mm", False,
-         "height of the braking flank at the outer radius, where it is lowest",
-         "h - d, d depth of the face at its edge there",
-         "keeps a flank on the side that brakes (assumption)", _LOW_FLANK),
-        ("root_radius", "mm", "root_radius_mm", False,
-         "largest root radius that fits into slot and tip",
-         "two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
-         "geometry; wear of the cutter sets the limit (assumption)",
-         "use a smaller radius, fewer dogs, or a smaller chamfer"),
-        ("edge_clearance", "mm", "root_radius_mm", False,
-         "radius of the tip edges, which meet the root fillets of the other ring",
-         "R of the edges, at least that of the roots",
-         "geometry: a ball that fits into the tip fits into the slot",
-         "use a larger dog.edge_radius_mm, or smaller root fillets"),
-        ("chamfer_share", "", "chamfer_share", True,
-         "depth of the face at its edge over the height of the dog", "d/h",
-         "leaves a flank of two thirds (assumption)", _LOW_FLANK),
-        ("module", "mm", "module_mm", False, "mean diameter over the number of dogs", "2 r/N",
-         "distortion in hardening (assumption)", "use fewer dogs or a larger diameter"),
-    )
-}  # fmt: skip
-TIP_CORE_RULE = Rule(
-    "tip_core", "make", "soft core of the tip at the inner radius",
-    "width of the tip less a case depth from either side",
-    "a tip hardened through chips; limit an assumption", "mm", "manufacturing.tip_core_mm", False,
-)  # fmt: skip
-#: Checks that a dog must pass to be made at all.
-MAKEABLE = tuple(_RULES)
+#: What helps a shape that breaks a rule that it must keep to be made at all.
+_REMEDIES = {
+    "tip_width": _NARROW,
+    "slot_width": _NARROW,
+    "cutter_reach": _NARROW,
+    "flank_height": _LOW_FLANK,
+    "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
+    "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
+    "chamfer_share": _LOW_FLANK,
+    "module": "use fewer dogs or a larger diameter",
+}
+MAKEABLE = tuple(_REMEDIES)  #: checks that a dog must pass to be made at all
 
 
 def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, ...]:
-    """Return the manufacturability checks of a dog, lengths in mm."""
+    """Return the manufacturability checks of a dog."""
     inner = dog.inner_radius
     slot = dog.pitch_angle * inner - dog.root_width_at(inner)
     lowest = dog.height - dog.edge_drop_at(dog.outer_radius)
-    lengths = {
-        "tip_width": (dog.tip_width_at(inner), limits.tip_width),
-        "slot_width": (slot, limits.slot_width),
-        "flank_height": (lowest, limits.flank_height),
-        "root_radius": (root_radius_room(dog), limits.root_radius),
-        "edge_clearance": (dog.edge_radius, limits.root_radius),
-        "module": (2.0 * dog.mean_radius / dog.count, limits.module),
-    }
-    rows = {name: (value / MM, limit / MM) for name, (value, limit) in lengths.items()} | {
-        "cutter_reach": (dog.height / slot, limits.cutter_reach),
-        "chamfer_share": (dog.edge_drop / dog.height, limits.chamfer_share),
-    }
-    sharp = dog.edge_radius == 0.0
-    return tuple(
-        Check(rule, *rows[name])
-        for name, (rule, _) in _RULES.items()
-        if not (sharp and name == "edge_clearance")
+    edge = ("edge_clearance", dog.edge_radius, limits.root_radius)
+    return checks_of(
+        (
+            ("tip_width", dog.tip_width_at(inner), limits.tip_width),
+            ("slot_width", slot, limits.slot_width),
+            ("cutter_reach", dog.height / slot, limits.cutter_reach),
+            ("flank_height", lowest, limits.flank_height),
+            ("root_radius", root_radius_room(dog), limits.root_radius),
+            *([] if dog.edge_radius == 0.0 else [edge]),
+            ("chamfer_share", dog.edge_drop / dog.height, limits.chamfer_share),
+            ("module", 2.0 * dog.mean_radius / dog.count, limits.module),
+        )
     )
-
-
-def tip_core_check(dog: Dog, limits: ManufacturingLimits, case_depth: float) -> Check:
-    """Return the check of the core that a case of ``case_depth`` (m) leaves of the tip."""
-    core = dog.tip_width_at(dog.inner_radius) - 2.0 * case_depth
-    return Check(TIP_CORE_RULE, core / MM, limits.tip_core / MM)
 
 
 def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
@@ -132,7 +81,7 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
     for check in manufacturing_checks(dog, limits):
         if not check.passed:
             raise GeometryError(
-                f"{check.fault} to be made; {_RULES[check.name][1]}, or change {check.rule.key}."
+                f"{check.fault} to be made; {_REMEDIES[check.name]}, or change {check.rule.key}."
             )
 
 
@@ -192,7 +141,7 @@ class Spread:
 
 
 SIDES = (-1.0, 1.0)
-Values = Callable[[Dog, float], Sequence[float]]  #: of a dog and its root radius in m
+Values = Callable[[Dog, float], dict[str, float]]  #: of a dog and its root radius in m
 
 
 def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tuple[Dog, float]:
@@ -210,7 +159,9 @@ def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tupl
     return replace(dog, **off), radius
 
 
-def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values) -> list[Spread]:
+def losses(
+    dog: Dog, root_radius: float, tolerances: Tolerances, values: Values
+) -> dict[str, Spread]:
     """Compute the largest loss of each of ``values``.
 
     Worst is every dimension off to the side on which it takes something: exact where a value rises
@@ -220,63 +171,48 @@ def losses(dog: Dog, root_radius: float, tolerances: Tolerances, values: Values)
     sizes = tolerances.dimensions
     nominal = values(dog, root_radius)
 
-    def fall(signs: Mapping[str, float]) -> list[float]:
-        deviations = {name: sign * sizes[name] for name, sign in signs.items()}
+    def fall(signs: Mapping[str, float]) -> dict[str, float]:
+        deviations = {size: sign * sizes[size] for size, sign in signs.items()}
         try:
             shape, radius = moved(dog, root_radius, deviations)
             there, possible = values(shape, radius), shape.possible
         except DogshapeError:
-            return [math.inf] * len(nominal)
-        fallen = [here - off for here, off in zip(nominal, there, strict=True)]
-        return fallen if possible is True else [where(possible, by, math.inf) for by in fallen]
+            return dict.fromkeys(nominal, math.inf)
+        return {name: where(possible, nominal[name] - there[name], math.inf) for name in nominal}
 
-    # Of each dimension the falls of all values on either side.
-    falls = {name: [fall({name: side}) for side in SIDES] for name in sizes}
-    corners: dict[tuple[Hashable, ...], list[float]] = {}
-    found = []
-    for i in range(len(nominal)):
-        sides = {name: (down[i], up[i]) for name, (down, up) in falls.items()}
-        signs = {name: where(down >= up, *SIDES) for name, (down, up) in sides.items()}
-        corner = tuple(key(sign) for sign in signs.values())
+    falls = {size: [fall({size: side}) for side in SIDES] for size in sizes}
+    corners: dict[tuple[Hashable, ...], dict[str, float]] = {}
+    found = {}
+    for name in nominal:
+        sides = {size: (down[name], up[name]) for size, (down, up) in falls.items()}
+        signs = {size: where(down >= up, *SIDES) for size, (down, up) in sides.items()}
+        corner = tuple(map(key, signs.values()))
         if corner not in corners:
             corners[corner] = fall(signs)
-        by_dimension = {name: largest(*two, 0.0) for name, two in sides.items()}
-        found.append(Spread(by_dimension, largest(corners[corner][i], *by_dimension.values())))
+        by_dimension = {size: largest(*two, 0.0) for size, two in sides.items()}
+        worst = largest(corners[corner][name], *by_dimension.values())
+        found[name] = Spread(by_dimension, worst)
     return found
 
 
-def _contact(dog: Dog, root_radius: float) -> list[float]:
-    return [flank_contact(dog, root_radius, flank).height / dog.height for flank in FLANKS]
+def _contact(dog: Dog, root_radius: float) -> dict[str, float]:
+    return {f: flank_contact(dog, root_radius, f).height / dog.height for f in FLANKS}
 
 
-CONTACT_RULE = Rule(
-    "contact_ratio", "tolerance",
-    "share of the height that touches on the worse flank, every tolerance at its worst",
-    "(height that touches - seated tolerance)/h less all losses",
-    "worst case of all dimensions; limit an assumption", "", "tolerance.contact_ratio", False,
-)  # fmt: skip
-CLEARANCE_RULE = Rule(
-    "clearance", "tolerance",
-    "gap between the crests in neutral, gap and both heights at their worst",
-    "axial gap - its tolerance - 2 tolerances of the height",
-    "dogs that meet in neutral ratchet; limit an assumption",
-    "mm", "tolerance.clearance_mm", False,
-)  # fmt: skip
+CONTACT_RULE = RULES["contact_ratio"]
 
 
-def contact_check(dog: Dog, root_radius: float, tolerances: Tolerances, seated: float) -> Check:
-    """Return the check of the contact left after tolerances; ``seated`` tolerance in m."""
-    nominal = _contact(dog, root_radius)
-    left = [
-        here - seated / dog.height - spread.worst_case
-        for here, spread in zip(
-            nominal, losses(dog, root_radius, tolerances, _contact), strict=True
+def tolerance_checks(
+    dog: Dog, root_radius: float, tolerances: Tolerances, seated: float
+) -> tuple[Check, ...]:
+    """Return the checks of contact and of the gap in neutral within tolerances; lengths in m."""
+    spreads, contact = losses(dog, root_radius, tolerances, _contact), _contact(dog, root_radius)
+    short = seated / dog.height
+    left = [contact[flank] - short - spread.worst_case for flank, spread in spreads.items()]
+    gap = dog.axial_gap - tolerances.axial_gap - 2.0 * tolerances.height
+    return checks_of(
+        (
+            ("contact_ratio", largest(smallest(*left), -1.0), tolerances.contact_ratio),
+            ("clearance", gap, tolerances.clearance),
         )
-    ]
-    return Check(CONTACT_RULE, largest(smallest(*left), -1.0), tolerances.contact_ratio)
-
-
-def clearance_check(dog: Dog, tolerances: Tolerances) -> Check:
-    """Return the check of the gap that is left in neutral."""
-    left = dog.axial_gap - tolerances.axial_gap - 2.0 * tolerances.height
-    return Check(CLEARANCE_RULE, left / MM, tolerances.clearance / MM)
+    )

@@ -1,15 +1,12 @@
 r"""Materials of a dog: named sets of strength values, each with its source.
 
-Values hold at room to gearbox-oil temperature; sets do not rank the steels, as standards and test
-pieces differ. Proof stress: core of blanks of 11 to 16 mm. Bending endurance:
-:math:`\sigma_{F,lim}` of ISO 6336-5, quality MQ; the root endures :math:`Y_{ST} = 2` times that
-locally. Life: :math:`Y_{NT} = (3 \cdot 10^6/n)^x` from ``static_factor`` at 1000 cycles to 1, 0.85
-at 1e10 (ISO 6336-3). Case depth to 550 HV. Allowable pressure: 100 to 200 MPa for hard fixed
-splines (DIN 5466-1); 0.7 of that for nitriding, 0.8 for induction hardening (assumptions).
-
-*Spectrum* (Miner, ISO 6336-6): :math:`D = \sum_i n_i/N(\sigma_i)`, :math:`N = 3 \cdot 10^6\,
-(\sigma/\sigma_{3 \cdot 10^6})^{-1/x}`; none beyond the static strength, no end of the flat slope.
-The margin is the factor on all loads at which D is 1.
+At room to gearbox-oil temperature; sets do not rank the steels, as test pieces differ. Proof
+stress: core of blanks of 11 to 16 mm. Bending endurance: :math:`\sigma_{F,lim}` of ISO 6336-5, MQ;
+the root endures :math:`Y_{ST} = 2` times that locally. Life: :math:`Y_{NT} = (3 \cdot 10^6/n)^x`
+from ``static_factor`` at 1000 cycles to 1, 0.85 at 1e10 (ISO 6336-3). Case depth to 550 HV.
+Pressure: 100 to 200 MPa for hard fixed splines (DIN 5466-1); 0.7 of that nitrided, 0.8
+induction-hardened (assumed). *Spectrum* (Miner, ISO 6336-6): :math:`D = \sum_i n_i/N(\sigma_i)`,
+:math:`N = 3 \cdot 10^6\, (\sigma/\sigma_{3 \cdot 10^6})^{-1/x}`; none beyond the static strength.
 """
 
 from __future__ import annotations
@@ -30,17 +27,10 @@ YOUNG, POISSON = 210e9, 0.3  #: of steel; Pa
 
 @dataclass(frozen=True)
 class Material:
-    """Strength of the dogs' material.
+    """Strength of the dogs' material, SI; ``surface_hardness`` in HV.
 
-    Parameters
-    ----------
-    name, source : of the set, for reports.
-    proof_stress : of the core, Pa.
-    bending_endurance : nominal bending stress number of ISO 6336-5, Pa.
-    static_factor : of the endurance at 1000 load cycles.
-    allowable_pressure : mean pressure on a flank, Pa.
-    surface_hardness : Vickers hardness HV of the surface.
-    case_depth : of the hard layer, m.
+    ``bending_endurance`` is the nominal bending stress number of ISO 6336-5, ``static_factor`` the
+    endurance at 1000 load cycles over it, ``allowable_pressure`` the mean one on a flank.
     """
 
     name: str
@@ -130,35 +120,30 @@ def cycles_endured(material: Material, strength: float) -> float:
     return ENDURANCE_CYCLES * math.exp(min(exponent, 600.0))
 
 
-def damage(material: Material, classes: Sequence[tuple[float, float]]) -> float:
-    """Sum the damage of (stress over the endurance at 3e6 cycles, cycles)."""
-    total = 0.0
-    for strength, cycles in classes:
-        endured = cycles_endured(material, strength)
-        total += cycles / endured if endured > 0.0 else math.inf
-    return total
+def damage(
+    material: Material, strengths: Sequence[float], cycles: Sequence[float], factor: float = 1.0
+) -> float:
+    """Sum the damage of classes of ``cycles``, their stresses times a factor.
+
+    ``strengths`` are the stresses over the endurance at 3e6 cycles.
+    """
+    endured = (cycles_endured(material, factor * strength) for strength in strengths)
+    return sum(n / most if most else math.inf for n, most in zip(cycles, endured, strict=True))
 
 
 def reserve(material: Material, cycles: Sequence[float], *strengths: float) -> float:
-    """Find the factor on all stresses at which the damage is 1; inf where there is no load.
-
-    ``strengths`` are the stresses of classes over the endurance at 3e6 cycles.
-    """
-    classes, peak = [*zip(strengths, cycles, strict=True)], max(strengths, default=0.0)
+    """Find the factor on all stresses at which ``damage`` is 1; inf where there is no load."""
+    peak = max(strengths, default=0.0)
     if peak <= 0.0:
         return math.inf
-
     # Bisection: scipy.optimize takes half a second to load, which a quick check does not have.
-    high = material.static_factor / peak
-    low, bears = 0.0, _bears(material, classes, high)
-    while not bears and high - low > 1e-12 * high:
+    low, high = 0.0, material.static_factor / peak
+    if damage(material, strengths, cycles, high) <= 1.0:
+        return high
+    while high - low > 1e-12 * high:
         middle = 0.5 * (low + high)
-        if _bears(material, classes, middle):
+        if damage(material, strengths, cycles, middle) <= 1.0:
             low = middle
         else:
             high = middle
     return high
-
-
-def _bears(material: Material, classes: Sequence[tuple[float, float]], factor: float) -> bool:
-    return damage(material, [(factor * stress, cycles) for stress, cycles in classes]) <= 1.0

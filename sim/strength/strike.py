@@ -2,17 +2,13 @@ r"""Flank strike: the torque with which flanks meet at a mismatch, in closed for
 
 A chain of four inertias on three springs: rest of the sliding side, input shaft :math:`c_1`, ring
 :math:`J_r`, dogs :math:`k = N c r^2`, wheel :math:`J_w`, output shaft, rest. Closed flanks at the
-speed *w*: :math:`T_c = \sum_i |k \Delta_i q_i/\omega_i|` over the modes (Rao, *Mechanical
-Vibrations*, ch. 6).
-
-Second strike: the flanks give back the share *e*, the spline closes over the play *b* and the shaft
-throws the ring forward; with :math:`\theta = \tau \sqrt{c_1/J_r}` it strikes with :math:`\nu w`,
-:math:`\nu = 1 - (1 + e) \cos\theta`, where :math:`w \tau - (1 + e) w \sqrt{J_r/c_1} \sin\theta = e
-b/(1 + e)`, or :math:`2 + e` for :math:`\theta > \pi`. The torque is the larger of :math:`T_c` and
-:math:`\nu w \sqrt{k J_r J_w/(J_r + J_w)}`, at most that of the whole inertias. Against the motion
-(``tests/verification/test_strike.py``) a third too much in the median; with an output shaft up to
-1.8 times too little for one chain in fifty. No damping; scatter of dogs as in
-``sim.strength.load_case``.
+speed *w*: :math:`T_c = \sum_i |k \Delta_i q_i/\omega_i|` over the modes (Rao, ch. 6). Second
+strike: flanks give back the share *e*, the spline closes over the play *b*, the shaft throws the
+ring forward with :math:`\nu w`, :math:`\nu = 1 - (1 + e) \cos\theta`, :math:`\theta = \tau
+\sqrt{c_1/J_r}`, where :math:`w \tau - (1 + e) w \sqrt{J_r/c_1} \sin\theta = e b/(1 + e)`, or
+:math:`2 + e` for :math:`\theta > \pi`. The torque is the larger of :math:`T_c` and :math:`\nu w
+\sqrt{k J_r J_w/(J_r + J_w)}`, at most that of the whole inertias; no damping. Against the motion
+(``tests/verification/test_strike.py``) a third too much in the median.
 """
 
 from __future__ import annotations
@@ -32,20 +28,12 @@ REMEDY = "correct the strike"
 
 @dataclass(frozen=True)
 class Strike:
-    """Inertias and shafts that take part when flanks strike, and the speed of it.
+    """Inertias (kg m2) and shafts (N m/rad) that take part when flanks strike, and the speed of it.
 
-    Parameters
-    ----------
-    ring_inertia : of the sliding ring with its toothing, kg m2.
-    sliding_inertia : of all on its side, the ring included, kg m2.
-    input_stiffness : torsional stiffness of the shaft between the two, N m/rad.
-    wheel_inertia : of what stands at the flanks on the other side, kg m2.
-    output_inertia : of all on that side, the wheel included, kg m2.
-    output_stiffness : of the shaft between those, N m/rad; None for a rigid one.
-    backlash : play of the ring's spline, rad.
-    restitution : share of the speed with which flanks part.
-    mismatch : at which traction flanks strike (positive) and braking ones (negative), rad/s.
-    strikes : over the life, for fatigue; None for a static limit alone.
+    ``sliding_inertia`` and ``output_inertia`` are those of all on a side, ring and wheel included;
+    ``output_stiffness`` None is a rigid shaft. ``backlash`` is the play of the ring's spline, rad.
+    Positive ``mismatch`` (rad/s) strikes traction flanks, negative braking ones. ``strikes`` over
+    the life are for fatigue; None for a static limit alone.
     """
 
     ring_inertia: float = within("ring_inertia_kgm2", 1e-7, 100.0)
@@ -110,25 +98,22 @@ class Strike:
 
     def _closed(self, speed: float, stiffness: float) -> float:
         """Return the sum over the modes of the torque between closed flanks, N m."""
-        behind = self.sliding_inertia - self.ring_inertia
-        beyond = self.output_inertia - self.wheel_inertia
-        joint = self.output_stiffness
-        chain = [(self.ring_inertia, speed), (self.wheel_inertia, 0.0)]
-        springs, at = [stiffness], 0
-        if behind > 0.0:
-            chain, springs, at = [(behind, speed), *chain], [self.input_stiffness, stiffness], 1
-        if joint is None:
-            chain[-1] = (self.output_inertia, 0.0)
-        elif beyond > 0.0:
-            chain, springs = [*chain, (beyond, 0.0)], [*springs, joint]
-        inertia, speeds = (np.array(column) for column in zip(*chain, strict=True))
-        links = np.diff(np.eye(len(chain)), axis=0)
+        behind, joint = self.sliding_inertia - self.ring_inertia, self.output_stiffness
+        wheel = self.output_inertia if joint is None else self.wheel_inertia
+        chain = (  # inertia, its speed, spring to the next
+            (behind, speed, self.input_stiffness),
+            (self.ring_inertia, speed, stiffness),
+            (wheel, 0.0, joint or 0.0),
+            (self.output_inertia - wheel, 0.0, 0.0),
+        )
+        inertia, speeds, springs = np.array([row for row in chain if row[0] > 0.0]).T
+        links = np.diff(np.eye(len(inertia)), axis=0)
         root = np.sqrt(inertia)
-        forces = links.T @ (np.array(springs)[:, None] * links)
+        forces = links.T @ (springs[:-1, None] * links)
         squares, shapes = np.linalg.eigh(forces / np.outer(root, root))
         # The first mode is the common turning of all, which strains nothing.
         rates, shapes = np.sqrt(squares[1:]), shapes[:, 1:]
-        strains = links[at] @ (shapes / root[:, None])
+        strains = links[int(behind > 0.0)] @ (shapes / root[:, None])
         return float(np.abs(stiffness * strains * (shapes.T @ (root * speeds)) / rates).sum())
 
 

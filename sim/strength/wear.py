@@ -5,11 +5,8 @@ what the contact takes (an upper bound). Over *n* shifts a dog of *N*, *b* wide,
 :math:`V' = k n E/(2 \mu N b)`. Overlaps are even, so the loss falls linearly from :math:`\Delta` at
 the crest to none at the braking edge: :math:`V' = \Delta f/2` on a face of width *f*. Then gap
 :math:`g + 2\Delta`, height :math:`h - 2\Delta`, depth of the face :math:`d - \Delta`; without a
-chamfer the whole face sinks. Chips and the deeper floor are left out.
-
-Edges: each landing takes the same from a rounding's section, so the square of its radius grows
-evenly to the one measured. Rates *k*: 1e-7 to 1e-5 mm3/(N m) (Rabinowicz 1995), an order of
-magnitude.
+chamfer the whole face sinks. Each landing takes the same from an edge's section, so the square of
+its radius grows evenly. Rates *k*: 1e-7 to 1e-5 mm3/(N m) (Rabinowicz 1995).
 """
 
 from __future__ import annotations
@@ -24,14 +21,10 @@ from dogshape.sim.units import MM
 
 @dataclass(frozen=True)
 class Wear:
-    """Cause of the wear of faces, a rate or a measured loss, and what it leaves of the edges.
+    """Wear of the faces, by a rate (m3/(N m)) or a measured loss of height, and of the edges (m).
 
-    Parameters
-    ----------
-    rate : specific wear rate, m3/(N m).
-    crest_loss : height that the crest lost at the end of the life, as measured, m.
-    edge_radius : of crest and braking edge at the end of the life, as measured, m; None where they
-        stay as they are. With it faces need not wear.
+    ``crest_loss`` and ``edge_radius`` are those at the end of the life; edges stay as they are
+    without the latter, and faces need not wear with it.
     """
 
     rate: float | None = within(

@@ -17,7 +17,7 @@ from tests.integration.test_objective_studies import _run, _tiny
 def test_a_mean_of_nothing_is_unknown_and_a_point_of_nothing_is_left_out() -> None:
     nothing = mean_over([1.0, 2.0], [[], []])
     assert np.isnan([nothing.value, nothing.standard_error]).all()
-    assert mean_over([1.0, 2.0], [[], [3.0, 3.0, 3.0]]) == Estimate(3.0, 0.0, (0.0, 0.0))
+    assert mean_over([1.0, 2.0], [[], [3.0, 3.0, 3.0]]) == Estimate(3.0, 0.0)
 
 
 def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from dogshape.sim.statistics.expectation import (
     even_phases,
     halves,
     mean_round_the_pitch,
-    variance_of_mean,
 )
 
 Time = Callable[[Values], Values]
@@ -61,14 +60,6 @@ def test_the_variance_is_that_of_the_error_and_the_mean_is_that_of_many_angles(t
     assert (errors**2).mean() < 0.1 * (even**2).mean()
 
 
-def test_even_angles_have_their_plain_mean() -> None:
-    phases = even_phases(12, 3, 1)
-    mean, variance = mean_round_the_pitch(phases, saw(phases))
-    assert mean == pytest.approx(saw(phases).mean(), rel=1e-12)
-    assert variance == pytest.approx((0.1 / 12.0) ** 2 / 12.0)
-    assert variance < variance_of_mean(saw(phases)), "which counts the slope, too"
-
-
 def test_a_jump_that_cancels_its_slope_is_found() -> None:
     """Between its angles the time falls by 0.015 and jumps by 0.015: no difference shows it."""
     phases = np.arange(8) / 8.0
@@ -77,18 +68,3 @@ def test_a_jump_that_cancels_its_slope_is_found() -> None:
     times[0] = times[7] - 0.015  # the end of the pitch falls like all of it
     assert times[5] == pytest.approx(times[4])
     assert 4.5 / 8.0 in halves(phases, times, 2)
-
-
-def test_a_shift_that_does_not_engage_stands_for_the_next_below_it() -> None:
-    phases, times = sampled(missed, 7)
-    order = np.argsort(phases)
-    lost, below = order[3], order[2]
-    gone, like = times.copy(), times.copy()
-    gone[lost], like[lost] = np.nan, times[below]
-    assert mean_round_the_pitch(phases, gone) == mean_round_the_pitch(phases, like)
-    first, last = order[0], order[-1]
-    gone, like = times.copy(), times.copy()
-    gone[first], like[first] = np.nan, times[last]
-    assert mean_round_the_pitch(phases, gone) == mean_round_the_pitch(phases, like)
-    none = mean_round_the_pitch(phases, np.full(len(phases), np.nan))
-    assert np.isnan(none).all()

@@ -46,12 +46,6 @@ def test_direct_tests_read_the_truth_as_shares_of_the_ranges() -> None:
     assert np.std(np.array(drawn)[:, 0]) == pytest.approx(0.02, rel=0.15)
 
 
-def test_direct_tests_read_what_acts_outside_the_list() -> None:
-    stuck = replace(MASS, parameters={}, outside={"sticking_valve": 1.0})
-    delay = EFFECTS["actuation_delay"].parameters[0]
-    assert readings_of(stuck, DIAGNOSIS, _direct("actuation_delay")) == [delay.share(0.2)]
-
-
 def test_more_shifts_have_the_mean_that_the_engine_expects() -> None:
     cell = BENCH.cells[20].point
     place = cell.mismatch, cell.profile.force
@@ -61,11 +55,6 @@ def test_more_shifts_have_the_mean_that_the_engine_expects() -> None:
     exact = expected("planar", read_stand(folder), [read_points(folder)[20]], MASS.truth)
     assert mean == pytest.approx(exact.mean[0], abs=4.0 * exact.sd[0] / 120**0.5)
     assert engaged == 1.0
-
-
-def test_answers_on_the_record_are_those_of_the_case() -> None:
-    test = NextTest("place", "Look up.", "record", 0.2, question="displacement_at")
-    assert outcome_of(Path(), replace(MASS, sensor="actuator"), DIAGNOSIS, test) == "actuator"
 
 
 @pytest.mark.parametrize(

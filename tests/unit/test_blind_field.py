@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +16,11 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import cases as field_cases
 from dogshape.validation.blind import expected_means, field_set, figures, sealed
-from dogshape.validation.blind.cases import COMMON, DRAWS, Case, case_of
-from dogshape.validation.blind.data import acting, series_draws, series_places, true_points
+from dogshape.validation.blind.cases import DRAWS, Case
+from dogshape.validation.blind.data import series_draws, series_places, true_points
 from dogshape.validation.blind.field_set import base, cases_of, make_field
-from dogshape.validation.blind.stand import Truth, read_points, read_stand
-from dogshape.validation.blind.true_effects import NUISANCES, RANGES, contact_of
+from dogshape.validation.blind.stand import read_points, read_stand
+from dogshape.validation.blind.true_effects import RANGES
 
 DRAWN = tuple(cases_of().values())
 CASES = tuple(some[0] for some in DRAWN)
@@ -50,12 +49,6 @@ def test_a_full_set_has_what_was_asked_for() -> None:
     assert all(len(set(one.numbers)) > 1 for one in CASES)
 
 
-def test_some_of_several_effects_are_common_ones() -> None:
-    several = [one for one in CASES if one.kind in ("pair", "three")]
-    common = [one for one in several if set(COMMON) & set(one.causes)]
-    assert 0.2 < len(common) / len(several) < 0.6
-
-
 def test_candidates_differ_in_their_truth_alone() -> None:
     for some in DRAWN:
         first = some[0]
@@ -66,18 +59,6 @@ def test_candidates_differ_in_their_truth_alone() -> None:
             )
             assert same == first
             assert other.seed != first.seed
-
-
-def test_each_case_is_read_back_from_the_key() -> None:
-    assert all(case_of(json.loads(json.dumps(one.record()))) == one for one in CASES)
-
-
-def test_contacts_are_within_their_factors() -> None:
-    generator, plain = np.random.default_rng(1), Truth()
-    for _ in range(50):
-        for name, value in contact_of(generator).items():
-            low, high = NUISANCES[name]
-            assert low <= value / getattr(plain, name) <= high
 
 
 def test_nominal_values_are_off_by_their_errors() -> None:
@@ -100,33 +81,6 @@ def test_a_drift_goes_by_the_place_in_the_series() -> None:
     mixed = replace(case, shuffled=True)
     assert sorted(k for mine in series_places(mixed) for k in mine) == list(range(1, 9))
     assert series_places(mixed) != series_places(case)
-
-
-def test_a_valve_that_hangs_delays_some_shifts_by_its_time() -> None:
-    case = replace(PLAIN, outside={"hanging_valve": 1.0}, places=(0,), numbers=(400,))
-    late = np.array([d.late for d in series_draws(case, read_stand(base("large")))[0]])
-    assert set(late.tolist()) == {0.0, 0.15}
-    mean, sd = case.truth.waiting
-    assert late.mean() == pytest.approx(mean, abs=0.02)
-    assert late.std() == pytest.approx(sd, rel=0.05)
-
-
-def test_a_force_is_scaled_then_loses_a_constant() -> None:
-    truth = Truth(force_factor=0.5, force_loss=10.0, rise_factor=2.0)
-    given = truth.given(GRID[0], fade=0.9)
-    assert given.force == pytest.approx(0.9 * (0.5 * GRID[0].force - 10.0))
-    assert (given.rise, given.mismatch) == (2.0 * GRID[0].rise, GRID[0].mismatch)
-
-
-def test_a_measured_force_is_staged_and_lagged() -> None:
-    point, times = GRID[0], np.linspace(0.0, 1.0, 300)
-    staged = acting(Truth(stage=0.1, stage_time=0.4), point, times)
-    assert staged[times < 0.39].max() == pytest.approx(0.1 * point.force, rel=1e-6)
-    assert staged[-1] == pytest.approx(point.force)
-    lagged = acting(Truth(lag=0.1), point, times)
-    # Long after the rise a lag runs behind a constant force by nothing.
-    assert lagged[-1] == pytest.approx(point.force, rel=1e-2)
-    assert lagged[40] < 0.9 * acting(Truth(), point, times)[40]
 
 
 def _likelihood(folder: Path, sensor: str, model: Any) -> Any:

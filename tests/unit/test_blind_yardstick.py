@@ -20,7 +20,6 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.validation.blind.expected_means import Expected
 from dogshape.validation.blind.yardstick import (
     Yardstick,
-    filling,
     power_of,
     rivals_of,
     seen_as,
@@ -119,22 +118,6 @@ def test_data_show_the_part_of_a_truth_that_leaves_something() -> None:
     assert seen_as(stick, ("delay", "tilt"), {}) == [("tilt",)]
     assert seen_as(_stick(BASE + 0.0002), ("delay",), {}) == [()]
     assert seen_as(_stick(BASE + 0.02), ("delay",), {}) == [("delay",)]
-
-
-def test_rivals_of_a_truth() -> None:
-    singles = [(), ("delay",), ("scale",), ("tilt",), ("reversed_mismatch",)]
-    assert rivals_of("single", ["scale"], EFFECTS) == [h for h in singles if h != ("scale",)]
-    pairs = rivals_of("pair", ["delay", "scale"], EFFECTS)
-    assert pairs == [*singles, ("delay", "tilt"), ("scale", "tilt")]
-    assert len(rivals_of("outside", ["unknown"], EFFECTS)) == 5 + 3
-
-
-def test_values_fill_the_ranges() -> None:
-    assert filling(0).shape == (1, 0)
-    line = filling(1)[:, 0]
-    assert (line[0], line[-1]) == (0.0, 1.0)
-    for size in (2, 4):
-        assert filling(size).mean(axis=0) == pytest.approx([0.5] * size, abs=0.02)
 
 
 def test_an_observer_shows_no_gap_by_many_shifts_and_never_a_large_one() -> None:

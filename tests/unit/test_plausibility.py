@@ -18,10 +18,8 @@ POINT = ("--engine", "planar", "--mismatch-rpm", "50", "--force-N", "469")
 @pytest.mark.parametrize(
     "value",
     [
-        "dog.traction_deg=-5", "dog.braking_deg=-0.5", "variables.traction_deg=[-3, 20]",
-        "dog.backlash_deg=3", "dog.play_deg=1", "dog.backlash_mm=0.3", "dog.side_clearance_mm=0.2",
-        "dog.undercut_deg=3", "dog.back_taper_deg=2", "dog.crest=0.5", "output.count=20",
-        "sliding.chamfer_deg=8", "backlash_mm=0.3", "dog.window_deg=15",
+        "dog.traction_deg=-5", "variables.traction_deg=[-3, 20]", "dog.backlash_deg=3",
+        "dog.undercut_deg=3", "dog.crest=0.5", "output.count=20", "backlash_mm=0.3",
     ],
 )  # fmt: skip
 def test_what_the_model_lacks_is_refused_with_what_it_has(value: str) -> None:
@@ -35,27 +33,11 @@ def test_what_the_model_lacks_is_refused_with_what_it_has(value: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("value", "meant"),
-    [
-        ("dog.cuont=20", "dog.count"),
-        ("strike.backlash=0.3", "strike.backlash_deg"),
-        ("mechanism.spline_backlash=1", "mechanism.spline_backlash_deg"),
-        ("tolerance.clearence_mm=1", "tolerance.clearance_mm"),
-    ],
-)
-def test_a_misspelt_key_is_still_one(value: str, meant: str) -> None:
-    with pytest.raises(InputError, match=f"did you mean '{meant}'"):
-        load_study("mq200", [value])
-
-
-@pytest.mark.parametrize(
     ("values", "words"),
     [
         (("dog.chamfer_deg=0.14",), "0.14 rad are 8.02 deg"),
         (("dog.traction_deg=0.21",), "dog.traction_deg is 0.21 deg; is it in degrees?"),
         (("output.inertia_kgm2=6048",), "output.inertia_kgm2 is 6048"),
-        (("output.inertia_kgm2=6e-6",), "is it in kg m2?"),
-        (("sliding.inertia_kgm2=100",), "sliding.inertia_kgm2 is 100"),
         (("sliding.mass_kg=0.003",), "is it in kg?"),
         (("load.torque_Nm=0.2",), "is load.torque_Nm in N m?"),
         (("dog.traction_deg=0", "dog.braking_deg=0"), "flanks leave 0 mm"),
@@ -71,10 +53,7 @@ def test_units_in_doubt_and_flanks_without_play_are_said(
 @pytest.mark.parametrize(
     "values",
     [
-        (),
-        ("dog.chamfer_deg=0",),
         ("dog.chamfer_deg=1.5",),
-        ("dog.traction_deg=0",),
         (  # a truck
             "dog.outer_diameter_mm=140", "dog.inner_diameter_mm=124", "dog.height_mm=6",
             "sliding.mass_kg=2.5", "sliding.inertia_kgm2=0.1", "output.inertia_kgm2=1100",
@@ -97,17 +76,11 @@ def test_usual_clutches_are_no_question(values: tuple[str, ...]) -> None:
 FLAT = ("--set", "dog.traction_deg=0", "--set", "dog.braking_deg=0", "--set", "dog.chamfer_deg=0")
 
 
-def test_every_verb_of_one_design_says_that_flat_dogs_do_not_engage(dogshape: Call) -> None:
+def test_verbs_of_one_design_say_that_flat_dogs_do_not_engage(dogshape: Call) -> None:
     words = "this dog engages in the model alone"
-    verbs: tuple[tuple[str, ...], ...] = (
-        ("shift", "mq200_paper", *POINT, "--relative-angle-deg", "3"),
-        ("expect", "mq200_paper", *POINT, "--angles", "3"),
-        ("export", "mq200_paper", "--svg", "a.svg"),
-    )
-    for verb in verbs:
-        said = dogshape(*verb, *FLAT)
-        assert said.status == 0
-        assert words in said.err, verb[0]
+    said = dogshape("shift", "mq200_paper", *POINT, "--relative-angle-deg", "3", *FLAT)
+    assert said.status == 0
+    assert words in said.err
     strength = dogshape("strength", "mq200_paper", "--no-simulation", *FLAT, "--json")
     assert words in " ".join(strength.json["warnings"])
 
@@ -126,27 +99,14 @@ def test_angles_beyond_a_pitch_and_doubled_keys_are_said(dogshape: Call) -> None
 
 
 @pytest.mark.parametrize(
-    ("force", "sets", "words"),
+    ("force", "words"),
     [
-        ("-469", (), "shift force is -469 N, but it must point into engagement"),
-        ("0", (), "shift force is 0 N, but it must point into engagement"),
-        ("4690", (), "cover 235.2 to 641.5 N"),
-        (
-            "4690",
-            (
-                *("--set", "actuation.force_N=[1500]", "--set", "actuation.rise_s=[0.1]"),
-                *("--set", "operating.force_N=[1500]"),
-            ),
-            "the study has a rise time for 1500 N alone",
-        ),
+        ("0", "shift force is 0 N, but it must point into engagement"),
+        ("4690", "cover 235.2 to 641.5 N"),
     ],
 )
-def test_forces_without_a_rise_time(
-    dogshape: Call, force: str, sets: tuple[str, ...], words: str
-) -> None:
-    said = dogshape(
-        "shift", "mq200_paper", "--mismatch-rpm", "50", "--force-N", force,
-        "--relative-angle-deg", "3", *sets,
-    )  # fmt: skip
+def test_forces_without_a_rise_time(dogshape: Call, force: str, words: str) -> None:
+    point = ("--mismatch-rpm", "50", "--force-N", force, "--relative-angle-deg", "3")
+    said = dogshape("shift", "mq200_paper", *point)
     assert said.status == 2
     assert words in said.sentence

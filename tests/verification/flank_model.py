@@ -1,24 +1,13 @@
 r"""Where the pressure of two flanks that are out of angle acts, and how far dogs give way.
 
-Plane finite elements of one dog on its body, one pitch wide, in plane strain, unrolled at
-the mean radius. Biquadratic quadrilaterals; root and tip have sharp corners, the body's
-lower face is fixed, its sides are free, clamped, or move alike as in
-``validation.finite_elements.root_stress``. The traction flank is cut into strips that are the
-elements' edges. A uniform pressure on one strip moves all of them by their mean, into the material:
-that is the flexibility :math:`G`. The mate is the same dog turned over, so that its strips come in
-the opposite order, :math:`G'`. At an angle :math:`\delta` between the flanks, with the distance
-:math:`s` from the end that touches first, normal forces :math:`f` and normal approach :math:`a`
-obey, without friction,
-
-.. math::
-    w = \delta s + g + (G + G') f - a \ge 0, \quad f \ge 0, \quad f^T w = 0, \quad
-    \sum f = F / \cos\beta
-
-and an active set finds them. What touches ends where the tips' roundings begin
-(``sim.shift.geometry``), where pressure on the elastic bodies grows without bound as the mesh is
-refined. With their true gap :math:`g = \varrho - \sqrt{\varrho^2 - d^2}`, :math:`d` beyond
-that end, it stays finite and reaches a little onto the roundings: that is "rounded",
-against "cut". The rings are held at the angle, whatever moment that takes.
+Plane finite elements of one dog on its body, one pitch wide, in plane strain, unrolled at the mean
+radius: biquadratic, root and tip sharp, the lower face fixed, the sides moving alike. The traction
+flank is cut into strips; a uniform pressure on one moves all by their mean: the flexibility
+:math:`G`, and that of the mate turned over, :math:`G'`. At an angle :math:`\delta`, :math:`s` from
+the end that touches first, forces :math:`f` and approach :math:`a` obey, without friction,
+:math:`w = \delta s + g + (G + G') f - a \ge 0, f \ge 0, f^T w = 0, \sum f = F/\cos\beta`, found by
+an active set. What touches ends where the roundings begin ("cut"), or with their true gap :math:`g
+= \varrho - \sqrt{\varrho^2 - d^2}`, :math:`d` beyond that end ("rounded").
 """
 
 from __future__ import annotations
@@ -40,7 +29,6 @@ from dogshape.sim.strength.materials import POISSON, YOUNG
 from dogshape.sim.units import MM
 
 Array = NDArray[np.float64]
-Sides = Literal["free", "clamped", "alike"]
 Ends = Literal["cut", "rounded"]
 
 ROOT_RADIUS = 0.3 * MM
@@ -53,38 +41,22 @@ GRAIN = 7  #: decimals of coordinates in mm, so that dog and body share their no
 class Contact:
     """How two flanks touch.
 
-    Parameters
-    ----------
-    height : of the resultant, share of what touches, on the ring loaded nearer its tip.
-    touching : share of what could touch that bears.
-    peak : largest pressure over the mean over what could touch.
-    approach : of the two rings along the circumference, m, at the end that touches first.
-    force : normal forces of the strips, N/m.
+    Height of the resultant as a share of what touches, on the ring loaded nearer its tip; approach
+    of the rings along the circumference, m; normal forces of the strips, N/m.
     """
 
     height: float
-    touching: float
-    peak: float
     approach: float
     force: Array
 
 
 @dataclass(frozen=True)
 class FlankModel:
-    """One dog on its body, with the flexibility of its traction flank.
-
-    Parameters
-    ----------
-    dog, root_radius : the dog, and the radius of its tips' roundings, m.
-    strips : over what touches; cells of the root's width as well.
-    sides : of the body.
-    depth : of the body below the floor, pitches.
-    """
+    """One dog on its body (``depth`` in pitches), with the flexibility of its traction flank."""
 
     dog: Dog
     root_radius: float = ROOT_RADIUS
     strips: int = STRIPS
-    sides: Sides = "alike"
     depth: float = DEPTH
 
     @cached_property
@@ -106,11 +78,6 @@ class FlankModel:
     def middles(self) -> Array:
         """Middles of the strips above the floor, m."""
         return 0.5 * (self.levels[1:] + self.levels[:-1])
-
-    @property
-    def lengths(self) -> Array:
-        """Lengths of the strips along the flank, m."""
-        return np.diff(self.levels) / math.cos(self.dog.traction)
 
     @cached_property
     def corners(self) -> Array:
@@ -165,11 +132,7 @@ class FlankModel:
         """Which free unknown each unknown follows, (unknowns, free)."""
         places, count = self.basis.doflocs, self.basis.N
         held, leader = places[1] < places[1].min() + 1e-6, np.arange(count)
-        left, right = self._side(places[0].min()), self._side(places[0].max())
-        if self.sides == "alike":
-            leader[right] = left
-        elif self.sides == "clamped":
-            held[np.concatenate([left, right])] = True
+        leader[self._side(places[0].max())] = self._side(places[0].min())
         follows = sp.csc_matrix((np.ones(count), (np.arange(count), leader)), (count, count))
         return follows[:, np.unique(leader[~held])]
 
@@ -205,11 +168,8 @@ class FlankModel:
         both = self.flexibility + self.flexibility[::-1, ::-1]
         forces, approach = active_set(both, self.gap(angle, ends), force / slant)
         level = forces @ self.middles / forces.sum()
-        mean = forces.sum() / (band.height / slant)
         return Contact(
             height=float((level - band.low) / band.height),
-            touching=float(self.lengths[forces > 0.0].sum() / (band.height / slant)),
-            peak=float((forces / self.lengths).max() / mean),
             approach=approach / slant,
             force=forces,
         )

@@ -11,15 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.sim.effects import load
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.cases import Case
-from dogshape.validation.blind.data import draws, write_case
-from dogshape.validation.blind.mujoco_model import damping_ratio, dog_corners, restitution
+from dogshape.validation.blind.data import write_case
+from dogshape.validation.blind.mujoco_model import dog_corners
 from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift, signal
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_points, read_stand
 from dogshape.validation.blind.true_effects import OUTSIDE, RANGES, truth_of, values_of
@@ -168,29 +167,6 @@ def test_detent_takes_the_work_of_its_hump(stand: Stand) -> None:
     assert work - 0.5 * 0.3 * speed[-2] ** 2 == pytest.approx(0.5 * peak * width, rel=0.05)
 
 
-def test_mismatch_and_ripple_are_the_output_rings(stand: Stand) -> None:
-    motion = _flight(stand, mismatch_offset=2.0 * RPM)
-    assert motion[-1, 4] / RPM == pytest.approx(12.0)
-    swing = _flight(stand, ripple=3.0 * RPM, ripple_rate=200.0)[:, 4] / RPM
-    assert (swing.min(), swing.max()) == pytest.approx((7.0, 13.0), abs=0.3)
-
-
-def test_two_stages_and_the_end_of_both(stand: Stand) -> None:
-    truth = Truth(stage=0.4, stage_time=0.5)
-    assert signal(truth, POINT, 0.4) == pytest.approx(0.4 * POINT.force)
-    assert signal(truth, POINT, 0.5 + POINT.rise) == pytest.approx(POINT.force)
-
-
-def test_restitution_and_its_damping_ratio() -> None:
-    """1 - 2/3 dv for slow blows, 1/(dv) for fast ones; the ratio gives it back at z < 1."""
-    assert restitution(0.01) == pytest.approx(1.0 - 0.02 / 3.0, abs=1e-4)
-    assert restitution(50.0) == pytest.approx(1.0 / 50.0, rel=0.02)
-    z = damping_ratio(0.5)
-    root = math.sqrt(1.0 - z * z)
-    angle = math.pi - math.atan2(2.0 * z * root, 1.0 - 2.0 * z * z)
-    assert math.exp(-z / root * angle) == pytest.approx(0.5, rel=1e-9)
-
-
 def test_dog_is_that_of_the_project(stand: Stand) -> None:
     """Two derivations of the eight corners agree to a nanometre."""
     dog = Dog(15, stand.chamfer, stand.traction, stand.braking, 3.7e-3, 52e-3, 44e-3, 1e-3)
@@ -209,21 +185,6 @@ def test_ranges_are_those_of_the_priors() -> None:
         assert [(r.name, r.low, r.high, r.log) for r in ranges] == theirs
 
 
-def test_reversed_sense_is_the_other_sign_of_every_mismatch(stand: Stand) -> None:
-    """The shift is that of the negated point; its first speeds are of the other sign."""
-    other = replace(POINT, mismatch=-POINT.mismatch)
-    for more in ({}, {"mismatch_speed": {"offset_rpm": 2.0}}):
-        truth = truth_of({"reversed_mismatch": {}, **more}, {})
-        assert truth.reversed
-        shift = Engine(stand, truth).shift(POINT, Draw(0.1), keep=True)
-        plain = Engine(stand, truth_of(more, {})).shift(other, Draw(0.1), keep=True)
-        assert shift.motion is not None
-        assert plain.motion is not None
-        np.testing.assert_array_equal(shift.motion, plain.motion)
-        assert shift.motion[0, 4] == pytest.approx(-(10.0 + 2.0 * len(more)) * RPM)
-    assert shift.time != Engine(stand, truth_of(more, {})).shift(POINT, Draw(0.1)).time
-
-
 def test_every_truth_makes_a_shift(stand: Stand) -> None:
     """Each truth ends as a time or not engaged, never as a number that is none."""
     fast = Point(249.0 * RPM, 641.5, 0.12614)  # the one that costs least
@@ -237,48 +198,6 @@ def test_every_truth_makes_a_shift(stand: Stand) -> None:
 def _placed(*numbers: int, **more: Any) -> Case:
     case = Case("single", "means", "mujoco", "prototype", 1, force_error=0.02, speed_error=0.01)
     return replace(case, places=tuple(range(len(numbers))), numbers=numbers, **more)
-
-
-def test_data_of_a_case_can_be_read_and_say_nothing_of_it(tmp_path: Path) -> None:
-    points = read_points(BASE)[4:6]
-    shifts = [[Shift(0.15), Shift(0.17)], [Shift(None), Shift(0.12)]]
-    case = _placed(2, 2, parameters={"moving_mass": {"added_mass_kg": 1.0}}, spreads=True)
-    write_case(tmp_path / "case_00", BASE, case, points, shifts)
-    bench = load_bench(tmp_path / "case_00")
-    assert [cell.time for cell in bench.cells] == pytest.approx([0.16, 0.12])
-    assert [cell.failed for cell in bench.cells] == [0, 1]
-    assert bench.record.displacement_at == "sleeve"
-    assert bench.record.time_zero == "command"
-    assert bench.cells[0].readings[0].sd == pytest.approx(0.01 * 2.0**0.5, rel=1e-4)
-    assert bench.errors.each_point.force_share == pytest.approx(0.02)
-    assert bench.relative_angles is None
-    text = "".join(p.read_text() for p in (tmp_path / "case_00").iterdir())
-    assert "mass_kg = 0.3" in text
-    assert "moving" not in text
-
-
-def test_traces_begin_with_time_zero_and_last_as_long_as_their_shift(
-    stand: Stand, tmp_path: Path
-) -> None:
-    delay = {"actuation_delay": {"delay_s": 0.05}}
-    case = _placed(1, form="traces", parameters=delay)
-    point = Point(100.0 * RPM, 641.5, 0.12614)
-    shift = Engine(stand, case.truth).shift(point, Draw(0.2), keep=True)
-    write_case(tmp_path / "c", BASE, case, (point,), [[shift]])
-    (cell,) = load_bench(tmp_path / "c").cells
-    (trace,) = cell.traces
-    assert trace.time[0] == 0.0
-    assert abs(np.interp(0.05, trace.time, trace.displacement)) < 0.02 * MM
-    assert trace.displacement.max() == pytest.approx(4.65 * MM, abs=0.03 * MM)
-    assert trace.time[-1] >= (cell.time or math.inf)
-
-
-def test_angles_prefer_their_centre(stand: Stand) -> None:
-    truth = truth_of({"relative_angle": {"concentration": 10.0, "centre_pitch": 0.3}}, {})
-    found = [draw for mine in draws(truth, stand, 20, 10, 5) for draw in mine]
-    places = np.array([draw.angle for draw in found]) / stand.pitch
-    turn = np.angle(np.exp(2j * np.pi * places).mean()) / (2.0 * np.pi)
-    assert turn == pytest.approx(0.3, abs=0.02)
 
 
 @pytest.mark.parametrize(

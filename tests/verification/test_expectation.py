@@ -29,28 +29,18 @@ def _shifts(*times: float | None) -> list[ShiftResult]:
 
 
 def test_retries_until_it_engages(point: Point) -> None:
-    """p = 3/4: a third of a failed attempt on average, each 1.2 s."""
-    result = expect_point(point(50, 469.0), _shifts(0.05, 0.06, None, 0.07), 1.0, 0.2)
+    """p = 3/4: a third of a failed attempt on average, each 1.2 s; failed runs are left out."""
+    failed = ShiftResult(Outcome.DIVERGED, None)
+    shifts = [*_shifts(0.05, 0.06, None, 0.07), failed]
+    result = expect_point(point(50, 469.0), shifts, 1.0, 0.2)
     assert result.mean_engaged == pytest.approx(0.06)
     assert result.mean == pytest.approx(0.06 + 1.2 / 3)
     assert result.engaged == 0.75
 
 
-def test_retry_formula_against_a_drawn_experiment(point: Point) -> None:
-    rng = np.random.default_rng(5)
-    share, total = 0.7, []
-    for _ in range(20_000):
-        failures = rng.geometric(share) - 1
-        total.append(failures * 1.2 + 0.08)
-    shifts = _shifts(*[0.08] * 7, *[None] * 3)
-    result = expect_point(point(50, 469.0), shifts, 1.0, 0.2)
-    assert np.mean(total) == pytest.approx(result.mean, rel=0.03)
-
-
 def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: Point) -> None:
     """One hang in six angles of one of two points: 1.2 s over five, times the point's weight."""
     heavy = replace(point(5, 469.0), weight=3.0)
-    late = [*_shifts(0.05, None), ShiftResult(Outcome.TIMED_OUT, None)]
     both = expect(
         [
             expect_point(heavy, _shifts(*[0.09] * 5, None), 1.0, 0.2),
@@ -62,36 +52,14 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
     assert both.mean == pytest.approx(both.mean_engaged + 0.75 * 1.2 / 5)
     assert "1 of 12 shifts did not engage, 1 held dog on dog" in _printed(both)
     assert "without their retries the mean is 80.0 ms" in _printed(both)
-    one = expect([expect_point(heavy, late, 1.0, 0.2)])
-    assert (one.lost, one.blocked) == (2, 1)
-    nothing = expect([expect_point(heavy, _shifts(None, None), 1.0, 0.2)])
-    assert nothing.mean_engaged is None
-    assert "2 of 2 shifts did not engage" in _printed(nothing)
-    assert "without" not in _printed(nothing)
     whole = expect([expect_point(heavy, _shifts(0.05, 0.06, 0.07), 1.0, 0.2)])
     assert whole.mean_engaged == pytest.approx(whole.mean)
-    assert "did not engage" not in _printed(whole)
+    assert re.search(r"expected shift time 60\.00 ± \d+\.\d\d ms", _printed(whole))
 
 
 def _printed(result: Expectation) -> str:
     parts = results.Expectation(load_study("mq200_paper"), result).parts
     return "\n".join(part for part in parts if isinstance(part, str))
-
-
-def test_errors_are_printed_to_a_hundredth(point: Point) -> None:
-    close = expect_point(point(50, 469.0), _shifts(0.05, 0.05001, 0.05002, 0.05003), 1.0, 0.2)
-    assert "expected shift time 50.01 ± 0.01 ms" in _printed(expect([close]))
-    wide = expect_point(point(50, 469.0), _shifts(0.05, 0.07, 0.05, 0.07), 1.0, 0.2)
-    assert re.search(r"expected shift time 60\.00 ± \d+\.\d\d ms", _printed(expect([wide])))
-    two = expect_point(point(50, 469.0), _shifts(0.05, 0.07), 1.0, 0.2)
-    assert "60.00 ms (of too few shifts" in _printed(expect([two]))
-
-
-def test_failed_integrations_are_left_out(point: Point) -> None:
-    failed = ShiftResult(Outcome.DIVERGED, None)
-    result = expect_point(point(50, 469.0), [*_shifts(0.05, 0.07), failed], 1.0, 0.2)
-    assert (result.n, result.engaged) == (2, 1.0)
-    assert result.mean == pytest.approx(0.06)
 
 
 def test_nothing_engaged_gives_no_time(point: Point) -> None:
@@ -116,14 +84,6 @@ def test_a_time_needs_half_of_the_shifts_at_each_point(
     assert (rare.time is not None) == (both.time is not None) == timed
     assert sure.time == pytest.approx(0.06)
     assert both.engaged_words.startswith(f"engages in {10 + engaged} of 20 shifts")
-
-
-def test_angles_are_evenly_spaced_and_depend_on_the_point() -> None:
-    phases = even_phases(8, seed=3, index=2)
-    assert np.diff(phases) == pytest.approx(np.full(7, 0.125))
-    assert 0.0 <= phases[0] < 0.125
-    assert (phases == even_phases(8, seed=3, index=2)).all()
-    assert (phases != even_phases(8, seed=3, index=1)).any()
 
 
 def _errors(point: Point, time: Callable[[float], float], n: int) -> tuple[float, float, float]:

@@ -13,7 +13,7 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.strength.checks import Check
-from dogshape.sim.strength.dog_strength import Limits, root_of, strength_checks
+from dogshape.sim.strength.dog_strength import Limits, root_load, root_of, strength_checks
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import pull_out_force, release_angle, separating_force
 from dogshape.sim.strength.manufacture import ManufacturingLimits
@@ -91,7 +91,7 @@ def test_equivalent_stress_takes_tension_and_shear_of_one_flank(
     """Traction flanks of 30 and braking ones of 5 degrees: coast moves what decides to traction."""
     steep = replace(prototype, chamfer=0.0, traction=30 * DEG, braking=5 * DEG)
     limits = Limits(load=LoadCase(coast_share=share))
-    roots = {flank: root_of(steep, limits, flank) for flank in FLANKS}
+    roots = {f: root_of(steep, limits, root_load(steep, limits, f)) for f in FLANKS}
     by_flank = {f: math.hypot(root.core, math.sqrt(3.0) * root.shear) for f, root in roots.items()}
     found = _by_name(steep, limits.load)["equivalent_stress"].value * MPA
     assert found == pytest.approx(max(by_flank.values()), rel=1e-12)

@@ -47,46 +47,11 @@ def bar() -> Iterator[RootModel]:
         yield RootModel(RootShape(dog, 0.5e-3, 10e-3), cut="free", hub=False)
 
 
-def _inside(model: RootModel) -> np.ndarray:
-    """Return which nodes belong to no face that only one cell has."""
-    cells = model.cells
-    faces = np.concatenate(
-        [
-            np.take(cells, at, axis=axis).reshape(len(cells), 9)
-            for axis in (1, 2, 3)
-            for at in (0, 2)
-        ]
-    )
-    middle, counts = np.unique(faces[:, 4], return_counts=True)
-    outer = np.isin(faces[:, 4], middle[counts == 1])
-    inside = np.ones(len(model.points), dtype=bool)
-    inside[faces[outer]] = False
-    return inside
-
-
-def test_uniform_strain_is_reproduced(coarse: RootModel) -> None:
-    """Forces inside vanish for any linear displacement, but for the quadrature of curved cells."""
-    slope = np.array([[2.0, -1.0, 0.5], [0.3, 1.0, -0.7], [0.9, 0.2, -1.5]]) * 1e-4
-    plain = RootModel(coarse.shape, fineness=1, hub=False)
-    force = (plain.stiffness @ (plain.points @ slope.T).ravel()).reshape(-1, 3)
-    inside = _inside(plain)
-    assert inside.sum() > 300
-    assert np.abs(force[inside]).max() < 1e-3 * np.abs(force).max()
-
-
-def test_rigid_motion_is_free_of_force(coarse: RootModel) -> None:
-    plain = RootModel(coarse.shape, fineness=1, hub=False)
-    spin = np.array([[0.0, -1.0, 0.4], [1.0, 0.0, -0.2], [-0.4, 0.2, 0.0]])
-    stretch = np.abs(plain.stiffness @ (plain.points @ np.abs(spin)).ravel()).max()
-    force = plain.stiffness @ (plain.points @ spin.T + 1e-3).ravel()
-    assert np.abs(force).max() < 1e-9 * stretch
-
-
 @pytest.mark.parametrize(("flank", "sign"), FLANKS)
 def test_bottom_takes_torque_and_axial_force(coarse: RootModel, flank: Flank, sign: float) -> None:
     """The cuts hand on to the next dog what they get from the last, and the hub is smooth."""
     load = coarse.load(flank, "tip")
-    displacement, _ = coarse.solve(load)
+    displacement = coarse.solve(load)
     rest = (coarse.stiffness @ displacement.ravel()).reshape(-1, 3)
     planes = np.arange(len(coarse.radii))[:, None] * coarse.section.nodes
     bottom = (coarse.section.bottom + planes).ravel()
@@ -101,20 +66,12 @@ def test_bottom_takes_torque_and_axial_force(coarse: RootModel, flank: Flank, si
     assert turning * sign > 0.0
 
 
-def test_pressure_makes_the_forces_of_a_leaning_flank(coarse: RootModel, prototype: Dog) -> None:
-    found = coarse.stress("traction", "tip", FORCE)
-    assert found.axial == pytest.approx(FORCE * math.tan(prototype.traction), rel=1e-3)
-    assert found.lever == pytest.approx(0.9 * prototype.height, rel=0.02)
-    whole = coarse.stress("braking", "whole", FORCE)
-    assert whole.lever == pytest.approx(0.5 * prototype.height, rel=0.02)
-
-
 def test_bending_of_a_slender_bar(bar: RootModel) -> None:
     """Stress of the flank away from root and load is M y/I: 2 to 6 mm above the floor."""
     load = bar.load("traction", "tip")
     total = -load[:, 1].sum()
     lever = load[:, 1] @ bar.points[:, 2] / load[:, 1].sum()
-    displacement, _ = bar.solve(load * (FORCE / total))
+    displacement = bar.solve(load * (FORCE / total))
     places, stress = bar.surface_stress(displacement, bar.section.flank["traction"])
     far = (places[:, 2] > -13e-3) & (places[:, 2] < -9e-3)
     nominal = 6.0 * FORCE * (lever - places[far, 2]) / (4e-3 * bar.shape.dog.root_width**2)
@@ -124,12 +81,10 @@ def test_bending_of_a_slender_bar(bar: RootModel) -> None:
 
 
 def test_shoulder_fillet_in_bending(bar: RootModel) -> None:
-    """Peterson's chart of a stepped flat bar, D/d = 2, t/r = 5: 1.95 within 5 %.
+    """Peterson's chart 3.8 of a stepped flat bar in bending, D/d = 2, t/r = 5: 1.95 within 5 %.
 
-    Pilkey, Peterson's Stress Concentration Factors, chart 3.8: polynomials in
-    sqrt(t/r) and t/r for 2 <= t/r <= 20. The chart is for pure bending of thin plates. The
-    shear force of ours adds a percent or two; with steel's Poisson's ratio the middle of so
-    thick a bar would bear 4 % more.
+    Polynomials in sqrt(t/r) and t/r (Pilkey). The shear force of ours adds a percent or two; with
+    steel's Poisson's ratio the middle of so thick a bar would bear 4 % more.
     """
     t_r, part = 5.0, 0.5
     roots = np.array([1.0, math.sqrt(t_r), t_r])
@@ -137,7 +92,7 @@ def test_shoulder_fillet_in_bending(bar: RootModel) -> None:
         [
             [1.058, 1.002, -0.038],
             [-3.652, 1.639, -0.436],
-            [6.170, -5.687, 1.175],
+            [6.17, -5.687, 1.175],
             [-2.558, 3.046, -0.701],
         ]
     )

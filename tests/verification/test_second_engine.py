@@ -26,8 +26,9 @@ from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.units import DEG, RPM
+from dogshape.validation.blind.mujoco_model import restitution_of
 from dogshape.validation.second_engine import SecondEngine, engine_available, second_shift
-from dogshape.validation.second_model import FINE, EngineSettings, damping_ratio, restitution_of
+from dogshape.validation.second_model import FINE, EngineSettings, damping_ratio
 from tests.conftest import RISE, dog_of, needed
 from tests.verification.test_motion import DESIGNS
 

@@ -81,15 +81,6 @@ def test_rigid_shafts_stop_the_whole_inertias_and_soft_ones_the_ring_alone() -> 
     assert whole == pytest.approx(2400, abs=10)
 
 
-def test_stiffer_shafts_and_heavier_rings_strike_harder() -> None:
-    stiff = [replace(CAR, input_stiffness=c).torque(SPEED, DOGS) for c in np.geomspace(10, 1e7, 20)]
-    heavy = [replace(CAR, ring_inertia=j).torque(SPEED, DOGS) for j in np.geomspace(1e-4, 9e-3, 20)]
-    for found in (stiff, heavy):
-        assert (np.diff(found) > 0.0).all()
-    assert CAR.torque(2 * SPEED, DOGS) == pytest.approx(2 * CAR.torque(SPEED, DOGS))
-    assert CAR.torque(0.0, DOGS) == 0.0
-
-
 @pytest.mark.parametrize("stiffness", [5e3, 5e4, 5e5])
 @pytest.mark.parametrize("wheel", [0.004, 0.3])
 def test_modes_are_those_of_the_chain_that_stays_closed(stiffness: float, wheel: float) -> None:
@@ -112,27 +103,6 @@ def test_modes_are_those_of_the_chain_that_stays_closed(stiffness: float, wheel:
     found = one.torque(SPEED, DOGS)
     assert largest <= found * 1.001
     assert largest >= 0.93 * found
-
-
-@pytest.mark.parametrize("restitution", [0.0, 0.25, 0.5])
-@pytest.mark.parametrize("backlash", [0.0, 0.1, 0.5, 2.0])
-@pytest.mark.parametrize(
-    "shafts",
-    [
-        {"input_stiffness": 1e3},
-        {"input_stiffness": 15e3},
-        {"input_stiffness": 15e3, "ring_inertia": 2e-4},
-        {"input_stiffness": 2e5},
-        {"input_stiffness": 15e3, "wheel_inertia": 0.008, "output_stiffness": 320.0},
-    ],
-    ids=str,
-)
-def test_strike_covers_the_motion_without_much_to_spare(
-    restitution: float, backlash: float, shafts: dict[str, float]
-) -> None:
-    one = replace(CAR, restitution=restitution, backlash=backlash * DEG, **shafts)
-    share = _motion(one) / one.torque(SPEED, DOGS)
-    assert 0.52 < share < (1.005 if restitution <= 0.25 else 1.085)
 
 
 def test_strike_covers_the_motion_of_most_chains() -> None:
@@ -239,18 +209,12 @@ def test_keys_of_the_strike() -> None:
     strike = study.limits.strike
     assert strike is not None
     assert strike.speed("traction") == pytest.approx(SPEED)
-    assert strike.speed("braking") == 0.0
     assert strike.wheel_inertia == strike.output_inertia == 0.6048
-    slow = load_study("mq200_paper", [*KEYS, "strike.mismatch_rpm=[-50.0]"]).limits.strike
-    assert slow is not None
-    assert slow.flanks == ("braking",)
     assert notes_of(study) == notes_of(plain)
     for wrong, words in (
         (KEYS[:1], "'strike.input_stiffness_Nm_rad' is missing"),
         ([*KEYS, "strike.wheel_inertia_kgm2=0.01"], "go together"),
         ([*KEYS, "strike.ring_inertia_kgm2=0.02"], r"it is a part of sliding.inertia_kgm2 = 0.01"),
-        ([*KEYS, "strike.restitution=0.8"], "strike.restitution is 0.8"),
-        ([*KEYS, "strike.backlash_deg=-1"], "strike.backlash_deg is -1 deg"),
         ([*KEYS, "strike.strikes=0"], "strike.strikes is 0"),
     ):
         with pytest.raises(InputError, match=words):

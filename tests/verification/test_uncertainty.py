@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -25,8 +24,6 @@ from dogshape.sim.statistics.uncertainty import (
     Distribution,
     Uncertainty,
     Variant,
-    draw_order,
-    sobol_shares,
 )
 from dogshape.sim.units import RPM
 
@@ -37,7 +34,6 @@ TIMEOUT, RETRACTION = 1.0, 0.2
 @pytest.mark.parametrize(
     ("given", "mean", "sd"),
     [
-        ({"distribution": "normal", "mean": 60.0, "sd": 20.0}, 60.0, 20.0),
         ({"distribution": "uniform", "low": -20.0, "high": 40.0}, 10.0, 60.0 / 12**0.5),
         # A lognormal with sigma = ln 1.5: mean m e^(s2/2), variance mean2 (e^s2 - 1).
         (
@@ -73,47 +69,10 @@ def test_distributions_have_the_moments_of_their_closed_forms(
     assert one.distribution in NEEDS
 
 
-def test_sobol_shares_fill_evenly_and_hang_on_the_seed() -> None:
-    shares = sobol_shares(16, 2, 1)
-    for column in shares.T:
-        assert sorted((column * 16).astype(int)) == list(range(16))
-    assert (shares == sobol_shares(16, 2, 1)).all()
-    assert (shares != sobol_shares(16, 2, 2)).any()
-    assert len(sobol_shares(24, 1, 1)) == 24
-
-
-@pytest.mark.parametrize(("base", "steps"), [(6, (12, 24, 48)), (5, (15,)), (12, (24, 96))])
-def test_a_finer_draw_keeps_the_factors_of_each_angle(base: int, steps: tuple[int, ...]) -> None:
-    before = dict(
-        zip(even_phases(base, 3, 7).round(9), draw_order(base, 3, 7, base).tolist(), strict=True)
-    )
-    for count in steps:
-        order = draw_order(count, 3, 7, base)
-        assert sorted(order) == list(range(count))
-        now = dict(zip(even_phases(count, 3, 7, base).round(9), order.tolist(), strict=True))
-        assert {angle: now[angle] for angle in before} == before
-        before = now
-
-
 def _unsure() -> tuple[Setup, Uncertainty]:
     study = load_study("mq200_robust")
     assert study.uncertainty is not None
     return study, study.uncertainty
-
-
-def _drawn_means(
-    time: Callable[[float, Variant], float], count: int, draws: int
-) -> tuple[Array, Array]:
-    """Return mean and its variance of a known time over many draws, each (draws,)."""
-    study, unsure = _unsure()
-    found = []
-    for seed in range(draws):
-        variants = unsure.variants(study.points[0], count, seed, 0)
-        phases = even_phases(count, seed, 0).tolist()
-        times = np.array([time(p, v) for p, v in zip(phases, variants, strict=True)])
-        found.append((times.mean(), variance_of_mean(times)))
-    means, variances = np.array(found).T
-    return means, variances
 
 
 def test_a_known_mean_is_hit_and_its_error_is_told() -> None:
@@ -126,23 +85,23 @@ def test_a_known_mean_is_hit_and_its_error_is_told() -> None:
         late = phase < 0.5 * v.friction
         return 0.05 / v.force + 0.06 * phase * v.friction**2 + (0.03 * v.inertia if late else 0.0)
 
-    _, unsure = _unsure()
+    study, unsure = _unsure()
     shares = np.random.default_rng(0).random((500_000, 3))
     f, p, j = (d.at(u) for d, u in zip(unsure.distributions, shares.T, strict=True))
     exact = float((0.05 / p + 0.03 * f**2 + 0.015 * f * j).mean())
     for count in (6, 12, 24):
-        means, variances = _drawn_means(time, count, 400)
+        found = []
+        for seed in range(400):
+            variants = unsure.variants(study.points[0], count, seed, 0)
+            phases = even_phases(count, seed, 0).tolist()
+            times = np.array([time(p, v) for p, v in zip(phases, variants, strict=True)])
+            found.append((times.mean(), variance_of_mean(times)))
+        means, variances = np.array(found).T
         assert means.mean() == pytest.approx(exact, abs=4.0 * means.std() / 20.0)
         assert 0.8 <= variances.mean() ** 0.5 / means.std(ddof=1) <= 1.3
 
 
-def test_a_mean_that_hangs_on_factors_alone_has_the_error_of_chance() -> None:
-    for count in (6, 12):
-        means, variances = _drawn_means(lambda _, v: 0.05 * v.friction + 0.02 * v.force, count, 400)
-        assert variances.mean() ** 0.5 / means.std(ddof=1) == pytest.approx(1.0, abs=0.1)
-
-
-@pytest.mark.parametrize(("speed", "most"), [(2, 2.0), (3, 1.3), (4, 1.3)])
+@pytest.mark.parametrize(("speed", "most"), [(2, 2.0), (4, 1.3)])
 def test_shifts_with_uncertain_factors_have_the_error_that_is_told(speed: int, most: float) -> None:
     """Twelve angles at 50, 100 and 149 1/min, 60 draws: friction, force and inertia uncertain.
 
@@ -172,49 +131,19 @@ def _shifts(times: Array) -> list[ShiftResult]:
     ]
 
 
-def _quantiles(
-    time: Callable[[Array, int, np.random.Generator], Array], share: float, draws: int = 300
-) -> tuple[Array, Array]:
-    """Return quantile and standard error over draws of twelve points with eight angles."""
+@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
+def test_quantile_of_scattered_times(share: float) -> None:
+    """Exponential times at twelve points: quantile -ln(1 - q), coverage 95 % or little less."""
     found = []
-    for seed in range(draws):
+    for seed in range(300):
         rng = np.random.default_rng([seed, 1])
-        shifts = [_shifts(time(even_phases(8, seed, k), k, rng)) for k in range(12)]
+        shifts = [_shifts(0.02 + 0.03 * rng.exponential(size=8)) for _ in range(12)]
         one = time_quantile([1.0] * 12, shifts, share, TIMEOUT, RETRACTION)
         found.append((one.value, one.standard_error))
     values, errors = np.array(found).T
-    return values, errors
-
-
-@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
-def test_quantile_of_scattered_times(share: float) -> None:
-    """Exponential times: quantile -ln(1 - q), coverage 95 % or little less."""
-
-    def time(phases: Array, _: int, rng: np.random.Generator) -> Array:
-        return 0.02 + 0.03 * rng.exponential(size=len(phases))
-
     exact = 0.02 - 0.03 * np.log1p(-share)
-    values, errors = _quantiles(time, share)
     assert values.mean() == pytest.approx(exact, abs=0.5 * values.std())
     assert 0.8 <= np.sqrt((errors**2).mean()) / values.std() <= 1.3
-    assert np.mean(np.abs(values - exact) < 1.96 * errors) > 0.85
-
-
-@pytest.mark.parametrize("share", [0.5, 0.9, 0.95])
-def test_quantile_of_slopes_with_a_jump(share: float) -> None:
-    """Times that run in slopes over the angle, each operating point at its own height.
-
-    As for means, even angles leave less error than is told, by up to 2.5 times.
-    """
-
-    def time(phases: Array, k: int, _: np.random.Generator) -> Array:
-        return 0.03 + 0.001 * k + 0.05 * phases + np.where(phases > 0.7, 0.04, 0.0)
-
-    dense = np.concatenate([time((np.arange(4000) + 0.5) / 4000, k, None) for k in range(12)])  # type: ignore[arg-type]
-    exact = float(np.quantile(dense, share))
-    values, errors = _quantiles(time, share)
-    assert values.mean() == pytest.approx(exact, abs=0.5 * values.std())
-    assert 0.8 <= np.sqrt((errors**2).mean()) / values.std() <= 2.5
     assert np.mean(np.abs(values - exact) < 1.96 * errors) > 0.85
 
 
@@ -231,14 +160,6 @@ def test_quantile_counts_retries_as_a_drawn_experiment_does() -> None:
         found = time_quantile([1.0, 1.0], shifts, share, TIMEOUT, RETRACTION)
         assert found.value == pytest.approx(np.quantile(both, share), abs=2e-3)
     assert found.value > TIMEOUT + RETRACTION
-
-
-def test_where_nothing_engages_the_quantile_has_the_share_of_the_expected_time() -> None:
-    none = [ShiftResult(Outcome.TIMED_OUT, None)] * 3
-    found = time_quantile([1.0], [none], 0.5, TIMEOUT, RETRACTION)
-    # p = 1/4: half of all have engaged after the third try.
-    assert found.value == pytest.approx(TIMEOUT + 2 * (TIMEOUT + RETRACTION), abs=0.6)
-    assert np.isfinite(found.standard_error)
 
 
 def test_numbers_of_the_mix_know_weights_by_their_ratio_alone() -> None:

@@ -1,14 +1,10 @@
-r"""Check of the advised test: does its outcome settle an ambiguous case.
+"""Check of the advised test: does its outcome settle an ambiguous case.
 
-The outcome comes from the case's truth, never from the diagnosis. A direct test reads the true
-parameters as shares of their ranges, with the error that the diagnosis expects of it; an effect
-that is not there reads as neutral. More shifts are made by the same engine with other draws, and
-traces give the marks of the flight. The diagnosis then updates its probabilities by the outcome
-(``diagnosis.next_test.settle``).
-
-The case is *settled* if the truth, or all of it that data can show, then has more than the
-probability from which the diagnosis names, and *misled* if a hypothesis with a cause that does not
-act has.
+The outcome comes from the case's truth, never from the diagnosis: true parameters as shares of
+their ranges with the error of the test, more shifts of the same engine, or marks of traces. The
+diagnosis then updates its probabilities (``diagnosis.next_test.settle``). The case is *settled* if
+the truth, or all of it that data can show, then has more than the probability from which the
+diagnosis names, and *misled* if a hypothesis with a cause that does not act has.
 """
 
 from __future__ import annotations
@@ -40,14 +36,10 @@ Names = tuple[str, ...]
 
 @dataclass(frozen=True)
 class Advised:
-    """Outcome of the advised test of one case.
+    """Outcome of the advised test of one case: its name and kind, and what leads after it.
 
-    Parameters
-    ----------
-    test, kind : its name, and direct, shifts, traces or record.
-    top, probability : leading hypothesis after the test.
-    settled, misled : whether it settles on the truth, or on a cause that does not act.
-    foreseen : chance to settle that the diagnosis gives it.
+    ``settled`` on the truth, ``misled`` to a cause that does not act; ``foreseen`` is the chance to
+    settle that the diagnosis gives it.
     """
 
     test: str

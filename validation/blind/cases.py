@@ -1,11 +1,9 @@
 """Cases of a field set: two engines of truths, three clutches, and data as a stand gives them.
 
-Each case has an engine, a clutch and a contact of its own, some of the clutch's operating points,
-another number of shifts at each, and a true force and mismatch at each that are off the nominal
-ones by some percent. Kinds and numbers of cases are fixed by engine (``COUNTS``); clutch, effects,
-strengths and form are drawn. Of some kinds several candidates are drawn on the same operating
-points, of which the first one that is clear by the yardstick is kept (``DRAWS``): of effects drawn
-at random one in six is clear.
+Kinds and numbers of cases are fixed by engine (``COUNTS``); clutch, contact, operating points,
+numbers of shifts, effects, strengths and form are drawn; true force and mismatch are off the
+nominal ones by some percent. Of some kinds several candidates are drawn on the same operating
+points, of which the first one that is clear by the yardstick is kept (``DRAWS``).
 """
 
 from __future__ import annotations
@@ -31,21 +29,12 @@ COUNTS: dict[str, dict[str, int]] = {
     "mujoco": {"none": 8, "single": 8, "pair": 4, "three": 0},
 }
 OUTSIDE: dict[str, dict[str, int]] = {
-    "planar": {
-        "sticking_valve": 6,
-        "hanging_valve": 6,
-        "swapped_forces": 10,
-        "swapped_speeds": 14,
-    },
+    "planar": {"sticking_valve": 6, "hanging_valve": 6, "swapped_forces": 10, "swapped_speeds": 14},
     "mujoco": {
-        "sticking_valve": 2,
-        "hanging_valve": 2,
-        "swapped_speeds": 4,
-        "speed_ripple": 2,
-        "high_dog": 4,
-        "two_stages": 2,
+        "sticking_valve": 2, "hanging_valve": 2, "swapped_speeds": 4, "speed_ripple": 2,
+        "high_dog": 4, "two_stages": 2,
     },
-}
+}  # fmt: skip
 #: Cases of each engine in a small set, on the first clutch.
 SMALL = {"none": 1, "single": 1, "pair": 1}
 #: Candidates of a case by engine and kind, where there are several.
@@ -74,19 +63,12 @@ BY_SINGLES = ("sticking_valve", "hanging_valve", "speed_ripple", "high_dog", "tw
 class Case:
     """One case: its truth, the form of its data, its engine, its clutch and its test series.
 
-    Parameters
-    ----------
-    kind, form : of the truth and of the data.
-    engine, stand : names of the engine and of the clutch.
-    seed : of the draws of its data.
-    parameters, outside : values by effect of the list, and strengths of unlisted things by name.
-    contact : fields of the truth that are no cause: contact, and drift of the force.
-    places, numbers : operating points among those of the clutch, and shifts at each, (points,).
-    force_error, speed_error : standard deviations of true over nominal force and mismatch.
-    shuffled : whether shifts were made in random order, and not point by point in the table's.
-    spreads : whether a table of means has standard deviations.
-    sensor : side of the linkage that is read, ``actuator`` or ``sleeve``.
-    displacement_at, time_zero : conventions of the record as they are stated.
+    ``parameters`` are values by effect of the list, ``outside`` strengths of unlisted things,
+    ``contact`` fields of the truth that are no cause. ``places`` and ``numbers`` are operating
+    points among those of the clutch and shifts at each; ``force_error`` and ``speed_error`` the
+    standard deviations of true over nominal values. ``shuffled`` shifts were made in random order;
+    ``spreads`` if a table of means has standard deviations. ``sensor`` is the side of the linkage
+    that is read; ``displacement_at`` and ``time_zero`` are conventions as they are stated.
     """
 
     kind: Kind
@@ -138,11 +120,7 @@ def field_cases(
 ) -> tuple[tuple[Case, ...], ...]:
     """Draw the cases of a field set in shuffled order, each as its candidates.
 
-    Parameters
-    ----------
-    grids : operating points of each clutch, by name.
-    seed : of all draws.
-    small : a case of each kind in each engine, on the clutches of ``grids``.
+    ``grids`` are the operating points of each clutch; ``small`` a case of each kind and engine.
     """
     generator = np.random.default_rng(SEED if seed is None else seed)
     found = []

@@ -17,7 +17,6 @@ import hashlib
 import json
 import secrets
 from collections.abc import Callable, Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict
 from pathlib import Path
 from shutil import rmtree
@@ -32,7 +31,7 @@ from dogshape.validation.blind.cases import CLUTCHES, Case, case_of, field_cases
 from dogshape.validation.blind.data import bench_text, simulated, write_case
 from dogshape.validation.blind.expected_means import expected, expected_of
 from dogshape.validation.blind.figures import CLEAR, HEADLINES, scoring_code
-from dogshape.validation.blind.sealed import FORMAT, Advance, hash_of, ignore, pool, read
+from dogshape.validation.blind.sealed import FORMAT, Advance, hash_of, ignore, read, run_all
 from dogshape.validation.blind.stand import read_points, read_stand
 from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, seen_as
 
@@ -61,7 +60,7 @@ def make_field(
     cases: dict[str, tuple[Case, ...]],
     likelihood_of: LikelihoodOf,
     jobs: int = 1,
-    advance: Advance | None = None,
+    advance: Advance = ignore,
 ) -> Record:
     """Write a sealed field set and return its manifest; goes on where it was stopped.
 
@@ -78,14 +77,11 @@ def make_field(
         write_whole(where / "bench.toml", bench_text(base(stand), stand))
         write_whole(where / "shifts.csv", (base(stand) / "shifts.csv").read_text(encoding="utf-8"))
         likelihood_of(where, "sleeve", None)
-    with pool(jobs) as submit:
-        pending = [
-            submit(_made, folder, name, [one.record() for one in some], likelihood_of)
-            for name, some in cases.items()
-        ]
-        for future in as_completed(pending):
-            future.result()
-            (advance or ignore)(1)
+    made = [
+        (folder, name, [one.record() for one in some], likelihood_of)
+        for name, some in cases.items()
+    ]
+    run_all(_made, made, jobs, advance)
     return _seal(folder, list(cases))
 
 

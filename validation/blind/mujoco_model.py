@@ -1,31 +1,14 @@
 r"""MuJoCo model of the stand with its truth: a mechanism of MuJoCo for each effect.
 
-One dog of the sliding ring carries the whole ring and meets every dog of the output ring. In
-MuJoCo's direct format of contact parameters, spring and damper belong to the mass that a contact
-moves, so one dog with all the mass moves as all dogs do. ``validation.second_model`` has the
-measurements behind impedance, cone and damping.
-
-======================= =====================================================================
-effect                  mechanism
-======================= =====================================================================
-sleeve friction, drag   ``frictionloss`` of the slide and of the hinge
-sliding inertia         inertia of the sliding body
-spline friction         ``frictionloss`` of the slide, set each step by the contact's torque
-damping, mass           ``damping`` and ``armature`` of the slide
-lag                     ``dyntype="filterexact"`` of the actuator
-compliance, mass behind a body of its own for the actuator and a tendon with stiffness
-free play               the same body and a tendon with limits
-detent                  a force on the slide, half a wave of a cosine, 1 mm wide
-friction of the dogs    pair coefficients, set each step by the slip
-dissipation, stiffness  spring and damper of the contact, from restitution and depth of a blow
-gap, chamfer            place and mesh of the dogs
-one dog higher          a second dog on the sliding ring that reaches farther
-======================= =====================================================================
-
-Force factor, loss and rise, delay, angles, mismatch, ripple and stages are those of signals and
-initial values. Euler's
-rule takes the damping of a tendon explicitly; the implicit ones leave out what couples two bodies
-and so add its damping times the step to either mass (1 % of the way).
+One dog of the sliding ring carries the whole ring and meets every dog of the output ring
+(``validation.second_model``). Friction and drag are ``frictionloss`` of slide and hinge, that of a
+spline set each step by the contact's torque; damping and mass are ``damping`` and ``armature`` of
+the slide; a lag is ``filterexact`` of the actuator. A linkage, its mass and its play are a body of
+its own and a tendon with stiffness or limits; a detent is half a wave of a cosine, 1 mm wide.
+Friction of the dogs is set each step by the slip; spring and damper of the contact follow from
+restitution and depth of a blow. One dog higher is a second dog that reaches farther. Force, delay,
+angles, mismatch, ripple and stages are signals and initial values. Euler's rule: implicit ones
+leave out what couples two bodies.
 """
 
 from __future__ import annotations
@@ -89,22 +72,24 @@ def restitution(approach: float) -> float:
     return float(brentq(left, 0.0, highest)) if left(highest) < 0.0 else highest
 
 
-def damping_ratio(wanted: float) -> float:
-    """Return the damping ratio of a spring and damper that cannot pull with a restitution."""
+def restitution_of(damping_ratio: float) -> float:
+    """Return the restitution of a spring and damper that cannot pull."""
+    z = damping_ratio
+    root = math.sqrt(abs(1.0 - z * z))
+    if root < 1e-6:
+        return math.exp(-2.0)
+    if z < 1.0:
+        return math.exp(-z / root * (math.pi - math.atan2(2.0 * z * root, 1.0 - 2.0 * z * z)))
+    return math.exp(-z / root * math.log((z + root) / (z - root)))
 
-    def given(z: float) -> float:
-        root = math.sqrt(abs(1.0 - z * z))
-        if root < 1e-6:
-            return math.exp(-2.0)
-        if z < 1.0:
-            angle = math.pi - math.atan2(2.0 * z * root, 1.0 - 2.0 * z * z)
-            return math.exp(-z / root * angle)
-        return math.exp(-z / root * math.log((z + root) / (z - root)))
 
-    low, high = DAMPING_RATIOS
-    if wanted >= given(low):
-        return low
-    return high if wanted <= given(high) else float(brentq(lambda z: given(z) - wanted, low, high))
+def ratio_of(wanted: float, ends: tuple[float, float]) -> float:
+    """Return the damping ratio of a restitution, within ``ends``."""
+    if wanted >= restitution_of(ends[0]):
+        return ends[0]
+    if wanted <= restitution_of(ends[1]):
+        return ends[1]
+    return float(brentq(lambda z: restitution_of(z) - wanted, *ends))
 
 
 def deepest(ratio: float) -> float:
@@ -148,7 +133,7 @@ def _reference(stand: Stand, truth: Truth, mass: float, speed: float) -> Referen
     approach = truth.dissipation * speed
     depth = 2.0 * mass * (approach - math.log1p(approach)) / (truth.stiffness * area)
     depth = math.sqrt(depth) / truth.dissipation
-    ratio = damping_ratio(restitution(approach))
+    ratio = ratio_of(restitution(approach), DAMPING_RATIOS)
     rate = speed * deepest(ratio) / depth
     # Beyond what the step bears the damping is less, and the speed of release stays.
     damping = min(2.0 * ratio * rate, SHARPEST)

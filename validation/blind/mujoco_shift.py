@@ -1,16 +1,14 @@
 r"""One shift of a stand with its truth, in MuJoCo, and what the stand reads of it.
 
-MuJoCo's semi-implicit Euler steps through the free flight coarsely and, from just before the
-crests meet, with ``STEP``. Between steps four things are set that MuJoCo has as constants: the
-coefficient of friction by the last slip *v*,
+MuJoCo's semi-implicit Euler steps through the free flight coarsely and, from just before the crests
+meet, with ``STEP``. Between steps three constants of MuJoCo are set: the coefficient of
+friction by the last slip *v*, with :math:`z = v/v_s - 10`,
 
 .. math:: \mu(v) = \left(\mu_d + \frac{\mu_s - \mu_d}{2} \Big(1 - \frac{z}{\sqrt{1+z^2}}\Big)
-   \right) \frac{v}{\sqrt{v^2 + v_s^2}}, \qquad z = v/v_s - 10,
+   \right) \frac{v}{\sqrt{v^2 + v_s^2}}
 
-where the stand creeps below :math:`v_s` as the published one (below ``HELD`` dogs are held, as
-MuJoCo does it, and the dynamic coefficient acts); the friction of a spline by the torque of the
-dogs on the ring; the contact's spring and damper, one for faces and one for flanks; and applied
-forces (detent, ripple).
+where the stand creeps as the published one (below ``HELD`` dogs are held); the friction of a spline
+by the torque of the dogs; spring and damper of the contact, for faces or flanks.
 """
 
 from __future__ import annotations
@@ -67,10 +65,11 @@ class Shift:
 def loaded() -> Any:
     """Return MuJoCo; InputError where it cannot be loaded."""
     try:
+        import_module("mujoco.rollout")
         return import_module("mujoco")
     except ImportError as error:
         raise InputError(
-            f"MuJoCo cannot be loaded ({error}), but blind cases come from it; "
+            f"MuJoCo, the second physics engine, cannot be loaded ({error}); "
             "install it with: pip install -c constraints.txt '.[blind]'."
         ) from error
 
@@ -137,24 +136,31 @@ class Engine:
         point = self.truth.given(point, draw.fade)
         delay = self.truth.delay + draw.late
         self._begin(point, draw)
-        seen, kept = _Seen(self._travel), [self._state(delay)] if keep else None
+        kept = [self._state(delay)] if keep else None
+        before = mark = 0.0
+        read: float | None = None  # time at which the sensor is seated
+        ended: float | None = None  # the same, once the ring is
         limit = self.stand.timeout - delay
         stood: tuple[float, ...] = ()
         look = point.rise + 6.0 * self.truth.lag + self.truth.stage_time
         while self._data.time < limit:
             self._step(point, draw.phase)
             ring, sensor = self._places()
+            now = float(self._data.time)
             if kept is not None:
                 kept.append(self._state(delay))
-            if seen.done(self._data.time, ring, sensor):
+            if read is None and sensor >= self._travel:
+                read = before + (self._travel - mark) / (sensor - mark) * (now - before)
+            before, mark = now, sensor
+            if ring >= self._travel:
+                ended = delay + (now if read is None else read)
                 break
-            if self._data.time >= look:
-                now = self._rest()
-                if stood and max(abs(a - b) for a, b in zip(now, stood, strict=True)) < 1e-7:
+            if now >= look:
+                rest = self._rest()
+                if stood and max(abs(a - b) for a, b in zip(rest, stood, strict=True)) < 1e-7:
                     break
-                look, stood = self._data.time + LOOK, now
+                look, stood = now + LOOK, rest
         motion = None if kept is None else np.array(kept)
-        ended = seen.ended if seen.ended is None else seen.ended + delay
         late = ended is not None and ended > self.stand.timeout
         return Shift(None if late else ended, motion)
 
@@ -229,25 +235,3 @@ class Engine:
         output, _, sliding, *_ = self._dof
         speeds = float(self._rate[sliding]), float(self._rate[output])
         return (float(self._data.time) + delay, sensor, ring, *speeds)
-
-
-class _Seen:
-    """Watches the ring and the sensor: the time is the sensor's, the end is the ring's."""
-
-    def __init__(self, travel: float) -> None:
-        self._travel = travel
-        self._last = (0.0, 0.0, 0.0)
-        self._read: float | None = None
-        self.ended: float | None = None
-
-    def done(self, time: float, ring: float, sensor: float) -> bool:
-        """Take the next state and tell whether the ring is seated."""
-        before, _, mark = self._last
-        if self._read is None and sensor >= self._travel:
-            share = (self._travel - mark) / (sensor - mark)
-            self._read = before + share * (time - before)
-        self._last = (time, ring, sensor)
-        if ring < self._travel:
-            return False
-        self.ended = time if self._read is None else self._read
-        return True

@@ -35,14 +35,10 @@ UNKNOWN: Names = ("unknown",)
 class Mark:
     """Truth of a case beside its diagnosis; hypotheses are names in alphabetical order.
 
-    Parameters
-    ----------
-    also : what the truth looks like to any method, but for causes that data cannot show.
-    clear : whether no rival can be taken for the truth; False without any effect.
-    shown : whether data without any effect can show that.
-    posterior, evidence : probabilities; empty where the data were refused.
-    inside : for each true size whether its 90 % interval holds it, where the truth leads.
-    p : predictive p-value of the leading hypothesis.
+    ``also`` is what the truth looks like to any method, but for causes that data cannot show.
+    ``clear`` if no rival can be taken for the truth, ``shown`` if data without any effect can show
+    that. ``inside``: for each true size whether its 90 % interval holds it, where the truth leads.
+    ``p`` is the predictive p-value of the leading hypothesis.
     """
 
     name: str

@@ -10,9 +10,8 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,25 @@ Diagnose = Callable[[Path], Record]
 Advance = Callable[[int], None]
 
 FORMAT = 2
+
+
+def ignore(_: int) -> None:
+    """Count nothing."""
+
+
+def run_all(
+    function: Callable[..., None], calls: Sequence[tuple[Any, ...]], jobs: int, advance: Advance
+) -> None:
+    """Call a function with each of some arguments, in so many processes; one does it here."""
+    if jobs <= 1:
+        for one in calls:
+            function(*one)
+            advance(1)
+        return
+    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+        for future in as_completed([pool.submit(function, *one) for one in calls]):
+            future.result()
+            advance(1)
 
 
 def hash_of(folder: Path) -> str:
@@ -48,7 +66,7 @@ def manifest_of(folder: Path) -> Record:
 
 
 def run(
-    folder: Path, diagnose: Diagnose, jobs: int = 1, advance: Advance | None = None
+    folder: Path, diagnose: Diagnose, jobs: int = 1, advance: Advance = ignore
 ) -> dict[str, Record]:
     """Diagnose the cases that are left and return all results by case.
 
@@ -59,13 +77,13 @@ def run(
     results = folder / "results"
     results.mkdir(exist_ok=True)
     left = [name for name in manifest["cases"] if not _done(results / f"{name}.json", manifest)]
-    _require_untouched(folder, manifest, left)
-    (advance or ignore)(len(manifest["cases"]) - len(left))
-    with pool(jobs) as submit:
-        pending = [submit(_diagnosed, folder, name, diagnose, manifest) for name in left]
-        for future in as_completed(pending):
-            future.result()
-            (advance or ignore)(1)
+    for name in left:
+        if hash_of(folder / "cases" / name) != manifest["cases"][name]:
+            raise StorageError(
+                f"{folder / 'cases' / name} is not as it was made; make the cases again"
+            )
+    advance(len(manifest["cases"]) - len(left))
+    run_all(_diagnosed, [(folder, name, diagnose, manifest) for name in left], jobs, advance)
     return {name: read(results / f"{name}.json", "run again") for name in manifest["cases"]}
 
 
@@ -89,14 +107,6 @@ def _done(path: Path, manifest: Record) -> bool:
     if read(path, "remove it").get("key_sha256") != manifest["key_sha256"]:
         raise StorageError(f"{path} is the result of another set of cases; remove the results")
     return True
-
-
-def _require_untouched(folder: Path, manifest: Record, names: Sequence[str]) -> None:
-    for name in names:
-        if hash_of(folder / "cases" / name) != manifest["cases"][name]:
-            raise StorageError(
-                f"{folder / 'cases' / name} is not as it was made; make the cases again"
-            )
 
 
 def opened(folder: Path) -> Record:
@@ -134,23 +144,3 @@ def read(path: Path, remedy: str) -> Record:
     if not isinstance(found, dict):
         raise StorageError(f"{path} holds no JSON object; {remedy}")
     return found
-
-
-def ignore(_: int) -> None:
-    """Count nothing."""
-
-
-@contextmanager
-def pool(jobs: int) -> Iterator[Callable[..., Future[Any]]]:
-    """Yield a function that submits work to so many processes; one does it at once."""
-    if jobs <= 1:
-        yield _at_once
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        yield pool.submit
-
-
-def _at_once(function: Callable[..., Any], *given: Any) -> Future[Any]:
-    future: Future[Any] = Future()
-    future.set_result(function(*given))
-    return future

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.sim.errors import DataError
-from dogshape.sim.units import DEG, MM, RPM
+from dogshape.sim.units import MM, RPM, to_si
 
 LEAST_FORCE = 1.0  #: N, of any shift
 
@@ -130,38 +130,34 @@ class Truth:
         )
 
 
+#: Fields of a stand by section and key of ``bench.toml``.
+_KEYS = {
+    "chamfer": "dog.chamfer_deg", "traction": "dog.traction_deg",
+    "braking": "dog.braking_deg", "height": "dog.height_mm", "gap": "dog.axial_gap_mm",
+    "outer_radius": "dog.outer_diameter_mm", "inner_radius": "dog.inner_diameter_mm",
+    "mass": "sliding.mass_kg", "sliding_inertia": "sliding.inertia_kgm2",
+    "output_inertia": "output.inertia_kgm2", "static_friction": "contact.static_friction",
+    "dynamic_friction": "contact.dynamic_friction",
+    "stiction_speed": "contact.stiction_velocity_m_s",
+}  # fmt: skip
+
+
 def read_stand(folder: Path) -> Stand:
     """Read the stand of a data set; a missing key raises DataError."""
     path = folder / "bench.toml"
+    data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     try:
-        data: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-        return _stand(data)
+        found = {}
+        for name, key in _KEYS.items():
+            section, _, short = key.partition(".")
+            found[name] = to_si(key, data[section][short]) * (0.5 if "radius" in name else 1.0)
+        speed = data["sliding"].get("initial_speed_rpm", 0.0) * RPM
+        travel = data["dog"]["height_mm"] + data["dog"]["axial_gap_mm"]
+        seated = (travel - data["shift_travel_mm"]) * MM
+        times = {"timeout": data["timeout_s"], "seated": seated, "sliding_speed": speed}
+        return Stand(count=data["dog"]["count"], **found, **times)
     except KeyError as error:
         raise DataError(f"{path} has no key {error}, which a blind check needs; add it") from error
-
-
-def _stand(data: dict[str, Any]) -> Stand:
-    dog, sliding, contact = data["dog"], data["sliding"], data["contact"]
-    travel = dog["height_mm"] + dog["axial_gap_mm"]
-    return Stand(
-        count=dog["count"],
-        chamfer=dog["chamfer_deg"] * DEG,
-        traction=dog["traction_deg"] * DEG,
-        braking=dog["braking_deg"] * DEG,
-        height=dog["height_mm"] * MM,
-        outer_radius=0.5 * dog["outer_diameter_mm"] * MM,
-        inner_radius=0.5 * dog["inner_diameter_mm"] * MM,
-        gap=dog["axial_gap_mm"] * MM,
-        mass=sliding["mass_kg"],
-        sliding_inertia=sliding["inertia_kgm2"],
-        sliding_speed=sliding.get("initial_speed_rpm", 0.0) * RPM,
-        output_inertia=data["output"]["inertia_kgm2"],
-        static_friction=contact["static_friction"],
-        dynamic_friction=contact["dynamic_friction"],
-        stiction_speed=contact["stiction_velocity_m_s"],
-        timeout=data["timeout_s"],
-        seated=(travel - data["shift_travel_mm"]) * MM,
-    )
 
 
 def read_points(folder: Path) -> tuple[Point, ...]:

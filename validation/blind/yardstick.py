@@ -1,21 +1,14 @@
 r"""Yardstick of a case: the noncentrality that the best refit by a rival leaves.
 
 The engine of a case says without scatter how the truth changes mean times and spreads against no
-effect. The same change of the diagnosis' own prediction is the data of the yardstick, so that the
-error of its simulation cancels. A rival hypothesis *h* leaves of these
+effect. The same change of the diagnosis' own prediction is the data, so that the error of its
+simulation cancels. A rival hypothesis *h* leaves, within its ranges,
 
-.. math:: \Lambda = \min_h \min_\theta \; r^T C^{-1} r + \sum_k s_k^2,
-          \qquad r = \bar t - \mu_h(\theta),
+.. math:: \Lambda = \min_h \min_\theta \; r^T C^{-1} r + \sum_k s_k^2, \qquad
+          r = \bar t - \mu_h(\theta),
 
-within its ranges. *C* has all errors of the likelihood of the diagnosis: scatter by the numbers of
-shifts, errors of nominal force and mismatch, of the effects' laws and of any simulation, nuisances,
-and the discrepancy at the scale of its prior. :math:`s_k` is the normal deviate of a
-spread, where spreads are known. Late shifts, shares engaged and
-traces, which may tell more, are left out.
-
-A part of a truth that leaves less than is visible to the diagnosis is all of it that the data can
-show (``seen_as``). Without any effect the yardstick is how often an observer who knows that no
-effect acts could show that the gap is within its margin (``power_of``).
+with all errors of the likelihood in *C* and the normal deviates :math:`s_k` of known spreads; late
+shifts, shares engaged and traces are left out.
 """
 
 from __future__ import annotations
@@ -46,10 +39,7 @@ SERIES, DRAWN = 100, 100  #: test series of an observer, and draws of the gap fo
 class Yardstick:
     """Expected data of a case under the likelihood of its diagnosis.
 
-    Parameters
-    ----------
-    likelihood : of the data of the case.
-    truth, plain : expected by the engine of the case with and without its causes, at its points.
+    ``truth`` and ``plain`` are expected by the engine of the case with and without its causes.
     """
 
     likelihood: Likelihood

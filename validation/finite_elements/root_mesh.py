@@ -1,22 +1,12 @@
 r"""Mesh of one pitch of a ring for the stress at the root of its dog.
 
-The section at a radius is unrolled: x along the circumference from the middle of the
-dog, z along the axis with the median plane at 0, floor of the slot at -h/2. A fillet of
-radius rho joins the floor to either flank; the edges of the tip are sharp. The section
-is cut where the slot's floor is halfway to the next dog, and reaches ``depth`` below the
-floor::
-
-             ______
-            /|    |\\            surface layer, one fillet radius deep, over floor,
-           / | core| \\          fillets and flanks; core of the dog; body below.
-    ______/ /|____|\\ \\______
-    _______/ |    | \\________
-    |   body |body|  body    |
-
-All blocks are ruled between two curves and keep their numbers of cells at every radius,
-so that a section is one plane of nodes and a stack of them, each turned by x/R about the
-axis, is a mesh of hexahedra with 27 nodes. Flanks are then planes through radial lines
-to within a thousandth of their lean (sine against angle).
+The section at a radius is unrolled: x along the circumference from the middle of the dog, z along
+the axis, floor of the slot at -h/2. A fillet joins the floor to either flank; edges of the tip are
+sharp. It is cut halfway to the next dog, and reaches ``depth`` below the floor. Blocks: a surface
+layer over floor, fillet and flank of either side; the core of the dog between them; the body below
+dog and floors. They are ruled between two curves and keep their numbers of cells at every radius:
+planes of nodes, each turned by x/R about the axis, make hexahedra with 27 nodes. Flanks are planes
+through radial lines to within a thousandth of their lean.
 """
 
 from __future__ import annotations
@@ -45,14 +35,7 @@ _SMALLEST_FLOOR = 0.05  #: of the fillet radius: half of the floor left between 
 
 @dataclass(frozen=True)
 class RootShape:
-    """A dog with its root fillet.
-
-    Parameters
-    ----------
-    dog : the dog.
-    root_radius : of the fillet between floor and flank, m.
-    depth : of the body below the floor, m.
-    """
+    """A dog with its root fillet (``root_radius``, m), on a body ``depth`` (m) below the floor."""
 
     dog: Dog
     root_radius: float
@@ -102,10 +85,9 @@ class RootShape:
 class Section:
     """Topology of a section: cells of nine nodes, and which of them bound what.
 
-    ``cells`` (m, 3, 3) node numbers, first index along the surface where there is one,
-    second away from it, so that ``cells[i, :, 0]`` lies on the surface. ``fillet`` and
-    ``flank`` are cell numbers by flank; ``bottom``, ``left`` and ``right`` node numbers,
-    the last two in the same order from the floor down.
+    ``cells`` (m, 3, 3) node numbers, first index along the surface, second away from it. ``fillet``
+    and ``flank`` are cell numbers by flank; ``bottom``, ``left`` and ``right`` node numbers, the
+    last two in the same order from the floor down.
     """
 
     cells: Ints
@@ -120,12 +102,6 @@ class Section:
     def nodes(self) -> int:
         """Number of nodes of the plane."""
         return len(self.order)
-
-
-@dataclass(frozen=True)
-class _Block:
-    name: str
-    points: Points  # (2 n + 1, 2 m + 1, 2)
 
 
 def _graded(cells: int, length: float, first: float) -> Points:
@@ -197,14 +173,14 @@ def _side(shape: RootShape, flank: Flank, radius: float, fineness: int) -> _Side
     )
 
 
-def _blocks(shape: RootShape, radius: float, fineness: int) -> list[_Block]:
+def _blocks(shape: RootShape, radius: float, fineness: int) -> dict[str, Points]:
     """Return the blocks of a section; corresponding points of all radii match."""
     layer = _with_middles(np.linspace(0.0, 1.0, _LAYER * fineness + 1) ** 2)
     cell = shape.layer / (_LAYER * fineness)
     down = _graded(_DEPTH * fineness, shape.depth - shape.layer, 1.5 * cell)
     bottom = -0.5 * shape.dog.height - shape.depth
     middle = 2 * _ARC * fineness
-    found, inside, hips = [], {}, {}
+    found, inside, hips = dict[str, Points](), {}, {}
     for flank, sign in SIDES.items():
         side = _side(shape, flank, radius, fineness)
         turn = np.array([sign, 1.0])
@@ -213,28 +189,28 @@ def _blocks(shape: RootShape, radius: float, fineness: int) -> list[_Block]:
             ("fillet", side.arc),
             ("flank", side.flank),
         ):
-            found.append(_Block(f"{name} {flank}", _ruled(outer * turn, inner * turn, layer)))
+            found[f"{name} {flank}"] = _ruled(outer * turn, inner * turn, layer)
         inside[flank] = np.concatenate([side.arc[1][middle:], side.flank[1][1:]]) * turn
         hips[flank] = np.concatenate([side.floor[1], side.arc[1][1 : middle + 1]]) * turn
     across = _with_middles(np.linspace(0.0, 1.0, _CORE * fineness + 1))
-    found.append(_Block("core", _ruled(inside["braking"], inside["traction"], across)))
+    found["core"] = _ruled(inside["braking"], inside["traction"], across)
     waist = _line(inside["braking"][0], inside["traction"][0], across)
     for name, top in (("body", waist), *((f"body {flank}", hips[flank]) for flank in SIDES)):
         low = np.column_stack([top[:, 0], np.full(len(top), bottom)])
-        found.append(_Block(name, _ruled(top, low, down)))
+        found[name] = _ruled(top, low, down)
     return found
 
 
 def section_points(shape: RootShape, section: Section, radius: float, fineness: int) -> Points:
     """Return the nodes of the section at a radius, (n, 2) in m."""
-    blocks = _blocks(shape, radius, fineness)
-    return np.concatenate([b.points.reshape(-1, 2) for b in blocks])[section.order]
+    blocks = _blocks(shape, radius, fineness).values()
+    return np.concatenate([points.reshape(-1, 2) for points in blocks])[section.order]
 
 
 def make_section(shape: RootShape, fineness: int) -> Section:
     """Number the nodes and cells of a section."""
     blocks = _blocks(shape, shape.dog.mean_radius, fineness)
-    points = np.concatenate([b.points.reshape(-1, 2) for b in blocks])
+    points = np.concatenate([block.reshape(-1, 2) for block in blocks.values()])
     grain = 1e-6 * shape.root_radius
     _, order, number = np.unique(
         np.round(points / grain + 0.137).astype(np.int64),
@@ -245,15 +221,15 @@ def make_section(shape: RootShape, fineness: int) -> Section:
     number = number.reshape(-1)
     cells: list[Ints] = []
     lattice, start, rows = {}, 0, {}
-    for block in blocks:
-        n, m = block.points.shape[:2]
-        lattice[block.name] = number[start : start + n * m].reshape(n, m)
+    for name, block in blocks.items():
+        n, m = block.shape[:2]
+        lattice[name] = number[start : start + n * m].reshape(n, m)
         start += n * m
-        found = _cells(lattice[block.name])
+        found = _cells(lattice[name])
         first = sum(map(len, cells))
         cells.append(found)
         # Cells run fastest away from the surface.
-        rows[block.name] = np.arange(first, first + len(found), (m - 1) // 2)
+        rows[name] = np.arange(first, first + len(found), (m - 1) // 2)
     cuts = {
         flank: np.concatenate([lattice[f"floor {flank}"][0], lattice[f"body {flank}"][0][1:]])
         for flank in SIDES

@@ -1,38 +1,13 @@
 r"""Stress at the root of one dog by finite elements, linear elastic, in three dimensions.
 
-One pitch of a ring (``validation.finite_elements.root_mesh``) in hexahedra with 27 nodes,
-isoparametric. The body's lower face is fixed, both cuts at the middle of the slots move alike in
-cylindrical coordinates (every dog is loaded the same), the outer face is free. A band of one flank
-carries a uniform pressure without friction:
-
-.. math::
-    \int \sigma(u) : \varepsilon(v)\,dV = -\int_{band} p\, n \cdot v\,dA, \qquad
-    \sigma = \lambda\, \mathrm{tr}\,\varepsilon\, I + 2 \mu\, \varepsilon
-
-- band "whole": what touches when both rings are at full depth. It lies evenly about the
-  median plane, since either ring lacks at its own tip what the other lacks at its
-  root: the fillet, or the edge drop on the braking side.
-- band "tip": the top fifth of the flank, the worst case.
-
-Pressure and lever follow from the load vector itself: its sum is the tangential force and
-its moment the lever, so that they belong to the stress whatever the mesh does to the
-band's ends.
-
-Stress is evaluated on the surface of the fillet, at the 2 x 2 Gauss points of each cell's face,
-where gradients are best. It follows from the surface's own stretch in plane stress. Its largest
-value over the whole fillet counts, ends of the dog included: edges there are rectangular and free,
-so that the stress is finite. It is found between the inner end, for wide dogs, and the mean radius.
-
-The body rests on a hub: its inner face is held radially. Without it a deep body rolls
-outwards, as dogs carry their force on one side and pull the floor behind them, and the
-stress depends on how deep the body is thought to be: a tenth more on a ring of 15 dogs
-and a body one pitch deep, a third more on a ring of 6.
-
-scikit-fem brings mapping, shape functions and quadrature. It is an optional extra,
-``pip install 'dogshape[fem]'``.
-
-How far the numbers depend on the mesh, the body's depth and the cuts is printed by
-``python -m benchmarks.root_stress``.
+One pitch of a ring (``root_mesh``) in isoparametric hexahedra with 27 nodes. The body's lower face
+is fixed, its inner face rests on a hub that holds it radially, both cuts move alike in cylindrical
+coordinates (every dog is loaded the same), the outer face is free. A band of one flank carries a
+uniform pressure: "whole", what touches at full depth, evenly about the median plane, or "tip", the
+top fifth, the worst case. Force and lever are sum and moment of the load vector. Stress is that of
+the fillet's own stretch in plane stress, at the 2 x 2 Gauss points of each cell's face; its largest
+value counts, ends of the dog included. Mesh, depth of the body, cuts and hub: ``python -m
+benchmarks.root_stress``.
 """
 
 from __future__ import annotations
@@ -46,11 +21,12 @@ from typing import Any, Literal
 import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
+from scipy.sparse.linalg import splu
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import Flank
+from dogshape.sim.shift.mesh import rotation
 from dogshape.sim.strength.materials import POISSON, YOUNG
-from dogshape.validation.finite_elements.plane_solver import PlaneSolver
 from dogshape.validation.finite_elements.root_mesh import (
     SIDES,
     Points,
@@ -68,41 +44,23 @@ Matrix = Any  #: scipy's sparse matrix in compressed rows
 TIP_PART = 0.2  #: of the flank's height that the band at the tip takes
 FINENESS = 2  #: default: 8 cells over a fillet, 6 along the radius
 HUB_STIFFNESS = 1e11  #: N/m a node: thousands of times that of a cell
-DIRECT = 40_000  #: unknowns up to which one block holds all planes
 
 
 @dataclass(frozen=True)
 class RootStress:
-    """Stress at the root of a dog under a load.
+    """Largest first principal stress in the fillet of the loaded flank, Pa, and its load.
 
-    Parameters
-    ----------
-    tension : largest first principal stress in the fillet of the loaded flank, Pa.
-    mises_loaded, mises_opposite : largest von Mises stress in the fillet of the loaded
-        flank and in the other one, which is pressed, Pa.
-    radius, angle : where the tension is, m and rad along the fillet from the floor.
-    mises_at_tension : von Mises stress at that place, Pa.
-    force, lever : tangential force, N, and height of its line above the floor, m.
-    axial : force of the flank towards the body, N.
-    unknowns, steps : of the system, and of the solver.
+    ``radius`` (m) and ``angle`` (rad along the fillet from the floor) are its place; ``force`` is
+    tangential, N, ``lever`` the height of its line above the floor, m, ``axial`` the force of the
+    flank towards the body, N.
     """
 
     tension: float
-    mises_loaded: float
-    mises_opposite: float
     radius: float
     angle: float
-    mises_at_tension: float
     force: float
     lever: float
     axial: float
-    unknowns: int
-    steps: int
-
-    @property
-    def mises(self) -> float:
-        """Largest von Mises stress in both fillets, Pa."""
-        return max(self.mises_loaded, self.mises_opposite)
 
 
 def fem_available() -> bool:
@@ -142,11 +100,7 @@ class _Surface:
 class RootModel:
     """One pitch of a ring, assembled and ready for any number of loads.
 
-    Parameters
-    ----------
-    shape : dog, fillet and depth of the body.
-    fineness : multiple of the coarsest mesh's cells in each direction.
-    cut : what holds at the middle of the slots.
+    ``fineness`` multiplies the coarsest mesh's cells each way; ``cut`` holds the middle of slots.
     """
 
     def __init__(
@@ -162,9 +116,9 @@ class RootModel:
         if hub:
             self.stiffness = self.stiffness + self._hub()
         self.reduction = self._reduction(cut)
-        self.solver = PlaneSolver(
-            self.reduction.T @ self.stiffness @ self.reduction, self._blocks()
-        )
+        matrix = self.reduction.T @ self.stiffness @ self.reduction
+        symmetric = {"SymmetricMode": True}
+        self.factor = splu(matrix.tocsc(), "MMD_AT_PLUS_A", 0.0, options=symmetric)
 
     def _connect(self) -> NDArray[np.int64]:
         """Return the nodes (cells, 3, 3, 3) of each cell: along, away from the surface, radius."""
@@ -192,43 +146,30 @@ class RootModel:
 
     def _reduction(self, cut: Cut) -> Matrix:
         """Build the matrix from free unknowns to all; the free unknowns keep their order."""
-        planes, nodes = len(self.radii), self.section.nodes
-        held = {"bottom": self.section.bottom, "left": self.section.left}
-        fixed = np.zeros(nodes, dtype=bool)
-        fixed[held["bottom"]] = True
+        section, nodes = self.section, self.section.nodes
+        fixed, turned = np.zeros(nodes, dtype=bool), np.zeros(nodes, dtype=bool)
+        fixed[section.bottom] = True
         if cut == "fixed":
-            fixed[self.section.left] = fixed[self.section.right] = True
-        slave = np.zeros(nodes, dtype=bool)
+            fixed[section.left] = fixed[section.right] = True
         if cut == "periodic":
-            slave[self.section.left] = True
-        keep = np.repeat(~(fixed | slave), 3)
-        number = np.cumsum(keep) - 1
-        row, column, value = [np.flatnonzero(keep)], [number[keep]], [np.ones(keep.sum())]
-        if cut == "periodic":
-            angle = self.shape.dog.pitch_angle
-            c, s = math.cos(angle), math.sin(angle)
-            turn = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-            pairs = [
-                (a, b)
-                for a, b in zip(self.section.left, self.section.right, strict=True)
-                if not fixed[a]
-            ]
-            for a, b in pairs:
-                for i, j in zip(*np.nonzero(turn), strict=True):
-                    row.append(np.array([3 * a + i]))
-                    column.append(number[[3 * b + j]])
-                    value.append(turn[[i], [j]])
-        plane = sp.csr_matrix(
-            (np.concatenate(value), (np.concatenate(row), np.concatenate(column))),
-            shape=(3 * nodes, int(keep.sum())),
+            turned[section.left] = True
+        leader = np.arange(nodes)
+        leader[section.left] = section.right
+        turns = np.broadcast_to(np.eye(3), (nodes, 3, 3)).copy()
+        turns[turned] = rotation(-self.shape.dog.pitch_angle)
+        follows = np.where(turned, leader, np.arange(nodes))
+        there = np.flatnonzero(~fixed)
+        rows, columns = (
+            3 * node[there, None] + np.arange(3) for node in (np.arange(nodes), follows)
         )
-        return sp.block_diag([plane] * planes, format="csr")
-
-    def _blocks(self) -> NDArray[np.int64]:
-        unknowns = self.reduction.shape[1]
-        group = len(self.radii) if unknowns <= DIRECT else 4
-        ends = np.arange(0, unknowns, group * unknowns // len(self.radii))
-        return np.append(ends, unknowns)
+        plane = sp.csr_matrix(
+            (
+                turns[there].ravel(),
+                (np.repeat(rows, 3, axis=1).ravel(), np.tile(columns, (1, 3)).ravel()),
+            ),
+            shape=(3 * nodes, 3 * nodes),
+        )[:, np.repeat(~(fixed | turned), 3)]
+        return sp.block_diag([plane] * len(self.radii), format="csr")
 
     def _surface(self, plane_cells: NDArray[np.int64], along: int, radial: int) -> _Surface:
         """Evaluate Gauss points on the surface of cells of the section."""
@@ -270,10 +211,10 @@ class RootModel:
         reach = np.minimum(tops, half - self.shape.fillet_height(flank))
         return -reach, reach
 
-    def solve(self, force: Points) -> tuple[Points, int]:
-        """Return the displacements (nodes, 3), m, and the solver's steps."""
-        free, steps = self.solver.solve(self.reduction.T @ force.reshape(-1))
-        return np.asarray(self.reduction @ free).reshape(-1, 3), steps
+    def solve(self, force: Points) -> Points:
+        """Return the displacements (nodes, 3), m."""
+        free = self.factor.solve(self.reduction.T @ force.reshape(-1))
+        return np.asarray(self.reduction @ free).reshape(-1, 3)
 
     def surface_stress(
         self, displacement: Points, plane_cells: NDArray[np.int64]
@@ -295,26 +236,17 @@ class RootModel:
         tangential = -SIDES[flank] * (load[:, 1] * np.cos(angle) - load[:, 0] * np.sin(angle))
         total = float(tangential.sum())
         height = self.points[:, 2] + 0.5 * self.shape.dog.height
-        displacement, steps = self.solve(load * (force / total))
-        found = {
-            side: self.surface_stress(displacement, self.section.fillet[side]) for side in SIDES
-        }
-        places, stress = found[flank]
+        displacement = self.solve(load * (force / total))
+        places, stress = self.surface_stress(displacement, self.section.fillet[flank])
         first = np.linalg.eigvalsh(stress)[:, -1]
         peak = int(first.argmax())
-        mises = {side: float(von_mises(s).max()) for side, (_, s) in found.items()}
         return RootStress(
             tension=float(first[peak]),
-            mises_loaded=mises.pop(flank),
-            mises_opposite=mises.popitem()[1],
             radius=float(np.hypot(*places[peak, :2])),
             angle=self._fillet_angle(flank, places[peak, 2]),
-            mises_at_tension=float(von_mises(stress[peak])),
             force=force,
             lever=float(tangential @ height) / total,
             axial=-float(load[:, 2].sum()) * force / total,
-            unknowns=self.reduction.shape[1],
-            steps=steps,
         )
 
     def _fillet_angle(self, flank: Flank, z: float) -> float:
@@ -376,13 +308,6 @@ def skin_stress(gradient: Points, normal: Points) -> Points:
     strain = flat @ (0.5 * (gradient + np.swapaxes(gradient, -1, -2))) @ flat
     trace = np.trace(strain, axis1=-2, axis2=-1)[..., None, None]
     return np.asarray(YOUNG / (1.0 + POISSON) * (strain + POISSON / (1.0 - POISSON) * trace * flat))
-
-
-def von_mises(stress: Points) -> Points:
-    """Return the von Mises stress (...) of stresses (..., 3, 3)."""
-    mean = np.trace(stress, axis1=-2, axis2=-1) / 3.0
-    deviator = stress - mean[..., None, None] * np.eye(3)
-    return np.asarray(np.sqrt(1.5 * (deviator**2).sum(axis=(-2, -1))))
 
 
 def _gauss(count: int) -> tuple[Points, Points]:
