@@ -112,7 +112,7 @@ def even_block(
 ) -> Block:
     """Return one operating point at evenly spaced angles; ``draw`` is their seed and index."""
     angles = tuple((even_phases(count, *draw, base) * clutch.dog.pitch_angle).tolist())
-    variants = uncertainty.variants(point, count, *draw) if uncertainty else ()
+    variants = uncertainty.variants(point, count, *draw, base) if uncertainty else ()
     return Block(clutch, point, angles, draw[0], variants)
 
 

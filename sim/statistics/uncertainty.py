@@ -2,7 +2,8 @@
 
 Each is a factor on its nominal value. The *n* shifts of an operating point have the *n* even
 angles, each with one independent draw of the factors, the same for all designs: the standard error
-of the mean takes the factors for scatter from angle to angle.
+of the mean takes the factors for scatter from angle to angle. Where the number of angles is
+doubled, every angle that was there keeps its factors.
 
 Distributions: ``normal`` (mean, sd), ``uniform`` (low, high), ``triangular`` (low, mode, high),
 ``lognormal`` (median *m*, factor *k*: two values of three lie between m/k and m k). ``low`` and
@@ -222,14 +223,15 @@ class Uncertainty:
         return next((d.bounds for d in self.distributions if d.name == name), (1.0, 1.0))
 
     def variants(
-        self, point: OperatingPoint, count: int, seed: int, index: int
+        self, point: OperatingPoint, count: int, seed: int, index: int, base: int | None = None
     ) -> tuple[Variant, ...]:
         """Return the draws of an operating point's angles, ``count`` of them in their order.
 
-        ``seed`` and ``index`` as for ``sim.statistics.expectation.even_phases``.
+        ``seed``, ``index`` and ``base`` as for ``sim.statistics.expectation.even_phases``.
         """
         rng = np.random.default_rng([seed, index, STREAM])
         shares = rng.random((count, len(self.distributions)))
+        shares = shares[draw_order(count, seed, index, base)]
         columns = zip(self.distributions, shares.T, strict=True)
         drawn = {one.name: one.at(column) for one, column in columns}
         factors = np.column_stack([drawn.get(name, np.ones(count)) for name in FACTORS])
@@ -239,3 +241,21 @@ class Uncertainty:
             rise = self.rise.profile(profile.force * force).rise if by_table else profile.rise
             found.append(Variant(friction, force, inertia, rise, source, dissipation))
         return tuple(found)
+
+
+def draw_order(count: int, seed: int, index: int, base: int | None = None) -> NDArray[np.int64]:
+    """Assign a draw to each of the even angles, (count,), each draw once.
+
+    The angles of a coarser draw keep what they had; those between them get the next ones.
+    """
+    base = base or count
+    parts = count // base
+    coarse = count if parts == 1 else count // 2 if parts % 2 == 0 else base
+    if coarse == count:
+        return np.arange(count)
+    start = np.random.default_rng([seed, index]).random() * (coarse // base) % 1.0
+    kept = np.arange(coarse) * (count // coarse) + int(start * (count // coarse))
+    order = np.full(count, -1)
+    order[kept] = draw_order(coarse, seed, index, base)
+    order[order < 0] = np.arange(coarse, count)
+    return order

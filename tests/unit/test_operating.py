@@ -9,6 +9,7 @@ from dogshape.pipeline.config.operating import duty_cycles
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
 from dogshape.pipeline.search.state import Trial
 from dogshape.pipeline.simulate.design import exact_losses, leading, objectives_of
+from dogshape.pipeline.simulate.evaluation import FIRST
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import DogshapeError
@@ -194,8 +195,14 @@ def test_uncertain_shifts_say_what_was_drawn() -> None:
     assert "drawn_force_N" not in shifts[3]
 
 
-def test_designs_have_the_same_draws_of_uncertain_factors() -> None:
+def test_a_finer_draw_repeats_no_uncertain_shift() -> None:
     study = load_study("mq200_robust")
+    coarse, fine = (
+        even_blocks(study.clutch, study.points, n, 5, FIRST, uncertainty=study.uncertainty)
+        for n in (FIRST, 4 * FIRST)
+    )
+    for few, many in zip(coarse, fine, strict=True):
+        assert set(few.keys) < set(many.keys)
     designs = [study.clutch, study.clutch.with_dog(study.dog_with({"count": 18}))]
     first, second = (
         even_blocks(c, study.points, 6, 5, uncertainty=study.uncertainty)[0] for c in designs
