@@ -39,7 +39,6 @@ ACCURACIES = (1e-7, 1e-8, 1e-9)
 SHIFTS = 10
 MECHANISMS = {
     "none": Mechanism(),
-    "spline friction": Mechanism(spline_friction=0.1, spline_radius=17.6 * MM),
     "linkage": Mechanism(compliance=3e-6, added_mass=0.3),
     "free play": Mechanism(free_play=0.5 * MM),
     "shaft with play": Mechanism(ring_inertia=2e-3, input_stiffness=5e3, backlash=0.3 * DEG),

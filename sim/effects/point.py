@@ -10,36 +10,15 @@ that are not uniform change how often each comes: weights, and no simulation.
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import LaggedProfile
 from dogshape.sim.units import to_si
 
 
-def _with_lag(setting: Setting, values: Values) -> Setting:
-    lag, profile = values["lag_s"], setting.point.profile
-    if lag == 0.0:
-        return setting
-    own = {field.name: getattr(profile, field.name) for field in fields(profile)}
-    return setting.with_point(profile=LaggedProfile(**{**own, "lag": lag}))
-
-
-def _with_rise(setting: Setting, values: Values) -> Setting:
-    profile = setting.point.profile
-    return setting.with_point(profile=replace(profile, rise=profile.rise * values["rise_factor"]))
-
-
-def _with_scale(setting: Setting, values: Values) -> Setting:
-    profile = setting.point.profile
-    scaled = replace(profile, force=profile.force * values["force_factor"])
-    return setting.with_point(profile=scaled)
-
-
-def _with_loss(setting: Setting, values: Values) -> Setting:
-    profile = setting.point.profile
-    return setting.with_point(profile=replace(profile, loss=profile.loss + values["loss_N"]))
+def _with_profile(setting: Setting, **fields: float) -> Setting:
+    return setting.with_point(profile=replace(setting.point.profile, **fields))
 
 
 def _with_mismatch(setting: Setting, values: Values) -> Setting:
@@ -81,7 +60,9 @@ EFFECTS = (
             source="a cylinder of 0.1 to 1 litre behind a valve of some hundred litres a minute "
             "fills with time constants of 10 to 300 ms; a throttled one up to half a second",
         ),),
-        change=_with_lag,
+        change=lambda setting, values: _with_profile(
+            setting, lag=values["lag_s"] or setting.point.profile.lag
+        ),
         test=BenchTest("force at the sleeve over time",
             "Record the force at the shift fork while the ring is blocked: its course after the "
             "nominal rise shows the lag."),
@@ -96,7 +77,9 @@ EFFECTS = (
             "another threshold down to 0.4; a supply or throttle of half the flow takes twice as "
             "long, a longer hose some ten percent more",
         ),),
-        change=_with_rise,
+        change=lambda setting, values: _with_profile(
+            setting, rise=setting.point.profile.rise * values["rise_factor"]
+        ),
         test=BenchTest("force at the sleeve over time",
             "Record the force at the shift fork while the ring is blocked: from its first rise to "
             "its final value is the rise time."),
@@ -110,7 +93,9 @@ EFFECTS = (
             source="an assumed efficiency of 0.8 may be 0.5 to 1 with a bent or dry cable; ratios "
             "from a static calibration err by up to 10 percent more, a piston's area by 15",
         ),),
-        change=_with_scale,
+        change=lambda setting, values: _with_profile(
+            setting, force=setting.point.profile.force * values["force_factor"]
+        ),
         test=BenchTest("static force at the sleeve",
             "Block the ring and measure the force at the shift fork with a load cell at each "
             "pressure."),
@@ -124,7 +109,9 @@ EFFECTS = (
             source="a gauge read to 10 mbar on a piston of 20 cm2 errs by 2 N; return springs and "
             "preloaded seals of such cylinders hold 10 to 50 N, springs of a fork up to 150 N",
         ),),
-        change=_with_loss,
+        change=lambda setting, values: _with_profile(
+            setting, loss=setting.point.profile.loss + values["loss_N"]
+        ),
         test=BenchTest("static force at the sleeve",
             "Block the ring and measure the force at the shift fork with a load cell at each "
             "pressure: the same difference from nominal at all of them is a loss."),

@@ -18,7 +18,7 @@ from dogshape.sim.errors import (
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mechanism import NOTHING, Mechanism
+from dogshape.sim.shift.mechanism import NOTHING, Mechanism, Shaft
 from dogshape.sim.units import RPM
 
 
@@ -189,6 +189,15 @@ class Clutch:
     def shift_travel(self) -> float:
         """Travel at which a shift counts as finished, m."""
         return self.dog.travel - self.seated_tolerance
+
+    @property
+    def shafts(self) -> tuple[Shaft | None, Shaft | None]:
+        """Shafts behind sliding and output ring; None where a side is one piece."""
+        rings, mechanism = self.rings, self.mechanism
+        return (
+            mechanism.input_side(rings.sliding_inertia),
+            mechanism.output_side(rings.output_inertia),
+        )
 
     def refined(self) -> Clutch:
         """Return the same clutch with a tolerance thirty times smaller and half the step."""

@@ -1,4 +1,4 @@
-r"""The clutch as a Drake multibody plant.
+"""The clutch as a Drake multibody plant.
 
 World frame: z along the shaft, median plane of the output ring at z = 0. The sliding ring is turned
 over about x and starts at z = travel. All dogs see the same contact while the rings stay coaxial,
@@ -6,26 +6,19 @@ so one sliding dog with mass, inertia and forces over N moves as N do; it meets 
 ring.
 
 An explicit scheme knows the dynamic coefficient alone, ``mu (2/pi) atan(v / stiction_velocity)``;
-``cenic`` falls from the static to it about ten stiction velocities, which Drake's contact port does
-not. With ``cenic`` the spline's torque comes from contact surfaces: over each triangle of area *A*
-
-.. math:: f = A\,p\,(1 - D\,v_n)_+ \left(n - \mu(s)\,v_t/\sqrt{v_s^2 + v_t^2}\right), \quad
-   \mu(s) = \mu_d + (\mu_s - \mu_d)\,\tfrac12 \left(1 - g(s - 10)/g(10)\right), \quad
-   s = v_t/v_s, \; g(x) = x/\sqrt{1 + x^2}.
+``cenic`` falls from the static to it about ten stiction velocities. Drake's contact port does not,
+so with ``cenic`` the torque that presses a spline is unknown here, and such a clutch is refused.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from pydrake import geometry as geo
 from pydrake.common import MemoryFile
-from pydrake.common.value import Value
 from pydrake.math import RigidTransform, RotationMatrix
 from pydrake.multibody import tree
 from pydrake.multibody.plant import (
@@ -39,27 +32,33 @@ from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, Leaf
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import states_held
-from dogshape.sim.shift.mechanism import Shaft
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
-
-Floats = NDArray[np.float64]
 
 #: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
 ACTUATOR, SHIFT, SLIDING, OUTPUT = "actuator", "shift", "sliding", "output"
 BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joints of what is behind a ring's shaft
+#: Places of displacement or angle and of its rate in a state, by joint.
+COLUMNS = {
+    OUTPUT: (0, 3), SHIFT: (1, 4), SLIDING: (2, 5), ACTUATOR: (6, 7), BEHIND[SLIDING]: (8, 9),
+    BEHIND[OUTPUT]: (10, 11),
+}  # fmt: skip
+AXIS = np.array([0.0, 0.0, 1.0])
 
 
-def shafts_of(clutch: Clutch) -> dict[str, Shaft]:
-    """Return the shafts that give way, by the joint of their ring."""
-    rings, mechanism = clutch.rings, clutch.mechanism
-    sides = {
-        SLIDING: mechanism.input_side(rings.sliding_inertia),
-        OUTPUT: mechanism.output_side(rings.output_inertia),
-    }
-    return {joint: shaft for joint, shaft in sides.items() if shaft is not None}
+def require_known_torque(clutch: Clutch) -> None:
+    """Raise InputError where Drake gives no torque of the contact that presses a spline."""
+    mechanism = clutch.mechanism
+    pressed = mechanism.spline_friction > 0.0 and mechanism.ring_inertia == 0.0
+    if pressed and clutch.solver.scheme == "cenic":
+        raise InputError(
+            f"contact.set = {clutch.contact.name} has two coefficients of friction, with which "
+            "Drake gives no torque for mechanism.spline_friction; take solver.engine = planar, or "
+            "give mechanism.ring_inertia_kgm2 and mechanism.input_stiffness_Nm_rad"
+        )
 
 
 class _Forces(LeafSystem):  # type: ignore[misc]
@@ -73,111 +72,45 @@ class _Forces(LeafSystem):  # type: ignore[misc]
     ) -> None:
         super().__init__()
         rings, mechanism = clutch.rings, clutch.mechanism
-        self._clutch, self._share, self._order = clutch, share, list(order)
+        self._mechanism, self._share, self._order = mechanism, share, list(order)
+        self._shafts = clutch.shafts
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
         radius = clutch.dog.mean_radius
         self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia) * share
         self._torque = plant.GetJointByName(SLIDING).velocity_start()
-        ring, actuators = plant.GetBodyByName("sliding_ring"), plant.GetJointActuatorIndices()
-        self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
+        actuators = plant.GetJointActuatorIndices()
         self._joints = [plant.get_joint_actuator(i).joint().name() for i in actuators]
         places = plant.num_positions()
         self.push = self.DeclareVectorInputPort("push", BasicVector(1))
         self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
         self.contact = None
-        self.shapes = None
-        if mechanism.spline_friction > 0.0 and mechanism.ring_inertia == 0.0:
-            if clutch.solver.scheme == "cenic":
-                self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
-            else:
-                self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
+        if mechanism.spline_friction > 0.0 and self._shafts[0] is None:
+            self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
         size = BasicVector(len(self._joints))
         self.DeclareVectorOutputPort("forces", size, self._calculate)
-
-    def _contact_torque(self, context: Context, turn: float, speed: float) -> float:
-        """Compute the contact's torque on one modelled sliding dog, N m; 0 where none is needed."""
-        if self.shapes is not None:
-            surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
-                geo.HydroelasticContactRepresentation.kTriangle
-            )
-            return ring_torque(surfaces, self._dogs, turn, speed, self._clutch.contact)
-        if self.contact is not None:
-            return float(self.contact.Eval(context)[self._torque])
-        return 0.0
 
     def _calculate(self, context: Context, output: BasicVector) -> None:
         state = self.state.Eval(context)[self._order].tolist()
         push = drive = float(self.push.Eval(context)[0])
-        mechanism, share = self._clutch.mechanism, self._share
-        way, speed = state[1], state[4]
-        torque = self._contact_torque(context, state[5] - state[3], speed) * self._spline
+        mechanism, share = self._mechanism, self._share
+        way, speed, torque = state[1], state[4], 0.0
+        if self.contact is not None:
+            torque = float(self.contact.Eval(context)[self._torque]) * self._spline
         forces = dict.fromkeys(self._joints, 0.0)
-        for ring, shaft in shafts_of(self._clutch).items():
-            angle, rate, far = (2, 5, 8) if ring == SLIDING else (0, 3, 10)
-            twist = shaft.torque(state[far] - state[angle], state[far + 1] - state[rate])
-            forces[ring] += twist / share
-            forces[BEHIND[ring]] -= twist / share
-            torque = twist if ring == SLIDING else torque
+        for (ring, behind), shaft in zip(BEHIND.items(), self._shafts, strict=True):
+            if shaft is not None:
+                (near, rate), (far, far_rate) = COLUMNS[ring], COLUMNS[behind]
+                twist = shaft.torque(state[far] - state[near], state[far_rate] - state[rate])
+                forces[ring] += twist / share
+                forces[behind] -= twist / share
+                torque = twist if ring == SLIDING else torque
         if self._linkage is not None:
             drive = mechanism.pull(state[6] - way, state[7] - speed, *self._linkage) / share
             forces[ACTUATOR] = push - drive
         forces[SHIFT] = drive - mechanism.resistance(way, speed, torque) / share
-        dragged = BEHIND[SLIDING] if mechanism.ring_inertia > 0.0 else SLIDING
+        dragged = SLIDING if self._shafts[0] is None else BEHIND[SLIDING]
         forces[dragged] -= mechanism.drag(state[9]) / share
         output.SetFromVector([forces[name] for name in self._joints])
-
-
-def ring_torque(
-    surfaces: Sequence[geo.ContactSurface],
-    dogs: AbstractSet[geo.GeometryId],
-    turn: float,
-    speed: float,
-    contact: ContactSet,
-) -> float:
-    """Compute the torque of contact surfaces on the sliding ring by the law of ``cenic``, N m.
-
-    Parameters
-    ----------
-    surfaces : of the dogs and of the stop, as triangles.
-    dogs : geometries of the sliding ring.
-    turn : sliding less output speed, rad/s.
-    speed : of the sliding ring into engagement, m/s.
-    contact : coefficients, stiction velocity and dissipation.
-    """
-    torque = 0.0
-    for surface in surfaces:
-        if surface.id_M() not in dogs and surface.id_N() not in dogs:
-            continue  # the stop behind the ring
-        mesh, field = surface.tri_mesh_W(), surface.tri_e_MN()
-        faces = range(mesh.num_elements())
-        x, y, _ = np.array([mesh.element_centroid(face) for face in faces]).T
-        into = 1.0 if surface.id_M() in dogs else -1.0
-        normal = into * np.array([mesh.face_normal(face) for face in faces])
-        load = np.array([mesh.area(f) * field.Evaluate(f, _MIDDLE) for f in faces])
-        velocity = np.column_stack([-turn * y, turn * x, np.full(len(x), -speed)])
-        parting = np.sum(velocity * normal, axis=1)
-        across = velocity - parting[:, None] * normal
-        load *= np.maximum(1.0 - contact.dissipation * parting, 0.0)
-        rub = _friction_over_slip(np.linalg.norm(across, axis=1), contact)
-        force = load[:, None] * (normal - rub[:, None] * across)
-        torque += float(np.sum(x * force[:, 1] - y * force[:, 0]))
-    return torque
-
-
-_MIDDLE = np.full(3, 1.0 / 3.0)  # of a triangle, in barycentric coordinates
-
-
-def _friction_over_slip(slip: Floats, contact: ContactSet) -> Floats:
-    static, dynamic = contact.static_friction, contact.dynamic_friction
-    ratio = slip / contact.stiction_velocity
-    late = ratio - 10.0
-    fall = late / np.sqrt(1.0 + late * late) * math.hypot(1.0, 10.0) / 10.0
-    coefficient = dynamic + 0.5 * (static - dynamic) * (1.0 - fall)
-    found: Floats = coefficient / (contact.stiction_velocity * np.sqrt(1.0 + ratio * ratio))
-    return found
-
-
-_AXIS = np.array([0.0, 0.0, 1.0])
 
 
 class ClutchPlant:
@@ -187,10 +120,9 @@ class ClutchPlant:
     """
 
     def __init__(self, clutch: Clutch) -> None:
+        require_known_torque(clutch)
         self.clutch = clutch
-        self.share = clutch.dog.count  # dogs that one modelled dog stands for
-        if clutch.solver.all_dogs:
-            self.share = 1
+        self.share = 1 if clutch.solver.all_dogs else clutch.dog.count  # of dogs by a modelled one
         builder = DiagramBuilder()
         self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         self._add_output_ring()
@@ -199,16 +131,15 @@ class ClutchPlant:
             mass = clutch.mechanism.actuator_mass(clutch.rings.mass) / self.share
             shape = tree.UnitInertia.SolidSphere(0.01)
             self._add_apart(ACTUATOR, mass, shape, tree.PrismaticJoint, "actuator_force")
-        shafts = shafts_of(clutch)
-        for ring, shaft in shafts.items():
-            name, shape = BEHIND[ring], tree.UnitInertia(0.5, 0.5, 1.0)
-            far = shaft.far / self.share
-            self._add_apart(name, far, shape, tree.RevoluteJoint, f"{name}_torque")
+        for name, shaft in zip(BEHIND.values(), clutch.shafts, strict=True):
+            if shaft is not None:
+                far, shape = shaft.far / self.share, tree.UnitInertia(0.5, 0.5, 1.0)
+                self._add_apart(name, far, shape, tree.RevoluteJoint, f"{name}_torque")
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
-        self._columns = self._columns_of(shafts)
+        self._columns = self._columns_of()
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
             self._add_forces(builder)
@@ -248,27 +179,20 @@ class ClutchPlant:
         return self.simulator
 
     def state(self) -> NDArray[np.float64]:
-        """Return (output angle, displacement, sliding angle) and their rates, (6,), SI.
+        """Return the state as ``sim.shift.conclusion.Run`` has it, (12,).
 
-        With a linkage displacement and speed of the actuator follow, (8,), with shafts that give
-        way angles and rates of what is behind the sliding and the output ring, (12,); what is not
-        there moves as the ring does.
+        What does not move apart moves as its ring does.
         """
         state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
-        return state[self._order[: self.state_size]]
+        return state[self._order]
 
-    def _columns_of(self, shafts: Mapping[str, Shaft]) -> dict[int, int]:
+    def _columns_of(self) -> dict[int, int]:
         """Find where Drake's state has each column of ours; sets the order of reading, too."""
-        rings = ((OUTPUT, 0, 3), (SHIFT, 1, 4), (SLIDING, 2, 5))
-        more = [(ACTUATOR, 6, 7)] if self.clutch.mechanism.has_linkage else []
-        columns, behind = ((SLIDING, 8, 9), (OUTPUT, 10, 11)), self.plant.num_positions()
-        more += [(BEHIND[ring], place, rate) for ring, place, rate in columns if ring in shafts]
-        found = {}
-        for name, place, rate in (*rings, *more):
-            joint = self.plant.GetJointByName(name)
-            found[place], found[rate] = joint.position_start(), behind + joint.velocity_start()
-        #: numbers of a state
-        self.state_size = 12 if shafts else 6 + 2 * self.clutch.mechanism.has_linkage
+        found, rates = {}, self.plant.num_positions()
+        for name, (place, rate) in COLUMNS.items():
+            if self.plant.HasJointNamed(name):
+                joint = self.plant.GetJointByName(name)
+                found[place], found[rate] = joint.position_start(), rates + joint.velocity_start()
         same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
         self._order = [found.get(k, found[same.get(k, k)]) for k in range(12)]
         return found
@@ -276,7 +200,7 @@ class ClutchPlant:
     def _add_apart(
         self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str
     ) -> None:
-        plant, axis = self.plant, -_AXIS if name == ACTUATOR else _AXIS
+        plant, axis = self.plant, -AXIS if name == ACTUATOR else AXIS
         body = plant.AddRigidBody(name, tree.SpatialInertia(mass, np.zeros(3), shape))
         joint = joint_type(name, plant.world_frame(), body.body_frame(), axis, damping=0.0)
         plant.AddJointActuator(actuator, plant.AddJoint(joint))
@@ -286,22 +210,20 @@ class ClutchPlant:
         forces = builder.AddSystem(_Forces(plant, self.clutch, self.share, self._order))
         builder.Connect(self._force.get_output_port(), forces.push)
         builder.Connect(plant.get_state_output_port(), forces.state)
-        if forces.shapes is not None:
-            builder.Connect(self._scene_graph.get_query_output_port(), forces.shapes)
-        elif forces.contact is not None:
+        if forces.contact is not None:
             world = plant.GetBodyByName("carriage").model_instance()
             builder.Connect(plant.get_generalized_contact_forces_output_port(world), forces.contact)
         builder.Connect(forces.get_output_port(), plant.get_actuation_input_port())
 
     def _add_output_ring(self) -> None:
         clutch, plant = self.clutch, self.plant
-        shaft = shafts_of(clutch).get(OUTPUT)
+        _, shaft = clutch.shafts
         inertia = (clutch.rings.output_inertia if shaft is None else shaft.near) / self.share
         body = plant.AddRigidBody("output_ring", _ring_inertia(1.0 / self.share, inertia))
         joint = plant.AddJoint(
-            tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
+            tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), AXIS, damping=0.0)
         )
-        if OUTPUT in shafts_of(clutch):
+        if shaft is not None:
             plant.AddJointActuator("output_torque", joint)
         surface = ring_of(clutch.dog, rigid_dog(clutch.dog))
         properties = geo.ProximityProperties()
@@ -332,21 +254,17 @@ class ClutchPlant:
         middle = behind + 0.5 * thick
         far = middle + thick + self.clutch.rebound
         shape, wall = geo.Box(side, side, thick), geo.Box(2 * side, 2 * side, thick)
-        dogs = geo.GeometrySet(
-            [
-                geometry
-                for name in ("output_ring", "sliding_ring")
-                for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(name))
-            ]
-        )
-        moving = plant.RegisterCollisionGeometry(
-            carriage, RigidTransform(np.array([0, 0, middle])), shape, "plate", plate
-        )
-        still = plant.RegisterCollisionGeometry(
-            plant.world_body(), RigidTransform(np.array([0, 0, far])), wall, "stop", fixed
-        )
+        rings = [plant.GetBodyByName(name) for name in ("output_ring", "sliding_ring")]
+        dogs = [one for ring in rings for one in plant.GetCollisionGeometriesForBody(ring)]
+        plates = [
+            plant.RegisterCollisionGeometry(body, RigidTransform([0, 0, z]), box, name, properties)
+            for body, z, box, name, properties in (
+                (carriage, middle, shape, "plate", plate),
+                (plant.world_body(), far, wall, "stop", fixed),
+            )
+        ]
         apart = geo.CollisionFilterDeclaration().ExcludeBetween(
-            dogs, geo.GeometrySet([moving, still])
+            geo.GeometrySet(dogs), geo.GeometrySet(plates)
         )
         self._scene_graph.collision_filter_manager().Apply(apart)
 
@@ -358,16 +276,16 @@ class ClutchPlant:
         clutch, plant = self.clutch, self.plant
         # Only the sum of both masses acts; Drake wants one at either joint.
         mass = 0.5 * clutch.mechanism.sleeve_mass(clutch.rings.mass) / self.share
-        shaft = shafts_of(clutch).get(SLIDING)
+        shaft, _ = clutch.shafts
         inertia = (clutch.rings.sliding_inertia if shaft is None else shaft.near) / self.share
         carriage = plant.AddRigidBody("carriage", _ring_inertia(mass, inertia))
         body = plant.AddRigidBody("sliding_ring", _ring_inertia(mass, inertia))
         start = RigidTransform([0.0, 0.0, clutch.dog.travel])
         damping = clutch.mechanism.damping / self.share
         world, frame = plant.world_frame(), carriage.body_frame()
-        joint = plant.AddJoint(tree.PrismaticJoint(SHIFT, world, frame, -_AXIS, damping=damping))
+        joint = plant.AddJoint(tree.PrismaticJoint(SHIFT, world, frame, -AXIS, damping=damping))
         turning = plant.AddJoint(
-            tree.RevoluteJoint(SLIDING, frame, body.body_frame(), _AXIS, damping=0.0)
+            tree.RevoluteJoint(SLIDING, frame, body.body_frame(), AXIS, damping=0.0)
         )
         plant.AddJointActuator("shift_force", joint)
         if clutch.mechanism.has_forces:

@@ -17,7 +17,7 @@ from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import EffectError, GeometryError, InputError
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS, Mechanism
 from dogshape.sim.statistics.blocks import Block
@@ -107,7 +107,7 @@ def test_every_part_of_a_mechanism_is_in_the_key(clutch: Clutch) -> None:
         own = {name: value + 1e-6, **needs.get(name, {})}
         other = replace(clutch, mechanism=Mechanism(**own))
         keys.add(Block(other, point, (0.1,)).keys[0])
-    lagged = replace(point, profile=LaggedProfile(300.0, 0.2, 0.01))
+    lagged = replace(point, profile=ForceProfile(300.0, 0.2, lag=0.01))
     keys.add(Block(clutch, lagged, (0.1,)).keys[0])
     assert len(keys) == 2 + len(MECHANISM_KEYS)
 

@@ -12,7 +12,7 @@ import pytest
 from dogshape.sim.effects import load
 from dogshape.sim.engines import engage
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
@@ -63,7 +63,7 @@ def test_a_force_loss_keeps_the_share_of_the_final_force(setting: Setting, lag: 
     both = EFFECTS["actuation_lag"].apply(both, {"lag_s": lag})
     full = EFFECTS["force_loss"].apply(both, {"loss_N": 22.1}).point.profile
     times, rise = np.linspace(0.0, 0.5, 101), setting.point.profile.rise
-    unit = LaggedProfile(100.0, rise, lag) if lag else ForceProfile(100.0, rise)
+    unit = ForceProfile(100.0, rise, lag=lag)
     assert full.at(times) == pytest.approx(4.0 * unit.at(times), rel=1e-12)
     assert full.free_flight(times, MASS) == pytest.approx(4.0 * unit.free_flight(times, MASS))
 

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome, Release
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK, Mechanism
 from dogshape.sim.shift.plant import ClutchPlant
@@ -104,7 +104,7 @@ def test_oil_damps_as_its_equation_says(flight: Flight) -> None:
 @pytest.mark.parametrize("lag", [0.002, 0.05, 0.4])
 def test_lagged_force_is_the_convolution_of_the_step(lag: float) -> None:
     """y = int u(t - z) exp(-z/tau) dz / tau; the quadrature errs by (step/tau)^2/12."""
-    profile, plain = LaggedProfile(300.0, 0.2, lag), ForceProfile(300.0, 0.2)
+    profile, plain = ForceProfile(300.0, 0.2, lag=lag), ForceProfile(300.0, 0.2)
     fine = np.linspace(0.0, 0.6, 3001)
     kernel = np.exp(-fine / lag) / lag * fine[1]
     kernel[0] *= 0.5
@@ -118,7 +118,7 @@ def test_lagged_force_is_the_convolution_of_the_step(lag: float) -> None:
 
 
 def test_lagged_force_moves_the_ring_as_its_closed_form(flight: Flight) -> None:
-    profile = LaggedProfile(400.0, 0.15, 0.03)
+    profile = ForceProfile(400.0, 0.15, lag=0.03)
     trace = flight(profile, 0.06)
     exact = profile.free_flight(trace.time, 0.3)
     flown = exact > 1e-4
@@ -128,7 +128,7 @@ def test_lagged_force_moves_the_ring_as_its_closed_form(flight: Flight) -> None:
 
 def test_a_lag_that_vanishes_leaves_the_step() -> None:
     times = np.linspace(0.0, 0.4, 101)
-    quick = LaggedProfile(300.0, 0.2, 1e-5)
+    quick = ForceProfile(300.0, 0.2, lag=1e-5)
     assert quick.at(times) == pytest.approx(ForceProfile(300.0, 0.2).at(times), abs=0.05)
 
 
@@ -230,7 +230,7 @@ def test_a_held_ring_is_let_go_as_the_whole_motion_says(
     far = replace(far, timeout=0.08, mechanism=Mechanism(friction=40.0, **mechanism))
     asked = point(50, 315.5)
     apart = engage(ClutchPlant(far), asked, 0.0).trace
-    at_once = Release(*np.zeros((3, 1)))
+    at_once = np.zeros((3, 1))
     monkeypatch.setattr("dogshape.sim.shift.conclusion.release", lambda *_: at_once)
     whole = engage(ClutchPlant(far), asked, 0.0).trace
     assert apart.displacement[-1] == pytest.approx(whole.displacement[-1], rel=5e-3)

@@ -11,7 +11,7 @@ import pytest
 from dogshape.sim.engines import engage
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
-from dogshape.sim.shift.actuation import LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import Outcome, penetration
 from dogshape.sim.shift.geometry import Dog
@@ -154,7 +154,7 @@ def test_every_mechanism_follows_drake(clutch: Clutch, point: Point, mechanism: 
 
 def test_a_lagged_force_follows_drake(clutch: Clutch, point: Point) -> None:
     base = point(50, 469.0)
-    lagged = LaggedProfile(base.profile.force, base.profile.rise, 0.02)
+    lagged = ForceProfile(base.profile.force, base.profile.rise, lag=0.02)
     mine, drake = _both(clutch, replace(base, profile=lagged), 15 * DEG)
     assert mine == pytest.approx(drake, rel=5e-3)
 
@@ -190,5 +190,5 @@ def test_limits_of_a_run_are_outcomes(clutch: Clutch, point: Point) -> None:
     assert "solver.max_steps = 50" in found.detail
 
 
-def _profile() -> LaggedProfile:
-    return LaggedProfile(469.0, 0.1766)
+def _profile() -> ForceProfile:
+    return ForceProfile(469.0, 0.1766, lag=0.01)
