@@ -18,7 +18,7 @@ from dogshape.sim.errors import (
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mechanism import NOTHING, Mechanism, Shaft
+from dogshape.sim.shift.mechanism import NOTHING, Mechanism, Shaft, shaft_of
 from dogshape.sim.units import RPM
 
 
@@ -134,8 +134,7 @@ ENGINES = ("drake", "planar")
 PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
 #: Schemes with the accuracy that each needs.
 SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
-#: The same with forces of a mechanism, which ``cenic`` takes from the start of a step.
-WITH_FORCES = {**SCHEMES, "cenic": 1e-9}
+CENIC_WITH_FORCES = 1e-9  #: where a mechanism has forces, taken from the start of a step
 
 
 def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
@@ -151,7 +150,8 @@ def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
 
 def accuracy_of(scheme: str, mechanism: Mechanism) -> float:
     """Return the accuracy that Drake's scheme needs for a clutch with this mechanism."""
-    return (WITH_FORCES if mechanism.has_forces else SCHEMES)[scheme]
+    forced = scheme == "cenic" and mechanism.has_forces
+    return CENIC_WITH_FORCES if forced else SCHEMES[scheme]
 
 
 @dataclass(frozen=True)
@@ -193,10 +193,10 @@ class Clutch:
     @property
     def shafts(self) -> tuple[Shaft | None, Shaft | None]:
         """Shafts behind sliding and output ring; None where a side is one piece."""
-        rings, mechanism = self.rings, self.mechanism
+        rings, own = self.rings, self.mechanism
         return (
-            mechanism.input_side(rings.sliding_inertia),
-            mechanism.output_side(rings.output_inertia),
+            shaft_of(own.ring_inertia, rings.sliding_inertia, own.input_stiffness, own.backlash),
+            shaft_of(own.wheel_inertia, rings.output_inertia, own.output_stiffness),
         )
 
     def refined(self) -> Clutch:

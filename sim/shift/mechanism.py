@@ -57,22 +57,34 @@ class Shaft:
 
     def torque(self, lead: Number, rate: Number) -> Number:
         """Return the torque in N m on the ring; ``lead`` of the rest in rad and its rate."""
-        if self.backlash == 0.0:
-            return self.stiffness * lead + self.damping * rate
         half = 0.5 * self.backlash
-        ahead, behind = positive(lead - half), positive(-lead - half)
-        push = positive(ahead * (self.stiffness + self.damping * rate / (ahead + DEEP_TWIST)))
-        return push - positive(
-            behind * (self.stiffness - self.damping * rate / (behind + DEEP_TWIST))
-        )
+        law = self.stiffness, self.damping
+        return spring_force(lead, rate, law, (-half, half), DEEP_TWIST)
 
 
-def _shaft(near: float, whole: float, stiffness: float, backlash: float) -> Shaft | None:
+def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft | None:
+    """Return the shaft between a ring of inertia ``near`` and the rest; None where it has none."""
     if near == 0.0:
         return None
     far = whole - near
     damping = 2.0 * SHAFT_DAMPING * (stiffness * near * far / whole) ** 0.5
     return Shaft(near, far, stiffness, damping, backlash)
+
+
+def spring_force(
+    stretch: Number, rate: Number, law: tuple[float, float], stops: tuple[float, float], deep: float
+) -> Number:
+    """Return the force of a spring, or of two stops that push and never pull.
+
+    ``law`` is stiffness and damping, which acts by half at ``deep`` in a stop; equal stops are one
+    spring.
+    """
+    (stiffness, damping), (low, high) = law, stops
+    if low == high:
+        return stiffness * stretch + damping * rate
+    ahead, behind = positive(stretch - high), positive(low - stretch)
+    push = positive(ahead * (stiffness + damping * rate / (ahead + deep)))
+    return push - positive(behind * (stiffness - damping * rate / (behind + deep)))
 
 
 @dataclass(frozen=True)
@@ -115,17 +127,13 @@ class Mechanism:
 
     def __post_init__(self) -> None:
         require_ranges(self, "mechanism", "correct the mechanism")
-        for inertia, stiffness in (
-            ("ring_inertia", "input_stiffness"),
-            ("wheel_inertia", "output_stiffness"),
-        ):
+        sides = ("ring_inertia", "input_stiffness"), ("wheel_inertia", "output_stiffness")
+        for inertia, stiffness in sides:
             if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:
-                key, other = (
-                    f"mechanism.{ranges_of(Mechanism)[n].key}" for n in (inertia, stiffness)
-                )
+                key, other = (ranges_of(Mechanism)[name].key for name in (inertia, stiffness))
                 raise InputError(
-                    f"{key} needs {other}, the shaft that it hangs on; give it too, or leave both "
-                    "out for a rigid shaft"
+                    f"mechanism.{key} needs mechanism.{other}, the shaft that it hangs on; give it "
+                    "too, or leave both out for a rigid shaft"
                 )
 
     @property
@@ -143,14 +151,6 @@ class Mechanism:
     def has_shafts(self) -> bool:
         """Whether a ring turns apart from what is behind its shaft."""
         return self.ring_inertia > 0.0 or self.wheel_inertia > 0.0
-
-    def input_side(self, inertia: float) -> Shaft | None:
-        """Return ring and shaft of a sliding side of ``inertia`` in kg m2; None where it is one."""
-        return _shaft(self.ring_inertia, inertia, self.input_stiffness, self.backlash)
-
-    def output_side(self, inertia: float) -> Shaft | None:
-        """Return wheel and shaft of an output side of ``inertia``, kg m2; None where it is one."""
-        return _shaft(self.wheel_inertia, inertia, self.output_stiffness, 0.0)
 
     def sleeve_mass(self, mass: float) -> float:
         """Return the mass in kg that moves with the ring, whose own is ``mass``."""
@@ -171,11 +171,7 @@ class Mechanism:
 
         Numbers or (n,), as are all forces below.
         """
-        if self.free_play == 0.0:
-            return stiffness * stretch + damping * rate
-        ahead, behind = positive(stretch - self.free_play), positive(-stretch)
-        push = positive(ahead * (stiffness + damping * rate / (ahead + DEEP)))
-        return push - positive(behind * (stiffness - damping * rate / (behind + DEEP)))
+        return spring_force(stretch, rate, (stiffness, damping), (0.0, self.free_play), DEEP)
 
     def resistance(self, way: Number, speed: Number, torque: Number) -> Number:
         """Return friction, detent and spline friction against the ring's motion, N.

@@ -215,7 +215,7 @@ def test_keys_of_shafts() -> None:
         "mechanism.spline_backlash_deg=0.2",
     ]
     study = load_study("mq200_paper", keys)
-    assert study.clutch.mechanism.input_side(0.01) == Shaft(
+    assert study.clutch.shafts[0] == Shaft(
         5e-4, 0.0095, 15e3, pytest.approx(2 * 0.02 * math.sqrt(15e3 * 5e-4 * 0.95)),
         pytest.approx(0.2 * DEG),
     )  # fmt: skip
