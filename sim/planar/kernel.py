@@ -562,10 +562,9 @@ def advance(
         if not last or grown < 1.0:
             step = min(h * grown, max_step)
         # Implicit steps where dogs stay in touch, and back where that gains nothing.
-        if stiff and (not touch or step < mode[BEATEN]):
-            mode[BEATEN], mode[TOUCHED] = 0.0, 0.0
-        elif not stiff and mode[TOUCHED] >= PATIENCE:
-            mode[BEATEN] = step
         if not stiff:
             age = KEPT
+            mode[BEATEN] = step if mode[TOUCHED] >= PATIENCE else 0.0
+        elif not touch or step < mode[BEATEN]:
+            mode[BEATEN], mode[TOUCHED] = 0.0, 0.0
     return PAUSED, time, step, count, spent

@@ -55,9 +55,9 @@ def require_known_torque(clutch: Clutch) -> None:
     pressed = mechanism.spline_friction > 0.0 and mechanism.ring_inertia == 0.0
     if pressed and clutch.solver.scheme == "cenic":
         raise InputError(
-            f"contact.set = {clutch.contact.name} has two coefficients of friction, with which "
-            "Drake gives no torque for mechanism.spline_friction; take solver.engine = planar, or "
-            "give mechanism.ring_inertia_kgm2 and mechanism.input_stiffness_Nm_rad"
+            f"Drake's solver.scheme = cenic, for contact.set = {clutch.contact.name}, gives no "
+            "torque for mechanism.spline_friction; take solver.engine = planar, or give "
+            "mechanism.ring_inertia_kgm2 and mechanism.input_stiffness_Nm_rad"
         )
 
 

@@ -204,7 +204,6 @@ MECHANISMS: dict[str, dict[str, Any]] = {
     "linkage": {"compliance": 4e-6, "added_mass": 0.3},
     "play": {"free_play": 2e-4, "damping": 30.0},
     "friction": {"friction": 40.0, "detent": 60.0, "detent_position": 2e-3},
-    "spline": {"spline_friction": 0.2, "drag_torque": 1.0},
 }
 
 

@@ -10,7 +10,7 @@ import pytest
 from scipy.special import ive
 
 from dogshape.sim.effects import load
-from dogshape.sim.setting import Setting
+from dogshape.sim.setting import Setting, angle_weights
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
@@ -85,7 +85,7 @@ def test_weights_of_angles_are_von_mises(setting: Setting, concentration: float)
     values = {"concentration": concentration, "centre_pitch": 0.3}
     changed = EFFECTS["relative_angle"].apply(setting, values)
     turns = (np.arange(64) + 0.37) / 64
-    weights = changed.weights((turns * setting.clutch.dog.pitch_angle).tolist())
+    weights = angle_weights(turns, changed.concentration, changed.centre)
     assert weights.mean() == pytest.approx(1.0)
     mean = float((weights * np.cos(2 * np.pi * (turns - 0.3))).mean())
     assert mean == pytest.approx(ive(1, concentration) / ive(0, concentration), abs=1e-9)
