@@ -28,22 +28,14 @@ class ContactSet:
 
     A compliant layer (pressure = stiffness x penetration, Drake's hydroelastic model), Hunt and
     Crossley's dissipation ``p (1 + d v)``, Coulomb friction regularised over a stiction velocity.
-
-    Parameters
-    ----------
-    name : of the set, for reports.
-    static_friction, dynamic_friction : Coulomb coefficients.
-    stiction_velocity : slip below which friction is regularised, m/s.
-    stiffness : pressure per penetration, Pa/m.
-    dissipation : Hunt and Crossley's coefficient, s/m.
     """
 
     name: str
     static_friction: float = within("static_friction", 0.0, 1.5)
     dynamic_friction: float = within("dynamic_friction", 0.0, 1.5)
-    stiction_velocity: float = within("stiction_velocity_m_s", 1e-5, 1.0)
-    stiffness: float = within("stiffness_Pa_m", 1e10, 1e16)
-    dissipation: float = within("dissipation_s_m", 0.0, 1e4)
+    stiction_velocity: float = within("stiction_velocity_m_s", 1e-5, 1.0)  #: slip, m/s
+    stiffness: float = within("stiffness_Pa_m", 1e10, 1e16)  #: pressure per penetration, Pa/m
+    dissipation: float = within("dissipation_s_m", 0.0, 1e4)  #: s/m
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the contact set")

@@ -193,22 +193,16 @@ class Engagement:
 class Run:
     """Record of one shift by an engine.
 
-    Parameters
-    ----------
-    times : s, (n,).
-    states : output angle, displacement, sliding angle and their rates, displacement and speed of
-        the actuator, angle and rate of what is behind the sliding and the output ring, (n, 12);
-        columns of what the mechanism does not move apart have no meaning.
-    blocked : whether the rings stood still on each other.
-    failure : why the integration was lost; empty where it was not.
-    evaluations : derivatives that the integrator asked for.
+    A state is output angle, displacement, sliding angle and their rates, displacement and speed of
+    the actuator, angle and rate of what is behind the sliding and the output ring, SI; what the
+    mechanism does not move apart has no meaning.
     """
 
-    times: Series
-    states: Series
-    blocked: bool
-    failure: str
-    evaluations: int
+    times: Series  #: s, (n,)
+    states: Series  #: (n, 12)
+    blocked: bool  #: whether the rings stood still on each other
+    failure: str  #: why the integration was lost; empty where it was not
+    evaluations: int  #: derivatives that the integrator asked for
 
 
 def failure_of(clutch: Clutch, now: float, state: Series, steps: int, deadline: float) -> str:

@@ -39,22 +39,13 @@ class Phase:
 
 @dataclass(frozen=True)
 class Events:
-    """Events of a shift.
+    """Events of a shift."""
 
-    Parameters
-    ----------
-    face_contacts : how often a dog came down on the face of another.
-    slots_skipped : slots that the dogs could have reached and were carried past.
-    rebound : farthest way back from a depth once reached, m.
-    time_blocked : time with face on face at a slip below ``STILL``, s.
-    face_slide : way that faces slid on each other, m.
-    """
-
-    face_contacts: int
-    slots_skipped: int
-    rebound: float
-    time_blocked: float
-    face_slide: float
+    face_contacts: int  #: how often a dog came down on the face of another
+    slots_skipped: int  #: that the dogs could have reached and were carried past
+    rebound: float  #: farthest way back from a depth once reached, m
+    time_blocked: float  #: with face on face at a slip below ``STILL``, s
+    face_slide: float  #: way that faces slid on each other, m
 
 
 def face_overlap(clutch: Clutch, relative_angle: Series) -> tuple[Series, float]:

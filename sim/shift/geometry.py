@@ -322,17 +322,11 @@ def side_angle(dog: Dog, flank: Flank) -> float:
 
 @dataclass(frozen=True)
 class FlankContact:
-    """Part of a flank that touches at full depth.
+    """Part of a flank that touches at full depth, from ``low`` to ``high`` at the mean radius."""
 
-    Parameters
-    ----------
-    low, high : ends at the mean radius above the slot's floor, m.
-    area : projected on the plane through the axis, m2.
-    """
-
-    low: float
+    low: float  #: above the slot's floor, m
     high: float
-    area: float
+    area: float  #: projected on the plane through the axis, m2
 
     @property
     def height(self) -> float:
@@ -359,24 +353,22 @@ def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     return FlankContact(mean, dog.height - mean, area)
 
 
-def crest_loss(dog: Dog, root_radius: float) -> float:
-    """Compute the height that the rounding takes from the crest, m.
+def _crest_angles(dog: Dog) -> tuple[float, float]:
+    """Return the lean of the bisector of the crest and half of its angle, rad."""
+    corner = 0.25 * math.pi
+    return corner + 0.5 * (dog.chamfer + dog.traction), corner + 0.5 * (dog.traction - dog.chamfer)
 
-    Centre of the rounding on the bisector of the crest, its top a radius higher.
-    """
-    corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
-    half = corner + 0.5 * (dog.traction - dog.chamfer)
-    return root_radius * (math.sin(corner + middle) / math.sin(half) - 1.0)
+
+def crest_loss(dog: Dog, root_radius: float) -> float:
+    """Compute the height that the rounding takes from the crest, m."""
+    lean, half = _crest_angles(dog)
+    return root_radius * (math.sin(lean) / math.sin(half) - 1.0)
 
 
 def crest_setback(dog: Dog, radius: float) -> float:
-    """Compute how far the ridge of a rounded crest stands behind the sharp one, m.
-
-    Along the circumference at the mean radius.
-    """
-    corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
-    half = corner + 0.5 * (dog.traction - dog.chamfer)
-    return radius * cos(corner + middle) / math.sin(half)
+    """Compute how far the ridge of a rounded crest stands behind the sharp one, mean radius, m."""
+    lean, half = _crest_angles(dog)
+    return radius * cos(lean) / math.sin(half)
 
 
 def crest_cut(dog: Dog, root_radius: float) -> float:

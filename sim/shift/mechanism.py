@@ -40,20 +40,13 @@ DEEP_TWIST = 1e-4  #: rad beyond a play at which half of the damping acts
 
 @dataclass(frozen=True)
 class Shaft:
-    """Ring, and what is behind it on a shaft.
+    """Ring, and what is behind it on a shaft."""
 
-    Parameters
-    ----------
-    near, far : inertia of the ring and of the rest of its side, kg m2.
-    stiffness, damping : N m/rad and N m s/rad.
-    backlash : play between them, rad.
-    """
-
-    near: float
-    far: float
-    stiffness: float
-    damping: float
-    backlash: float = 0.0
+    near: float  #: inertia of the ring, kg m2
+    far: float  #: of the rest of its side, kg m2
+    stiffness: float  #: N m/rad
+    damping: float  #: N m s/rad
+    backlash: float = 0.0  #: play between them, rad
 
     def torque(self, lead: Number, rate: Number) -> Number:
         """Return the torque in N m on the ring; ``lead`` of the rest in rad and its rate."""
@@ -91,38 +84,27 @@ def spring_force(
 class Mechanism:
     """Shift mechanism and what rubs on the sliding ring; the default is nothing of it.
 
-    Parameters
-    ----------
-    added_mass : of actuator and linkage, as felt at the ring, kg.
-    friction : Coulomb's, of the ring on its shaft, N.
-    damping : of the ring along the shaft, N s/m.
-    detent, detent_position, detent_width : peak force in N, where in m, and over which way in m.
-    spline_friction, spline_radius : coefficient, and where it acts, m.
-    drag_torque : that holds the sliding ring against turning, N m.
-    compliance : of the linkage, m/N.
-    free_play : between linkage and ring, m.
-    ring_inertia : of the sliding ring with its toothing, kg m2; 0 for all of its side in one piece.
-    input_stiffness : of the shaft between the ring and the rest of its side, N m/rad.
-    backlash : play of the ring's spline, rad.
-    wheel_inertia : of what stands at the flanks on the output side, kg m2; 0 for one piece.
-    output_stiffness : of the shaft between that and the rest, N m/rad.
+    An inertia of 0 stands for a side in one piece.
     """
 
-    added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)
-    friction: float = within("friction_N", 0.0, 1e5, 0.0)
-    damping: float = within("damping_Ns_m", 0.0, 1e6, 0.0)
-    detent: float = within("detent_N", 0.0, 1e5, 0.0)
-    detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)
-    detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)
-    spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)
-    spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)
-    drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)
-    compliance: float = within("compliance_mm_kN", 0.0, 1e3, 0.0)
-    free_play: float = within("free_play_mm", 0.0, 100.0, 0.0)
-    ring_inertia: float = within("ring_inertia_kgm2", 0.0, 100.0, 0.0)
+    added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)  #: as felt at the ring, kg
+    friction: float = within("friction_N", 0.0, 1e5, 0.0)  #: Coulomb's, of the ring on its shaft, N
+    damping: float = within("damping_Ns_m", 0.0, 1e6, 0.0)  #: of the ring along the shaft, N s/m
+    detent: float = within("detent_N", 0.0, 1e5, 0.0)  #: peak force, N
+    detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)  #: of the peak, m
+    detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)  #: way of the detent, m
+    spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)  #: coefficient
+    spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)  #: m
+    drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)  #: against turning, N m
+    compliance: float = within("compliance_mm_kN", 0.0, 1e3, 0.0)  #: of the linkage, m/N
+    free_play: float = within("free_play_mm", 0.0, 100.0, 0.0)  #: between linkage and ring, m
+    ring_inertia: float = within("ring_inertia_kgm2", 0.0, 100.0, 0.0)  #: with its toothing, kg m2
+    #: of the shaft between the ring and the rest of its side, N m/rad
     input_stiffness: float = within("input_stiffness_Nm_rad", 0.0, 1e8, 0.0)
-    backlash: float = within("spline_backlash_deg", 0.0, 30.0, 0.0)
+    backlash: float = within("spline_backlash_deg", 0.0, 30.0, 0.0)  #: of the ring's spline, rad
+    #: of what stands at the flanks on the output side, kg m2
     wheel_inertia: float = within("wheel_inertia_kgm2", 0.0, 1e4, 0.0)
+    #: of the shaft between that and the rest, N m/rad
     output_stiffness: float = within("output_stiffness_Nm_rad", 0.0, 1e8, 0.0)
 
     def __post_init__(self) -> None:
