@@ -29,14 +29,6 @@ def test_a_whole_pitch_changes_nothing(plant: ClutchPlant, point: Point, pitches
     assert here.shift_time == pytest.approx(there.shift_time, rel=1e-5)
 
 
-def test_coinciding_angles_of_the_thesis(plant: ClutchPlant, point: Point) -> None:
-    """148 and 196 degrees are two pitches apart, 114 and 258 six."""
-    for a, b in ((148, 196), (114, 258)):
-        one = engage(plant, point(100, 315.5), a * DEG)
-        two = engage(plant, point(100, 315.5), b * DEG)
-        assert one.shift_time == pytest.approx(two.shift_time, rel=1e-4)
-
-
 def _mirrored(make: Callable[[Dog], Mesh]) -> Callable[[Dog], Mesh]:
     """Reflect what a mesh function makes in the plane of the axis and the x direction."""
 

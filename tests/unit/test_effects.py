@@ -162,10 +162,8 @@ def test_a_users_file_is_an_effect(tmp_path: Path, setting: Setting) -> None:
     ("file", "text", "words"),
     [
         ("mine.py", "EFFECT = 3", "mine.py defines no EFFECT; define one"),
-        ("mine.py", "x = 1", "mine.py defines no EFFECT; define one"),
         ("mine.py", OWN.format(name="yours"), "defines the effect 'yours', but an effect has"),
         ("free_play.py", OWN.format(name="free_play"), "'free_play', but there is one of that"),
-        ("mine.py", "import nothing_of_this_name", r"cannot be run \(ModuleNotFoundError"),
         ("mine.py", "def (", r"cannot be run \(SyntaxError"),
         (
             "mine.py",
@@ -186,14 +184,9 @@ WRONG = {
     'return setting.with_mechanism(drag_Nm=values["damping_Ns_m"])': (
         "with_mechanism has no field 'drag_Nm'; valid are added_mass, .*drag_torque.*, in SI units"
     ),
-    "return setting.with_mechanism(dampin=1.0)": "did you mean 'damping'.*Valid are added_mass",
-    "return setting.with_contact(friction=0.1)": "with_contact has no field 'friction'",
     "return setting.with_dog(hight=0.003)": "with_dog has no field 'hight'; did you mean 'height'",
-    "return setting.with_point(speed=1.0)": "with_point has no field 'speed'",
     "return 1.0 / 0.0": r"cannot be run at damping_Ns_m = .* \(ZeroDivisionError: ",
-    'return setting.with_mechanism(damping="x")': r"cannot be run at .* \(TypeError",
     "setting.with_mechanism(damping=1.0)": "returns None, but it must return a Setting",
-    "return values": "returns a dict, but it must return a Setting",
     "return setting.with_mechanism(damping=-1.0)": "no value of the effect .* gives a bench: mech",
 }
 
@@ -211,21 +204,6 @@ def test_a_users_program_that_is_wrong_is_a_sentence(
     if "no value" not in WRONG[change]:
         with pytest.raises(EffectError):
             effect.possible(setting, {"damping_Ns_m": 3.0})
-
-
-def test_a_wrong_effect_is_refused_before_anything_is_simulated(
-    tmp_path: Path, dogshape: Callable[..., Said]
-) -> None:
-    mine = tmp_path / "mine"
-    mine.mkdir()
-    right = 'return setting.with_mechanism(damping=values["damping_Ns_m"])'
-    wrong = OWN.format(name="thick_oil").replace(
-        right, "return setting.with_mechanism(drag_Nm=1.0)"
-    )
-    (mine / "thick_oil.py").write_text(wrong)
-    said = dogshape("gap", "mq200_stand", "--effects", mine)
-    assert said.status == 2
-    assert f"{mine}/thick_oil.py: with_mechanism has no field 'drag_Nm'" in said.sentence
 
 
 def test_the_documentation_has_every_field(setting: Setting) -> None:

@@ -8,7 +8,6 @@ import pytest
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.guide import Space
-from dogshape.pipeline.search.result_schema import DesignRow
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -56,11 +55,8 @@ def test_a_study_is_operated_as_it_says() -> None:
     assert study.shape_keys == ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
     assert [*Space(study.variables).distributions][-3:] == [*OPERATED]
     assert study.dog_with(study.prototype) == study.clutch.dog
-
-
-def test_the_physics_are_those_of_a_study_of_the_shape() -> None:
-    """What a shift depends on is known by its operating point: variables of it change no hash."""
-    assert _study().physics_hash == load_study("mq200_paper").physics_hash
+    # What a shift depends on is known by its operating point: variables of it change no hash.
+    assert study.physics_hash == load_study("mq200_paper").physics_hash
 
 
 def test_limits_follow_the_force() -> None:
@@ -94,8 +90,6 @@ def test_shifts_are_those_of_the_operation() -> None:
     [
         ("variables.force_factor=[0.5, 2.0]", "variables.force_factor of 0.5: shift force is 150"),
         ("variables.force_factor=[-1, 2.0]", "variables.force_factor is -1, but it must lie"),
-        ("variables.rise_factor=[0.01, 2.0]", "variables.rise_factor is 0.01, but it must lie"),
-        ("variables.mismatch_set_rpm=[0, 9e9]", "variables.mismatch_set_rpm is 9e+09 1/min"),
         ("variables.mismatch_set_rpm=[3, 1]", "the first must be below the second"),
         ("variables.force_facter=[1, 2]", "did you mean 'variables.force_factor'"),
     ],
@@ -119,7 +113,3 @@ def test_rows_stand_at_the_points_of_the_study() -> None:
     means = [one.rows[:, 10] for one in found]
     assert means[1] == pytest.approx([p.mean for p in found[1].expectation.points])
     assert means[0] != pytest.approx(means[1])
-
-
-def test_results_have_keys_for_them() -> None:
-    assert set(OPERATED) <= set(DesignRow.model_fields)

@@ -9,7 +9,7 @@ import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.errors import DataError, DogshapeError, did_you_mean
+from dogshape.sim.errors import DataError, did_you_mean
 from dogshape.sim.texts import read_table
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set
@@ -63,12 +63,6 @@ def test_settings_with_a_byte_order_mark(tmp_path: Path, coding: str) -> None:
     assert load_bench(folder).name
 
 
-def test_settings_that_are_no_text_say_how_to_save_them(tmp_path: Path) -> None:
-    (tmp_path / "study.toml").write_bytes(b"\x00\x01\xb4\xff")
-    with pytest.raises(DogshapeError, match=r"study.toml is not valid TOML: .*save it as UTF-8"):
-        load_study(tmp_path)
-
-
 @pytest.mark.parametrize(
     ("raw", "words"),
     [
@@ -78,7 +72,6 @@ def test_settings_that_are_no_text_say_how_to_save_them(tmp_path: Path) -> None:
             b"a,b\n1,2,x\n",
             "row 2 has 3 cells for 2 columns: 'x' stands beyond the last column, 'b'",
         ),
-        (b"a,b\n1,2,5\n", "is a decimal comma among them? write numbers with a point"),
         (b"a;b\n1,5;2.5\n", "a comma ('1,5', row 2) and with a point ('2.5', row 2), which can be"),
         (b"\n\na;b\n\n1;2;3\n", "row 5 has 3 cells"),
     ],
@@ -120,7 +113,7 @@ def test_all_faults_of_a_head_are_told_at_once(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("text", "rule"),
-    [("235,2", "as 235.2"), ("\N{MINUS SIGN}3", "as -3"), ("n/a", "be a number;")],
+    [("235,2", "as 235.2"), ("n/a", "be a number;")],
 )
 def test_a_number_says_how_it_is_written(tmp_path: Path, text: str, rule: str) -> None:
     folder = good_set(tmp_path, traces=False)

@@ -13,7 +13,6 @@ from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.mechanism import Mechanism, smooth_sign
 from dogshape.sim.shift.mesh import rigid_dog
@@ -76,17 +75,6 @@ def test_the_plant_sees_stiffness_and_dissipation(setting: Setting) -> None:
     dead = EFFECTS["contact_dissipation"].apply(stiff, {"dissipation_s_m": 60.0})
     exact = 2e12 * area * depth * (1.0 + 60.0 * speed)
     assert _pressed(dead.clutch, depth, speed)[0] == pytest.approx(exact, rel=1e-3)
-
-
-@pytest.mark.parametrize(("offset", "outcome"), [(-3.5, "blocked"), (-1.0, "engaged")])
-def test_a_flatter_chamfer_holds_below_the_friction_angle(
-    clutch: Clutch, point: Point, offset: float, outcome: str
-) -> None:
-    """Dog on dog at rest, 8 deg nominal: dynamic friction 0.10 is 5.7 deg."""
-    at_rest = Setting(clutch, OperatingPoint(0.0, point(5, 641.5).profile))
-    changed = EFFECTS["chamfer_angle"].apply(at_rest, {"chamfer_offset_deg": offset})
-    result = engage(ClutchPlant(changed.clutch), changed.point, 0.0)
-    assert result.outcome is Outcome(outcome)
 
 
 @pytest.mark.parametrize("offset", [-0.3, 0.4])

@@ -68,11 +68,6 @@ def test_a_force_loss_keeps_the_share_of_the_final_force(setting: Setting, lag: 
     assert full.free_flight(times, MASS) == pytest.approx(4.0 * unit.free_flight(times, MASS))
 
 
-def test_a_loss_above_the_force_is_no_bench(setting: Setting) -> None:
-    assert EFFECTS["force_loss"].possible(setting, {"loss_N": 468.0})
-    assert not EFFECTS["force_loss"].possible(setting, {"loss_N": 468.1})
-
-
 @pytest.mark.parametrize("factor", [0.4, 1.6])
 def test_the_rise_factor_stretches_the_cubic_step(setting: Setting, factor: float) -> None:
     """x = (F T2/m)(s4/4 - s5/10), T the rise times its factor."""
@@ -84,16 +79,6 @@ def test_the_rise_factor_stretches_the_cubic_step(setting: Setting, factor: floa
     flown = exact > 1e-4
     assert flown.sum() > 5
     assert trace.displacement[flown] == pytest.approx(exact[flown], rel=1e-3)
-
-
-def test_a_rise_that_vanishes_leaves_a_constant_force(setting: Setting) -> None:
-    """x = F t2/2m, with t from the middle of the rise."""
-    quick = EFFECTS["force_rise"].apply(_free(setting), {"rise_factor": 1e-3})
-    trace = _shifted(quick).trace
-    late = (trace.time > 0.005) & (trace.displacement < 80e-3)
-    middle = 0.5e-3 * setting.point.profile.rise
-    exact = 0.5 * 469.0 / MASS * (trace.time[late] - middle) ** 2
-    assert trace.displacement[late] == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.parametrize("shaft", [False, True], ids=["rigid", "shaft"])
@@ -153,10 +138,3 @@ def test_limits_of_a_linkage_are_mass_and_compliance_alone(setting: Setting) -> 
     light = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 1e-6})
     alone = setting.with_mechanism(compliance=4e-6)
     assert _shifted(light).shift_time == pytest.approx(_shifted(alone).shift_time, rel=1e-3)
-
-
-def test_masses_of_linkage_and_actuator_add_up(setting: Setting) -> None:
-    linkage, mass = EFFECTS["linkage_compliance"], EFFECTS["moving_mass"]
-    part = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 0.5})
-    whole = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 0.75})
-    assert mass.apply(part, {"added_mass_kg": 0.25}) == whole

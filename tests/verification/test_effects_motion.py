@@ -84,14 +84,6 @@ def test_the_velocity_that_smooths_friction_does_not_matter(
     assert engage(slow, point(10, 235.2), 0.0).shift_time == pytest.approx(usual, rel=0.01)
 
 
-def test_a_ring_that_friction_holds_for_good_never_moves(clutch: Clutch, point: Point) -> None:
-    held = replace(clutch, mechanism=Mechanism(friction=300.0))
-    result = engage(ClutchPlant(held), point(50, 235.2), 0.0)
-    assert result.outcome is not Outcome.ENGAGED
-    assert result.trace.displacement.max() < 1e-3
-    assert result.steps < 50_000
-
-
 def test_oil_damps_as_its_equation_says(flight: Flight) -> None:
     """v = F/c (1 - exp(-c t/m))."""
     force, damping = 100.0, 60.0
@@ -126,12 +118,6 @@ def test_lagged_force_moves_the_ring_as_its_closed_form(flight: Flight) -> None:
     assert trace.shift_force == pytest.approx(profile.at(trace.time))
 
 
-def test_a_lag_that_vanishes_leaves_the_step() -> None:
-    times = np.linspace(0.0, 0.4, 101)
-    quick = ForceProfile(300.0, 0.2, lag=1e-5)
-    assert quick.at(times) == pytest.approx(ForceProfile(300.0, 0.2).at(times), abs=0.05)
-
-
 def test_a_detent_takes_the_work_of_its_hump(flight: Flight) -> None:
     """m v2/2 = F x - (8/15) D w beyond it, F x before."""
     detent, width, place = 80.0, 1e-3, 3e-3
@@ -146,13 +132,6 @@ def test_a_detent_takes_the_work_of_its_hump(flight: Flight) -> None:
     assert before.sum() > 2
     assert lost[beyond] == pytest.approx(8.0 / 15.0 * detent * width, rel=0.01)
     assert np.abs(lost[before]).max() < 1e-4
-
-
-def test_a_stiff_linkage_is_an_added_mass(flight: Flight, point: Point) -> None:
-    profile = point(50, 469.0).profile
-    trace = flight(profile, 0.03, compliance=2e-7, added_mass=0.5)
-    assert trace.displacement[-1] == pytest.approx(profile.free_flight(0.03, 0.8), rel=2e-3)
-    assert trace.actuator_displacement[-1] == pytest.approx(trace.displacement[-1], rel=5e-3)
 
 
 def test_the_actuator_runs_ahead_by_force_over_stiffness(clutch: Clutch, point: Point) -> None:

@@ -159,29 +159,6 @@ def test_a_lagged_force_follows_drake(clutch: Clutch, point: Point) -> None:
     assert mine == pytest.approx(drake, rel=5e-3)
 
 
-def test_finer_steps_change_little(clutch: Clutch, point: Point) -> None:
-    coarse = clutch.with_engine("planar")
-    for here, degrees in ((point(10, 469.0), 15.0), (point(100, 469.0), 3.0)):
-        one, two = (engage(c, here, degrees * DEG) for c in (coarse, coarse.refined()))
-        assert one.shift_time == pytest.approx(two.shift_time, rel=1e-3)
-        assert two.steps > 1.2 * one.steps
-
-
-def test_blocked_dogs_are_recognised(clutch: Clutch, point: Point) -> None:
-    flat = clutch.with_dog(replace(clutch.dog, chamfer=4 * DEG)).with_engine("planar")
-    found = engage(flat, point(0, 641.5), 0.0)
-    assert found.outcome is Outcome.BLOCKED
-    assert found.trace.time[-1] < 0.5 * flat.timeout
-
-
-def test_one_pitch_further_is_the_same(clutch: Clutch, point: Point) -> None:
-    own = clutch.with_engine("planar")
-    one, two = (
-        engage(own, point(50, 469.0), 10 * DEG + k * clutch.dog.pitch_angle) for k in (0, 3)
-    )
-    assert one.shift_time == pytest.approx(two.shift_time, rel=1e-6)
-
-
 def test_limits_of_a_run_are_outcomes(clutch: Clutch, point: Point) -> None:
     own = clutch.with_engine("planar")
     few = replace(own, solver=replace(own.solver, max_steps=50))
