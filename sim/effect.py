@@ -32,7 +32,7 @@ class Parameter:
     neutral : value that changes nothing, or what says it of a setting.
     low, high : range of the prior.
     scale : what the prior is uniform in.
-    source : of the range, in words.
+    source : of the range, in words, for the reader of the file.
     least, most : beyond which no range can be widened: no shift mechanism lies there.
     ordinary : largest size of an ordinary source, and that source; None where no source has one.
     """
@@ -42,7 +42,7 @@ class Parameter:
     low: float
     high: float
     scale: Literal["uniform", "log-uniform"]
-    source: str
+    source: str = ""
     least: float = -math.inf
     most: float = math.inf
     ordinary: tuple[float, str] | None = None
@@ -100,21 +100,21 @@ class Effect:
     Parameters
     ----------
     name : as files have it; that of its file.
-    meaning : in one line.
     parameters : none for what is there or not, one or two.
     change : makes a setting with it of one without, given a value for each parameter.
     test : what would measure it directly.
     aliases : what no data of shifts can tell from it, in words.
     title : name for people; its name without underscores by default.
+    meaning : in one line, for the reader of the file.
     """
 
     name: str
-    meaning: str
     parameters: tuple[Parameter, ...]
     change: Callable[[Setting, Values], Setting]
     test: BenchTest
     aliases: tuple[str, ...] = ()
     title: str = ""
+    meaning: str = ""
 
     def with_range(self, wider: Parameter) -> Effect:
         """Return the effect with a wider range of one of its parameters."""

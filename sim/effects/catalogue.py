@@ -1,5 +1,7 @@
 """The effects of the package: of the dogs, of the mechanism, of the operating point.
 
+``docs/effects.md`` has the meaning of each, and the source of each range; all are judged.
+
 *Dogs.* The explicit scheme knows the dynamic coefficient alone; ``cenic`` both. Another axial gap
 changes the travel with it. *Mechanism.* The actuator closes the play, fully open at first, before
 the ring moves. Masses count as felt at the sleeve (times ratio squared), on the far side of a
@@ -44,12 +46,6 @@ def _new(_: float, value: float) -> float:
 
 def _new_if_any(old: float, value: float) -> float:
     return value or old
-
-
-_MASS_SOURCE = (
-    "fork and rod weigh 0.1 to 1 kg; an arm of 0.5 kg behind a ratio of 3.2 feels like 5 kg, a "
-    "robot's drive like three times that"
-)
 
 
 def _with_elastic_linkage(setting: Setting, values: Values) -> Setting:
@@ -101,18 +97,14 @@ def _with_angles(setting: Setting, values: Values) -> Setting:
 EFFECTS = (
     Effect(
         "contact_friction", title="other friction between the dogs",
-        meaning="dogs rub on each other with other coefficients",
         parameters=(
             Parameter(
                 "static_friction", neutral=lambda setting: setting.clutch.contact.static_friction,
                 low=0.05, high=0.45, scale="uniform", least=0.01, most=1.0,
-                source="oiled hardened steel 0.08 to 0.16, dry steel up to 0.4; the dynamic one "
-                "must not exceed it",
             ),
             Parameter(
                 "dynamic_friction", neutral=lambda setting: setting.clutch.contact.dynamic_friction,
                 low=0.03, high=0.35, scale="uniform", least=0.01, most=1.0,
-                source="oiled hardened steel 0.05 to 0.12, dry steel up to 0.3",
             ),
         ),
         change=_changed(
@@ -124,12 +116,9 @@ EFFECTS = (
     ),
     Effect(
         "contact_stiffness", title="other stiffness of the dogs",
-        meaning="dogs and their bodies give more or less than assumed",
         parameters=(Parameter(
             "stiffness_Pa_m", neutral=lambda setting: setting.clutch.contact.stiffness,
             low=1e11, high=2e13, scale="log-uniform", least=1e10, most=1e14,
-            source="4.5e12 for teeth of steel after ISO 6336-1; bodies, bearings and edge contact "
-            "make it softer by up to a factor of 30, a full flank stiffer by 4",
         ),),
         change=_changed("contact", _new, stiffness="stiffness_Pa_m"),
         test=BenchTest("static stiffness of the engaged pair",
@@ -137,12 +126,9 @@ EFFECTS = (
     ),
     Effect(
         "contact_dissipation", title="other rebound of the dogs",
-        meaning="dogs rebound more or less than assumed",
         parameters=(Parameter(
             "dissipation_s_m", neutral=lambda setting: setting.clutch.contact.dissipation,
             low=1.0, high=300.0, scale="log-uniform", least=0.1, most=3000.0,
-            source="restitution at 0.2 m/s from 0.88 (dry, elastic) to 0.02 (flooded with oil); "
-            "validation.impact has the law",
         ),),
         change=_changed("contact", _new, dissipation="dissipation_s_m"),
         test=BenchTest("drop test of the ring",
@@ -151,11 +137,8 @@ EFFECTS = (
     ),
     Effect(
         "chamfer_angle", title="chamfer angle off nominal",
-        meaning="the faces are steeper or flatter than nominal",
         parameters=(Parameter(
             "chamfer_offset_deg", neutral=0.0, low=-4.0, high=4.0, scale="uniform",
-            source="made to half a degree; worn or hand-dressed faces are off by two, faces of "
-            "another drawing by four",
         ),),
         change=_changed("dog", add, chamfer="chamfer_offset_deg"),
         test=BenchTest("chamfer by profile",
@@ -164,11 +147,8 @@ EFFECTS = (
     ),
     Effect(
         "axial_gap", title="axial gap off nominal",
-        meaning="the gap before the shift is larger or smaller than nominal",
         parameters=(Parameter(
             "gap_offset_mm", neutral=0.0, low=-0.8, high=0.8, scale="uniform",
-            source="axial positions of two gears on a shaft add up to some tenths; neutral of a "
-            "shift mechanism without a stop is off by half a millimetre",
         ),),
         change=_changed("dog", add, axial_gap="gap_offset_mm"),
         test=BenchTest("gap by feeler or travel",
@@ -177,12 +157,9 @@ EFFECTS = (
     ),
     Effect(
         "free_play", title="free play of the linkage",
-        meaning="the actuator has some way to go before it meets the ring",
         parameters=(Parameter(
             "free_play_mm", neutral=0.0, low=0.05, high=2.0, scale="log-uniform", most=6.0,
             ordinary=(0.3, "a new fork in its groove"),
-            source="a new fork has 0.1 to 0.3 mm in its groove; worn joints of a linkage add up "
-            "to some millimetres",
         ),),
         change=_changed("mechanism", _new, free_play="free_play_mm"),
         test=BenchTest("hand test of the play",
@@ -190,18 +167,13 @@ EFFECTS = (
     ),
     Effect(
         "linkage_compliance", title="elastic linkage",
-        meaning="the linkage between actuator and ring is elastic, with the actuator's mass behind "
-        "it",
         parameters=(
             Parameter(
                 "compliance_mm_kN", neutral=0.0, low=0.3, high=35.0, scale="log-uniform",
                 most=120.0, ordinary=(4.3, "Bowden cables"),
-                source="a steel fork and rod give 0.3 mm/kN; Bowden cables, the published stand "
-                "among them, 3.4 to 4.3 at the sleeve; long or worn ones ten times as much",
             ),
             Parameter(
                 "mass_behind_kg", neutral=0.0, low=0.03, high=18.0, scale="log-uniform", most=60.0,
-                source=_MASS_SOURCE,
             ),
         ),
         change=_with_elastic_linkage,
@@ -212,10 +184,9 @@ EFFECTS = (
     ),
     Effect(
         "moving_mass", title="mass of actuator and linkage",
-        meaning="actuator and linkage move with the ring and add their mass",
         parameters=(Parameter(
             "added_mass_kg", neutral=0.0, low=0.03, high=18.0, scale="log-uniform", most=60.0,
-            ordinary=(1.0, "fork and rod"), source=_MASS_SOURCE,
+            ordinary=(1.0, "fork and rod"),
         ),),
         change=_changed("mechanism", add, added_mass="added_mass_kg"),
         test=BenchTest("free flight at the sleeve",
@@ -224,23 +195,17 @@ EFFECTS = (
     ),
     Effect(
         "sleeve_friction", title="dry friction of the sliding ring",
-        meaning="dry friction of the sliding ring on its shaft",
         parameters=(Parameter(
             "friction_N", neutral=0.0, low=3.0, high=200.0, scale="log-uniform", most=1000.0,
-            source="a ring of 3 N on an oiled spline drags with newtons; seals, a tilted fork or "
-            "dirt with some ten; above the least shift force nothing would move",
         ),),
         change=_changed("mechanism", _new, friction="friction_N"),
         test=_SLOW_PUSH,
     ),
     Effect(
         "viscous_damping", title="oil damping of the sliding ring",
-        meaning="oil damps the ring along its shaft",
         parameters=(Parameter(
             "damping_Ns_m", neutral=0.0, low=5.0, high=1600.0, scale="log-uniform",
             most=6000.0, ordinary=(5.0, "shear of oil in a spline"),
-            source="shear in a spline of 10 cm2 with gaps of 20 um at 0.1 Pa s gives 5 N s/m; oil "
-            "that must leave a closed pocket some hundred, a cold one above 1000",
         ),),
         change=_changed("mechanism", _new, damping="damping_Ns_m"),
         test=BenchTest("free flight at two forces",
@@ -249,18 +214,14 @@ EFFECTS = (
     ),
     Effect(
         "detent_force", title="force of a detent",
-        meaning="a detent holds the ring over a short part of its way",
         parameters=(
             Parameter(
                 "detent_N", neutral=0.0, low=10.0, high=200.0, scale="log-uniform", most=1000.0,
                 ordinary=(100.0, "ball detents of passenger cars"),
-                source="ball detents of passenger cars take 10 to 100 N at the rod; above the "
-                "least shift force nothing would move",
             ),
             Parameter(
                 "position_mm", neutral=0.5, low=0.5, high=4.5, scale="uniform",
                 least=0.5, most=4.5,
-                source="anywhere on the travel; most likely where it leaves neutral",
             ),
         ),
         change=_with_detent,
@@ -268,10 +229,8 @@ EFFECTS = (
     ),
     Effect(
         "spline_friction", title="friction in the loaded spline",
-        meaning="the ring's spline rubs along the shaft in proportion to its torque",
         parameters=(Parameter(
             "spline_friction", neutral=0.0, low=0.01, high=0.3, scale="log-uniform", most=1.0,
-            source="oiled steel 0.05 to 0.15, dry or worn 0.3; rolling elements 0.01",
         ),),
         change=_with_spline,
         test=BenchTest("push of the ring under torque",
@@ -280,12 +239,9 @@ EFFECTS = (
     ),
     Effect(
         "drag_torque", title="drag torque on the sliding ring",
-        meaning="the sliding ring is held by a torque against its turning",
         parameters=(Parameter(
             "drag_Nm", neutral=0.0, low=0.02, high=8.0, scale="log-uniform", most=40.0,
             ordinary=(0.5, "bearings and seals of an input shaft"),
-            source="bearings and seals of an input shaft take 0.05 to 0.5 N m, cold oil and a "
-            "dragging clutch some N m, both together up to 8",
         ),),
         change=_changed("mechanism", _new, drag_torque="drag_Nm"),
         test=BenchTest("run-down of the sliding ring",
@@ -294,13 +250,9 @@ EFFECTS = (
     ),
     Effect(
         "sliding_inertia", title="inertia of the sliding side off nominal",
-        meaning="what turns with the sliding ring has a factor of the nominal inertia",
         parameters=(Parameter(
             "inertia_factor", neutral=1.0, low=1.1, high=8.0, scale="log-uniform",
             least=0.1, most=50.0, ordinary=(2.0, "other wheels in mesh"),
-            source="wheels of other gears in mesh add 10 to 100 percent of an input shaft's "
-            "inertia, a clutch disc of 0.003 to 0.008 kg m2 as much as the published 0.01; a "
-            "ratio of 2.8 that was left out counts squared, 8",
         ),),
         change=_with_inertia,
         test=BenchTest("run-up of the sliding side",
@@ -309,13 +261,9 @@ EFFECTS = (
     ),
     Effect(
         "actuation_delay", title="dead time of the actuation",
-        meaning="the force starts some time after time zero",
         parameters=(Parameter(
             "delay_s", neutral=0.0, low=0.0, high=0.4, scale="uniform", least=0.0, most=1.0,
             ordinary=(0.15, "valve, pipe and filling of a cylinder"),
-            source="valve, pipe and filling of a pneumatic cylinder take 10 to 150 ms; a time "
-            "zero set by hand or by another clock errs by as much again; uniform, since a shifted "
-            "zero has no scale",
         ),),
         change=lambda setting, values: replace(setting, delay=setting.delay + values["delay_s"]),
         test=BenchTest("force at the sleeve over time",
@@ -325,12 +273,9 @@ EFFECTS = (
     ),
     Effect(
         "actuation_lag", title="slow rise of the shift force",
-        meaning="the force nears its nominal course with a lag of first order",
         parameters=(Parameter(
             "lag_s", neutral=0.0, low=0.003, high=0.45, scale="log-uniform", most=1.0,
             ordinary=(0.3, "a cylinder behind its valve"),
-            source="a cylinder of 0.1 to 1 litre behind a valve of some hundred litres a minute "
-            "fills with time constants of 10 to 300 ms; a throttled one up to half a second",
         ),),
         change=_changed("profile", _new_if_any, lag="lag_s"),
         test=BenchTest("force at the sleeve over time",
@@ -339,13 +284,9 @@ EFFECTS = (
     ),
     Effect(
         "force_rise", title="rise time of the shift force off nominal",
-        meaning="the force rises to its final value in a factor of the nominal time",
         parameters=(Parameter(
             "rise_factor", neutral=1.0, low=0.4, high=2.5, scale="log-uniform",
             least=0.05, most=20.0,
-            source="a rise read from 10 to 90 percent of a cubic step is 0.61 of the whole, up to "
-            "another threshold down to 0.4; a supply or throttle of half the flow takes twice as "
-            "long, a longer hose some ten percent more",
         ),),
         change=_changed("profile", mul, rise="rise_factor"),
         test=BenchTest("force at the sleeve over time",
@@ -354,12 +295,9 @@ EFFECTS = (
     ),
     Effect(
         "force_scale", title="shift force off nominal",
-        meaning="the force at the sleeve is a factor of the nominal one",
         parameters=(Parameter(
             "force_factor", neutral=1.0, low=0.5, high=1.5, scale="uniform",
             least=0.05, most=3.0,
-            source="an assumed efficiency of 0.8 may be 0.5 to 1 with a bent or dry cable; ratios "
-            "from a static calibration err by up to 10 percent more, a piston's area by 15",
         ),),
         change=_changed("profile", mul, force="force_factor"),
         test=BenchTest("static force at the sleeve",
@@ -368,12 +306,9 @@ EFFECTS = (
     ),
     Effect(
         "force_loss", title="constant loss of shift force",
-        meaning="the force at the sleeve is smaller than nominal by a constant",
         parameters=(Parameter(
             "loss_N", neutral=0.0, low=2.0, high=150.0, scale="log-uniform", most=1000.0,
             ordinary=(50.0, "return spring and seals of a cylinder"),
-            source="a gauge read to 10 mbar on a piston of 20 cm2 errs by 2 N; return springs and "
-            "preloaded seals of such cylinders hold 10 to 50 N, springs of a fork up to 150 N",
         ),),
         change=_changed("profile", add, loss="loss_N"),
         test=BenchTest("static force at the sleeve",
@@ -382,18 +317,13 @@ EFFECTS = (
     ),
     Effect(
         "mismatch_speed", title="mismatch off nominal",
-        meaning="the true mismatch is a factor of the nominal one, and an offset",
         parameters=(
             Parameter(
                 "offset_rpm", neutral=0.0, low=-4.0, high=4.0, scale="uniform",
-                source="a flywheel with 5 to 20 N m of friction loses 0.5 to 3 1/min within a "
-                "shift; speeds are set to a few 1/min, below the least nominal one",
             ),
             Parameter(
                 "mismatch_factor", neutral=1.0, low=0.75, high=1.25, scale="uniform",
                 least=0.05, most=3.0,
-                source="a tooth miscounted in a ratio of some ten to twenty gives 5 to 10 "
-                "percent, a neighbouring ratio of a gearbox or a slipping belt up to 25",
             ),
         ),
         change=_with_mismatch,
@@ -403,7 +333,6 @@ EFFECTS = (
     ),
     Effect(
         "reversed_mismatch", title="reversed sense of rotation",
-        meaning="the rings turn past each other the other way round than the table says",
         parameters=(),
         # Nought stays +0, so that the point keeps its key.
         change=lambda setting, _: setting.with_point(mismatch=0.0 - setting.point.mismatch),
@@ -413,16 +342,13 @@ EFFECTS = (
     ),
     Effect(
         "relative_angle", title="uneven relative angles",
-        meaning="some relative angles come more often than others",
         parameters=(
             Parameter(
                 "concentration", neutral=0.0, low=0.1, high=10.0, scale="log-uniform", most=100.0,
-                source="from a preference that hardly shows (0.1) to all within a tenth of the "
-                "pitch (10), as with a stand that stops at one place",
             ),
             Parameter(
                 "centre_pitch", neutral=0.0, low=0.0, high=1.0, scale="uniform",
-                least=0.0, most=1.0, source="any place in the pitch; 0 is dogs facing dogs",
+                least=0.0, most=1.0,
             ),
         ),
         change=_with_angles,

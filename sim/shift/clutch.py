@@ -6,7 +6,6 @@ and a relative angle say what is asked of it.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 from dogshape.sim.errors import (
@@ -19,7 +18,6 @@ from dogshape.sim.errors import (
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism, Shaft, shaft_of
-from dogshape.sim.units import RPM
 
 
 @dataclass(frozen=True)
@@ -218,17 +216,9 @@ class OperatingPoint:
     sliding speed about the axis from the output to the sliding ring (``docs/mismatch.md``).
     """
 
-    mismatch: float
+    mismatch: float = within("mismatch_rpm", -5000.0, 5000.0)
     profile: ForceProfile
-    weight: float = 1.0
+    weight: float = within("weight", 1e-12, 1e12, 1.0)
 
     def __post_init__(self) -> None:
-        limit = 5000.0 * RPM
-        if not (math.isfinite(self.mismatch) and abs(self.mismatch) <= limit):
-            rule = "it must be finite and at most 5000 1/min either way"
-            value = self.mismatch / RPM
-            remedy = "give the mismatch speed in 1/min"
-            raise InputError(refusal("mismatch speed", value, "1/min", rule, remedy))
-        if not (math.isfinite(self.weight) and self.weight > 0.0):
-            rule = "it must be positive"
-            raise InputError(refusal("weight", self.weight, "", rule, "correct the weight"))
+        require_ranges(self, "", "correct the operating point")
