@@ -8,7 +8,6 @@ import pytest
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.guide import Space
-from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError
@@ -59,16 +58,6 @@ def test_a_study_is_operated_as_it_says() -> None:
     assert study.physics_hash == load_study("mq200_paper").physics_hash
 
 
-def test_limits_follow_the_force() -> None:
-    """Without a limit of its own the actuator pulls out with the largest force of its shifts."""
-    study = _study("load.release_by_itself=false")
-    limits = [
-        next(c.limit for c in design_of(study, params).checks if c.name == "pull_out_force")
-        for params in ({}, {"force_factor": 2.0})
-    ]
-    assert limits == pytest.approx([300.0, 600.0])
-
-
 def test_shifts_are_those_of_the_operation() -> None:
     """A design that is operated otherwise is simulated as a study of that operation is."""
     moved = {"mismatch_set_rpm": -30.0, "force_factor": 1.5}
@@ -98,18 +87,3 @@ def test_ranges_that_no_shift_has_are_refused(more: str, sentence: str) -> None:
     with pytest.raises(InputError) as refused:
         _study(more)
     assert sentence in str(refused.value)
-
-
-def test_rows_stand_at_the_points_of_the_study() -> None:
-    """What a surrogate learns has the operation among the numbers of the design."""
-    study = _study("solver.engine='planar'")
-    moved = {"mismatch_set_rpm": -30.0, "force_factor": 1.5}
-    found = evaluate(study, [{}, moved], scratch_executor(), 3, 1)
-    own_values = [study.prototype[key] for key in OPERATED]
-    for one, values in zip(found, (own_values, [-30.0, 1.5, 1.0]), strict=True):
-        assert one.rows[:, 5:8] == pytest.approx(np.array([values] * len(study.points)))
-        assert one.rows[:, 8] == pytest.approx([p.mismatch / RPM for p in study.points])
-        assert one.rows[:, 9] == pytest.approx([p.profile.force for p in study.points])
-    means = [one.rows[:, 10] for one in found]
-    assert means[1] == pytest.approx([p.mean for p in found[1].expectation.points])
-    assert means[0] != pytest.approx(means[1])

@@ -9,7 +9,7 @@ import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.errors import DataError, did_you_mean
+from dogshape.sim.errors import DataError
 from dogshape.sim.texts import read_table
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set
@@ -109,31 +109,3 @@ def test_all_faults_of_a_head_are_told_at_once(tmp_path: Path) -> None:
         "- the column 'force_rise_s' is there twice",
     ]
     assert "did you mean 'n_shifts'?" in faults[1]
-
-
-@pytest.mark.parametrize(
-    ("text", "rule"),
-    [("235,2", "as 235.2"), ("n/a", "be a number;")],
-)
-def test_a_number_says_how_it_is_written(tmp_path: Path, text: str, rule: str) -> None:
-    folder = good_set(tmp_path, traces=False)
-    table = folder / "shifts.csv"
-    head, first, *rest = table.read_text().splitlines()
-    cells = first.split(",")
-    cells[1] = f'"{text}"'
-    table.write_text("\n".join([head, ",".join(cells), *rest]))
-    with pytest.raises(DataError, match=r"row 2, column force_N is") as refused:
-        load_bench(folder)
-    assert rule in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("name", "hint"),
-    [
-        ("FORCE_n", "did you mean 'force_N'?"),
-        ("shift", "did you mean 'n_shifts' or 'shift_time_s'?"),
-        ("x", "valid are force_N, n_shifts, shift_time_s"),
-    ],
-)
-def test_near_names(name: str, hint: str) -> None:
-    assert did_you_mean(name, ("force_N", "n_shifts", "shift_time_s")) == hint

@@ -11,8 +11,6 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.reports.shift_page import load_facts
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.loads import torque_peak
@@ -120,17 +118,3 @@ def test_mismatch_that_a_strike_takes_before_the_flanks_close_counts(
     assert abs(result.loads.residual_mismatch) < 0.2 * 249 * RPM
     assert 0.95 * all_of_it < peak < 1.5 * all_of_it
     assert result.loads.strike_mismatch == pytest.approx(243 * RPM, rel=0.02)
-
-
-def test_study_without_a_driveline_has_no_strike_torque(plant: ClutchPlant, point: Point) -> None:
-    study = load_study("mq200_paper")
-    result = engage(plant, point(50, 469.0), 0.2)
-    peak = study.torque_peak(result)
-    assert peak is not None
-    bare = study.file.driveline.model_copy(update={"stiffness_Nm_rad": None})
-    without = study.file.model_copy(update={"driveline": bare})
-    study = type(study)(**{**vars(study), "file": without})
-    assert study.torque_peak(result) is None
-    facts = load_facts(result, peak)
-    assert facts[-1] == f"driveline peak {peak:.4g} N m"
-    assert load_facts(result, None) == facts[:-1]

@@ -57,17 +57,6 @@ def test_a_force_loss_acts_at_rest(setting: Setting) -> None:
     assert held.trace.contact_force[-1] == pytest.approx(left, rel=0.01)
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.02])
-def test_a_force_loss_keeps_the_share_of_the_final_force(setting: Setting, lag: float) -> None:
-    both = EFFECTS["force_scale"].apply(setting, {"force_factor": 0.9})
-    both = EFFECTS["actuation_lag"].apply(both, {"lag_s": lag})
-    full = EFFECTS["force_loss"].apply(both, {"loss_N": 22.1}).point.profile
-    times, rise = np.linspace(0.0, 0.5, 101), setting.point.profile.rise
-    unit = ForceProfile(100.0, rise, lag=lag)
-    assert full.at(times) == pytest.approx(4.0 * unit.at(times), rel=1e-12)
-    assert full.free_flight(times, MASS) == pytest.approx(4.0 * unit.free_flight(times, MASS))
-
-
 @pytest.mark.parametrize("factor", [0.4, 1.6])
 def test_the_rise_factor_stretches_the_cubic_step(setting: Setting, factor: float) -> None:
     """x = (F T2/m)(s4/4 - s5/10), T the rise times its factor."""
@@ -98,16 +87,6 @@ def test_the_sliding_inertia_takes_up_the_mismatch(
     most = float(np.abs(gained).max())
     assert most > 0.5 * rings.sliding_inertia * 50.0 * RPM
     assert gained == pytest.approx(lost, rel=1e-3, abs=1e-3 * most)
-
-
-def test_a_drag_torque_slows_the_sliding_inertia(setting: Setting) -> None:
-    """w = w0 - M t / k J1."""
-    turning = _free(setting).with_mechanism(drag_torque=2.0)
-    rings = replace(turning.clutch.rings, initial_speed=40.0)
-    turning = replace(turning, clutch=replace(turning.clutch, rings=rings))
-    heavy = EFFECTS["sliding_inertia"].apply(turning, {"inertia_factor": 2.0})
-    trace = _shifted(heavy).trace
-    assert trace.sliding_speed == pytest.approx(40.0 - 2.0 / 0.02 * trace.time, rel=1e-4)
 
 
 def test_a_linkage_swings_as_two_masses_on_a_spring(setting: Setting) -> None:

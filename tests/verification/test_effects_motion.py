@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -109,15 +108,6 @@ def test_lagged_force_is_the_convolution_of_the_step(lag: float) -> None:
     assert profile.free_flight_time(way[500], 0.3) == pytest.approx(fine[500], rel=1e-3)
 
 
-def test_lagged_force_moves_the_ring_as_its_closed_form(flight: Flight) -> None:
-    profile = ForceProfile(400.0, 0.15, lag=0.03)
-    trace = flight(profile, 0.06)
-    exact = profile.free_flight(trace.time, 0.3)
-    flown = exact > 1e-4
-    assert trace.displacement[flown] == pytest.approx(exact[flown], rel=1e-3)
-    assert trace.shift_force == pytest.approx(profile.at(trace.time))
-
-
 def test_a_detent_takes_the_work_of_its_hump(flight: Flight) -> None:
     """m v2/2 = F x - (8/15) D w beyond it, F x before."""
     detent, width, place = 80.0, 1e-3, 3e-3
@@ -177,26 +167,6 @@ def test_drag_slows_a_turning_ring_and_holds_a_standing_one(clutch: Clutch) -> N
     assert trace.sliding_speed == pytest.approx(40.0 - 2.0 / 0.01 * trace.time, rel=1e-4)
     assert not trace.tangential_force.any()
     assert not engage(ClutchPlant(far), point, 0.0).trace.sliding_speed.any()
-
-
-MECHANISMS: dict[str, dict[str, Any]] = {
-    "linkage": {"compliance": 4e-6, "added_mass": 0.3},
-    "play": {"free_play": 2e-4, "damping": 30.0},
-    "friction": {"friction": 40.0, "detent": 60.0, "detent_position": 2e-3},
-}
-
-
-@pytest.mark.parametrize("name", MECHANISMS)
-def test_two_schemes_agree(clutch: Clutch, point: Point, name: str) -> None:
-    """The explicit scheme against the implicit one, which takes these forces another way."""
-    contact = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
-    explicit = replace(clutch, contact=contact, mechanism=Mechanism(**MECHANISMS[name]))
-    solver = replace(clutch.solver, scheme="cenic", accuracy=1e-7)
-    implicit = replace(explicit, solver=solver)
-    times = [
-        engage(ClutchPlant(one), point(10, 469.0), 0.0).shift_time for one in (explicit, implicit)
-    ]
-    assert times[0] == pytest.approx(times[1], rel=0.01)
 
 
 @pytest.mark.parametrize("mechanism", [{"compliance": 10e-6}, {"free_play": 1e-3}], ids=str)

@@ -11,7 +11,7 @@ from scipy.special import ive
 
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting, angle_weights
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import run_block
@@ -20,12 +20,6 @@ from dogshape.sim.units import DEG, RPM
 Point = Callable[[float, float], OperatingPoint]
 
 EFFECTS = load()
-
-
-@pytest.fixture
-def setting(clutch: Clutch, point: Point) -> Setting:
-    """The prototype at 50 1/min and 469 N."""
-    return Setting(clutch, point(50, 469.0))
 
 
 def test_a_delay_moves_the_time_zero_alone(setting: Setting) -> None:
@@ -47,21 +41,6 @@ def test_scaled_force_scales_the_free_flight(setting: Setting, factor: float) ->
     exact = nominal.free_flight_time(setting.clutch.shift_travel, 0.3 / factor)
     assert time == pytest.approx(exact, rel=0.02)
     assert changed.point.profile.rise == nominal.rise
-
-
-def test_mass_and_force_are_one_while_nothing_touches(setting: Setting) -> None:
-    heavy = EFFECTS["moving_mass"].apply(setting, {"added_mass_kg": 0.1})
-    weak = EFFECTS["force_scale"].apply(setting, {"force_factor": 0.75})
-    first, second = (
-        engage(ClutchPlant(one.clutch), one.point, 12 * DEG).trace for one in (heavy, weak)
-    )
-    flown = first.time < 0.015
-    other = [weak.point.profile.free_flight(time, 0.3) for time in first.time[flown]]
-    assert flown.sum() > 5
-    assert first.displacement[flown] == pytest.approx(other, rel=1e-3, abs=1e-9)
-    assert np.interp(first.time[flown][-1], second.time, second.displacement) == pytest.approx(
-        other[-1], rel=0.02
-    )
 
 
 @pytest.mark.parametrize(

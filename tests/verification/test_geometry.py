@@ -169,10 +169,8 @@ def test_impossible_dogs_are_refused_with_both_numbers(
     [
         ({"count": 1}, "dog.count is 1"),
         ({"height": 3.7}, "dog.height_mm is 3700 mm"),
-        ({"height": 3.7e-6}, "in millimetres"),
         ({"height": math.nan}, "dog.height_mm is nan mm"),
         ({"chamfer": -0.1}, "dog.chamfer_deg is -5.7"),
-        ({"chamfer": 8.0}, "dog.chamfer_deg is 458"),
         ({"inner_diameter": 60e-3}, "dog.outer_diameter_mm = 52 mm"),
     ],
 )

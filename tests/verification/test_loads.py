@@ -96,15 +96,6 @@ def test_equivalent_stress_takes_tension_and_shear_of_one_flank(
     assert (by_flank["braking"] > by_flank["traction"]) == (share == 1.0)
 
 
-def test_without_the_keys_there_is_no_new_check_and_no_new_hash() -> None:
-    plain = load_study("mq200_paper")
-    neutral = ["mechanism.spline_friction=0.0", "load.coast_share=1.0"]
-    assert "pull_out_force" not in _by_name(plain.clutch.dog, plain.limits.load)
-    assert load_study("mq200_paper", neutral).limits == plain.limits
-    assert load_study("mq200_paper", neutral[1:]).config_hash == plain.config_hash
-    assert "coast_share" not in plain.file.load.model_dump()
-
-
 @pytest.mark.parametrize("given", ["mechanism.spline_friction=0.1", "effects.spline_friction=0.1"])
 def test_the_actuator_pulls_with_the_largest_shift_force_unless_the_study_says(given: str) -> None:
     study = load_study("mq200_paper", [given])
@@ -116,19 +107,6 @@ def test_the_actuator_pulls_with_the_largest_shift_force_unless_the_study_says(g
     assert said.pull_out_force_limit == 1200.0
     with pytest.raises(InputError, match=r"load.pull_out_force_limit_N is 0 N"):
         load_study("mq200_paper", ["load.pull_out_force_limit_N=0"])
-
-
-def test_where_the_actuator_may_pull_flanks_need_not_let_go() -> None:
-    keys = ["mechanism.spline_friction=0.1", "mechanism.spline_radius_mm=17.6"]
-    study = load_study("mq200_paper", [*keys, "load.release_by_itself=false"])
-    checks = {c.name: c for c in strength_checks(study.clutch.dog, study.limits)}
-    assert {"traction_release", "braking_release"}.isdisjoint(checks)
-    assert checks["pull_out_force"].passed
-    assert all(check.passed for check in checks.values())
-    free = load_study("mq200_paper", ["load.release_by_itself=false"])
-    pull = {c.name: c for c in strength_checks(free.clutch.dog, free.limits)}["pull_out_force"]
-    assert pull.value < 0.0
-    assert pull.limit == 641.5
 
 
 @pytest.mark.parametrize(

@@ -45,15 +45,6 @@ def test_simulated_flight_before_the_first_touch(plant: ClutchPlant, point: Poin
     assert trace.displacement[flying] == pytest.approx(exact, rel=1e-3)
 
 
-def test_never_faster_than_free_flight(plant: ClutchPlant, point: Point) -> None:
-    way = plant.clutch.shift_travel
-    for angle in (0, 6, 12, 18):
-        result = engage(plant, point(100, 469.0), angle * DEG)
-        floor = result.point.profile.free_flight_time(way, plant.clutch.rings.mass)
-        assert result.shift_time is not None
-        assert result.shift_time >= floor * (1 - 1e-4)
-
-
 @pytest.mark.parametrize("mismatch", [149.0, -149.0])
 def test_angular_momentum_is_kept_over_a_whole_shift(
     plant: ClutchPlant, point: Point, mismatch: float

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.engines import engage
+from dogshape.sim.errors import InputError
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
@@ -159,12 +160,11 @@ def test_a_lagged_force_follows_drake(clutch: Clutch, point: Point) -> None:
     assert mine == pytest.approx(drake, rel=5e-3)
 
 
-def test_limits_of_a_run_are_outcomes(clutch: Clutch, point: Point) -> None:
-    own = clutch.with_engine("planar")
-    few = replace(own, solver=replace(own.solver, max_steps=50))
-    found = engage(few, point(50, 469.0), 15 * DEG)
-    assert found.outcome is Outcome.DIVERGED
-    assert "solver.max_steps = 50" in found.detail
+def test_a_pressed_spline_with_two_coefficients_is_the_compiled_engines(clutch: Clutch) -> None:
+    contact, mechanism = contact_set("adams2019"), Mechanism(spline_friction=0.1)
+    own = replace(clutch, contact=contact, solver=solver_for(contact), mechanism=mechanism)
+    with pytest.raises(InputError, match=r"no torque for mechanism.spline_friction; take solver"):
+        ClutchPlant(own)
 
 
 def _profile() -> ForceProfile:
