@@ -20,8 +20,9 @@ def _prepared(clutch: Clutch) -> Callable[[OperatingPoint, float], Engagement]:
 
         return partial(planar.engage, planar.planar_clutch(clutch))
     from dogshape.sim.shift import engagement as drake  # noqa: PLC0415
+    from dogshape.sim.shift.plant import ClutchPlant  # noqa: PLC0415
 
-    return partial(drake.engage, drake.ClutchPlant(clutch))
+    return partial(drake.engage, ClutchPlant(clutch))
 
 
 def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Engagement:

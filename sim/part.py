@@ -1,14 +1,10 @@
 r"""The ring as a part: a closed surface for printing and drawing, and its volume.
 
-All corners of the dogs are straight lines, so a fillet or rounding of radius :math:`\rho` is a
-cylinder about a straight line, and the toothed side is ruled by straight lines that end on the
-cylinders of inner and outer radius. Seen along the axis no line hides another: with the underside
-and two walls of strips the surface cannot cut itself while the lines keep their order. A flank
-without lean is taken with ``LEANING``, a line of which nothing stands above another.
-
-*Why two like rings never overlap.* Tips rounded with :math:`\rho` are all that a ball of radius
-:math:`\rho` can reach from inside the dog, and a slot filled with :math:`\rho` is all that it can
-reach inside the slot, as long as roundings and fillets leave some of every face
+All corners of the dogs are straight lines, so a fillet or rounding is a cylinder about one, and the
+toothed side is ruled by lines that end on the cylinders of inner and outer radius. Seen along the
+axis no line hides another: the surface cannot cut itself while the lines keep their order. A flank
+without lean is taken with ``LEANING``. Like rings never overlap: rounded tips are all that a ball
+can reach from inside the dog, filled slots all that it can reach inside the slot
 (``require_room``).
 """
 

@@ -1,13 +1,9 @@
 r"""A bench at one operating point: the simulated clutch and load, and the reading.
 
-What is read of a shift needs no simulation of its own:
-
-- a *delay* of the force behind the time zero of the record adds to every time;
-- the *sensor* stands at the sleeve or at the actuator, and a time is when the displacement
-  there makes the shift's travel; a simulated shift has both;
-- *relative angles* that are not uniform are weights on the simulated ones: von Mises'
-  distribution over the pitch, :math:`w \propto \exp(\kappa \cos 2\pi(\varphi - \varphi_0))` with
-  :math:`\varphi` in pitches, concentration :math:`\kappa` and centre :math:`\varphi_0`.
+What is read of a shift needs no simulation: a *delay* of the force behind the time zero of the
+record adds to every time; the *sensor* stands at the sleeve or at the actuator; *relative angles*
+that are not uniform are weights on the simulated ones, von Mises' over the pitch,
+:math:`w \propto \exp(\kappa \cos 2\pi(\varphi - \varphi_0))` with :math:`\varphi` in pitches.
 """
 
 from __future__ import annotations

@@ -1,18 +1,14 @@
 r"""Contact of one dog with the opposite ring, plane by plane, and the motion it gives; compiled.
 
-Each touching surface of a rigid dog is a plane quadrilateral (``sim.shift.mesh.rigid_dog``). Below
-the skin of the compliant dog the pressure is stiffness times the least of the depths :math:`d_i =
-o_i - n_i \cdot p` below its planes. The quadrilateral is cut to where :math:`d_i` is the least and
-positive; over that convex polygon the traction (Hunt and Crossley 1975; Elandt et al. 2019)
+Below the skin of the compliant dog the pressure is stiffness times the least of the depths
+:math:`d_i = o_i - n_i \cdot p` below its planes. A touching quadrilateral of a rigid dog is cut to
+where :math:`d_i` is the least and positive; over that polygon the traction (Hunt and Crossley 1975)
 
 .. math:: t = k d_i (1 + D v_n)_+ \left(n + \mu \, s(|v_t|) \frac{v_t}{|v_t|}\right)
 
-is integrated by three points in each triangle of a fan, exactly for the normal part.
-
-Steps: Bogacki and Shampine's pair 3(2) (1989), with the equations of ``sim.shift.mechanism``. Where
-dogs stay in touch, Shampine and Reichelt's linearly implicit pair 2(3) (1997, ``ode23s``) takes
-over, its slopes kept for some steps. A division by zero gives an infinity; ``advance`` looks for
-it. One file: the compiler's cache knows of changes in a function's own file alone.
+is integrated by three points in each triangle of a fan. Steps: Bogacki and Shampine's pair 3(2)
+(1989); where dogs stay in touch, Shampine and Reichelt's linearly implicit pair 2(3) (1997). One
+file: the compiler's cache knows of changes in a function's own file alone.
 """
 
 # mypy: disable-error-code="no-untyped-def"

@@ -12,12 +12,14 @@ from dogshape.sim.errors import (
     InputError,
     did_you_mean,
     refusal,
+    require_between,
     require_ranges,
     within,
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism, Shaft, shaft_of
+from dogshape.sim.units import RPM
 
 
 @dataclass(frozen=True)
@@ -216,9 +218,11 @@ class OperatingPoint:
     sliding speed about the axis from the output to the sliding ring (``docs/mismatch.md``).
     """
 
-    mismatch: float = within("mismatch_rpm", -5000.0, 5000.0)
+    mismatch: float
     profile: ForceProfile
-    weight: float = within("weight", 1e-12, 1e12, 1.0)
+    weight: float = 1.0
 
     def __post_init__(self) -> None:
-        require_ranges(self, "", "correct the operating point")
+        remedy = "give the mismatch speed in 1/min"
+        require_between("mismatch_rpm", self.mismatch / RPM, -5000.0, 5000.0, remedy)
+        require_between("weight", self.weight, 1e-12, 1e12, "correct the weight")

@@ -47,11 +47,12 @@ class Outcome(Enum):
     DIVERGED = "diverged"
 
 
-#: Meaning of an outcome; that of a shift that diverged is its failure.
+#: Meaning of an outcome.
 MESSAGES = {
     Outcome.ENGAGED: "the sliding ring reached full depth",
     Outcome.BLOCKED: "the rings stand still on each other, dog on dog, held by friction",
     Outcome.TIMED_OUT: "full depth was not reached before the time-out",
+    Outcome.DIVERGED: "the integration failed",
 }
 
 #: Beginning of the reason of a failure that depends on the speed of the machine.

@@ -1,18 +1,13 @@
 r"""The dog and the pair of rings, from six numbers and two diameters (Jasny et al. 2019).
 
-Chamfer :math:`\alpha`, traction and braking flank :math:`\beta, \gamma`, height *h*, *N* dogs,
-pitch :math:`\vartheta = 2\pi/N`. At half height dog and slot are equally wide, :math:`\vartheta/2`.
-A flank is a plane through the radial line at :math:`\pm\vartheta/4` there, so that mating flanks
-touch all over. The face falls by :math:`\alpha` from the crest, :math:`z = h/2`, towards the
-braking flank. Widths run along the circumference at radius *r*: :math:`w_{tip,root} =
-\tfrac{1}{2}\vartheta r \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. Lengths are those of the sharp
-dog; both rings carry the same.
-
-At full depth the tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta
-\cot(\psi/2)` from a flank along the shaft, :math:`\psi` the angle of the material: what touches is
-:math:`h - 2 a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* at which the face meets
-the braking flank (on the safe side by 0.3 % for the prototype). Areas are projected on the plane
-through the axis.
+Chamfer :math:`\alpha`, side angles :math:`\beta, \gamma`, height *h*, *N* dogs, pitch
+:math:`\vartheta = 2\pi/N`. At half height dog and slot are equally wide; a flank is a plane through
+the radial line at :math:`\pm\vartheta/4` there. The face falls by :math:`\alpha` from the crest,
+:math:`z = h/2`, towards the braking flank. Widths run along the circumference at radius *r*:
+:math:`w_{tip,root} = \tfrac{1}{2}\vartheta r \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. At full
+depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
+flank along the shaft, :math:`\psi` the angle of the material: what touches is :math:`h - 2
+a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* at which face and braking flank meet.
 """
 
 from __future__ import annotations
@@ -285,10 +280,8 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
         yield _Rule(kept, InputError, f"dog.{key}", length, "mm", rule, remedy, ends)
     inner, outer = dog.inner_diameter, dog.outer_diameter
     rule, remedy = "it must be below dog.outer_diameter_mm = {:.6g} mm", "exchange or correct them"
-    yield _Rule(
-        inner < outer, InputError, "dog.inner_diameter_mm", inner / MM, "mm", rule, remedy,
-        (outer / MM,),
-    )  # fmt: skip
+    key, most = "dog.inner_diameter_mm", (outer / MM,)
+    yield _Rule(inner < outer, InputError, key, inner / MM, "mm", rule, remedy, most)
     tip, low = dog.tip_width_at(dog.inner_radius) / MM, dog.braking_flank_height
     rule = "the flanks must not meet below the tip (0 mm)"
     remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
@@ -299,12 +292,12 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
     yield _Rule(kept, GeometryError, name, total, "deg", rule, "use smaller angles")
     rule = "the chamfer must leave more than half the height, {:.4g} mm"
     remedy, half = "use a smaller chamfer, more dogs or a higher dog", 0.5 * dog.height
-    name, numbers = "height of the braking flank", (half / MM,)
-    yield _Rule(low > half, GeometryError, name, low / MM, "mm", rule, remedy, numbers)
+    name, least = "height of the braking flank", (half / MM,)
+    yield _Rule(low > half, GeometryError, name, low / MM, "mm", rule, remedy, least)
     if dog.edge_radius > 0.0:
-        radius, key, least = dog.edge_radius / MM, "dog.edge_radius_mm", SHARPEST / MM
+        radius, key, least = dog.edge_radius / MM, "dog.edge_radius_mm", (SHARPEST / MM,)
         rule, remedy = "an edge is sharp (0 mm) or at least {:.4g} mm round", "correct the radius"
-        yield _Rule(radius >= least, InputError, key, radius, "mm", rule, remedy, (least,))
+        yield _Rule(radius >= least[0], InputError, key, radius, "mm", rule, remedy, least)
         rule = "it must be at most {:.4g} mm to leave {:.2g} mm of face and flanks"
         remedy = "use a smaller radius, fewer dogs or wider tips"
         kept, numbers = radius <= dog.edge_room / MM, (dog.edge_room / MM, LAND / MM)

@@ -1,18 +1,15 @@
 r"""Loads of a shift that a designer needs.
 
 The rings are rigid behind the stiffness of the dogs. Impulses and energies follow from momenta;
-peak forces go with :math:`\sqrt{k m}` and are estimates for that contact and those masses, no
-bounds (``benchmarks/impact_force.py``). Dog on dog, while the force is more axial than tangential,
-the largest load per length is kept for each class of overlap of the faces.
+peak forces go with :math:`\sqrt{k m}` and are estimates (``benchmarks/impact_force.py``).
 
 *Driveline* of torsional stiffness *c* between two inertias at rest, driven by the contact's torque
 *M* on the sliding ring; its torque is Duhamel's integral (Rao, *Mechanical Vibrations*, 4.5),
 
 .. math:: T(t) = \omega \int_0^t M(\tau) \sin \omega(t - \tau)\,d\tau, \qquad \omega = \sqrt{c/J},
-   \quad J = J_1 J_2/(J_1 + J_2),
+   \quad J = J_1 J_2/(J_1 + J_2), \qquad \text{exact for the mean of M over each step.}
 
-exact for the mean of M over each step. A single strike of :math:`\Delta u` makes :math:`\Delta u
-\sqrt{c J}`; what mismatch is left at the end strikes once more. Nothing damps the swing.
+What mismatch is left at the end strikes once more. Nothing damps the swing.
 """
 
 from __future__ import annotations

@@ -5,13 +5,10 @@ r"""Mechanism between actuator and sliding ring, and around the ring: none by de
     m_a \ddot y &= F(t) - L, \qquad J_1 \dot\omega = M_c - M_0 \sigma(\omega), \qquad
     \sigma(v) = v/\sqrt{v^2 + v_0^2}.
 
-Linkage: :math:`L = k u + c_L \dot u`, :math:`u = y - x`; with free play the ring hangs between two
-stops, :math:`u = \delta` and 0, which push and never pull. Without both there is no *y*: :math:`L =
-F(t)`. Detent: :math:`D = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w`. Spline: what accelerates
-behind the ring, :math:`T = M_c (1 - m r^2/J_1)`, rubs along the shaft. Shafts: with a
-``ring_inertia`` the rest of the side hangs on a shaft that turns the ring by :math:`T = c_1 [u]_b +
-d_1 \dot u`, its lead beyond the play *b*; then *T* presses the spline and the drag holds the rest.
-A ``wheel_inertia`` does the same for the output side, without play.
+Linkage: :math:`L = k u + c_L \dot u`, :math:`u = y - x`, with free play between two stops; without
+both :math:`L = F(t)`. Detent: :math:`D = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w`. Spline:
+:math:`T = M_c (1 - m r^2/J_1)`. Shafts turn ring and wheel by :math:`T = c_1 [u]_b + d_1 \dot u`,
+the lead of the rest beyond the play *b*; then *T* presses the spline and the drag holds the rest.
 """
 
 from __future__ import annotations

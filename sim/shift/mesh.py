@@ -1,16 +1,12 @@
 r"""Meshes of a dog: the two sides of the contact, and formats for Drake and print.
 
 Frame of a ring: z along the axis towards the other ring, median plane of the dogs at z = 0, dog *k*
-about the angle :math:`k\vartheta`; the traction flank is on the side of growing angle.
-
-Rigid side: the surfaces that can touch (traction flank, face, braking flank). Compliant side: one
-dog as pyramids whose apex is equally deep below all three, so that the pressure below each is
-stiffness times depth, and the smaller depth counts where two meet. The body reaches half as far
-again beyond the dog: down to a third of the apex's depth it covers all that can be touched.
-
-A rounded edge is planes that touch its cylinder within ``DEVIATION``. They are equally deep below
-its axis, so depth is linear in prisms between each and the axis and in pyramids from the apex to
-what is left: the tetrahedra are cut along both.
+about the angle :math:`k\vartheta`; the traction flank is on the side of growing angle. Rigid side:
+the surfaces that can touch. Compliant side: one dog as pyramids whose apex is equally deep below
+its three faces, so that the pressure below each is stiffness times depth; the body reaches so far
+beyond the dog that this holds down to a third of the apex's depth. A rounded edge is planes that
+touch its cylinder within ``DEVIATION``: depth is linear in prisms between each and the axis, and in
+pyramids from the apex to what is left.
 """
 
 from __future__ import annotations
@@ -289,6 +285,12 @@ class Mesh:
         return float(np.linalg.det(corners).sum() / 6.0)
 
 
+def corners(planes: dict[str, Plane]) -> Vertices:
+    """Return the eight corners (8, 3) of the body between six planes."""
+    names = itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer"))
+    return np.array([meeting(*(planes[name] for name in three)) for three in names])
+
+
 def rigid_dog(dog: Dog) -> Mesh:
     """Return traction flank, face and braking flank of one dog, normals outwards.
 
@@ -388,9 +390,7 @@ def compliant_dog(dog: Dog) -> Mesh:
     if dog.edge_radius > 0.0:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
-    names = itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer"))
-    corners = [meeting(*(skin[name] for name in three)) for three in names]
-    vertices = np.array([*corners, apex])
+    vertices = np.array([*corners(skin), apex])
     cells = [(*triangle, 8) for face in _FACES for triangle in triangulated(face)]
     return Mesh(vertices, _oriented(vertices, cells))
 

@@ -1,17 +1,14 @@
 r"""Time series of a shift, worked out from the states of the run.
 
-Contact forces follow from what the sliding ring does, by balance of momentum: along the shaft the
-shift force lost to the contact, about it the torque that its speed shows. Each is the mean over the
-step that ends at its time. Along the shaft, with masses and forces as in ``sim.shift.mechanism``,
+Contact forces follow from the motion by balance of momentum, each the mean over the step that ends
+at its time. Along the shaft, with masses and forces as in ``sim.shift.mechanism``,
 
 .. math:: \int F_c = \int F - m_s \Delta\dot x - m_a \Delta\dot y - c \Delta x - \int \left(R
    + D + \mu_s \frac{|T|}{r_s} \sigma\right).
 
-The linkage's force is inner and drops out; the integral of the shift force is known in closed
-form. The others are smooth over a step: Simpson's rule, with the state in its middle from the
-cubic through both ends. About the shaft, :math:`\int M_c = J_1 \Delta\omega + \int M_0 \sigma`. The
-torque of a shaft between ring and rest is inner as well: then :math:`J_1 \Delta\omega` is the sum
-of both.
+The integral of the shift force is known in closed form; the others are smooth over a step:
+Simpson's rule, with the middle from the cubic through both ends. About the shaft, :math:`\int M_c =
+J_1 \Delta\omega + \int M_0 \sigma`, of ring and rest together where a shaft gives way.
 """
 
 from __future__ import annotations
@@ -139,7 +136,7 @@ def trace_of(clutch: Clutch, profile: ForceProfile, times: Series, states: Serie
     mean_force, torque = contact_means(clutch, profile, time, state)
     far = state[:, 6:8] if clutch.mechanism.has_linkage else state[:, [1, 4]]
     near, output = clutch.shafts
-    behind = {}
+    behind: dict[str, Series] = {}
     if near is not None:
         behind |= {"input_torque": _torque(near, state), "input_speed": state[:, 9]}
     if output is not None:
