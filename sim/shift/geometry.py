@@ -7,7 +7,7 @@ the radial line at :math:`\pm\vartheta/4` there. The face falls by :math:`\alpha
 :math:`w_{tip,root} = \tfrac{1}{2}\vartheta r \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. At full
 depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
 flank along the shaft, :math:`\psi` the angle of the material: what touches is :math:`h - 2
-a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* at which face and braking flank meet.
+a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* where face and braking flank meet.
 """
 
 from __future__ import annotations
