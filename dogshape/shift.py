@@ -22,7 +22,6 @@ from dogshape.result import Result
 from dogshape.running import require_angles
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.loads import TorquePeaks
 from dogshape.sim.statistics.blocks import events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM
@@ -44,13 +43,13 @@ class Shift(Result):
     Parameters
     ----------
     engagement : result of the simulation, with clutch, operating point and relative angle.
-    torque_peaks : of the driveline, N m; None where the study does not know its stiffness.
+    torque_peak : largest torque in the driveline, N m; None where its stiffness is unknown.
     refined : the same shift with finer steps; None where it neither skipped a slot nor bounced.
     """
 
     config: Setup
     engagement: Engagement
-    torque_peaks: TorquePeaks | None
+    torque_peak: float | None
     refined: Engagement | None = None
 
     @property
@@ -95,11 +94,6 @@ class Shift(Result):
         return tuple(found)
 
     @property
-    def torque_peak(self) -> float | None:
-        """Largest torque in the driveline, N m; None where its stiffness is unknown."""
-        return None if self.torque_peaks is None else self.torque_peaks.whole
-
-    @property
     def facts(self) -> dict[str, str]:
         """Outcome, time, and where and how it was simulated."""
         one = self.engagement
@@ -126,7 +120,7 @@ class Shift(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give outcome, time, phases, events, loads and solver, in the edge's units."""
-        result, peaks, finer = self.engagement, self.torque_peaks, self.refined
+        result, finer = self.engagement, self.refined
         solver, mechanism = result.clutch.solver, self.config.mechanism
         return {
             "engine": solver.engine,
@@ -139,8 +133,6 @@ class Shift(Result):
                 **loads_record(result),
                 **shaft_record(result.trace),
                 "torque_peak_Nm": self.torque_peak,
-                "torque_peak_strike_Nm": None if peaks is None else peaks.strike,
-                "torque_peak_closing_Nm": None if peaks is None else peaks.closing,
             },
             "detail": result.detail,
             "warnings": list(self.warnings),
@@ -195,5 +187,4 @@ def simulate_shift(
     result = engage(clutch, point, angle_deg * DEG)
     chaotic = result.events.slots_skipped > 0 or result.events.face_contacts > 1
     refined = engage(clutch.refined(), point, angle_deg * DEG) if chaotic else None
-    peaks = config.torque_peaks(result.clutch, result.trace, result.loads)
-    return Shift(config, result, peaks, refined)
+    return Shift(config, result, config.torque_peak(result), refined)

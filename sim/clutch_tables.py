@@ -24,25 +24,20 @@ from dogshape.sim.units import RPM, suffix_of, to_si, unit_of
 SHOWN = 60  #: characters of a value that a sentence shows
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"
 
+_WHOLE, _NUMBER, _BOOL, _TABLE = "a whole number", "a number", "true or false", "a table of keys"
 #: What a value must be, by the kind of the rule; in braces what the rule limits it to.
 RULES: Mapping[str, str] = {
-    "bool_parsing": "true or false",
-    "bool_type": "true or false",
-    "dict_type": "a table of keys",
-    "float_parsing": "a number",
-    "float_type": "a number",
+    **dict.fromkeys(("bool_parsing", "bool_type"), _BOOL),
+    **dict.fromkeys(("dict_type", "model_attributes_type", "model_type"), _TABLE),
+    **dict.fromkeys(("float_parsing", "float_type"), _NUMBER),
+    **dict.fromkeys(("int_from_float", "int_parsing", "int_type"), _WHOLE),
+    "int_parsing_size": f"{_WHOLE} of a few digits",
     "greater_than": "above {gt}",
     "greater_than_equal": "at least {ge}",
-    "int_from_float": "a whole number",
-    "int_parsing": "a whole number",
-    "int_parsing_size": "a whole number of a few digits",
-    "int_type": "a whole number",
     "less_than": "below {lt}",
     "less_than_equal": "at most {le}",
     "list_type": "a list in square brackets",
     "literal_error": "one of {expected}",
-    "model_attributes_type": "a table of keys",
-    "model_type": "a table of keys",
     "path_type": "a path",
     "string_pattern_mismatch": NAME,
     "string_too_long": "not longer than {max_length} characters",
@@ -53,40 +48,31 @@ RULES: Mapping[str, str] = {
     "too_short": "a list of at least {min_length} values",
 }
 
-#: What to do about a bound, by how its rule begins.
-REMEDIES = (
-    ("at least", "raise it"),
-    ("above", "raise it"),
-    ("at most", "lower it"),
-    ("below", "lower it"),
-)
-
 
 def broken_rule(name: str, error: ErrorDetails) -> str:
     """Return the sentence on a value that breaks a rule: name, value, rule and remedy."""
-    kind, given = error["type"], error.get("input")
-    rule = RULES.get(kind, "of another kind").format(**error.get("ctx", {}))
-    unit = unit_of(name)
-    rule += f" in {unit}" if unit and rule == RULES["float_type"] else ""
-    rule = rule.replace(" 1 values", " one value")
-    text = repr(given)
+    rule, unit = RULES.get(error["type"], "of another kind"), unit_of(name)
+    rule = rule.format(**error.get("ctx", {})).replace(" 1 values", " one value")
+    remedy = _remedy(rule, error.get("input"))
+    rule += f" in {unit}" if unit and rule == _NUMBER else ""
+    text = repr(error.get("input"))
     shown = text if len(text) <= SHOWN else f"{text[:SHOWN]}... ({len(text)} characters)"
-    return f"{name} is {shown}, but it must be {rule}; {_remedy(rule, given)}"
+    return f"{name} is {shown}, but it must be {rule}; {remedy}"
 
 
 def _remedy(rule: str, given: Any) -> str:
-    meant = meant_number(given) if isinstance(given, str) else None
-    if "number" in rule and meant is not None and ("whole" not in rule or meant == round(meant)):
-        return f"write {meant:g}"
-    if "number" in rule and isinstance(given, str) and meant is None:
-        return "write the number alone, without a unit"
+    if "number" in rule and isinstance(given, str):
+        meant = meant_number(given)
+        if meant is None:
+            return "write the number alone, without a unit"
+        if rule == _NUMBER or meant == round(meant):
+            return f"write {meant:g}"
     if rule.startswith("a list in") and isinstance(given, int | float):
         return f"write [{given:g}]"
-    if rule == "a table of keys":
+    if rule == _TABLE:
         return "give its keys one by one"
-    return next(
-        (remedy for start, remedy in REMEDIES if rule.startswith(start)), "correct the value"
-    )
+    low, high = rule.startswith(("at least", "above")), rule.startswith(("at most", "below"))
+    return "raise it" if low else "lower it" if high else "correct the value"
 
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -199,10 +185,8 @@ def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
 
 def dog_fields(values: dict[str, float]) -> dict[str, Any]:
     """Turn keys of a dog in edge units (``height_mm``) into fields of ``Dog`` in SI."""
-    fields: dict[str, Any] = si_fields(values)
-    if "count" in fields:
-        fields["count"] = int(fields["count"])
-    return fields
+    count = {"count": int(values["count"])} if "count" in values else {}
+    return {**si_fields(values), **count}
 
 
 def si_fields(values: dict[str, float]) -> dict[str, float]:
@@ -224,14 +208,11 @@ def validate(model: type[Model], data: dict[str, Any], source: str) -> Model:
 def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
     unknown = [_unknown(model, e) for e in errors if e["type"] == "extra_forbidden"]
     # A misspelt key is also a missing one; the spelling is the better hint.
-    missing = [_key(e) for e in errors if e["type"] == "missing"]
-    absent = [key for key in missing if not any(f"'{key}'" in sentence for sentence in unknown)]
+    missing = [f"'{_key(e)}'" for e in errors if e["type"] == "missing"]
+    absent = [key for key in missing if not any(key in sentence for sentence in unknown)]
     broken = [e for e in errors if e["type"] not in {"extra_forbidden", "missing"}]
-    return [
-        *unknown,
-        *(f"'{key}' is missing; add it" for key in absent),
-        *(broken_rule(_key(e), e) for e in broken),
-    ]
+    said = [f"{key} is missing; add it" for key in absent]
+    return [*unknown, *said, *(broken_rule(_key(e), e) for e in broken)]
 
 
 def _path(error: ErrorDetails) -> list[str]:

@@ -32,8 +32,7 @@ class Parameter:
     neutral : value that changes nothing, or what says it of a setting.
     low, high : range of the prior.
     scale : what the prior is uniform in.
-    source : of the range, in words.
-    status : of the range: ``measured`` where a source has its ends, else ``judged``.
+    source : of the range, in words, for the reader of the file.
     least, most : beyond which no range can be widened: no shift mechanism lies there.
     ordinary : largest size of an ordinary source, and that source; None where no source has one.
     """
@@ -43,8 +42,7 @@ class Parameter:
     low: float
     high: float
     scale: Literal["uniform", "log-uniform"]
-    source: str
-    status: Literal["measured", "judged"] = "judged"
+    source: str = ""
     least: float = -math.inf
     most: float = math.inf
     ordinary: tuple[float, str] | None = None
@@ -102,33 +100,26 @@ class Effect:
     Parameters
     ----------
     name : as files have it; that of its file.
-    meaning : in one line.
     parameters : none for what is there or not, one or two.
     change : makes a setting with it of one without, given a value for each parameter.
     test : what would measure it directly.
     aliases : what no data of shifts can tell from it, in words.
     title : name for people; its name without underscores by default.
-    before : the same before a range was last widened, None where none was.
+    meaning : in one line, for the reader of the file.
     """
 
     name: str
-    meaning: str
     parameters: tuple[Parameter, ...]
     change: Callable[[Setting, Values], Setting]
     test: BenchTest
     aliases: tuple[str, ...] = ()
     title: str = ""
-    before: Effect | None = None
-
-    @property
-    def usual(self) -> Effect:
-        """The same with the ranges that it had at first."""
-        return self.before.usual if self.before else self
+    meaning: str = ""
 
     def with_range(self, wider: Parameter) -> Effect:
         """Return the effect with a wider range of one of its parameters."""
         mine = tuple(wider if p.name == wider.name else p for p in self.parameters)
-        return replace(self, parameters=mine, before=self)
+        return replace(self, parameters=mine)
 
     @property
     def plain(self) -> str:
@@ -143,16 +134,16 @@ class Effect:
         gives no setting. The prior's range is no limit.
         """
         names = [parameter.name for parameter in self.parameters]
-        for name, value in values.items():
+        for name in dict.fromkeys((*values, *names)):
             if name not in names:
                 hint = did_you_mean(name, names)
                 raise InputError(f"'{name}' is not a parameter of {self.name}; {hint}")
-            if not math.isfinite(value):
-                rule, remedy = "it must be finite", "correct the value"
-                raise InputError(refusal(f"{self.name}.{name}", value, unit_of(name), rule, remedy))
-        for name in names:
             if name not in values:
                 raise InputError(f"{self.name} needs a value of '{name}'; give it")
+            if not math.isfinite(values[name]):
+                given, unit = f"{self.name}.{name}", unit_of(name)
+                rule, remedy = "it must be finite", "correct the value"
+                raise InputError(refusal(given, values[name], unit, rule, remedy))
         given = ", ".join(f"{name} = {value:.6g}" for name, value in values.items())
         try:
             changed: object = self.change(setting, values)
@@ -196,17 +187,15 @@ class Effect:
 
         Tried are the neutral values, and the ends and middles of the priors.
         """
-        tried = [[p.at(share) for share in (0.0, 0.5, 1.0)] for p in self.parameters]
         names = [p.name for p in self.parameters]
-        refused: DogshapeError | None = None
-        possible = False
-        for values in (tuple(self.neutral(setting).values()), *itertools.product(*tried)):
-            try:
-                self.apply(setting, dict(zip(names, values, strict=True)))
-                possible = True
-            except EffectError:
-                raise
-            except DogshapeError as error:
-                refused = refused or error
-        if not possible:
-            raise EffectError(f"no value of the effect {self.name} gives a bench: {refused}")
+        ends = [[p.at(share) for share in (0.0, 0.5, 1.0)] for p in self.parameters]
+        tried = [dict(zip(names, values, strict=True)) for values in itertools.product(*ends)]
+        found = [self.possible(setting, values) for values in (self.neutral(setting), *tried)]
+        if any(found):
+            return
+        try:
+            self.apply(setting, self.neutral(setting))
+        except DogshapeError as refused:
+            raise EffectError(
+                f"no value of the effect {self.name} gives a bench: {refused}"
+            ) from refused

@@ -5,38 +5,26 @@ Each is loaded when it is first asked for: either takes a second or more, and fe
 
 from __future__ import annotations
 
-from functools import lru_cache
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from functools import lru_cache, partial
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
 
-if TYPE_CHECKING:
-    from dogshape.sim.planar.engagement import PlanarClutch
-    from dogshape.sim.shift.plant import ClutchPlant
-
-    Plant = ClutchPlant | PlanarClutch
-
 
 @lru_cache(maxsize=2)
-def plant_of(clutch: Clutch) -> Plant:
-    """Build the plant of a clutch once in this process."""
+def _prepared(clutch: Clutch) -> Callable[[OperatingPoint, float], Engagement]:
+    """Build the plant of a clutch once in this process; it is the first argument of a shift."""
     if clutch.solver.engine == "planar":
-        from dogshape.sim.planar.engagement import planar_clutch  # noqa: PLC0415
+        from dogshape.sim.planar import engagement as planar  # noqa: PLC0415
 
-        return planar_clutch(clutch)
+        return partial(planar.engage, planar.planar_clutch(clutch))
+    from dogshape.sim.shift import engagement as drake  # noqa: PLC0415
     from dogshape.sim.shift.plant import ClutchPlant  # noqa: PLC0415
 
-    return ClutchPlant(clutch)
+    return partial(drake.engage, ClutchPlant(clutch))
 
 
 def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift with the engine of the clutch's solver; ``relative_angle`` in rad."""
-    plant = plant_of(clutch)
-    if clutch.solver.engine == "planar":
-        from dogshape.sim.planar import engagement as planar  # noqa: PLC0415
-
-        return planar.engage(plant, point, relative_angle)  # type: ignore[arg-type]
-    from dogshape.sim.shift import engagement as drake  # noqa: PLC0415
-
-    return drake.engage(plant, point, relative_angle)  # type: ignore[arg-type]
+    return _prepared(clutch)(point, relative_angle)

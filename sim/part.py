@@ -1,13 +1,11 @@
 r"""The ring as a part: a closed surface for printing and drawing, and its volume.
 
-A fillet or rounding of radius :math:`\rho` is a cylinder about a straight line, and the toothed
-side is ruled by straight lines that end on the cylinders of inner and outer radius. Seen along the
-axis no line hides another: with the underside and two walls the surface cannot cut itself while the
-lines keep their order. A flank without lean is taken with ``LEANING``.
-
-*Why two like rings never overlap.* A ball of radius :math:`\rho` reaches all of a tip rounded with
-:math:`\rho` from inside the dog, and all of a slot filled with :math:`\rho`, as long as roundings
-and fillets leave some of every face (``require_room``).
+All corners of the dogs are straight lines, so a fillet or rounding is a cylinder about one, and the
+toothed side is ruled by lines that end on the cylinders of inner and outer radius. Seen along the
+axis no line hides another: the surface cannot cut itself while the lines keep their order. A flank
+without lean is taken with ``LEANING``. Like rings never overlap: rounded tips are all that a ball
+can reach from inside the dog, filled slots all that it can reach inside the slot
+(``require_room``).
 """
 
 from __future__ import annotations

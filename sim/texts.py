@@ -48,33 +48,25 @@ class TextTable:
 
         ``known`` None lets other columns be.
         """
-        needed = tuple(needed)
-        own = None if known is None else tuple(known)
+        needed, own = tuple(needed), None if known is None else tuple(known)
         if len(self.head) == 1 < len(needed):
             only = f"its first line is '{self.head[0]}'"
             raise DataError(f"{self.path} {NO_TABLE}: {only}; {SAVE}")
         unknown = [n for n in dict.fromkeys(self.head) if own is not None and n not in own]
-        again = {
-            n: name
-            for name in self.head
-            for n in unknown
-            if n != name and n.lower() == name.lower()
-        }
-        hints = {n: did_you_mean(n, own or ()) for n in unknown if n not in again}
+        hints = {name: did_you_mean(name, own or ()) for name in unknown}
         faults = [f"'{name}' is not a known column; {hint}" for name, hint in hints.items()]
-        faults += [f"'{n}' is the column '{name}' again; keep one" for n, name in again.items()]
         others = [name for name in self.head if name not in needed]
         instead = f" (in the file: {', '.join(others)})" if others and own is None else ""
-        for name in needed:
-            # A misspelt column is also a missing one; the spelling is the better hint.
-            if name not in self.head and not any(f"'{name}'" in hint for hint in hints.values()):
-                faults.append(f"the column '{name}' is missing; add it{instead}")
-        twice = {name for name in self.head if self.head.count(name) > 1}
+        # A misspelt column is also a missing one; the spelling is the better hint.
+        absent = [name for name in needed if name not in self.head]
         faults += [
-            f"the column '{name}' is there twice; keep one"
-            for name in sorted(twice)
-            if name in needed or own is not None
+            f"the column '{name}' is missing; add it{instead}"
+            for name in absent
+            if not any(f"'{name}'" in hint for hint in hints.values())
         ]
+        looked_at = needed if own is None else self.head
+        twice = sorted({name for name in looked_at if self.head.count(name) > 1})
+        faults += [f"the column '{name}' is there twice; keep one" for name in twice]
         if faults:
             raise DataError(listed(f"{self.path}, row 1", faults))
 

@@ -19,6 +19,7 @@ from dogshape.pipeline.progress import Count
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run
 from dogshape.sim.clutch_tables import dog_fields
+from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.geometry import Dog
@@ -85,6 +86,12 @@ def point() -> Callable[[float, float], OperatingPoint]:
         return OperatingPoint(mismatch_rpm * RPM, ForceProfile(force, RISE[force]))
 
     return make
+
+
+@pytest.fixture
+def setting(clutch: Clutch, point: Callable[[float, float], OperatingPoint]) -> Setting:
+    """The prototype at 50 1/min and 469 N."""
+    return Setting(clutch, point(50, 469.0))
 
 
 @pytest.fixture

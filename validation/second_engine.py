@@ -66,9 +66,9 @@ class SecondShift:
         flight = _flight(self.clutch, self.point, self.relative_angle, times, times)
         return trace_of(
             self.clutch,
-            self.point,
-            np.concatenate([times, self.times]).tolist(),
-            list(np.concatenate([flight, self.states])),
+            self.point.profile,
+            np.concatenate([times, self.times]),
+            np.concatenate([flight, self.states]),
         )
 
 

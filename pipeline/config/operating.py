@@ -26,7 +26,7 @@ from pydantic import Discriminator, Field, Tag
 
 from dogshape.sim.clutch_tables import Section, later
 from dogshape.sim.errors import InputError, did_you_mean, refusal
-from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile, RiseTable
+from dogshape.sim.shift.actuation import ForceProfile, RiseTable
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.uncertainty import Distribution, sobol_shares
 from dogshape.sim.texts import read_toml
@@ -99,9 +99,7 @@ class Actuation:
         return self._shaped(force, self.table.profile(force).rise)
 
     def _shaped(self, force: float, rise: float) -> ForceProfile:
-        if self.lag == 0.0:
-            return ForceProfile(force, rise, delay=self.delay, loss=self.loss)
-        return LaggedProfile(force, rise, self.lag, delay=self.delay, loss=self.loss)
+        return ForceProfile(force, rise, lag=self.lag, delay=self.delay, loss=self.loss)
 
     @property
     def record(self) -> dict[str, float]:

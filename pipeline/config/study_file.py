@@ -28,10 +28,9 @@ from dogshape.sim.clutch_tables import dog_fields, rings, validate
 from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
-from dogshape.sim.shift.conclusion import require_stiff_enough
+from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import Loads, TorquePeaks, torque_peaks
-from dogshape.sim.shift.trace import Trace
+from dogshape.sim.shift.loads import torque_peak
 from dogshape.sim.statistics.shift_records import (
     Record,
     clutch_record,
@@ -154,10 +153,10 @@ class Setup:
         shape = {key: value for key, value in params.items() if key not in OPERATED}
         return replace(self.clutch.dog, **dog_fields(shape))
 
-    def torque_peaks(self, clutch: Clutch, trace: Trace, loads: Loads) -> TorquePeaks | None:
-        """Compute the driveline's torque peaks in a shift; None without its stiffness."""
+    def torque_peak(self, shift: Engagement) -> float | None:
+        """Compute the largest torque of the driveline in a shift, N m; None without stiffness."""
         stiffness = self.file.driveline.stiffness_Nm_rad
-        return None if stiffness is None else torque_peaks(clutch, trace, loads, stiffness)
+        return None if stiffness is None else torque_peak(shift.clutch, shift.trace, stiffness)
 
     def named(self, values: Iterable[float]) -> dict[str, float]:
         """Return values of the searched keys by name, the count as a whole number."""

@@ -124,6 +124,4 @@ def _write(shifts: Shifts, row: Record, path: Path) -> None:
         clutch, point = variant.clutch(clutch), variant.point(point)
     result = engage(clutch, point, row["relative_angle_deg"] * DEG)
     path.parent.mkdir(parents=True, exist_ok=True)
-    peaks = study.torque_peaks(result.clutch, result.trace, result.loads)
-    peak = None if peaks is None else peaks.whole
-    write_animation(result, path, peak, scripts_beside=True)
+    write_animation(result, path, study.torque_peak(result), scripts_beside=True)

@@ -37,7 +37,7 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.shift.conclusion import MESSAGES, Outcome
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.expectation import (
@@ -262,7 +262,7 @@ def _simulated(
 def failures(shifts: Iterable[Shift]) -> dict[str, int]:
     """Count the shifts whose integration failed, by the reason; they have no time."""
     failed = [row for row in shifts if row["outcome"] == Outcome.DIVERGED.value]
-    reasons = (str(row.get("reason", Outcome.DIVERGED.message)) for row in failed)
+    reasons = (str(row.get("reason", MESSAGES[Outcome.DIVERGED])) for row in failed)
     return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 

@@ -1,7 +1,7 @@
-"""Effects that may explain why a bench differs from the simulation, grouped by what they change.
+"""Effects that may explain why a bench differs from the simulation.
 
-Each module here has its ``EFFECTS``. A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of
-that name.
+``catalogue`` has those of the package. A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect``
+of that name.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import importlib.util
 from pathlib import Path
 
 from dogshape.sim.effect import Effect
-from dogshape.sim.effects import dogs, mechanism, point
+from dogshape.sim.effects.catalogue import EFFECTS
 from dogshape.sim.errors import InputError
 
 
@@ -21,8 +21,7 @@ def load(folder: Path | None = None) -> dict[str, Effect]:
     effects. Raises InputError where the folder is missing, a file cannot be run, has no
     ``EFFECT`` or another name than the effect, or a name is taken.
     """
-    listed = (*dogs.EFFECTS, *mechanism.EFFECTS, *point.EFFECTS)
-    effects = {effect.name: effect for effect in listed}
+    effects = {effect.name: effect for effect in EFFECTS}
     for path in own_files(folder).values() if folder else ():
         effect = _own_effect(path)
         if effect.name in effects:

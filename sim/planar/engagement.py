@@ -16,15 +16,9 @@ from numpy.typing import NDArray
 
 from dogshape.sim.planar import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import (
-    TIME_LIMIT,
-    Engagement,
-    Run,
-    engaged,
-    states_held,
-)
+from dogshape.sim.shift.conclusion import Engagement, Run, engaged, failure_of, states_held
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
-from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Mechanism
+from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN
 from dogshape.sim.shift.mesh import rigid_dog, touching_planes, touching_quads
 
 Floats = NDArray[np.float64]
@@ -69,27 +63,18 @@ def planar_clutch(clutch: Clutch) -> PlanarClutch:
     return PlanarClutch(clutch, surfaces, numbers_of(clutch), np.array(law))
 
 
-def state_size(mechanism: Mechanism) -> int:
-    """Count the numbers of a state that a mechanism moves, of ``kernel.SIZE``."""
-    if mechanism.has_shafts:
-        return kernel.SIZE
-    return kernel.LINKED_SIZE if mechanism.has_linkage else kernel.PLAIN_SIZE
-
-
 def numbers_of(clutch: Clutch) -> Floats:
     """Fill the numbers of a clutch, in the places of ``sim.planar.kernel``, (NUMBERS,)."""
     dog, rings, mechanism = clutch.dog, clutch.rings, clutch.mechanism
+    near, far = clutch.shafts
     stiff, loss = mechanism.linkage(rings.mass) if mechanism.has_linkage else (0.0, 0.0)
     share = mechanism.spline_share(rings.mass, dog.mean_radius, rings.sliding_inertia)
-    near, far = (
-        mechanism.input_side(rings.sliding_inertia),
-        mechanism.output_side(rings.output_inertia),
-    )
-    places = {
+    used = kernel.LINKED_SIZE if mechanism.has_linkage else kernel.PLAIN_SIZE
+    places: dict[int, float] = {
         kernel.SLEEVE: mechanism.sleeve_mass(rings.mass),
         kernel.FAR: mechanism.actuator_mass(rings.mass) or 1.0,
-        kernel.SLIDING: rings.sliding_inertia if near is None else near.near,
-        kernel.OUTPUT: rings.output_inertia if far is None else far.near,
+        kernel.SLIDING: rings.sliding_inertia,
+        kernel.OUTPUT: rings.output_inertia,
         kernel.DAMPING: mechanism.damping,
         kernel.FRICTION: mechanism.friction,
         kernel.DETENT: mechanism.detent,
@@ -109,22 +94,16 @@ def numbers_of(clutch: Clutch) -> Floats:
         kernel.TURN_SPEED: TURN,
         kernel.DEEP_STOP: DEEP,
         kernel.LINKED: mechanism.has_linkage,
-        kernel.USED: state_size(mechanism),
+        kernel.USED: kernel.SIZE if mechanism.has_shafts else used,
         kernel.TWIST: DEEP_TWIST,
     }
     if near is not None:
-        places |= {
-            kernel.BEHIND: near.far,
-            kernel.SHAFT: near.stiffness,
-            kernel.SHAFT_LOSS: near.damping,
-            kernel.BACKLASH: near.backlash,
-        }
+        places |= {kernel.SLIDING: near.near, kernel.BEHIND: near.far}
+        places |= {kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping}
+        places |= {kernel.BACKLASH: near.backlash}
     if far is not None:
-        places |= {
-            kernel.AHEAD: far.far,
-            kernel.OUT_SHAFT: far.stiffness,
-            kernel.OUT_LOSS: far.damping,
-        }
+        places |= {kernel.OUTPUT: far.near, kernel.AHEAD: far.far}
+        places |= {kernel.OUT_SHAFT: far.stiffness, kernel.OUT_LOSS: far.damping}
     numbers = np.zeros(kernel.NUMBERS)
     numbers[list(places)] = list(places.values())
     return numbers
@@ -137,26 +116,20 @@ RECORD_SIZE = 4096  #: steps that are recorded at once
 
 def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift; arguments and result as for ``sim.shift.engagement.engage``."""
-
-    def run(clutch: Clutch) -> Run:
-        mine = plant if clutch is plant.clutch else planar_clutch(clutch)
-        return _run(mine, point, relative_angle)
-
-    return engaged(plant.clutch, point, relative_angle, run)
+    return engaged(plant, point, relative_angle, planar_clutch, _run)
 
 
 def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
     """Integrate from where friction lets the ring go to the end of the travel or the time-out."""
     clutch, solver = plant.clutch, plant.clutch.solver
-    size = state_size(clutch.mechanism)
     tolerance = np.array([solver.accuracy, PLACE_ERROR * solver.accuracy])
     knots = np.array(point.profile.knots())
     times, states = states_held(clutch, point, angle)
     now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST_STEP, 0
     count, last, blocked, failure = len(times), None, False, ""
     parts, mode = [(times, states)], np.zeros(2)
-    end = time.monotonic() + solver.time_limit
-    while now < clutch.timeout:
+    deadline = time.monotonic() + solver.time_limit
+    while now < clutch.timeout and not (blocked or failure):
         until = min(STILL_WINDOW * (math.floor(now / STILL_WINDOW + 1e-9) + 1), clutch.timeout)
         room, places = np.empty(RECORD_SIZE), np.empty((RECORD_SIZE, kernel.SIZE))
         why, now, step, made, tried = kernel.advance(
@@ -165,19 +138,13 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
         )  # fmt: skip
         parts.append((room[:made], places[:made]))
         count, spent = count + made, spent + tried
-        place = f"at {now:.6g} s of the shift"
-        if count > solver.max_steps:
-            failure = f"no end after solver.max_steps = {solver.max_steps}, {place}"
-        elif time.monotonic() > end:
-            failure = f"{TIME_LIMIT} = {solver.time_limit:.6g}, {place}"
-        if why == kernel.LOST or not np.isfinite(state).all():
-            failure = f"the motion is not finite at {now:.6g} s"
-        if failure or why == kernel.ENGAGED:
+        if why == kernel.LOST:
+            state[:] = math.nan
+        failure = failure_of(clutch, now, state, count, deadline)
+        if why == kernel.ENGAGED:
             break
         if why == kernel.PAUSED:
-            if stands_still(clutch, point, now, last, state):
-                blocked = True
-                break
+            blocked = not failure and stands_still(clutch, point, now, last, state)
             last = state.copy()
-    whole = np.concatenate([part for _, part in parts])[:, :size]
-    return Run(np.concatenate([part for part, _ in parts]), whole, blocked, failure, spent)
+    whole, there = (np.concatenate(one) for one in zip(*parts, strict=True))
+    return Run(whole, there, blocked, failure, spent)

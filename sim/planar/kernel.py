@@ -1,18 +1,14 @@
 r"""Contact of one dog with the opposite ring, plane by plane, and the motion it gives; compiled.
 
-Each touching surface of a rigid dog is a plane quadrilateral (``sim.shift.mesh.rigid_dog``). Below
-the skin of the compliant dog the pressure is stiffness times the least of the depths :math:`d_i =
-o_i - n_i \cdot p` below its planes. The quadrilateral is cut to where :math:`d_i` is the least and
-positive; over that convex polygon the traction (Hunt and Crossley 1975; Elandt et al. 2019)
+Below the skin of the compliant dog the pressure is stiffness times the least of the depths
+:math:`d_i = o_i - n_i \cdot p` below its planes. A touching quadrilateral of a rigid dog is cut to
+where :math:`d_i` is the least and positive; over that polygon the traction (Hunt and Crossley 1975)
 
 .. math:: t = k d_i (1 + D v_n)_+ \left(n + \mu \, s(|v_t|) \frac{v_t}{|v_t|}\right)
 
-is integrated by three points in each triangle of a fan, exactly for the normal part.
-
-Steps: Bogacki and Shampine's pair 3(2) (1989), with the equations of ``sim.shift.mechanism``. Where
-dogs stay in touch, Shampine and Reichelt's linearly implicit pair 2(3) (1997, ``ode23s``) takes
-over, its slopes kept for some steps. A division by zero gives an infinity; ``advance`` looks for
-it. One file: the compiler's cache knows of changes in a function's own file alone.
+is integrated by three points in each triangle of a fan. Steps: Bogacki and Shampine's pair 3(2)
+(1989); where dogs stay in touch, Shampine and Reichelt's linearly implicit pair 2(3) (1997). One
+file: the compiler's cache knows of changes in a function's own file alone.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -24,6 +20,8 @@ import math
 import numpy as np
 from numba import njit
 
+compiled = njit(cache=True, error_model="numpy")
+
 #: A rigid plane meets the pressure of a plane only where it presses against it: cosine between
 #: its normal and the pressure's gradient, at least (112.5 degrees).
 OPPOSED = math.cos(0.625 * math.pi)
@@ -34,6 +32,9 @@ VALUES = 3  #: place for values at corners behind a polygon and two cut ones
 #: behind the sliding ring's shaft and the output ring's.
 SIZE = 12
 PLAIN_SIZE, LINKED_SIZE = 6, 8  #: without shafts that give way, and without an actuator apart
+#: Which numbers of a state are angles or ways, and which turn.
+PLACES = np.array([True, True, True, False, False, False, *[True, False] * 3])
+TURNS = np.array([True, False, True, True, False, True, False, False, *[True] * 4])
 #: Why ``advance`` returned.
 ENGAGED, PAUSED, FULL, LOST = range(4)
 LEAST = 1e-12  #: s, a step below which the integration is lost
@@ -42,9 +43,8 @@ ROSENBROCK = 1.0 / (2.0 + math.sqrt(2.0))  #: of a step, its implicit part
 SMALL_WAY, SMALL_SPEED, SMALL_TIME = 1e-9, 1e-6, 1e-7
 KEPT = 8  #: steps for which slopes are kept
 PATIENCE = 60  #: steps in touch after which implicit ones are tried
-TOUCHED, BEATEN = range(
-    2
-)  #: in ``mode``: steps in touch; the step that implicit ones must exceed, s
+#: In ``mode``: steps in touch; the step that implicit ones must exceed, s.
+TOUCHED, BEATEN = range(2)
 
 # Places in ``plain``, the numbers of a clutch.
 (SLEEVE, FAR, SLIDING, OUTPUT, DAMPING, FRICTION, DETENT, DETENT_AT, DETENT_WIDTH, SPLINE, DRAG,
@@ -55,13 +55,13 @@ NUMBERS = 32
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def workspace(planes):
     """Make room for the polygons of a dog with a number of planes that touch."""
     return np.empty((VALUES + 1, ROOM + planes, 3 + planes))
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _cut(work, here, count, a, b):
     """Keep of polygon ``here`` what has more in column ``a`` than in ``b``; b < 0: than 0.
 
@@ -100,7 +100,7 @@ def _cut(work, here, count, a, b):
     return kept, there
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def friction_at(slip, law):
     """Compute the friction coefficient at a slip in m/s; ``law`` as for ``contact``."""
     ratio = slip / law[3]
@@ -112,7 +112,7 @@ def friction_at(slip, law):
     return held * ratio / math.sqrt(1.0 + ratio * ratio)
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def contact(angle, distance, turn, speed, surfaces, law, work):
     """Compute force along and torque about the shaft on the compliant dog.
 
@@ -149,7 +149,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     return axial, torque
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _meets(quad, c, s, distance, surfaces, work):
     """Place a rigid surface in the compliant dog's frame, with its depths; whether it may touch.
 
@@ -173,7 +173,7 @@ def _meets(quad, c, s, distance, surfaces, work):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _is_least_somewhere(work, plane, planes):
     """Decide whether a plane's depth may be the least; not where another is at every corner."""
     column = 3 + plane
@@ -186,7 +186,7 @@ def _is_least_somewhere(work, plane, planes):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _surface(quad, c, s, turn, speed, surfaces, law, work):
     """Cut a rigid surface, ``work[0]``, by the least depth and integrate over each part."""
     normals = surfaces[1]
@@ -213,7 +213,7 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
     return axial, torque
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _triangle(work, where, i, column, normal, turn, speed, law):
     """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
     mx, my, mz = normal
@@ -251,7 +251,7 @@ def _triangle(work, where, i, column, normal, turn, speed, law):
     return axial, torque
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def force_at(time, knots):
     """Evaluate a piecewise cubic: ``knots`` are times, values and slopes, (3, n); held beyond."""
     last = knots.shape[1] - 1
@@ -262,10 +262,7 @@ def force_at(time, knots):
     low, high = 0, last
     while high - low > 1:
         middle = (low + high) // 2
-        if knots[0, middle] <= time:
-            low = middle
-        else:
-            high = middle
+        low, high = (middle, high) if knots[0, middle] <= time else (low, middle)
     step = knots[0, high] - knots[0, low]
     s = (time - knots[0, low]) / step
     t = 1.0 - s
@@ -277,34 +274,22 @@ def force_at(time, knots):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _smooth(value, small):
     return value / math.sqrt(value * value + small * small)
 
 
-@njit(cache=True, error_model="numpy")
-def _pull(stretch, rate, plain):
-    """Compute the linkage's force on the ring, N (``Mechanism.pull``)."""
-    stiff, loss, play = plain[STIFF], plain[LOSS], plain[PLAY]
-    if play == 0.0:
+@compiled
+def _spring(stretch, rate, stiff, loss, low, high, deep):
+    """Compute a spring's force, or that of two stops (``sim.shift.mechanism.spring_force``)."""
+    if low == high:
         return stiff * stretch + loss * rate
-    ahead, behind = max(stretch - play, 0.0), max(-stretch, 0.0)
-    push = max(ahead * (stiff + loss * rate / (ahead + plain[DEEP_STOP])), 0.0)
-    return push - max(behind * (stiff - loss * rate / (behind + plain[DEEP_STOP])), 0.0)
+    ahead, behind = max(stretch - high, 0.0), max(low - stretch, 0.0)
+    push = max(ahead * (stiff + loss * rate / (ahead + deep)), 0.0)
+    return push - max(behind * (stiff - loss * rate / (behind + deep)), 0.0)
 
 
-@njit(cache=True, error_model="numpy")
-def _twist(lead, rate, plain):
-    """Compute the torque of the sliding ring's shaft on the ring, N m (``Shaft.torque``)."""
-    stiff, loss, half = plain[SHAFT], plain[SHAFT_LOSS], 0.5 * plain[BACKLASH]
-    if half == 0.0:
-        return stiff * lead + loss * rate
-    ahead, behind = max(lead - half, 0.0), max(-lead - half, 0.0)
-    push = max(ahead * (stiff + loss * rate / (ahead + plain[TWIST])), 0.0)
-    return push - max(behind * (stiff - loss * rate / (behind + plain[TWIST])), 0.0)
-
-
-@njit(cache=True, error_model="numpy")
+@compiled
 def _forces(state, plain, surfaces, law, work):
     """Compute force along and torque about the shaft of all dogs at a state (12,), N and N m."""
     if state[1] <= surfaces[5]:
@@ -315,7 +300,7 @@ def _forces(state, plain, surfaces, law, work):
     return along * plain[DOGS], about * plain[DOGS]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _motion(push, along, about, state, out, plain):
     """Write the rates of a state (12,) into ``out``: ``push`` of the actuator, contact's forces."""
     way, speed = state[1], state[4]
@@ -326,7 +311,10 @@ def _motion(push, along, about, state, out, plain):
     drive = push
     out[6], out[7] = speed, 0.0
     if plain[LINKED] > 0.0:
-        drive = _pull(state[6] - way, state[7] - speed, plain)
+        drive = _spring(
+            state[6] - way, state[7] - speed, plain[STIFF], plain[LOSS], 0.0, plain[PLAY],
+            plain[DEEP_STOP],
+        )  # fmt: skip
         out[6] = state[7]
         out[7] = (push - drive) / plain[FAR]
     held = 0.0
@@ -336,7 +324,11 @@ def _motion(push, along, about, state, out, plain):
         held += plain[DETENT] * bump * bump
     drive_torque, through = 0.0, about
     if plain[BEHIND] > 0.0:
-        drive_torque = _twist(state[8] - state[2], state[9] - state[5], plain)
+        half = 0.5 * plain[BACKLASH]
+        drive_torque = _spring(
+            state[8] - state[2], state[9] - state[5], plain[SHAFT], plain[SHAFT_LOSS], -half, half,
+            plain[TWIST],
+        )  # fmt: skip
         through = drive_torque
     rub = plain[FRICTION] + plain[SPLINE] * abs(through)
     if rub > 0.0:
@@ -361,7 +353,7 @@ def _motion(push, along, about, state, out, plain):
         out[3] = -about / plain[OUTPUT]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def rates(time, state, out, plain, knots, surfaces, law, work):
     """Write the rates of a state (12,) into ``out``; whether dogs touch."""
     along, about = _forces(state, plain, surfaces, law, work)
@@ -369,7 +361,7 @@ def rates(time, state, out, plain, knots, surfaces, law, work):
     return along != 0.0 or about != 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
     """Write into ``slopes`` (13, 12) how the rates ``now`` change with the state, and in time.
 
@@ -401,26 +393,14 @@ def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
         changed[i] = (changed[i] - now[i]) / SMALL_TIME
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _small(j, plain):
     """Give the change of a state's number ``j`` by which slopes are measured."""
-    small = SMALL_WAY if _is_place(j) else SMALL_SPEED
-    return small / plain[RADIUS] if _turns(j) else small
+    small = SMALL_WAY if PLACES[j] else SMALL_SPEED
+    return small / plain[RADIUS] if TURNS[j] else small
 
 
-@njit(cache=True, error_model="numpy")
-def _is_place(j):
-    """Decide whether a state's number ``j`` is an angle or a way, not a rate."""
-    return j < 3 or (j >= PLAIN_SIZE and j % 2 == 0)
-
-
-@njit(cache=True, error_model="numpy")
-def _turns(j):
-    """Decide whether a state's number ``j`` is an angle or its rate."""
-    return j >= LINKED_SIZE or (j < PLAIN_SIZE and j % 3 != 1)
-
-
-@njit(cache=True, error_model="numpy")
+@compiled
 def _factor(step, slopes, matrix, size):
     """Factor ``1 - step J`` in place, (12, 12), without exchange of rows."""
     for i in range(size):
@@ -435,7 +415,7 @@ def _factor(step, slopes, matrix, size):
                     matrix[i, j] -= share * matrix[k, j]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _solve(matrix, right, size):
     """Replace a right-hand side by the solution, with the factors of ``_factor``."""
     for i in range(size):
@@ -447,7 +427,7 @@ def _solve(matrix, right, size):
         right[i] /= matrix[i, i]
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _implicit(
     time, h, new, state, stages, trial, slopes, matrix, plain, knots, surfaces, law, work
 ):
@@ -484,7 +464,7 @@ def _implicit(
     return touch
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
     """Make a step of ``h`` into ``trial``; its error into the third of the stages."""
     k1, k2, k3, k4 = stages
@@ -502,39 +482,16 @@ def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
     return touch
 
 
-@njit(cache=True, error_model="numpy")
+@compiled
 def _worst(h, error, plain, tolerance):
     """Compute the largest error over its tolerance."""
     worst = 0.0
     for i in range(int(plain[USED])):
         one = abs(h * error[i])
-        if _turns(i):
+        if TURNS[i]:
             one *= plain[RADIUS]
-        worst = max(worst, one / (tolerance[1] if _is_place(i) else tolerance[0]))
+        worst = max(worst, one / (tolerance[1] if PLACES[i] else tolerance[0]))
     return worst if math.isfinite(worst) else 1e3
-
-
-@njit(cache=True, error_model="numpy")
-def _arrived(state, plain):
-    """Decide whether ring and actuator have made the travel."""
-    return state[1] >= plain[WAY] and (plain[LINKED] == 0.0 or state[6] >= plain[WAY])
-
-
-@njit(cache=True, error_model="numpy")
-def _growth(worst):
-    """Give the next step over the last one by its largest error over its tolerance."""
-    grown = 5.0 if worst < 1e-3 else 0.9 * worst ** (-1.0 / 3.0)
-    return min(5.0, max(0.1, grown))
-
-
-@njit(cache=True, error_model="numpy")
-def _switch(mode, touch, step):
-    """Go over to implicit steps where dogs stay in touch, and back where that gains nothing."""
-    if mode[BEATEN] > 0.0:
-        if not touch or step < mode[BEATEN]:
-            mode[BEATEN], mode[TOUCHED] = 0.0, 0.0
-    elif mode[TOUCHED] >= PATIENCE:
-        mode[BEATEN] = step
 
 
 @njit(cache=True, error_model="numpy", nogil=True)
@@ -558,9 +515,9 @@ def advance(
         Why it ended, time, next step, number of recorded steps, evaluations.
     """
     work = workspace(surfaces[1].shape[0])
-    k1, k2, k3, k4 = np.empty(SIZE), np.empty(SIZE), np.empty(SIZE), np.empty(SIZE)
+    stages = (np.empty(SIZE), np.empty(SIZE), np.empty(SIZE), np.empty(SIZE))
+    k1, _, k3, k4 = stages
     trial, slopes, matrix = np.empty(SIZE), np.zeros((SIZE + 1, SIZE)), np.empty((SIZE, SIZE))
-    stages = (k1, k2, k3, k4)
     touch = rates(time, state, k1, plain, knots, surfaces, law, work)
     count, spent = 0, 1
     age = KEPT  # of the slopes, in steps
@@ -591,16 +548,19 @@ def advance(
             age += 1
             touch = touches
             mode[TOUCHED] = mode[TOUCHED] + 1.0 if touch else 0.0
-            if _arrived(state, plain):
+            if state[1] >= plain[WAY] and (plain[LINKED] == 0.0 or state[6] >= plain[WAY]):
                 return ENGAGED, time, step, count, spent
         elif h < LEAST:
             return LOST, time, step, count, spent
         else:
             age = KEPT if age > 0 else 0
-        grown = _growth(worst)
+        grown = min(5.0, max(0.1, 0.9 * worst ** (-1.0 / 3.0)))
         if not last or grown < 1.0:
             step = min(h * grown, max_step)
-        _switch(mode, touch, step)
+        # Implicit steps where dogs stay in touch, and back where that gains nothing.
         if not stiff:
             age = KEPT
+            mode[BEATEN] = step if mode[TOUCHED] >= PATIENCE else 0.0
+        elif not touch or step < mode[BEATEN]:
+            mode[BEATEN], mode[TOUCHED] = 0.0, 0.0
     return PAUSED, time, step, count, spent

@@ -1,9 +1,14 @@
 r"""Shift force over time, and the free flight it gives.
 
-The published force is a cubic step (Adams STEP),
-:math:`F(t) = F (3 s^2 - 2 s^3)`, :math:`s = t/T` up to :math:`s = 1`, then constant.
-A mass that nothing touches has travelled
-:math:`x = (F T^2/m)(s^4/4 - s^5/10)` by then.
+The published force is a cubic step (Adams STEP), :math:`F(t) = F (3 s^2 - 2 s^3)`, :math:`s = t/T`
+up to :math:`s = 1`, then constant. Through a lag of first order, :math:`\tau y' = F - y`, it is
+with :math:`\theta = \tau/T` and :math:`y(0) = 0`, while the step rises,
+
+.. math:: y/F = 3 (s^2 - 2 \theta s + 2 \theta^2) - 2 (s^3 - 3 \theta s^2 + 6 \theta^2 s
+   - 6 \theta^3) - 6 \theta^2 (1 + 2 \theta) e^{-s/\theta},
+
+and nears *F* as :math:`e^{-(t - T)/\tau}` afterwards. A mass that nothing touches has travelled
+:math:`x = (F T^2/m)(s^4/4 - s^5/10)` within the step; with a lag, :math:`\int y = \int F - \tau y`.
 """
 
 from __future__ import annotations
@@ -33,24 +38,28 @@ def cubic_step(share: Times, full: Times | float) -> Times:
 class ForceProfile:
     """A shift force that rises as a cubic step to ``force`` (N) within ``rise`` (s).
 
-    ``delay`` is the dead time from the command to the start of the force, s. Times of all methods
-    count from the start of the force, before which nothing moves along the shaft. ``loss`` in N is
-    a constant part of ``force`` that never reaches the sleeve; the rest rises in the same time.
+    ``lag`` is the time constant through which the force comes, s. ``delay`` is the dead time from
+    the command to the start of the force, s. Times of all methods count from the start of the
+    force, before which nothing moves along the shaft. ``loss`` in N is a constant part of
+    ``force`` that never reaches the sleeve; the rest rises in the same time.
     """
 
     force: float
     rise: float
+    lag: float = field(default=0.0, kw_only=True)
     delay: float = field(default=0.0, kw_only=True)
     loss: float = field(default=0.0, kw_only=True)
 
     def __post_init__(self) -> None:
-        if not SMALLEST_FORCE <= self.force <= 1e5:
-            rule = "it must lie between 1 and 100000 N and point into engagement"
-            raise InputError(refusal("shift force", self.force, "N", rule, "correct the force"))
-        if not 1e-4 <= self.rise <= 10.0:
-            rule = "it must lie between 0.0001 and 10 s"
-            remedy = "give the rise time in seconds"
-            raise InputError(refusal("rise time of the force", self.rise, "s", rule, remedy))
+        limits = [
+            ("shift force", "N", self.force, SMALLEST_FORCE, 1e5, "correct the force"),
+            ("rise time of the force", "s", self.rise, 1e-4, 10.0, "give the rise time in seconds"),
+            ("lag of the force", "s", self.lag, 1e-5, 10.0, "give it in seconds"),
+        ]
+        for name, unit, value, low, high, remedy in limits if self.lag else limits[:2]:
+            if not low <= value <= high:
+                rule = f"it must lie between {low:g} and {high:g} {unit}"
+                raise InputError(refusal(name, value, unit, rule, remedy))
         remedy = "give the dead time in seconds"
         require_between("mechanism.delay_s", self.delay, 0.0, 10.0, remedy)
         if not 0.0 <= self.loss <= self.force - SMALLEST_FORCE:
@@ -66,77 +75,9 @@ class ForceProfile:
 
     def at(self, time: Times) -> Times:
         """Return the force in N at ``time`` in s after the start."""
-        return cubic_step(time / self.rise, self.net_force)
-
-    def knots(self) -> tuple[Series, Series, Series]:
-        """Return times in s, forces in N and their slopes in N/s, cubic in between, each (n,).
-
-        The force keeps its last value.
-        """
-        return np.array([0.0, self.rise]), np.array([0.0, self.net_force]), np.zeros(2)
-
-    @property
-    def record(self) -> dict[str, float]:
-        """The profile as a flat record in the edge's units."""
-        late = {} if self.delay == 0.0 else {"force_delay_s": self.delay}
-        lost = {} if self.loss == 0.0 else {"force_loss_N": self.loss}
-        return {"force_N": self.force, "force_rise_s": self.rise, **late, **lost}
-
-    def free_flight(self, time: Times, mass: float) -> Times:
-        """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
-        s = np.clip(time / self.rise, 0.0, 1.0)
-        way = self.net_force * self.rise**2 / mass * (s**4 / 4.0 - s**5 / 10.0)
-        beyond = np.maximum(0.0, time - self.rise)
-        speed = 0.5 * self.net_force * self.rise / mass
-        whole: Times = way + beyond * speed + 0.5 * self.net_force / mass * beyond**2
-        return whole
-
-    def free_speed(self, time: Times, mass: float) -> Times:
-        """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
-        s = np.clip(time / self.rise, 0.0, 1.0)
-        speed = self.net_force * self.rise / mass * (s**3 - s**4 / 2.0)
-        whole: Times = speed + self.net_force / mass * np.maximum(0.0, time - self.rise)
-        return whole
-
-    def free_flight_time(self, way: float, mass: float) -> float:
-        """Return the time in s after which a free ``mass`` has made ``way`` in m."""
-        if way == 0.0:
-            return 0.0
-        # The way is convex in time, so Newton's steps come down to the root from any later time,
-        # and an earlier one is later after a step. The way of the rise is at least
-        # 0.15 (F T^2/m) s^4, which makes this guess a late one there.
-        time = self.rise * (way * mass / (0.15 * self.net_force * self.rise**2)) ** 0.25
-        step = time
-        while abs(step) > 1e-12 * time:
-            step = (self.free_flight(time, mass) - way) / self.free_speed(time, mass)
-            time -= step
-        return float(time)
-
-
-@dataclass(frozen=True)
-class LaggedProfile(ForceProfile):
-    r"""A cubic step that comes through a lag of first order, :math:`\tau y' = u - y`.
-
-    With :math:`\theta = \tau/T` and :math:`y(0) = 0` the force is, while the step rises,
-
-    .. math:: y/F = 3 (s^2 - 2 \theta s + 2 \theta^2) - 2 (s^3 - 3 \theta s^2 + 6 \theta^2 s
-       - 6 \theta^3) - 6 \theta^2 (1 + 2 \theta) e^{-s/\theta},
-
-    and nears *F* as :math:`e^{-(t - T)/\tau}` afterwards. Momentum and way of a free mass
-    follow from those of the step: :math:`\int y = \int u - \tau y`, and so once more.
-    ``lag`` in s.
-    """
-
-    lag: float = 0.01
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 1e-5 <= self.lag <= 10.0:
-            rule = "it must lie between 0.00001 and 10 s"
-            raise InputError(refusal("lag of the force", self.lag, "s", rule, "give it in seconds"))
-
-    def at(self, time: Times) -> Times:
-        """Return the force in N at ``time`` in s after the start."""
+        step = cubic_step(time / self.rise, self.net_force)
+        if self.lag == 0.0:
+            return step
         lag = self.lag / self.rise
         s = np.clip(time / self.rise, 0.0, 1.0)
         square = s * s - 2.0 * lag * s + 2.0 * lag**2
@@ -150,8 +91,10 @@ class LaggedProfile(ForceProfile):
     def knots(self) -> tuple[Series, Series, Series]:
         """Return times in s, forces in N and their slopes in N/s, cubic in between, each (n,).
 
-        The force keeps its last value, 30 lags after the rise.
+        The force keeps its last value, with a lag that 30 lags after the rise.
         """
+        if self.lag == 0.0:
+            return np.array([0.0, self.rise]), np.array([0.0, self.net_force]), np.zeros(2)
         early = self.lag * np.linspace(0.0, 12.0, 49)
         late = self.rise + self.lag * np.linspace(0.0, 30.0, 121)
         times = np.concatenate([early[early < self.rise], np.linspace(0.0, self.rise, 65), late])
@@ -162,38 +105,46 @@ class LaggedProfile(ForceProfile):
     @property
     def record(self) -> dict[str, float]:
         """The profile as a flat record in the edge's units."""
-        return {**super().record, "force_lag_s": self.lag}
-
-    def free_speed(self, time: Times, mass: float) -> Times:
-        """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
-        whole: Times = super().free_speed(time, mass) - self.lag / mass * self.at(time)
-        return whole
+        more = {"force_delay_s": self.delay, "force_loss_N": self.loss, "force_lag_s": self.lag}
+        given = {key: value for key, value in more.items() if value != 0.0}
+        return {"force_N": self.force, "force_rise_s": self.rise, **given}
 
     def free_flight(self, time: Times, mass: float) -> Times:
         """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
-        whole: Times = super().free_flight(time, mass) - self.lag * self.free_speed(time, mass)
-        return whole
+        s = np.clip(time / self.rise, 0.0, 1.0)
+        way = self.net_force * self.rise**2 / mass * (s**4 / 4.0 - s**5 / 10.0)
+        beyond = np.maximum(0.0, time - self.rise)
+        speed = 0.5 * self.net_force * self.rise / mass
+        whole: Times = way + beyond * speed + 0.5 * self.net_force / mass * beyond**2
+        return whole - self.lag * self.free_speed(time, mass) if self.lag else whole
+
+    def free_speed(self, time: Times, mass: float) -> Times:
+        """Return the speed in m/s of a free ``mass`` in kg at ``time`` in s."""
+        s = np.clip(time / self.rise, 0.0, 1.0)
+        speed = self.net_force * self.rise / mass * (s**3 - s**4 / 2.0)
+        whole: Times = speed + self.net_force / mass * np.maximum(0.0, time - self.rise)
+        return whole - self.lag / mass * self.at(time) if self.lag else whole
 
     def free_flight_time(self, way: float, mass: float) -> float:
         """Return the time in s after which a free ``mass`` has made ``way`` in m."""
-        # The way is a mean over delays whose own mean is the lag, and it is convex in time, so
-        # it comes no later than after one lag.
-        early = super().free_flight_time(way, mass)
-        late = early + self.lag
-        while late - early > 1e-12 * late:
-            middle = 0.5 * (early + late)
-            short = self.free_flight(middle, mass) < way
-            early, late = (middle, late) if short else (early, middle)
-        return late
+        if way == 0.0:
+            return 0.0
+        # The way is convex in time, so Newton's steps come down to the root from any later time,
+        # and an earlier one is later after a step. The way of the rise is at least
+        # 0.15 (F T^2/m) s^4, which makes this guess a late one there, and one lag later with a lag.
+        time = self.rise * (way * mass / (0.15 * self.net_force * self.rise**2)) ** 0.25
+        time = step = time + self.lag
+        while abs(step) > 1e-12 * time:
+            step = (self.free_flight(time, mass) - way) / self.free_speed(time, mass)
+            time -= step
+        return float(time)
 
 
 def recorded_profile(record: Mapping[str, float]) -> ForceProfile:
     """Build the profile that a flat record describes."""
-    force, rise, lag = record["force_N"], record["force_rise_s"], record.get("force_lag_s")
-    delay, loss = record.get("force_delay_s", 0.0), record.get("force_loss_N", 0.0)
-    if lag is None:
-        return ForceProfile(force, rise, delay=delay, loss=loss)
-    return LaggedProfile(force, rise, lag, delay=delay, loss=loss)
+    lag, delay, loss = (record.get(f"force_{key}", 0.0) for key in ("lag_s", "delay_s", "loss_N"))
+    force, rise = record["force_N"], record["force_rise_s"]
+    return ForceProfile(force, rise, lag=lag, delay=delay, loss=loss)
 
 
 @dataclass(frozen=True)
@@ -241,8 +192,7 @@ class RiseTable:
         if not self.covers(force):
             remedy = "extend actuation.force_N and actuation.rise_s" + other_way
             raise InputError(refusal("shift force", force, "N", self.range_rule, remedy))
-        order = np.argsort(self.forces)
-        known, rises = np.array(self.forces)[order], np.array(self.rises)[order]
+        known, rises = zip(*sorted(zip(self.forces, self.rises, strict=True)), strict=True)
         return ForceProfile(force, float(np.interp(force, known, rises)))
 
     def gives(self, profile: ForceProfile) -> bool:

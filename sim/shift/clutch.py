@@ -6,19 +6,19 @@ and a relative angle say what is asked of it.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, replace
 
 from dogshape.sim.errors import (
     InputError,
     did_you_mean,
     refusal,
+    require_between,
     require_ranges,
     within,
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mechanism import NOTHING, Mechanism
+from dogshape.sim.shift.mechanism import NOTHING, Mechanism, Shaft, shaft_of
 from dogshape.sim.units import RPM
 
 
@@ -28,22 +28,14 @@ class ContactSet:
 
     A compliant layer (pressure = stiffness x penetration, Drake's hydroelastic model), Hunt and
     Crossley's dissipation ``p (1 + d v)``, Coulomb friction regularised over a stiction velocity.
-
-    Parameters
-    ----------
-    name : of the set, for reports.
-    static_friction, dynamic_friction : Coulomb coefficients.
-    stiction_velocity : slip below which friction is regularised, m/s.
-    stiffness : pressure per penetration, Pa/m.
-    dissipation : Hunt and Crossley's coefficient, s/m.
     """
 
     name: str
     static_friction: float = within("static_friction", 0.0, 1.5)
     dynamic_friction: float = within("dynamic_friction", 0.0, 1.5)
-    stiction_velocity: float = within("stiction_velocity_m_s", 1e-5, 1.0)
-    stiffness: float = within("stiffness_Pa_m", 1e10, 1e16)
-    dissipation: float = within("dissipation_s_m", 0.0, 1e4)
+    stiction_velocity: float = within("stiction_velocity_m_s", 1e-5, 1.0)  #: slip, m/s
+    stiffness: float = within("stiffness_Pa_m", 1e10, 1e16)  #: pressure per penetration, Pa/m
+    dissipation: float = within("dissipation_s_m", 0.0, 1e4)  #: s/m
 
     def __post_init__(self) -> None:
         require_ranges(self, "contact", "correct the contact set")
@@ -134,8 +126,7 @@ ENGINES = ("drake", "planar")
 PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
 #: Schemes with the accuracy that each needs.
 SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
-#: The same with forces of a mechanism, which ``cenic`` takes from the start of a step.
-WITH_FORCES = {**SCHEMES, "cenic": 1e-9}
+CENIC_WITH_FORCES = 1e-9  #: where a mechanism has forces, taken from the start of a step
 
 
 def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
@@ -151,7 +142,8 @@ def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
 
 def accuracy_of(scheme: str, mechanism: Mechanism) -> float:
     """Return the accuracy that Drake's scheme needs for a clutch with this mechanism."""
-    return (WITH_FORCES if mechanism.has_forces else SCHEMES)[scheme]
+    forced = scheme == "cenic" and mechanism.has_forces
+    return CENIC_WITH_FORCES if forced else SCHEMES[scheme]
 
 
 @dataclass(frozen=True)
@@ -190,6 +182,15 @@ class Clutch:
         """Travel at which a shift counts as finished, m."""
         return self.dog.travel - self.seated_tolerance
 
+    @property
+    def shafts(self) -> tuple[Shaft | None, Shaft | None]:
+        """Shafts behind sliding and output ring; None where a side is one piece."""
+        rings, own = self.rings, self.mechanism
+        return (
+            shaft_of(own.ring_inertia, rings.sliding_inertia, own.input_stiffness, own.backlash),
+            shaft_of(own.wheel_inertia, rings.output_inertia, own.output_stiffness),
+        )
+
     def refined(self) -> Clutch:
         """Return the same clutch with a tolerance thirty times smaller and half the step."""
         solver = self.solver
@@ -222,12 +223,6 @@ class OperatingPoint:
     weight: float = 1.0
 
     def __post_init__(self) -> None:
-        limit = 5000.0 * RPM
-        if not (math.isfinite(self.mismatch) and abs(self.mismatch) <= limit):
-            rule = "it must be finite and at most 5000 1/min either way"
-            value = self.mismatch / RPM
-            remedy = "give the mismatch speed in 1/min"
-            raise InputError(refusal("mismatch speed", value, "1/min", rule, remedy))
-        if not (math.isfinite(self.weight) and self.weight > 0.0):
-            rule = "it must be positive"
-            raise InputError(refusal("weight", self.weight, "", rule, "correct the weight"))
+        remedy = "give the mismatch speed in 1/min"
+        require_between("mismatch_rpm", self.mismatch / RPM, -5000.0, 5000.0, remedy)
+        require_between("weight", self.weight, 1e-12, 1e12, "correct the weight")

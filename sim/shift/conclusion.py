@@ -11,22 +11,30 @@ every time of it is later by the dead time exactly.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields, replace
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
+from typing import Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.events import Events, Phase, events_of, phases_of, touches_of
+from dogshape.sim.shift.events import (
+    Events,
+    Phase,
+    events_of,
+    faces_meet,
+    phases_of,
+    touching,
+)
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Loads, loads_of
 from dogshape.sim.shift.mesh import pressure_apex
-from dogshape.sim.shift.trace import Series, Trace, crossing, trace_of
+from dogshape.sim.shift.trace import Series, Trace, crossing, cubic, trace_of
 from dogshape.sim.units import MM
 
 
@@ -38,13 +46,9 @@ class Outcome(Enum):
     TIMED_OUT = "timed_out"
     DIVERGED = "diverged"
 
-    @property
-    def message(self) -> str:
-        """Meaning of the outcome, in words."""
-        return _MESSAGES[self]
 
-
-_MESSAGES = {
+#: Meaning of an outcome.
+MESSAGES = {
     Outcome.ENGAGED: "the sliding ring reached full depth",
     Outcome.BLOCKED: "the rings stand still on each other, dog on dog, held by friction",
     Outcome.TIMED_OUT: "full depth was not reached before the time-out",
@@ -63,6 +67,9 @@ def depends_on_clock(reason: str) -> bool:
 LONGEST_TURN = 0.05  #: pitches, by which a step may turn without a look at what is between
 #: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
 COVERED_DEPTH = 1.0 / 3.0
+FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
+DEAD_TIME = "dead time"  #: name of the phase before the force starts
+LATEST_RELEASE = 0.99  #: of the time-out, from which on a ring that was never let go is simulated
 
 
 def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Series:
@@ -76,23 +83,20 @@ def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Serie
     """
     across = -relative_angle * dog.mean_radius
     across = across - dog.pitch * np.round(across / dog.pitch)
-    along = dog.travel - displacement
-    traction, braking, chamfer = dog.traction, dog.braking, dog.chamfer
-    quarter, half = 0.25 * dog.pitch, 0.5 * dog.height
-    crest = quarter - half * math.tan(traction)
-    planes = [
-        (math.cos(traction), math.sin(traction), math.cos(traction) * quarter),
-        (-math.cos(braking), math.sin(braking), math.cos(braking) * quarter),
-        (
-            -math.sin(chamfer),
-            math.cos(chamfer),
-            half * math.cos(chamfer) - crest * math.sin(chamfer),
-        ),
-    ]
     y = across + dog.pitch * np.array([[-1.0], [0.0], [1.0]])  # the dogs on either side too
-    first, second, third = (2.0 * offset - (n_y * y + n_z * along) for n_y, n_z, offset in planes)
-    least = np.minimum(np.minimum(first, second), third)
-    deepest: Series = np.maximum(least.max(axis=0), 0.0)
+    z = dog.travel - displacement
+    quarter, half = 0.25 * dog.pitch, 0.5 * dog.height
+    crest = quarter - half * math.tan(dog.traction)
+    depths = []
+    # A point of each plane beside its normal's lean.
+    for angle, side, at, up in (
+        (dog.traction, 1.0, quarter, 0.0),
+        (dog.braking, -1.0, -quarter, 0.0),
+        (0.5 * math.pi - dog.chamfer, -1.0, crest, half),
+    ):
+        n_y, n_z = side * math.cos(angle), math.sin(angle)
+        depths.append(2.0 * (n_y * at + n_z * up) - (n_y * y + n_z * z))
+    deepest: Series = np.maximum(np.minimum.reduce(depths).max(axis=0), 0.0)
     return deepest
 
 
@@ -100,29 +104,21 @@ def path_of(clutch: Clutch, trace: Trace) -> tuple[Series, Series]:
     """Follow a shift between its steps too: way in m and relative angle in rad, each (m,).
 
     A step turns fast rings by more than a pitch, and dogs may meet and part within it. Steps that
-    turn by more than ``LONGEST_TURN`` are divided into parts that do not, with the cubic through
-    both ends.
+    turn by more than ``LONGEST_TURN`` are divided into parts that do not, on the cubic.
     """
-    way, angle, speed, turn = (
-        trace.displacement, trace.relative_angle, trace.axial_speed, trace.relative_speed,
-    )  # fmt: skip
-    turned = np.abs(angle[1:] - angle[:-1]) / clutch.dog.pitch_angle
+    way, angle = trace.displacement, trace.relative_angle
+    turned = np.abs(np.diff(angle)) / clutch.dog.pitch_angle
     long = np.flatnonzero(turned > LONGEST_TURN)
     if not long.size:
         return way, angle
     parts = int(np.ceil(turned.max() / LONGEST_TURN))
-    s = np.arange(1, parts)[:, None] / parts
-    step = trace.time[long + 1] - trace.time[long]
+    share, step = np.arange(1, parts)[:, None] / parts, np.diff(trace.time)[long]
 
-    def between(place: Series, rate: Series) -> Series:
-        start, end = place[long], place[long + 1]
-        cubic: Series = (
-            (1 + 2 * s) * (1 - s) ** 2 * start + s * (1 - s) ** 2 * step * rate[long]
-            + s * s * (3 - 2 * s) * end + s * s * (s - 1) * step * rate[long + 1]
-        )  # fmt: skip
-        return cubic.ravel()
+    def followed(place: Series, rate: Series) -> Series:
+        start, end = (place[long], rate[long]), (place[long + 1], rate[long + 1])
+        return np.append(place, cubic(share, step, start, end))
 
-    return np.append(way, between(way, speed)), np.append(angle, between(angle, turn))
+    return followed(way, trace.axial_speed), followed(angle, trace.relative_speed)
 
 
 def passing_through(clutch: Clutch, displacement: Series, relative_angle: Series) -> str:
@@ -169,10 +165,6 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
     raise InputError(refusal("contact.stiffness_Pa_m", stiffness, "Pa/m", rule, remedy))
 
 
-FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
-DEAD_TIME = "dead time"  #: name of the phase before the force starts
-
-
 @dataclass(frozen=True)
 class Engagement:
     """Result of one shift, with its problem.
@@ -202,22 +194,31 @@ class Engagement:
 class Run:
     """Record of one shift by an engine.
 
-    Parameters
-    ----------
-    times : s, (n,).
-    states : output angle, displacement, sliding angle and their rates, each (6,); with a linkage
-        also displacement and speed of the actuator, (8,); with shafts that give way these and angle
-        and rate of what is behind the sliding and the output ring, (12,).
-    blocked : whether the rings stood still on each other.
-    failure : why the integration was lost; empty where it was not.
-    evaluations : derivatives that the integrator asked for.
+    A state is output angle, displacement, sliding angle and their rates, displacement and speed of
+    the actuator, angle and rate of what is behind the sliding and the output ring, SI; what the
+    mechanism does not move apart has no meaning.
     """
 
-    times: Sequence[float] | Series
-    states: Sequence[Series] | Series
-    blocked: bool
-    failure: str
-    evaluations: int
+    times: Series  #: s, (n,)
+    states: Series  #: (n, 12)
+    blocked: bool  #: whether the rings stood still on each other
+    failure: str  #: why the integration was lost; empty where it was not
+    evaluations: int  #: derivatives that the integrator asked for
+
+
+def failure_of(clutch: Clutch, now: float, state: Series, steps: int, deadline: float) -> str:
+    """Describe why a run cannot go on; empty where it can.
+
+    ``now`` in s of the shift, ``deadline`` by the clock of ``time.monotonic``, s.
+    """
+    solver, place = clutch.solver, f"at {now:.6g} s"
+    if not np.isfinite(state).all():
+        return f"the motion is not finite {place}"
+    if steps > solver.max_steps:
+        return f"no end after solver.max_steps = {solver.max_steps}, {place} of the shift"
+    if time.monotonic() > deadline:
+        return f"{TIME_LIMIT} = {solver.time_limit:.6g}, {place} of the shift"
+    return ""
 
 
 def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> Engagement:
@@ -226,98 +227,70 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     A shift whose dogs passed through each other is ``Outcome.DIVERGED``. Times of a run
     count from the start of the force, those of the result from the command: a dead time later.
     """
-    trace = trace_of(clutch, point, run.times, run.states)
-    way = clutch.shift_travel
-    failure = run.failure or passing_through(clutch, *path_of(clutch, trace))
-    if failure:
-        outcome = Outcome.DIVERGED
-    elif (trace.displacement >= way).any():
-        outcome = Outcome.ENGAGED
-    else:
-        outcome = Outcome.BLOCKED if run.blocked else Outcome.TIMED_OUT
+    trace, way = trace_of(clutch, point.profile, run.times, run.states), clutch.shift_travel
     done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
     far = done
     if clutch.mechanism.has_linkage:
         far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
-    end = float(trace.time[-1]) if done is None else done
-    touched = touches_of(clutch, trace)
-    phases = phases_of(clutch, trace, touched, end)
-    found = Engagement(
+    outcome = Outcome.ENGAGED
+    failure = run.failure or passing_through(clutch, *path_of(clutch, trace))
+    if failure:
+        outcome = Outcome.DIVERGED
+    elif done is None:
+        outcome = Outcome.BLOCKED if run.blocked else Outcome.TIMED_OUT
+    touches = touching(trace)
+    faces = touches & faces_meet(clutch, trace.relative_angle, trace.displacement)
+    end, late = float(trace.time[-1]) if done is None else done, point.profile.delay
+    phases = phases_of(clutch, trace, touches, faces, end)
+    delayed = [Phase(one.name, one.start + late, one.end + late) for one in phases]
+    return Engagement(
         clutch=clutch,
         point=point,
         relative_angle=angle,
         outcome=outcome,
-        shift_time=done if outcome is Outcome.ENGAGED else None,
-        actuator_time=None if outcome is Outcome.DIVERGED else far,
-        phases=phases,
-        events=events_of(clutch, trace, touched),
-        loads=loads_of(clutch, trace, touched, phases),
+        shift_time=None if done is None or outcome is not Outcome.ENGAGED else done + late,
+        actuator_time=None if far is None or outcome is Outcome.DIVERGED else far + late,
+        phases=(*([Phase(DEAD_TIME, 0.0, late)] if late else ()), *delayed),
+        events=events_of(clutch, trace, faces),
+        loads=loads_of(clutch, trace, faces, phases[-1]),
         steps=len(trace.time),
         evaluations=run.evaluations,
-        detail=failure or outcome.message,
-        trace=trace,
+        detail=failure or MESSAGES[outcome],
+        trace=replace(trace, time=trace.time + late),
     )
-    return _delayed(found, point.profile.delay)
 
 
-def _delayed(found: Engagement, delay: float) -> Engagement:
-    """Return a shift whose force starts after a dead time in s, of one that starts at once.
+class Built(Protocol):
+    """A clutch as an engine has built it."""
 
-    The dead time comes before the phases, and as one more state, that at the command, before the
-    trace, (n + 1,).
-    """
-    if delay == 0.0:
-        return found
-    phases = [Phase(one.name, one.start + delay, one.end + delay) for one in found.phases]
-    trace, later = found.trace, replace(found.trace, time=found.trace.time + delay)
-    kept = [one.name for one in fields(trace) if getattr(trace, one.name) is not None]
-    first = {name: getattr(trace, name)[0] for name in kept}
-    first["time"] = 0.0
-    first["relative_angle"] -= delay * float(trace.relative_speed[0])
-    whole = {n: np.concatenate([[value], getattr(later, n)]) for n, value in first.items()}
-    ends = (found.shift_time, found.actuator_time)
-    shift_time, actuator_time = (None if end is None else end + delay for end in ends)
-    return replace(
-        found,
-        shift_time=shift_time,
-        actuator_time=actuator_time,
-        phases=(Phase(DEAD_TIME, 0.0, delay), *phases),
-        trace=Trace(**whole),
-    )
+    @property
+    def clutch(self) -> Clutch:
+        """The clutch itself."""
+
+
+Plant = TypeVar("Plant", bound=Built)
 
 
 def engaged(
-    clutch: Clutch, point: OperatingPoint, angle: float, run: Callable[[Clutch], Run]
+    plant: Plant,
+    point: OperatingPoint,
+    angle: float,
+    build: Callable[[Clutch], Plant],
+    run: Callable[[Plant, OperatingPoint, float], Run],
 ) -> Engagement:
-    """Simulate one shift by ``run``.
+    """Simulate one shift by ``run``, with the plant that an engine builds of a clutch.
 
     Dogs that are fast enough pass through each other within one step; such a shift is simulated
     again with steps of at most a tenth, and has diverged only if it does so again.
     """
-    first = run(clutch)
+    clutch, first = plant.clutch, run(plant, point, angle)
     found = conclude(clutch, point, angle, first)
     if found.outcome is not Outcome.DIVERGED or first.failure:
         return found
     solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
-    more = run(replace(clutch, solver=solver))
+    more = run(build(replace(clutch, solver=solver)), point, angle)
     again = conclude(clutch, point, angle, more)
     return replace(again, evaluations=first.evaluations + more.evaluations)
-
-
-#: Share of the time-out from which on a ring that was never let go is simulated.
-LATEST_RELEASE = 0.99
-
-
-@dataclass(frozen=True)
-class Release:
-    """Times in s up to when the ring is let go, with displacement (m) and speed of the actuator.
-
-    Each (n,); the last is where the motion of both rings begins.
-    """
-
-    time: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-    speed: NDArray[np.float64]
 
 
 def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Series, Series]:
@@ -325,58 +298,55 @@ def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Se
 
     The last state is where the motion of both rings begins; ``angle`` as for ``Engagement``.
     """
-    held, sliding = release(clutch, point.profile), clutch.rings.initial_speed
+    times, *actuator = release(clutch, point.profile)
+    sliding = clutch.rings.initial_speed
     output = sliding + point.mismatch
-    states = np.zeros((len(held.time), 12))
-    states[:, 0], states[:, 2] = angle + output * held.time, sliding * held.time
-    states[:, 3], states[:, 5] = output, sliding
-    states[:, 6], states[:, 7] = held.displacement, held.speed
-    states[:, 8], states[:, 9] = states[:, 2], sliding
-    states[:, 10], states[:, 11] = states[:, 0], output
-    return held.time, states
+    states = np.zeros((len(times), 12))
+    states[:, [3, 11]], states[:, [5, 9]] = output, sliding
+    states[:, [0, 10]] = (angle + output * times)[:, None]
+    states[:, [2, 8]] = (sliding * times)[:, None]
+    states[:, [6, 7]] = np.transpose(actuator)
+    return times, states
 
 
 @lru_cache(maxsize=64)  # shifts differ by their angle alone
-def release(clutch: Clutch, profile: ForceProfile) -> Release:
+def release(clutch: Clutch, profile: ForceProfile) -> Series:
     r"""Find the time at which friction lets the ring go; at once where it need not hold.
 
+    Returns times in s with displacement in m and speed of the actuator up to there, (3, n).
     Without a linkage that is when the shift force reaches :math:`R_0`. With one the actuator moves
     against a ring at rest, :math:`m_a \ddot y = F(t) - L(y, \dot y)`, until :math:`L = R_0`. A
     friction law that is nearly a jump would cost the solver of the whole motion thousands of steps.
     """
-    mechanism = clutch.mechanism
+    mechanism, mass = clutch.mechanism, clutch.rings.mass
     held = mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0
     slows = clutch.rings.initial_speed != 0.0 and mechanism.drag_torque > 0.0
-    if not held or slows:
-        return Release(*np.zeros((3, 1)))
-    if mechanism.has_linkage:
-        return _loaded(clutch, profile)
     low, high = 0.0, LATEST_RELEASE * clutch.timeout
-    if profile.at(high) < mechanism.friction:
-        low = high
-    while high - low > 1e-6:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if profile.at(middle) < mechanism.friction else (low, middle)
-    return Release(np.array([0.0, low]), np.zeros(2), np.zeros(2))
-
-
-def _loaded(clutch: Clutch, profile: ForceProfile) -> Release:
+    if not held or slows:
+        return np.zeros((3, 1))
+    if not mechanism.has_linkage:
+        if profile.at(high) < mechanism.friction:
+            low = high
+        while high - low > 1e-6:
+            middle = 0.5 * (low + high)
+            short = profile.at(middle) < mechanism.friction
+            low, high = (middle, high) if short else (low, middle)
+        return np.array([[0.0, low], [0.0, 0.0], [0.0, 0.0]])
     from scipy.integrate import solve_ivp  # noqa: PLC0415  slow to load, and few shifts need it
 
-    mechanism, mass = clutch.mechanism, clutch.rings.mass
     linkage, far = mechanism.linkage(mass), mechanism.actuator_mass(mass)
 
-    def motion(time: float, state: NDArray[np.float64]) -> list[float]:
-        way, speed = map(float, state)
-        return [speed, (float(profile.at(time)) - mechanism.pull(way, speed, *linkage)) / far]
+    def pulled(state: Series) -> float:
+        return float(mechanism.pull(float(state[0]), float(state[1]), *linkage))
 
-    def loose(_: float, state: NDArray[np.float64]) -> float:
-        way, speed = map(float, state)
-        return float(mechanism.pull(way, speed, *linkage)) - mechanism.friction
+    def motion(time: float, state: Series) -> list[float]:
+        return [float(state[1]), (float(profile.at(time)) - pulled(state)) / far]
+
+    def loose(_: float, state: Series) -> float:
+        return pulled(state) - mechanism.friction
 
     loose.terminal = True  # type: ignore[attr-defined]
-    span = (0.0, LATEST_RELEASE * clutch.timeout)
     run = solve_ivp(
-        motion, span, [0.0, 0.0], events=loose, rtol=1e-5, atol=1e-9, max_step=0.01 * span[1]
+        motion, (low, high), [0.0, 0.0], events=loose, rtol=1e-5, atol=1e-9, max_step=0.01 * high
     )
-    return Release(run.t, *run.y)
+    return np.array([run.t, *run.y])

@@ -1,22 +1,16 @@
 """Where faces can meet, phases and events of a shift.
 
-Phases, contiguous from the start of the force:
-
-free fly
-    until the first touch, or until the crests meet when no face is ever touched.
-face contact
-    from the first touch of any kind to the last one of a face: dog on dog with
-    every bounce, rebound and skipped slot in between.
-entry
-    the dogs are in the slots and no flank has touched yet.
-seating
-    from the first flank contact to the end of the travel.
+Phases, contiguous from the start of the force: *free fly* until the first touch, or until the
+crests meet when no face is ever touched; *face contact* from the first touch of any kind to the
+last one of a face, with every bounce, rebound and skipped slot in between; *entry* while the dogs
+are in the slots and no flank has touched yet; *seating* from the first flank contact to the end.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +23,9 @@ Flags = NDArray[np.bool_]
 
 CREST_DEPTH = 1e-4  #: m about the crests' height within which crests can stand on each other
 PHASES = ("free fly", "face contact", "entry", "seating")
+LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
+STILL = 1e-3  #: m/s of slip below which faces count as held
+STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
 
 
 @dataclass(frozen=True)
@@ -38,6 +35,17 @@ class Phase:
     name: str
     start: float
     end: float
+
+
+@dataclass(frozen=True)
+class Events:
+    """Events of a shift."""
+
+    face_contacts: int  #: how often a dog came down on the face of another
+    slots_skipped: int  #: that the dogs could have reached and were carried past
+    rebound: float  #: farthest way back from a depth once reached, m
+    time_blocked: float  #: with face on face at a slip below ``STILL``, s
+    face_slide: float  #: way that faces slid on each other, m
 
 
 def face_overlap(clutch: Clutch, relative_angle: Series) -> tuple[Series, float]:
@@ -65,24 +73,12 @@ def faces_meet(clutch: Clutch, relative_angle: Series, displacement: Series) -> 
     return (overlap > 0.0) & (overlap < most) & near
 
 
-def face_left(clutch: Clutch, relative_angle: float, displacement: float) -> float:
-    """Return the slip that would free a face from a face, m; infinite where none can touch."""
-    angle, way = np.array([relative_angle]), np.array([displacement])
-    if not faces_meet(clutch, angle, way)[0]:
-        return math.inf
-    overlap, most = face_overlap(clutch, angle)
-    return float(min(overlap[0], most - overlap[0]))
-
-
 def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
     """Mark positions in which two crests cross within both dogs, at their depth, (n,).
 
-    Crests are straight; where their overlap is zero at the mean radius they stand
-    ``height tan(traction) / radius`` out of parallel, rounded ones more by what they stand back.
-    There the common normal is the axis, and
-    friction holds whatever the chamfer (``tests/verification/crests.py``). Ridges of rounded crests
-    stand lower and farther back, and friction holds their slopes up to its angle beyond
-    (``tests/verification/ridges.py``).
+    Straight crests stand ``height tan(traction) / radius`` out of parallel where their overlap is
+    zero at the mean radius, rounded ones more by their setback. The common normal is then the axis:
+    friction holds whatever the chamfer, for rounded crests up to its angle beyond.
     """
     dog, radius = clutch.dog, clutch.dog.edge_radius
     back = 2.0 * crest_setback(dog, radius)
@@ -91,87 +87,38 @@ def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -
     beyond = 0.5 * crossing * dog.radial_width + 2.0 * radius * slope
     overlap, _ = face_overlap(clutch, relative_angle)
     depth = displacement - dog.axial_gap - 2.0 * crest_loss(dog, radius)
-    near = np.abs(depth) < CREST_DEPTH
-    flags: Flags = near & (np.abs(overlap - back) <= beyond)
+    flags: Flags = (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - back) <= beyond)
     return flags
 
 
 def touching(trace: Trace) -> Flags:
     """Mark steps with a contact, (n,)."""
     pressed = trace.contact_force > 0.5 + 0.01 * trace.shift_force
-    turned = np.abs(trace.sliding_speed[1:] - trace.sliding_speed[:-1]) > 1e-6
-    pressed[1:] |= turned
+    pressed[1:] |= np.abs(np.diff(trace.sliding_speed)) > 1e-6
     return pressed
 
 
-@dataclass(frozen=True)
-class Touches:
-    """Steps of a shift with any contact, and with faces on faces, each (n,)."""
+def phases_of(
+    clutch: Clutch, trace: Trace, touches: Flags, faces: Flags, end: float
+) -> tuple[Phase, ...]:
+    """Return the phases of a shift that ends at ``end``, s.
 
-    any: Flags
-    faces: Flags
-
-
-def touches_of(clutch: Clutch, trace: Trace) -> Touches:
-    """Mark steps with a contact."""
-    touches = touching(trace)
-    near = faces_meet(clutch, trace.relative_angle, trace.displacement)
-    return Touches(touches, touches & near)
-
-
-def phases_of(clutch: Clutch, trace: Trace, touched: Touches, end: float) -> tuple[Phase, ...]:
-    """Return the phases of a shift that ends at ``end``, s."""
-    touches, faces = touched.any, touched.faces
+    ``touches`` marks steps with a contact, ``faces`` those with a face on a face, each (n,).
+    """
+    time = trace.time
     if faces.any():
-        first = float(trace.time[np.argmax(touches)])
-        last = float(trace.time[len(faces) - 1 - np.argmax(faces[::-1])])
+        first, last = time[np.argmax(touches)], time[np.flatnonzero(faces)[-1]]
     else:
         met = trace.displacement >= clutch.dog.axial_gap
-        first = last = float(trace.time[np.argmax(met)]) if met.any() else end
-    flank = touches & (trace.time > last)
-    seat = float(trace.time[np.argmax(flank)]) if flank.any() else end
-    marks = np.minimum([0.0, first, last, seat, end], end)
-    return tuple(
-        Phase(name, float(a), float(b))
-        for name, a, b in zip(PHASES, marks[:-1], marks[1:], strict=True)
-    )
+        first = last = time[np.argmax(met)] if met.any() else end
+    flank = touches & (time > last)
+    seat = time[np.argmax(flank)] if flank.any() else end
+    marks = np.minimum([0.0, first, last, seat, end], end).tolist()
+    return tuple(Phase(name, *ends) for name, ends in zip(PHASES, pairwise(marks), strict=True))
 
 
-LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
-STILL = 1e-3  #: m/s of slip below which faces count as held
-STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
-SLID = 5e-5  #: m of sliding from which faces count as having slid
-
-
-@dataclass(frozen=True)
-class Events:
-    """Events of a shift.
-
-    Parameters
-    ----------
-    face_contacts : how often a dog came down on the face of another.
-    slots_skipped : slots that the dogs could have reached and were carried past.
-    rebound : farthest way back from a depth once reached, m.
-    time_blocked : time with face on face held by friction, s: slip below a
-        millimetre a second.
-    face_slide : way that faces slid on each other, m.
-    """
-
-    face_contacts: int
-    slots_skipped: int
-    rebound: float
-    time_blocked: float
-    face_slide: float
-
-    @property
-    def chamfer_slid(self) -> bool:
-        """Whether faces slid on each other."""
-        return self.face_slide > SLID
-
-
-def events_of(clutch: Clutch, trace: Trace, touched: Touches) -> Events:
-    """Return the events of a shift."""
-    faces, steps = touched.faces, trace.steps
+def events_of(clutch: Clutch, trace: Trace, faces: Flags) -> Events:
+    """Return the events of a shift; ``faces`` (n,) as for ``phases_of``."""
     slip = np.abs(trace.relative_speed) * clutch.dog.mean_radius
     held = slip < STILL
     deepest = np.maximum.accumulate(trace.displacement)
@@ -179,9 +126,43 @@ def events_of(clutch: Clutch, trace: Trace, touched: Touches) -> Events:
         face_contacts=_landings(clutch, trace, faces),
         slots_skipped=_skipped(clutch, trace),
         rebound=float((deepest - trace.displacement).max()),
-        time_blocked=float(steps[faces & held].sum()),
-        face_slide=float((slip * steps)[faces & ~held].sum()),
+        time_blocked=float(trace.steps[faces & held].sum()),
+        face_slide=float((slip * trace.steps)[faces & ~held].sum()),
     )
+
+
+def _landings(clutch: Clutch, trace: Trace, faces: Flags) -> int:
+    """Count touches of a face after a flight that parted it by ``LIFT``."""
+    overlap, most = face_overlap(clutch, trace.relative_angle)
+    level = clutch.dog.axial_gap + overlap * math.tan(clutch.dog.chamfer)
+    on_face = (overlap > 0.0) & (overlap < most)
+    apart = np.where(on_face, level - trace.displacement, clutch.dog.travel)
+    here = np.flatnonzero(faces)
+    flights = [(a, b) for a, b in pairwise(here.tolist()) if b > a + 1]
+    flown = [float(apart[a : b + 1].max() - apart[a]) for a, b in flights]
+    return int(here.size > 0) + sum(one > LIFT for one in flown)
+
+
+def _skipped(clutch: Clutch, trace: Trace) -> int:
+    """Count slots between the first one within reach and the one that was entered.
+
+    Slot *k* lies between the angles k and k + 1 pitches. Dogs that stand on a face
+    when the crests meet reach the next slot in the direction of the mismatch.
+    """
+    met = trace.displacement >= clutch.dog.axial_gap
+    if not met.any():
+        return 0
+    forward = trace.relative_speed[0] >= 0.0
+
+    def slot(angle: float) -> int:
+        overlap, most = face_overlap(clutch, np.array([angle]))
+        place = angle / clutch.dog.pitch_angle
+        if 0.0 < overlap[0] < most:
+            return round(place) - (0 if forward else 1)
+        return math.floor(place)
+
+    first, last = (slot(float(trace.relative_angle[k])) for k in (np.argmax(met), -1))
+    return max(0, last - first if forward else first - last)
 
 
 def stands_still(
@@ -225,45 +206,9 @@ def stays_held(clutch: Clutch, states: Series, span: float, left: float) -> bool
         growth = abs(float(rates[-1] - rates[0])) / span
         return float(np.abs(rates).max()) * left + 0.5 * growth * left**2
 
-    free = face_left(clutch, float(last[0] - last[2]), float(last[1]))
-    room = clutch.shift_travel - float(last[1])
-    return radius * reach(turning) < 0.5 * free and reach(sliding) < 0.5 * room
-
-
-def _landings(clutch: Clutch, trace: Trace, faces: Flags) -> int:
-    """Count touches of a face after a flight that parted it; ``faces`` (n,) as in ``Touches``."""
-    overlap, most = face_overlap(clutch, trace.relative_angle)
-    level = clutch.dog.axial_gap + overlap * math.tan(clutch.dog.chamfer)
-    apart = np.where(
-        (overlap > 0.0) & (overlap < most), level - trace.displacement, clutch.dog.travel
-    )
-    here = np.flatnonzero(faces)
-    flights = np.flatnonzero(here[1:] > here[:-1] + 1)
-    flown = (apart[here[k] : here[k + 1] + 1].max() - apart[here[k]] for k in flights.tolist())
-    return int(here.size > 0) + sum(bool(one > LIFT) for one in flown)
-
-
-def _skipped(clutch: Clutch, trace: Trace) -> int:
-    """Count slots between the first one within reach and the one that was entered.
-
-    Slot *k* lies between the angles k and k + 1 pitches. Dogs that stand on a face
-    when the crests meet reach the next slot in the direction of the mismatch.
-    """
-    met = trace.displacement >= clutch.dog.axial_gap
-    if not met.any():
-        return 0
-    start = int(np.argmax(met))
-    angle = float(trace.relative_angle[start])
-    forward = trace.relative_speed[0] >= 0.0
-    first = _slot(clutch, angle, forward)
-    last = _slot(clutch, float(trace.relative_angle[-1]), forward)
-    return max(0, last - first if forward else first - last)
-
-
-def _slot(clutch: Clutch, angle: float, forward: bool) -> int:
-    """Return the slot at an angle, or on a face the next one in the direction of motion."""
-    overlap, most = face_overlap(clutch, np.array([angle]))
-    place = angle / clutch.dog.pitch_angle
-    if 0.0 < overlap[0] < most:
-        return round(place) - (0 if forward else 1)
-    return math.floor(place)
+    angle, way = last[:1] - last[2:3], last[1:2]
+    overlap, most = face_overlap(clutch, angle)
+    # Slip that would free a face from a face.
+    free = min(overlap[0], most - overlap[0]) if faces_meet(clutch, angle, way)[0] else math.inf
+    room = clutch.shift_travel - float(way[0])
+    return bool(radius * reach(turning) < 0.5 * free) and reach(sliding) < 0.5 * room

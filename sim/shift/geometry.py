@@ -1,32 +1,27 @@
 r"""The dog and the pair of rings, from six numbers and two diameters (Jasny et al. 2019).
 
-Chamfer :math:`\alpha`, traction and braking flank :math:`\beta, \gamma`, height *h*, *N* dogs,
-pitch :math:`\vartheta = 2\pi/N`. At half height dog and slot are equally wide, :math:`\vartheta/2`.
-A flank is a plane through the radial line at :math:`\pm\vartheta/4` there, so that mating flanks
-touch all over. The face falls by :math:`\alpha` from the crest, :math:`z = h/2`, towards the
-braking flank. Widths run along the circumference at radius *r*: :math:`w_{tip,root} =
-\tfrac{1}{2}\vartheta r \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. Lengths are those of the sharp
-dog; both rings carry the same.
-
-At full depth the tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta
-\cot(\psi/2)` from a flank along the shaft, :math:`\psi` the angle of the material: what touches is
-:math:`h - 2 a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* at which the face meets
-the braking flank (on the safe side by 0.3 % for the prototype). Areas are projected on the plane
-through the axis.
+Chamfer :math:`\alpha`, side angles :math:`\beta, \gamma`, height *h*, *N* dogs, pitch
+:math:`\vartheta = 2\pi/N`. At half height dog and slot are equally wide; a flank is a plane through
+the radial line at :math:`\pm\vartheta/4` there. The face falls by :math:`\alpha` from the crest,
+:math:`z = h/2`, towards the braking flank. Widths run along the circumference at radius *r*:
+:math:`w_{tip,root} = \tfrac{1}{2}\vartheta r \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. At full
+depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
+flank along the shaft, :math:`\psi` the angle of the material: what touches is :math:`h - 2
+a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* where face and braking flank meet.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from operator import and_
-from typing import Any, ClassVar, Literal
+from typing import Literal, NamedTuple
 
 from dogshape.sim.elementwise import cos, hypot, largest, smallest, tan, where
-from dogshape.sim.errors import GeometryError, InputError, refusal, require_between
-from dogshape.sim.units import DEG, MM, from_si
+from dogshape.sim.errors import GeometryError, InputError, refusal
+from dogshape.sim.units import DEG, MM
 
 LAND = 5e-5  #: m of every face that roundings and fillets leave
 SHARPEST = 2e-5  #: m of an edge's or root's radius; nothing made is sharper
@@ -45,10 +40,6 @@ LENGTHS = {
     "axial_gap_mm": (0.0, 0.1),
     "edge_radius_mm": (0.0, 0.01),
 }
-_BOUNDS = [
-    (key.removesuffix("_mm"), f"dog.{key}", low / MM, high / MM)
-    for key, (low, high) in LENGTHS.items()
-]
 
 
 @dataclass(frozen=True)
@@ -83,19 +74,18 @@ class Dog:
     inner_diameter: float
     axial_gap: float
     edge_radius: float = 0.0
-    #: of chamfer, traction and braking flank
-    tangents: ClassVar[tuple[float, float, float]]
 
     def __post_init__(self) -> None:
-        self._keep_tangents()
-        for kept, refuse, said in _rules(self):
-            if not kept:
-                refuse(*said)
+        for rule in _rules(self):
+            if not rule.kept:
+                words = rule.rule.format(*rule.numbers)
+                said = refusal(rule.quantity, rule.value, rule.unit, words, rule.remedy)
+                raise rule.error(said)
 
-    def _keep_tangents(self) -> None:
-        # Nearly every length of a dog asks for them.
-        angles = self.chamfer, self.traction, self.braking
-        object.__setattr__(self, "tangents", tuple(map(tan, angles)))
+    @cached_property
+    def tangents(self) -> tuple[float, float, float]:
+        """Tangents of chamfer, traction and braking angle; nearly every length asks for them."""
+        return tan(self.chamfer), tan(self.traction), tan(self.braking)
 
     @property
     def possible(self) -> bool:
@@ -252,80 +242,66 @@ class Dogs(Dog):
     __eq__ = object.__eq__
 
     def __post_init__(self) -> None:
-        self._keep_tangents()
+        """Accept any shape."""
 
     @property
     def possible(self) -> bool:
         """Whether there is such a dog, (n,) of bool."""
-        return reduce(and_, (kept for kept, *_ in _rules(self)))
+        return reduce(and_, (rule.kept for rule in _rules(self)))
 
 
-#: of a dog: whether it keeps a rule, and what refuses one that does not, with its arguments
-Rules = Iterator[tuple[bool, Callable[..., None], tuple[Any, ...]]]
+class _Rule(NamedTuple):
+    """Whether a dog keeps a rule, or for each of ``Dogs``, and the parts of its refusal."""
+
+    kept: bool
+    error: type[Exception]
+    quantity: str
+    value: float
+    unit: str
+    rule: str
+    remedy: str
+    numbers: tuple[float, ...] = ()  #: that the rule names
 
 
-def _rules(dog: Dog) -> Rules:
-    whole = (dog.count % 1 == 0) & (dog.count >= 2)
+def _rules(dog: Dog) -> Iterator[_Rule]:
+    whole, remedy = (dog.count % 1 == 0) & (dog.count >= 2), "give a whole number"
     rule = "a ring has a whole number of dogs of at least 2"
-    yield whole, _refuse, (InputError, "dog.count", dog.count, "", rule, "give a whole number")
+    yield _Rule(whole, InputError, "dog.count", dog.count, "", rule, remedy)
+    rule = "it must be at least 0 and below 60 deg"
     for name in ("chamfer", "traction", "braking"):
-        angle = getattr(dog, name)
-        yield (angle >= 0.0) & (angle < STEEP), _refuse_angle, (name, angle)
+        angle, key = getattr(dog, name), f"dog.{name}_deg"
+        kept = (angle >= 0.0) & (angle < STEEP)
+        yield _Rule(kept, InputError, key, angle / DEG, "deg", rule, SCOPE)
+    rule = "it must lie between {:.6g} and {:.6g} mm"
     remedy = "check the length and that it is in millimetres"
-    for name, key, low, high in _BOUNDS:
-        length = getattr(dog, name) / MM
-        yield (length >= low) & (length <= high), require_between, (key, length, low, high, remedy)
-    yield dog.inner_diameter < dog.outer_diameter, _refuse_diameters, (dog,)
-    tip, slope, low = dog.tip_width_at(dog.inner_radius), dog.tangents, dog.braking_flank_height
+    for key, (low, high) in LENGTHS.items():
+        length, ends = getattr(dog, key.removesuffix("_mm")) / MM, (low / MM, high / MM)
+        kept = (length >= ends[0]) & (length <= ends[1])
+        yield _Rule(kept, InputError, f"dog.{key}", length, "mm", rule, remedy, ends)
+    inner, outer = dog.inner_diameter, dog.outer_diameter
+    rule, remedy = "it must be below dog.outer_diameter_mm = {:.6g} mm", "exchange or correct them"
+    key, most = "dog.inner_diameter_mm", (outer / MM,)
+    yield _Rule(inner < outer, InputError, key, inner / MM, "mm", rule, remedy, most)
+    tip, low = dog.tip_width_at(dog.inner_radius) / MM, dog.braking_flank_height
     rule = "the flanks must not meet below the tip (0 mm)"
     remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
-    said: tuple[Any, ...] = (
-        GeometryError,
-        "tip width at the inner radius",
-        tip * 1e3,
-        "mm",
-        rule,
-        remedy,
-    )
-    yield tip > 0.0, _refuse, said
-    total, rule = (dog.chamfer + dog.braking) / DEG, "face and braking flank meet below 90 deg only"
-    said = (GeometryError, "chamfer and braking angle", total, "deg", rule, "use smaller angles")
-    yield slope[0] * slope[2] < 1.0, _refuse, said
-    yield low > 0.5 * dog.height, _refuse_chamfer, (dog, low)
+    name = "tip width at the inner radius"
+    yield _Rule(tip > 0.0, GeometryError, name, tip, "mm", rule, remedy)
+    kept, total = dog.tangents[0] * dog.tangents[2] < 1.0, (dog.chamfer + dog.braking) / DEG
+    rule, name = "face and braking flank meet below 90 deg only", "chamfer and braking angle"
+    yield _Rule(kept, GeometryError, name, total, "deg", rule, "use smaller angles")
+    rule = "the chamfer must leave more than half the height, {:.4g} mm"
+    remedy, half = "use a smaller chamfer, more dogs or a higher dog", 0.5 * dog.height
+    name, least = "height of the braking flank", (half / MM,)
+    yield _Rule(low > half, GeometryError, name, low / MM, "mm", rule, remedy, least)
     if dog.edge_radius > 0.0:
-        radius, room = dog.edge_radius / MM, dog.edge_room / MM
-        rule = f"an edge is sharp (0 mm) or at least {SHARPEST / MM:.4g} mm round"
-        said = (InputError, "dog.edge_radius_mm", radius, "mm", rule, "correct the radius")
-        yield radius >= SHARPEST / MM, _refuse, said
-        yield radius <= room, _refuse_round, (radius, room)
-
-
-def _refuse_angle(name: str, angle: float) -> None:
-    remedy = SCOPE if angle < 0.0 else "check the angle and that it is in degrees"
-    rule = "it must be at least 0 and below 60 deg"
-    _refuse(InputError, f"dog.{name}_deg", from_si("_deg", angle), "deg", rule, remedy)
-
-
-def _refuse_diameters(dog: Dog) -> None:
-    rule = f"it must be below dog.outer_diameter_mm = {dog.outer_diameter * 1e3:.6g} mm"
-    inner = from_si("_mm", dog.inner_diameter)
-    _refuse(InputError, "dog.inner_diameter_mm", inner, "mm", rule, "exchange or correct the two")
-
-
-def _refuse_chamfer(dog: Dog, low: float) -> None:
-    rule = f"the chamfer must leave more than half the height, {dog.height * 500:.4g} mm"
-    remedy = "use a smaller chamfer, more dogs or a higher dog"
-    _refuse(GeometryError, "height of the braking flank", low * 1e3, "mm", rule, remedy)
-
-
-def _refuse_round(radius: float, room: float) -> None:
-    rule = f"it must be at most {room:.4g} mm to leave {LAND / MM:.2g} mm of face and flanks"
-    remedy = "use a smaller radius, fewer dogs or wider tips"
-    _refuse(GeometryError, "dog.edge_radius_mm", radius, "mm", rule, remedy)
-
-
-def _refuse(error: type[Exception], *said: Any) -> None:
-    raise error(refusal(*said))
+        radius, key, least = dog.edge_radius / MM, "dog.edge_radius_mm", (SHARPEST / MM,)
+        rule, remedy = "an edge is sharp (0 mm) or at least {:.4g} mm round", "correct the radius"
+        yield _Rule(radius >= least[0], InputError, key, radius, "mm", rule, remedy, least)
+        rule = "it must be at most {:.4g} mm to leave {:.2g} mm of face and flanks"
+        remedy = "use a smaller radius, fewer dogs or wider tips"
+        kept, numbers = radius <= dog.edge_room / MM, (dog.edge_room / MM, LAND / MM)
+        yield _Rule(kept, GeometryError, key, radius, "mm", rule, remedy, numbers)
 
 
 Flank = Literal["traction", "braking"]
@@ -339,17 +315,11 @@ def side_angle(dog: Dog, flank: Flank) -> float:
 
 @dataclass(frozen=True)
 class FlankContact:
-    """Part of a flank that touches at full depth.
+    """Part of a flank that touches at full depth, from ``low`` to ``high`` at the mean radius."""
 
-    Parameters
-    ----------
-    low, high : ends at the mean radius above the slot's floor, m.
-    area : projected on the plane through the axis, m2.
-    """
-
-    low: float
+    low: float  #: above the slot's floor, m
     high: float
-    area: float
+    area: float  #: projected on the plane through the axis, m2
 
     @property
     def height(self) -> float:
@@ -376,24 +346,22 @@ def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     return FlankContact(mean, dog.height - mean, area)
 
 
-def crest_loss(dog: Dog, root_radius: float) -> float:
-    """Compute the height that the rounding takes from the crest, m.
+def _crest_angles(dog: Dog) -> tuple[float, float]:
+    """Return the lean of the bisector of the crest and half of its angle, rad."""
+    corner = 0.25 * math.pi
+    return corner + 0.5 * (dog.chamfer + dog.traction), corner + 0.5 * (dog.traction - dog.chamfer)
 
-    Centre of the rounding on the bisector of the crest, its top a radius higher.
-    """
-    corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
-    half = corner + 0.5 * (dog.traction - dog.chamfer)
-    return root_radius * (math.sin(corner + middle) / math.sin(half) - 1.0)
+
+def crest_loss(dog: Dog, root_radius: float) -> float:
+    """Compute the height that the rounding takes from the crest, m."""
+    lean, half = _crest_angles(dog)
+    return root_radius * (math.sin(lean) / math.sin(half) - 1.0)
 
 
 def crest_setback(dog: Dog, radius: float) -> float:
-    """Compute how far the ridge of a rounded crest stands behind the sharp one, m.
-
-    Along the circumference at the mean radius.
-    """
-    corner, middle = 0.25 * math.pi, 0.5 * (dog.chamfer + dog.traction)
-    half = corner + 0.5 * (dog.traction - dog.chamfer)
-    return radius * cos(corner + middle) / math.sin(half)
+    """Compute how far the ridge of a rounded crest stands behind the sharp one, mean radius, m."""
+    lean, half = _crest_angles(dog)
+    return radius * cos(lean) / math.sin(half)
 
 
 def crest_cut(dog: Dog, root_radius: float) -> float:

@@ -1,18 +1,15 @@
 r"""Loads of a shift that a designer needs.
 
 The rings are rigid behind the stiffness of the dogs. Impulses and energies follow from momenta;
-peak forces go with :math:`\sqrt{k m}` and are estimates for that contact and those masses, no
-bounds (``benchmarks/impact_force.py``). Dog on dog, while the force is more axial than tangential,
-the largest load per length is kept for each class of overlap of the faces.
+peak forces go with :math:`\sqrt{k m}` and are estimates (``benchmarks/impact_force.py``).
 
 *Driveline* of torsional stiffness *c* between two inertias at rest, driven by the contact's torque
 *M* on the sliding ring; its torque is Duhamel's integral (Rao, *Mechanical Vibrations*, 4.5),
 
 .. math:: T(t) = \omega \int_0^t M(\tau) \sin \omega(t - \tau)\,d\tau, \qquad \omega = \sqrt{c/J},
-   \quad J = J_1 J_2/(J_1 + J_2),
+   \quad J = J_1 J_2/(J_1 + J_2), \qquad \text{exact for the mean of M over each step.}
 
-exact for the mean of M over each step. A single strike of :math:`\Delta u` makes :math:`\Delta u
-\sqrt{c J}`; what mismatch is left at the end strikes once more. Nothing damps the swing.
+What mismatch is left at the end strikes once more. Nothing damps the swing.
 """
 
 from __future__ import annotations
@@ -23,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.shift.events import Phase, Touches, face_overlap
+from dogshape.sim.shift.events import Flags, Phase, face_overlap
 from dogshape.sim.shift.trace import Series, Trace
 
 IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
@@ -69,9 +66,8 @@ class Loads:
     landing: Landing
 
 
-def loads_of(clutch: Clutch, trace: Trace, touched: Touches, phases: tuple[Phase, ...]) -> Loads:
-    """Return the loads of a shift."""
-    seating = phases[-1]
+def loads_of(clutch: Clutch, trace: Trace, faces: Flags, seating: Phase) -> Loads:
+    """Return the loads of a shift; ``faces`` marks steps with a face on a face, (n,)."""
     before = max(0, int(np.searchsorted(trace.time, seating.start)) - 1)
     closed = seating.end > seating.start
     pressed = _within_impact(trace, np.maximum(trace.contact_force - trace.shift_force, 0.0))
@@ -84,19 +80,20 @@ def loads_of(clutch: Clutch, trace: Trace, touched: Touches, phases: tuple[Phase
         energy_dissipated=float(energy_lost(clutch, trace)[-1]),
         strike_mismatch=struck / clutch.rings.reduced_inertia,
         residual_mismatch=float(trace.relative_speed[before]) if closed else None,
-        landing=_dog_on_dog(clutch, trace, touched),
+        landing=_dog_on_dog(clutch, trace, faces),
     )
 
 
-def _dog_on_dog(clutch: Clutch, trace: Trace, touched: Touches) -> Landing:
+def _dog_on_dog(clutch: Clutch, trace: Trace, faces: Flags) -> Landing:
+    """Return the largest load of faces while the force is more axial than tangential."""
     dog = clutch.dog
-    landed = touched.faces & (trace.contact_force > np.abs(trace.tangential_force))
-    load = np.where(landed, trace.contact_force, 0.0) / (dog.count * dog.radial_width)
-    overlap, most = face_overlap(clutch, trace.relative_angle)
+    landed = faces & (trace.contact_force > np.abs(trace.tangential_force))
+    load = trace.contact_force[landed] / (dog.count * dog.radial_width)
+    overlap, most = face_overlap(clutch, trace.relative_angle[landed])
     # Past the middle the braking edge parts the faces.
     classes = np.searchsorted(OVERLAPS, np.minimum(overlap, most - overlap), side="right") - 1
     largest = np.zeros(len(OVERLAPS))
-    np.maximum.at(largest, classes[landed], load[landed])
+    np.maximum.at(largest, classes, load)
     return Landing(tuple(largest.tolist()))
 
 
@@ -117,11 +114,10 @@ def energy_lost(clutch: Clutch, trace: Trace) -> Series:
         mechanism.sleeve_mass(rings.mass) * trace.axial_speed**2
         + mechanism.actuator_mass(rings.mass) * trace.actuator_speed**2
     )
-    for side, whole, near, far in (
-        (mechanism.input_side, rings.sliding_inertia, trace.sliding_speed, trace.input_speed),
-        (mechanism.output_side, rings.output_inertia, trace.output_speed, trace.output_far_speed),
+    for shaft, whole, near, far in (
+        (clutch.shafts[0], rings.sliding_inertia, trace.sliding_speed, trace.input_speed),
+        (clutch.shafts[1], rings.output_inertia, trace.output_speed, trace.output_far_speed),
     ):
-        shaft = side(whole)
         if shaft is None or far is None:
             twice = twice + whole * near**2
         else:
@@ -133,43 +129,8 @@ def energy_lost(clutch: Clutch, trace: Trace) -> Series:
     return lost
 
 
-@dataclass(frozen=True)
-class TorquePeaks:
-    """Torque peaks of a driveline in a shift, N m.
-
-    Parameters
-    ----------
-    whole : response to the whole record of contact torque and to what is left at its end.
-    strike : closed form for the hardest strike alone.
-    closing : closed form for the mismatch left when the flanks close for good; None where
-        none closed.
-    """
-
-    whole: float
-    strike: float
-    closing: float | None
-
-
-def torque_peaks(clutch: Clutch, trace: Trace, loads: Loads, stiffness: float) -> TorquePeaks:
-    """Compute the torque peaks of a shift in a driveline of ``stiffness`` in N m/rad."""
-    inertia, left = clutch.rings.reduced_inertia, loads.residual_mismatch
-    return TorquePeaks(
-        whole=response(clutch, trace, stiffness),
-        strike=torque_peak(loads.strike_mismatch, stiffness, inertia),
-        closing=None if left is None else torque_peak(left, stiffness, inertia),
-    )
-
-
-def torque_peak(mismatch: float, stiffness: float, inertia: float) -> float:
-    """Compute the torque in N m with which a driveline takes up a mismatch in one strike.
-
-    ``mismatch`` in rad/s, torsional ``stiffness`` in N m/rad, reduced ``inertia`` in kg m2.
-    """
-    return abs(mismatch) * math.sqrt(stiffness * inertia)
-
-
-def response(clutch: Clutch, trace: Trace, stiffness: float) -> float:
-    """Compute the largest torque in N m of a driveline under the contact torque of a shift."""
+def torque_peak(clutch: Clutch, trace: Trace, stiffness: float) -> float:
+    """Compute the largest torque in N m of a driveline of ``stiffness`` in N m/rad in a shift."""
     inertia = clutch.rings.reduced_inertia
     rate = math.sqrt(stiffness / inertia)
     torque = trace.tangential_force[1:] * clutch.dog.mean_radius
@@ -182,9 +143,8 @@ def response(clutch: Clutch, trace: Trace, stiffness: float) -> float:
     crest = np.arctan2(state.real[:-1], ahead) % (2.0 * math.pi)
     trough = (crest + math.pi) % (2.0 * math.pi)
     within = np.diff(turns)
-    largest = [np.abs(state.imag)]
-    for place, value in ((crest, torque + swing), (trough, torque - swing)):
-        largest.append(np.abs(np.where(place <= within, value, 0.0)))
+    turning = ((crest, torque + swing), (trough, torque - swing))
+    largest = [np.abs(np.where(place <= within, value, 0.0)) for place, value in turning]
     engaged = bool((trace.displacement >= clutch.shift_travel).any())
     last = inertia * float(trace.relative_speed[-1]) * rate if engaged else 0.0
-    return max(float(np.concatenate(largest).max()), float(abs(state[-1] + last)))
+    return float(max(np.abs(state.imag).max(), *map(np.max, largest), abs(state[-1] + last)))

@@ -5,13 +5,10 @@ r"""Mechanism between actuator and sliding ring, and around the ring: none by de
     m_a \ddot y &= F(t) - L, \qquad J_1 \dot\omega = M_c - M_0 \sigma(\omega), \qquad
     \sigma(v) = v/\sqrt{v^2 + v_0^2}.
 
-Linkage: :math:`L = k u + c_L \dot u`, :math:`u = y - x`; with free play the ring hangs between two
-stops, :math:`u = \delta` and 0, which push and never pull. Without both there is no *y*: :math:`L =
-F(t)`. Detent: :math:`D = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w`. Spline: what accelerates
-behind the ring, :math:`T = M_c (1 - m r^2/J_1)`, rubs along the shaft. Shafts: with a
-``ring_inertia`` the rest of the side hangs on a shaft that turns the ring by :math:`T = c_1 [u]_b +
-d_1 \dot u`, its lead beyond the play *b*; then *T* presses the spline and the drag holds the rest.
-A ``wheel_inertia`` does the same for the output side, without play.
+Linkage: :math:`L = k u + c_L \dot u`, :math:`u = y - x`, with free play between two stops; without
+both :math:`L = F(t)`. Detent: :math:`D = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w`. Spline:
+:math:`T = M_c (1 - m r^2/J_1)`. Shafts turn ring and wheel by :math:`T = c_1 [u]_b + d_1 \dot u`,
+the lead of the rest beyond the play *b*; then *T* presses the spline and the drag holds the rest.
 """
 
 from __future__ import annotations
@@ -40,34 +37,23 @@ DEEP_TWIST = 1e-4  #: rad beyond a play at which half of the damping acts
 
 @dataclass(frozen=True)
 class Shaft:
-    """Ring, and what is behind it on a shaft.
+    """Ring, and what is behind it on a shaft."""
 
-    Parameters
-    ----------
-    near, far : inertia of the ring and of the rest of its side, kg m2.
-    stiffness, damping : N m/rad and N m s/rad.
-    backlash : play between them, rad.
-    """
-
-    near: float
-    far: float
-    stiffness: float
-    damping: float
-    backlash: float = 0.0
+    near: float  #: inertia of the ring, kg m2
+    far: float  #: of the rest of its side, kg m2
+    stiffness: float  #: N m/rad
+    damping: float  #: N m s/rad
+    backlash: float = 0.0  #: play between them, rad
 
     def torque(self, lead: Number, rate: Number) -> Number:
         """Return the torque in N m on the ring; ``lead`` of the rest in rad and its rate."""
-        if self.backlash == 0.0:
-            return self.stiffness * lead + self.damping * rate
         half = 0.5 * self.backlash
-        ahead, behind = positive(lead - half), positive(-lead - half)
-        push = positive(ahead * (self.stiffness + self.damping * rate / (ahead + DEEP_TWIST)))
-        return push - positive(
-            behind * (self.stiffness - self.damping * rate / (behind + DEEP_TWIST))
-        )
+        law = self.stiffness, self.damping
+        return spring_force(lead, rate, law, (-half, half), DEEP_TWIST)
 
 
-def _shaft(near: float, whole: float, stiffness: float, backlash: float) -> Shaft | None:
+def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft | None:
+    """Return the shaft between a ring of inertia ``near`` and the rest; None where it has none."""
     if near == 0.0:
         return None
     far = whole - near
@@ -75,57 +61,58 @@ def _shaft(near: float, whole: float, stiffness: float, backlash: float) -> Shaf
     return Shaft(near, far, stiffness, damping, backlash)
 
 
+def spring_force(
+    stretch: Number, rate: Number, law: tuple[float, float], stops: tuple[float, float], deep: float
+) -> Number:
+    """Return the force of a spring, or of two stops that push and never pull.
+
+    ``law`` is stiffness and damping, which acts by half at ``deep`` in a stop; equal stops are one
+    spring.
+    """
+    (stiffness, damping), (low, high) = law, stops
+    if low == high:
+        return stiffness * stretch + damping * rate
+    ahead, behind = positive(stretch - high), positive(low - stretch)
+    push = positive(ahead * (stiffness + damping * rate / (ahead + deep)))
+    return push - positive(behind * (stiffness - damping * rate / (behind + deep)))
+
+
 @dataclass(frozen=True)
 class Mechanism:
     """Shift mechanism and what rubs on the sliding ring; the default is nothing of it.
 
-    Parameters
-    ----------
-    added_mass : of actuator and linkage, as felt at the ring, kg.
-    friction : Coulomb's, of the ring on its shaft, N.
-    damping : of the ring along the shaft, N s/m.
-    detent, detent_position, detent_width : peak force in N, where in m, and over which way in m.
-    spline_friction, spline_radius : coefficient, and where it acts, m.
-    drag_torque : that holds the sliding ring against turning, N m.
-    compliance : of the linkage, m/N.
-    free_play : between linkage and ring, m.
-    ring_inertia : of the sliding ring with its toothing, kg m2; 0 for all of its side in one piece.
-    input_stiffness : of the shaft between the ring and the rest of its side, N m/rad.
-    backlash : play of the ring's spline, rad.
-    wheel_inertia : of what stands at the flanks on the output side, kg m2; 0 for one piece.
-    output_stiffness : of the shaft between that and the rest, N m/rad.
+    An inertia of 0 stands for a side in one piece.
     """
 
-    added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)
-    friction: float = within("friction_N", 0.0, 1e5, 0.0)
-    damping: float = within("damping_Ns_m", 0.0, 1e6, 0.0)
-    detent: float = within("detent_N", 0.0, 1e5, 0.0)
-    detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)
-    detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)
-    spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)
-    spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)
-    drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)
-    compliance: float = within("compliance_mm_kN", 0.0, 1e3, 0.0)
-    free_play: float = within("free_play_mm", 0.0, 100.0, 0.0)
-    ring_inertia: float = within("ring_inertia_kgm2", 0.0, 100.0, 0.0)
+    added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)  #: as felt at the ring, kg
+    friction: float = within("friction_N", 0.0, 1e5, 0.0)  #: Coulomb's, of the ring on its shaft, N
+    damping: float = within("damping_Ns_m", 0.0, 1e6, 0.0)  #: of the ring along the shaft, N s/m
+    detent: float = within("detent_N", 0.0, 1e5, 0.0)  #: peak force, N
+    detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)  #: of the peak, m
+    detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)  #: way of the detent, m
+    spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)  #: coefficient
+    spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)  #: m
+    drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)  #: against turning, N m
+    compliance: float = within("compliance_mm_kN", 0.0, 1e3, 0.0)  #: of the linkage, m/N
+    free_play: float = within("free_play_mm", 0.0, 100.0, 0.0)  #: between linkage and ring, m
+    ring_inertia: float = within("ring_inertia_kgm2", 0.0, 100.0, 0.0)  #: with its toothing, kg m2
+    #: of the shaft between the ring and the rest of its side, N m/rad
     input_stiffness: float = within("input_stiffness_Nm_rad", 0.0, 1e8, 0.0)
-    backlash: float = within("spline_backlash_deg", 0.0, 30.0, 0.0)
+    backlash: float = within("spline_backlash_deg", 0.0, 30.0, 0.0)  #: of the ring's spline, rad
+    #: of what stands at the flanks on the output side, kg m2
     wheel_inertia: float = within("wheel_inertia_kgm2", 0.0, 1e4, 0.0)
+    #: of the shaft between that and the rest, N m/rad
     output_stiffness: float = within("output_stiffness_Nm_rad", 0.0, 1e8, 0.0)
 
     def __post_init__(self) -> None:
         require_ranges(self, "mechanism", "correct the mechanism")
-        for inertia, stiffness in (
-            ("ring_inertia", "input_stiffness"),
-            ("wheel_inertia", "output_stiffness"),
-        ):
+        sides = ("ring_inertia", "input_stiffness"), ("wheel_inertia", "output_stiffness")
+        for inertia, stiffness in sides:
             if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:
-                key, other = (
-                    f"mechanism.{ranges_of(Mechanism)[n].key}" for n in (inertia, stiffness)
-                )
+                key, other = (ranges_of(Mechanism)[name].key for name in (inertia, stiffness))
                 raise InputError(
-                    f"{key} needs {other}, the shaft that it hangs on; give it too, or leave both "
-                    "out for a rigid shaft"
+                    f"mechanism.{key} needs mechanism.{other}, the shaft that it hangs on; give it "
+                    "too, or leave both out for a rigid shaft"
                 )
 
     @property
@@ -143,14 +130,6 @@ class Mechanism:
     def has_shafts(self) -> bool:
         """Whether a ring turns apart from what is behind its shaft."""
         return self.ring_inertia > 0.0 or self.wheel_inertia > 0.0
-
-    def input_side(self, inertia: float) -> Shaft | None:
-        """Return ring and shaft of a sliding side of ``inertia`` in kg m2; None where it is one."""
-        return _shaft(self.ring_inertia, inertia, self.input_stiffness, self.backlash)
-
-    def output_side(self, inertia: float) -> Shaft | None:
-        """Return wheel and shaft of an output side of ``inertia``, kg m2; None where it is one."""
-        return _shaft(self.wheel_inertia, inertia, self.output_stiffness, 0.0)
 
     def sleeve_mass(self, mass: float) -> float:
         """Return the mass in kg that moves with the ring, whose own is ``mass``."""
@@ -171,11 +150,7 @@ class Mechanism:
 
         Numbers or (n,), as are all forces below.
         """
-        if self.free_play == 0.0:
-            return stiffness * stretch + damping * rate
-        ahead, behind = positive(stretch - self.free_play), positive(-stretch)
-        push = positive(ahead * (stiffness + damping * rate / (ahead + DEEP)))
-        return push - positive(behind * (stiffness - damping * rate / (behind + DEEP)))
+        return spring_force(stretch, rate, (stiffness, damping), (0.0, self.free_play), DEEP)
 
     def resistance(self, way: Number, speed: Number, torque: Number) -> Number:
         """Return friction, detent and spline friction against the ring's motion, N.

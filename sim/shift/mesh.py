@@ -1,16 +1,12 @@
 r"""Meshes of a dog: the two sides of the contact, and formats for Drake and print.
 
 Frame of a ring: z along the axis towards the other ring, median plane of the dogs at z = 0, dog *k*
-about the angle :math:`k\vartheta`; the traction flank is on the side of growing angle.
-
-Rigid side: the surfaces that can touch (traction flank, face, braking flank). Compliant side: one
-dog as pyramids whose apex is equally deep below all three, so that the pressure below each is
-stiffness times depth, and the smaller depth counts where two meet. The body reaches half as far
-again beyond the dog: down to a third of the apex's depth it covers all that can be touched.
-
-A rounded edge is planes that touch its cylinder within ``DEVIATION``. They are equally deep below
-its axis, so depth is linear in prisms between each and the axis and in pyramids from the apex to
-what is left: the tetrahedra are cut along both.
+about the angle :math:`k\vartheta`; the traction flank is on the side of growing angle. Rigid side:
+the surfaces that can touch. Compliant side: one dog as pyramids whose apex is equally deep below
+its three faces, so that the pressure below each is stiffness times depth; the body reaches so far
+beyond the dog that this holds down to a third of the apex's depth. A rounded edge is planes that
+touch its cylinder within ``DEVIATION``: depth is linear in prisms between each and the axis, and in
+pyramids from the apex to what is left.
 """
 
 from __future__ import annotations
@@ -210,13 +206,15 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
     vertices = np.array([*(p for line in lines for p in line), *(p for a in axes for p in a), apex])
     last, top = len(lines) - 1, len(vertices) - 1
     crest, braking = 1 + len(edges[0].planes), last - 1 - len(edges[1].planes)
-    turns = (_Turn(1, crest, top - 8), _Turn(braking, last - 1, top - 4))
-    cells = [cell for turn in turns for cell in turn.prisms()]
+    # A line has two vertices, at the inner and the outer end.
     strips = ((0, 1), (crest, braking), (last - 1, last), (last, 0))
-    left: list[Face] = [(*_line(one), *_line(other)[::-1]) for one, other in strips]
-    left += [face for turn in turns for face in turn.sides()]
+    left: list[Face] = [(2 * a, 2 * a + 1, 2 * b + 1, 2 * b) for a, b in strips]
+    cells: list[Face] = []
+    for first, end, axis in ((1, crest, top - 8), (braking, last - 1, top - 4)):
+        own, sides = _edge_cells(first, end, axis)
+        cells, left = cells + own, left + sides
     for end in (0, 1):
-        one, two = (turn.axis + 3 * end for turn in turns)
+        one, two = top - 8 + 3 * end, top - 4 + 3 * end
         root, foot, on_face, edge, low, floor = (
             2 * line + end for line in (0, 1, crest, braking, last - 1, last)
         )
@@ -232,47 +230,31 @@ def _axis(edge: Corner, ends: Sequence[Plane], radius: float) -> list[Vertices]:
     Those within are as far from the skin as the axis is below it.
     """
     inner, outer = ends
-    found = []
-    for end in (inner, inner.moved(-radius), outer.moved(-radius), outer):
-        way = (end.offset - end.normal @ edge.axis) / (end.normal @ edge.direction)
-        found.append(edge.axis + way * edge.direction)
-    return found
+    stops = (inner, inner.moved(-radius), outer.moved(-radius), outer)
+    ways = [(p.offset - p.normal @ edge.axis) / (p.normal @ edge.direction) for p in stops]
+    return [edge.axis + way * edge.direction for way in ways]
 
 
-@dataclass(frozen=True)
-class _Turn:
-    """Numbers of a rounded edge in a body: its first and last line, first vertex of its axis."""
+def _edge_cells(first: int, last: int, axis: int) -> tuple[list[Face], list[Face]]:
+    """Cut what lies between the planes of an edge and its axis into tetrahedra.
 
-    first: int
-    last: int
-    axis: int
+    Between lines ``first`` and ``last``; ``axis`` is the first of its four vertices. Beside the
+    cells come the faces towards the ends of both faces that meet in the edge.
+    """
 
-    def prisms(self) -> list[Face]:
-        """Cut what lies between the planes of the edge and its axis into tetrahedra."""
-        cells: list[Face] = []
-        for line in range(self.first, self.last):
-            (corner, outer), (after, last) = _line(line), _line(line + 1)
-            faces = (self._side(line + 1), (outer, last, self.axis + 2))
-            cells += [(*t, corner) for face in faces for t in triangulated(face)]
-            cells.append((corner, after, self.axis, self.axis + 1))
-            cells.append((outer, last, self.axis + 2, self.axis + 3))
-        return cells
+    def side(line: int) -> Face:
+        return 2 * line, 2 * line + 1, axis + 2, axis + 1
 
-    def sides(self) -> list[Face]:
-        """Return the faces between the axis and the ends of both faces that meet in the edge."""
-        found: list[Face] = []
-        for line in (self.first, self.last):
-            inner, outer = _line(line)
-            found += [self._side(line), (inner, self.axis, self.axis + 1)]
-            found.append((outer, self.axis + 2, self.axis + 3))
-        return found
-
-    def _side(self, line: int) -> Face:
-        return (*_line(line), self.axis + 2, self.axis + 1)
-
-
-def _line(line: int) -> tuple[int, int]:
-    return 2 * line, 2 * line + 1
+    cells: list[Face] = []
+    for line in range(first, last):
+        corner, outer, after, end = range(2 * line, 2 * line + 4)
+        walls = (side(line + 1), (outer, end, axis + 2))
+        cells += [(*t, corner) for wall in walls for t in triangulated(wall)]
+        cells += [(corner, after, axis, axis + 1), (outer, end, axis + 2, axis + 3)]
+    sides: list[Face] = []
+    for line in (first, last):
+        sides += [side(line), (2 * line, axis, axis + 1), (2 * line + 1, axis + 2, axis + 3)]
+    return cells, sides
 
 
 def triangulated(face: Sequence[int]) -> list[tuple[int, int, int]]:
@@ -303,12 +285,10 @@ class Mesh:
         return float(np.linalg.det(corners).sum() / 6.0)
 
 
-_HEXAHEDRON = list(itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer")))
-
-
 def corners(planes: dict[str, Plane]) -> Vertices:
     """Return the eight corners (8, 3) of the body between six planes."""
-    return np.array([meeting(*(planes[name] for name in names)) for names in _HEXAHEDRON])
+    names = itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer"))
+    return np.array([meeting(*(planes[name] for name in three)) for three in names])
 
 
 def rigid_dog(dog: Dog) -> Mesh:
@@ -410,7 +390,7 @@ def compliant_dog(dog: Dog) -> Mesh:
     if dog.edge_radius > 0.0:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
-    vertices = np.concatenate([corners(skin), apex[None, :]])
+    vertices = np.array([*corners(skin), apex])
     cells = [(*triangle, 8) for face in _FACES for triangle in triangulated(face)]
     return Mesh(vertices, _oriented(vertices, cells))
 

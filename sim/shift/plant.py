@@ -17,7 +17,7 @@ not. With ``cenic`` the spline's torque comes from contact surfaces: over each t
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from typing import Any
 
@@ -42,24 +42,17 @@ from pydrake.trajectories import PiecewisePolynomial
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
 from dogshape.sim.shift.conclusion import states_held
-from dogshape.sim.shift.mechanism import Shaft
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
-
-Floats = NDArray[np.float64]
 
 #: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
 ACTUATOR, SHIFT, SLIDING, OUTPUT = "actuator", "shift", "sliding", "output"
 BEHIND = {SLIDING: "input_side", OUTPUT: "output_side"}  #: joints of what is behind a ring's shaft
-
-
-def shafts_of(clutch: Clutch) -> dict[str, Shaft]:
-    """Return the shafts that give way, by the joint of their ring."""
-    rings, mechanism = clutch.rings, clutch.mechanism
-    sides = {
-        SLIDING: mechanism.input_side(rings.sliding_inertia),
-        OUTPUT: mechanism.output_side(rings.output_inertia),
-    }
-    return {joint: shaft for joint, shaft in sides.items() if shaft is not None}
+#: Places of displacement or angle and of its rate in a state, by joint.
+COLUMNS = {
+    OUTPUT: (0, 3), SHIFT: (1, 4), SLIDING: (2, 5), ACTUATOR: (6, 7), BEHIND[SLIDING]: (8, 9),
+    BEHIND[OUTPUT]: (10, 11),
+}  # fmt: skip
+AXIS = np.array([0.0, 0.0, 1.0])
 
 
 class _Forces(LeafSystem):  # type: ignore[misc]
@@ -73,20 +66,22 @@ class _Forces(LeafSystem):  # type: ignore[misc]
     ) -> None:
         super().__init__()
         rings, mechanism = clutch.rings, clutch.mechanism
-        self._clutch, self._share, self._order = clutch, share, list(order)
+        self._mechanism, self._share, self._order = mechanism, share, list(order)
+        self._shafts = clutch.shafts
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
         radius = clutch.dog.mean_radius
         self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia) * share
         self._torque = plant.GetJointByName(SLIDING).velocity_start()
-        ring, actuators = plant.GetBodyByName("sliding_ring"), plant.GetJointActuatorIndices()
-        self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
+        actuators = plant.GetJointActuatorIndices()
         self._joints = [plant.get_joint_actuator(i).joint().name() for i in actuators]
         places = plant.num_positions()
         self.push = self.DeclareVectorInputPort("push", BasicVector(1))
         self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
-        self.contact = None
-        self.shapes = None
-        if mechanism.spline_friction > 0.0 and mechanism.ring_inertia == 0.0:
+        ring = plant.GetBodyByName("sliding_ring")
+        self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
+        self._contact_set = clutch.contact
+        self.contact = self.shapes = None
+        if mechanism.spline_friction > 0.0 and self._shafts[0] is None:
             if clutch.solver.scheme == "cenic":
                 self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
             else:
@@ -100,7 +95,7 @@ class _Forces(LeafSystem):  # type: ignore[misc]
             surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
                 geo.HydroelasticContactRepresentation.kTriangle
             )
-            return ring_torque(surfaces, self._dogs, turn, speed, self._clutch.contact)
+            return ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
         if self.contact is not None:
             return float(self.contact.Eval(context)[self._torque])
         return 0.0
@@ -108,21 +103,22 @@ class _Forces(LeafSystem):  # type: ignore[misc]
     def _calculate(self, context: Context, output: BasicVector) -> None:
         state = self.state.Eval(context)[self._order].tolist()
         push = drive = float(self.push.Eval(context)[0])
-        mechanism, share = self._clutch.mechanism, self._share
+        mechanism, share = self._mechanism, self._share
         way, speed = state[1], state[4]
         torque = self._contact_torque(context, state[5] - state[3], speed) * self._spline
         forces = dict.fromkeys(self._joints, 0.0)
-        for ring, shaft in shafts_of(self._clutch).items():
-            angle, rate, far = (2, 5, 8) if ring == SLIDING else (0, 3, 10)
-            twist = shaft.torque(state[far] - state[angle], state[far + 1] - state[rate])
-            forces[ring] += twist / share
-            forces[BEHIND[ring]] -= twist / share
-            torque = twist if ring == SLIDING else torque
+        for (ring, behind), shaft in zip(BEHIND.items(), self._shafts, strict=True):
+            if shaft is not None:
+                (near, rate), (far, far_rate) = COLUMNS[ring], COLUMNS[behind]
+                twist = shaft.torque(state[far] - state[near], state[far_rate] - state[rate])
+                forces[ring] += twist / share
+                forces[behind] -= twist / share
+                torque = twist if ring == SLIDING else torque
         if self._linkage is not None:
             drive = mechanism.pull(state[6] - way, state[7] - speed, *self._linkage) / share
             forces[ACTUATOR] = push - drive
         forces[SHIFT] = drive - mechanism.resistance(way, speed, torque) / share
-        dragged = BEHIND[SLIDING] if mechanism.ring_inertia > 0.0 else SLIDING
+        dragged = SLIDING if self._shafts[0] is None else BEHIND[SLIDING]
         forces[dragged] -= mechanism.drag(state[9]) / share
         output.SetFromVector([forces[name] for name in self._joints])
 
@@ -167,17 +163,16 @@ def ring_torque(
 _MIDDLE = np.full(3, 1.0 / 3.0)  # of a triangle, in barycentric coordinates
 
 
-def _friction_over_slip(slip: Floats, contact: ContactSet) -> Floats:
+def _friction_over_slip(slip: NDArray[np.float64], contact: ContactSet) -> NDArray[np.float64]:
     static, dynamic = contact.static_friction, contact.dynamic_friction
     ratio = slip / contact.stiction_velocity
     late = ratio - 10.0
     fall = late / np.sqrt(1.0 + late * late) * math.hypot(1.0, 10.0) / 10.0
     coefficient = dynamic + 0.5 * (static - dynamic) * (1.0 - fall)
-    found: Floats = coefficient / (contact.stiction_velocity * np.sqrt(1.0 + ratio * ratio))
+    found: NDArray[np.float64] = coefficient / (
+        contact.stiction_velocity * np.sqrt(1.0 + ratio * ratio)
+    )
     return found
-
-
-_AXIS = np.array([0.0, 0.0, 1.0])
 
 
 class ClutchPlant:
@@ -188,9 +183,7 @@ class ClutchPlant:
 
     def __init__(self, clutch: Clutch) -> None:
         self.clutch = clutch
-        self.share = clutch.dog.count  # dogs that one modelled dog stands for
-        if clutch.solver.all_dogs:
-            self.share = 1
+        self.share = 1 if clutch.solver.all_dogs else clutch.dog.count  # of dogs by a modelled one
         builder = DiagramBuilder()
         self.plant, self._scene_graph = AddMultibodyPlantSceneGraph(builder, time_step=0.0)
         self._add_output_ring()
@@ -199,16 +192,15 @@ class ClutchPlant:
             mass = clutch.mechanism.actuator_mass(clutch.rings.mass) / self.share
             shape = tree.UnitInertia.SolidSphere(0.01)
             self._add_apart(ACTUATOR, mass, shape, tree.PrismaticJoint, "actuator_force")
-        shafts = shafts_of(clutch)
-        for ring, shaft in shafts.items():
-            name, shape = BEHIND[ring], tree.UnitInertia(0.5, 0.5, 1.0)
-            far = shaft.far / self.share
-            self._add_apart(name, far, shape, tree.RevoluteJoint, f"{name}_torque")
+        for name, shaft in zip(BEHIND.values(), clutch.shafts, strict=True):
+            if shaft is not None:
+                far, shape = shaft.far / self.share, tree.UnitInertia(0.5, 0.5, 1.0)
+                self._add_apart(name, far, shape, tree.RevoluteJoint, f"{name}_torque")
         self.plant.mutable_gravity_field().set_gravity_vector(np.zeros(3))
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
-        self._columns = self._columns_of(shafts)
+        self._columns = self._columns_of()
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
             self._add_forces(builder)
@@ -248,27 +240,20 @@ class ClutchPlant:
         return self.simulator
 
     def state(self) -> NDArray[np.float64]:
-        """Return (output angle, displacement, sliding angle) and their rates, (6,), SI.
+        """Return the state as ``sim.shift.conclusion.Run`` has it, (12,).
 
-        With a linkage displacement and speed of the actuator follow, (8,), with shafts that give
-        way angles and rates of what is behind the sliding and the output ring, (12,); what is not
-        there moves as the ring does.
+        What does not move apart moves as its ring does.
         """
         state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
-        return state[self._order[: self.state_size]]
+        return state[self._order]
 
-    def _columns_of(self, shafts: Mapping[str, Shaft]) -> dict[int, int]:
+    def _columns_of(self) -> dict[int, int]:
         """Find where Drake's state has each column of ours; sets the order of reading, too."""
-        rings = ((OUTPUT, 0, 3), (SHIFT, 1, 4), (SLIDING, 2, 5))
-        more = [(ACTUATOR, 6, 7)] if self.clutch.mechanism.has_linkage else []
-        columns, behind = ((SLIDING, 8, 9), (OUTPUT, 10, 11)), self.plant.num_positions()
-        more += [(BEHIND[ring], place, rate) for ring, place, rate in columns if ring in shafts]
-        found = {}
-        for name, place, rate in (*rings, *more):
-            joint = self.plant.GetJointByName(name)
-            found[place], found[rate] = joint.position_start(), behind + joint.velocity_start()
-        #: numbers of a state
-        self.state_size = 12 if shafts else 6 + 2 * self.clutch.mechanism.has_linkage
+        found, rates = {}, self.plant.num_positions()
+        for name, (place, rate) in COLUMNS.items():
+            if self.plant.HasJointNamed(name):
+                joint = self.plant.GetJointByName(name)
+                found[place], found[rate] = joint.position_start(), rates + joint.velocity_start()
         same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
         self._order = [found.get(k, found[same.get(k, k)]) for k in range(12)]
         return found
@@ -276,7 +261,7 @@ class ClutchPlant:
     def _add_apart(
         self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str
     ) -> None:
-        plant, axis = self.plant, -_AXIS if name == ACTUATOR else _AXIS
+        plant, axis = self.plant, -AXIS if name == ACTUATOR else AXIS
         body = plant.AddRigidBody(name, tree.SpatialInertia(mass, np.zeros(3), shape))
         joint = joint_type(name, plant.world_frame(), body.body_frame(), axis, damping=0.0)
         plant.AddJointActuator(actuator, plant.AddJoint(joint))
@@ -295,13 +280,13 @@ class ClutchPlant:
 
     def _add_output_ring(self) -> None:
         clutch, plant = self.clutch, self.plant
-        shaft = shafts_of(clutch).get(OUTPUT)
+        _, shaft = clutch.shafts
         inertia = (clutch.rings.output_inertia if shaft is None else shaft.near) / self.share
         body = plant.AddRigidBody("output_ring", _ring_inertia(1.0 / self.share, inertia))
         joint = plant.AddJoint(
-            tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), _AXIS, damping=0.0)
+            tree.RevoluteJoint(OUTPUT, plant.world_frame(), body.body_frame(), AXIS, damping=0.0)
         )
-        if OUTPUT in shafts_of(clutch):
+        if shaft is not None:
             plant.AddJointActuator("output_torque", joint)
         surface = ring_of(clutch.dog, rigid_dog(clutch.dog))
         properties = geo.ProximityProperties()
@@ -332,21 +317,17 @@ class ClutchPlant:
         middle = behind + 0.5 * thick
         far = middle + thick + self.clutch.rebound
         shape, wall = geo.Box(side, side, thick), geo.Box(2 * side, 2 * side, thick)
-        dogs = geo.GeometrySet(
-            [
-                geometry
-                for name in ("output_ring", "sliding_ring")
-                for geometry in plant.GetCollisionGeometriesForBody(plant.GetBodyByName(name))
-            ]
-        )
-        moving = plant.RegisterCollisionGeometry(
-            carriage, RigidTransform(np.array([0, 0, middle])), shape, "plate", plate
-        )
-        still = plant.RegisterCollisionGeometry(
-            plant.world_body(), RigidTransform(np.array([0, 0, far])), wall, "stop", fixed
-        )
+        rings = [plant.GetBodyByName(name) for name in ("output_ring", "sliding_ring")]
+        dogs = [one for ring in rings for one in plant.GetCollisionGeometriesForBody(ring)]
+        plates = [
+            plant.RegisterCollisionGeometry(body, RigidTransform([0, 0, z]), box, name, properties)
+            for body, z, box, name, properties in (
+                (carriage, middle, shape, "plate", plate),
+                (plant.world_body(), far, wall, "stop", fixed),
+            )
+        ]
         apart = geo.CollisionFilterDeclaration().ExcludeBetween(
-            dogs, geo.GeometrySet([moving, still])
+            geo.GeometrySet(dogs), geo.GeometrySet(plates)
         )
         self._scene_graph.collision_filter_manager().Apply(apart)
 
@@ -358,16 +339,16 @@ class ClutchPlant:
         clutch, plant = self.clutch, self.plant
         # Only the sum of both masses acts; Drake wants one at either joint.
         mass = 0.5 * clutch.mechanism.sleeve_mass(clutch.rings.mass) / self.share
-        shaft = shafts_of(clutch).get(SLIDING)
+        shaft, _ = clutch.shafts
         inertia = (clutch.rings.sliding_inertia if shaft is None else shaft.near) / self.share
         carriage = plant.AddRigidBody("carriage", _ring_inertia(mass, inertia))
         body = plant.AddRigidBody("sliding_ring", _ring_inertia(mass, inertia))
         start = RigidTransform([0.0, 0.0, clutch.dog.travel])
         damping = clutch.mechanism.damping / self.share
         world, frame = plant.world_frame(), carriage.body_frame()
-        joint = plant.AddJoint(tree.PrismaticJoint(SHIFT, world, frame, -_AXIS, damping=damping))
+        joint = plant.AddJoint(tree.PrismaticJoint(SHIFT, world, frame, -AXIS, damping=damping))
         turning = plant.AddJoint(
-            tree.RevoluteJoint(SLIDING, frame, body.body_frame(), _AXIS, damping=0.0)
+            tree.RevoluteJoint(SLIDING, frame, body.body_frame(), AXIS, damping=0.0)
         )
         plant.AddJointActuator("shift_force", joint)
         if clutch.mechanism.has_forces:

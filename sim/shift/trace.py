@@ -1,33 +1,31 @@
 r"""Time series of a shift, worked out from the states of the run.
 
-Contact forces follow from what the sliding ring does, by balance of momentum: along the shaft the
-shift force lost to the contact, about it the torque that its speed shows. Each is the mean over the
-step that ends at its time. Along the shaft, with masses and forces as in ``sim.shift.mechanism``,
+Contact forces follow from the motion by balance of momentum, each the mean over the step that ends
+at its time. Along the shaft, with masses and forces as in ``sim.shift.mechanism``,
 
 .. math:: \int F_c = \int F - m_s \Delta\dot x - m_a \Delta\dot y - c \Delta x - \int \left(R
    + D + \mu_s \frac{|T|}{r_s} \sigma\right).
 
-The linkage's force is inner and drops out; the integral of the shift force is known in closed
-form. The others are smooth over a step: Simpson's rule, with the state in its middle from the
-cubic through both ends. About the shaft, :math:`\int M_c = J_1 \Delta\omega + \int M_0 \sigma`. The
-torque of a shaft between ring and rest is inner as well: then :math:`J_1 \Delta\omega` is the sum
-of both.
+The integral of the shift force is known in closed form; the others are smooth over a step:
+Simpson's rule, with the middle from the cubic through both ends. About the shaft, :math:`\int M_c =
+J_1 \Delta\omega + \int M_0 \sigma`, of ring and rest together where a shaft gives way.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.mechanism import Shaft
 
 Series = NDArray[np.float64]
+Place = TypeVar("Place", float, NDArray[np.float64])  #: a number or (n,)
 
 
 def contact_means(
@@ -35,62 +33,47 @@ def contact_means(
 ) -> tuple[Series, Series]:
     """Return axial force against the shift in N and torque on the sliding ring in N m.
 
-    Means over the n - 1 steps between times in s, (n,); ``state`` (n, 6), (n, 8) or (n, 12) as for
-    ``sim.shift.conclusion.Run``.
+    Means over the n - 1 steps between times in s, (n,); ``state`` as ``sim.shift.conclusion.Run``
+    has it.
     """
     rings, mechanism, steps = clutch.rings, clutch.mechanism, np.diff(time)
-    shaft = mechanism.input_side(rings.sliding_inertia)
+    shaft, _ = clutch.shafts
     if shaft is None:
         torque = rings.sliding_inertia * np.diff(state[:, 5]) / steps
     else:
         torque = (shaft.near * np.diff(state[:, 5]) + shaft.far * np.diff(state[:, 9])) / steps
+    sleeve = mechanism.sleeve_mass(rings.mass)
     if not (mechanism.has_forces or mechanism.damping):
-        mass = mechanism.sleeve_mass(rings.mass)
-        lost = np.diff(profile.free_speed(time, mass)) - np.diff(state[:, 4])
-        return mass * lost / steps, torque
-    middle = _middles(state, steps)
-    held_at = 9 if mechanism.ring_inertia > 0.0 else 5
-    parts = (state[:-1], middle, state[1:])
-    torque = torque + _simpson([mechanism.drag(part[:, held_at]) for part in parts])
+        lost = np.diff(profile.free_speed(time, sleeve)) - np.diff(state[:, 4])
+        return sleeve * lost / steps, torque
+    parts = (state[:-1], _middles(state, steps), state[1:])
+    dragged = 5 if shaft is None else 9
+    torque = torque + _simpson([mechanism.drag(part[:, dragged]) for part in parts])
     # What the rule leaves of a drag torque is no contact.
     torque = np.where(np.abs(torque) < 0.01 * mechanism.drag_torque, 0.0, torque)
-    share = mechanism.spline_share(rings.mass, clutch.dog.mean_radius, rings.sliding_inertia)
-    momentum = mechanism.sleeve_mass(rings.mass) * np.diff(state[:, 4])
+    momentum = sleeve * np.diff(state[:, 4])
     if mechanism.has_linkage:
         momentum += mechanism.actuator_mass(rings.mass) * np.diff(state[:, 7])
     given = np.diff(profile.free_speed(time, 1.0)) - mechanism.damping * np.diff(state[:, 1])
+    share = mechanism.spline_share(rings.mass, clutch.dog.mean_radius, rings.sliding_inertia)
+    through = [share * torque] * 3 if shaft is None else [_torque(shaft, part) for part in parts]
     held = [
-        mechanism.resistance(
-            part[:, 1], part[:, 4], share * torque if shaft is None else _through(shaft, part)
-        )
-        for part in parts
+        mechanism.resistance(part[:, 1], part[:, 4], pressing)
+        for part, pressing in zip(parts, through, strict=True)
     ]
     moved = np.diff(state[:, 1]) != 0.0  # at rest friction holds the shift force, whatever it is
     return np.where(moved, (given - momentum) / steps - _simpson(held), 0.0), torque
 
 
-def shaft_torques(clutch: Clutch, state: Series) -> tuple[Series | None, Series | None]:
-    """Return the shafts' torques on sliding and output ring, N m, (n,); None for rigid ones."""
-    mechanism, rings = clutch.mechanism, clutch.rings
-    near = mechanism.input_side(rings.sliding_inertia)
-    far = mechanism.output_side(rings.output_inertia)
-    return (
-        None if near is None else _through(near, state),
-        None if far is None else far.torque(state[:, 10] - state[:, 0], state[:, 11] - state[:, 3]),
-    )
-
-
-def _through(shaft: Shaft, state: Series) -> Series:
+def _torque(shaft: Shaft, state: Series) -> Series:
+    """Return the torque of the sliding ring's shaft, N m, (n,)."""
     return shaft.torque(state[:, 8] - state[:, 2], state[:, 9] - state[:, 5])
 
 
 def _middles(state: Series, steps: Series) -> Series:
     """Return states in the middle of each step, by the cubic through both ends."""
-    step = steps[:, None]
-    middle = np.empty_like(state[1:])
-    pairs = [(0, 3), (1, 4), (2, 5), (6, 7), (8, 9), (10, 11)]
-    known = [pair for pair in pairs if pair[1] < state.shape[1]]
-    places, rates = (list(columns) for columns in zip(*known, strict=True))
+    places, rates = [0, 1, 2, 6, 8, 10], [3, 4, 5, 7, 9, 11]
+    step, middle = steps[:, None], np.empty_like(state[1:])
     (x0, v0), (x1, v1) = ((s[:, places], s[:, rates]) for s in (state[:-1], state[1:]))
     middle[:, places] = 0.5 * (x0 + x1) + 0.125 * step * (v0 - v1)
     middle[:, rates] = 1.5 * (x1 - x0) / step - 0.25 * (v0 + v1)
@@ -141,26 +124,27 @@ class Trace:
         return self.output_speed - self.sliding_speed
 
 
-def trace_of(
-    clutch: Clutch,
-    point: OperatingPoint,
-    times: Sequence[float] | Series,
-    states: Sequence[Series] | Series,
-) -> Trace:
-    """Return the trace of a run.
+def trace_of(clutch: Clutch, profile: ForceProfile, times: Series, states: Series) -> Trace:
+    """Return the trace of a run; a time in s that does not grow is left out.
 
     Parameters
     ----------
-    times : s, (n,); a time that does not grow is left out.
-    states : as ``sim.shift.conclusion.Run`` has them.
+    times, states : as ``sim.shift.conclusion.Run`` has them.
     """
-    time, state = np.array(times), np.array(states)
-    keep = np.concatenate([[True], time[1:] > time[:-1]])
-    if not keep.all():
-        time, state = time[keep], state[keep]
-    mean_force, torque = contact_means(clutch, point.profile, time, state)
+    keep = np.concatenate([[True], times[1:] > times[:-1]])
+    time, state = times[keep], states[keep]
+    mean_force, torque = contact_means(clutch, profile, time, state)
     far = state[:, 6:8] if clutch.mechanism.has_linkage else state[:, [1, 4]]
-    shafts = shaft_torques(clutch, state)
+    near, output = clutch.shafts
+    behind: dict[str, Series] = {}
+    if near is not None:
+        behind |= {"input_torque": _torque(near, state), "input_speed": state[:, 9]}
+    if output is not None:
+        twist, rate = state[:, 10] - state[:, 0], state[:, 11] - state[:, 3]
+        behind |= {
+            "output_torque": output.torque(twist, rate),
+            "output_far_speed": state[:, 11],
+        }
     return Trace(
         time=time,
         displacement=state[:, 1],
@@ -168,23 +152,31 @@ def trace_of(
         sliding_speed=state[:, 5],
         output_speed=state[:, 3],
         relative_angle=state[:, 0] - state[:, 2],
-        shift_force=point.profile.at(time),
+        shift_force=profile.at(time),
         contact_force=np.concatenate([[0.0], mean_force]),
         tangential_force=np.concatenate([[0.0], torque / clutch.dog.mean_radius]),
         actuator_displacement=far[:, 0],
         actuator_speed=far[:, 1],
-        input_torque=shafts[0],
-        output_torque=shafts[1],
-        input_speed=None if shafts[0] is None else state[:, 9],
-        output_far_speed=None if shafts[1] is None else state[:, 11],
+        **behind,
+    )
+
+
+def cubic(s: Place, step: Place, start: tuple[Place, Place], end: tuple[Place, Place]) -> Place:
+    """Evaluate the cubic between two places with rates, a ``step`` in s apart, at its share *s*."""
+    t = 1 - s
+    return (
+        (1 + 2 * s) * t**2 * start[0]
+        + s * t**2 * step * start[1]
+        + s * s * (3 - 2 * s) * end[0]
+        + s * s * (s - 1) * step * end[1]
     )
 
 
 def crossing(time: Series, displacement: Series, speed: Series, way: float) -> float | None:
-    """Find the time at which a displacement first reaches ``way``, s; None where it never does.
+    """Find the time in s at which a displacement first reaches ``way``; None where it never does.
 
-    Where the first state is there already, that is its time. Cubic between the two states
-    (Hermite), solved by bisection. Series (n,).
+    Where the first state is there already, that is its time; between two states it is on the cubic.
+    Series (n,).
     """
     reached = displacement >= way
     last = int(np.argmax(reached))
@@ -192,19 +184,14 @@ def crossing(time: Series, displacement: Series, speed: Series, way: float) -> f
         return None
     if last == 0:
         return float(time[0])
-    pair = slice(last - 1, last + 1)
     # Plain numbers: the same arithmetic in a fraction of the time.
-    (t0, t1), (x0, x1), (v0, v1) = (s[pair].tolist() for s in (time, displacement, speed))
-    step = t1 - t0
+    (t0, t1), (x0, x1), (v0, v1) = (
+        s[last - 1 : last + 1].tolist() for s in (time, displacement, speed)
+    )
     low, high = 0.0, 1.0
     for _ in range(50):
         s = 0.5 * (low + high)
-        x = (
-            (1 + 2 * s) * (1 - s) ** 2 * x0
-            + s * (1 - s) ** 2 * step * v0
-            + s * s * (3 - 2 * s) * x1
-            + s * s * (s - 1) * step * v1
-        )
-        low, high = (low, s) if x >= way else (s, high)
-    end: float = t0 + 0.5 * (low + high) * step
+        there = cubic(s, t1 - t0, (x0, v0), (x1, v1)) >= way
+        low, high = (low, s) if there else (s, high)
+    end: float = t0 + 0.5 * (low + high) * (t1 - t0)
     return end

@@ -143,7 +143,6 @@ def events_record(result: Engagement) -> Record:
         "rebound_travel_mm": events.rebound / MM,
         "time_blocked_s": events.time_blocked,
         "face_slide_mm": events.face_slide / MM,
-        "chamfer_slid": events.chamfer_slid,
     }
 
 

@@ -45,8 +45,7 @@ def test_shift(dogshape: Call, tmp_path: Path) -> None:
     assert said.json["phases"][-1]["end"] == pytest.approx(said.json["shift_time_s"])
     assert 469 < said.json["peak_axial_force_N"] < 2 * 1090
     loads = said.json["loads"]
-    assert loads["torque_peak_Nm"] > loads["torque_peak_strike_Nm"] > 0.0
-    assert loads["torque_peak_closing_Nm"] > 0.0
+    assert loads["torque_peak_Nm"] > 0.0
     assert said.json["solver"]["scheme"] == "runge_kutta3"
     with (tmp_path / "a.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -29,14 +29,6 @@ def test_a_whole_pitch_changes_nothing(plant: ClutchPlant, point: Point, pitches
     assert here.shift_time == pytest.approx(there.shift_time, rel=1e-5)
 
 
-def test_coinciding_angles_of_the_thesis(plant: ClutchPlant, point: Point) -> None:
-    """148 and 196 degrees are two pitches apart, 114 and 258 six."""
-    for a, b in ((148, 196), (114, 258)):
-        one = engage(plant, point(100, 315.5), a * DEG)
-        two = engage(plant, point(100, 315.5), b * DEG)
-        assert one.shift_time == pytest.approx(two.shift_time, rel=1e-4)
-
-
 def _mirrored(make: Callable[[Dog], Mesh]) -> Callable[[Dog], Mesh]:
     """Reflect what a mesh function makes in the plane of the axis and the x direction."""
 
@@ -89,12 +81,3 @@ def test_units_go_there_and_back(suffix: str, value: float) -> None:
     name = f"quantity{suffix}"
     assert from_si(name, to_si(name, value)) == pytest.approx(value, rel=1e-12, abs=1e-300)
     assert unit_of(name)
-
-
-def test_units_of_names() -> None:
-    assert to_si("height_mm", 3.7) == pytest.approx(3.7e-3)
-    assert to_si("mismatch_rpm", 60.0) == pytest.approx(6.283185307)
-    assert to_si("stiction_velocity_m_s", 2.0) == 2.0
-    assert to_si("count", 15) == 15
-    assert unit_of("proof_stress_MPa") == "MPa"
-    assert unit_of("inertia_kgm2") == "kg m2"

@@ -65,7 +65,7 @@ def test_single_shifts_are_gathered_by_operating_point(folder: Path) -> None:
         (
             "shift_time_s,",
             "shift_time_s,Force_N,",
-            "row 1: 'Force_N' is the column 'force_N' again; keep one",
+            "row 1: 'Force_N' is not a known column; did you mean 'force_N'?",
         ),
         ("5,235.2", "5,-235.2", "shift force is -235.2 N"),
     ],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from dataclasses import fields, replace
+from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
@@ -17,7 +17,7 @@ from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import EffectError, GeometryError, InputError
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import MECHANISM_KEYS, Mechanism
 from dogshape.sim.statistics.blocks import Block
@@ -31,11 +31,6 @@ EFFECTS = load()
 NAMES = sorted(EFFECTS)
 #: Of the paper's study at its first operating point, without any mechanism.
 PHYSICS, FIRST = "d9069ea6093eea848d23", "3d538982a61536408d1f"
-
-
-@pytest.fixture
-def setting(clutch: Clutch, point: Point) -> Setting:
-    return Setting(clutch, point(50, 469.0))
 
 
 def _values(effect: Effect) -> dict[str, float]:
@@ -107,23 +102,20 @@ def test_every_part_of_a_mechanism_is_in_the_key(clutch: Clutch) -> None:
         own = {name: value + 1e-6, **needs.get(name, {})}
         other = replace(clutch, mechanism=Mechanism(**own))
         keys.add(Block(other, point, (0.1,)).keys[0])
-    lagged = replace(point, profile=LaggedProfile(300.0, 0.2, 0.01))
+    lagged = replace(point, profile=ForceProfile(300.0, 0.2, lag=0.01))
     keys.add(Block(clutch, lagged, (0.1,)).keys[0])
     assert len(keys) == 2 + len(MECHANISM_KEYS)
 
 
 def test_mistakes_are_sentences(setting: Setting) -> None:
-    friction, gap = EFFECTS["sleeve_friction"], EFFECTS["axial_gap"]
+    friction = EFFECTS["sleeve_friction"]
     for values, words in (
         ({"friction": 1.0}, "'friction' is not a parameter of sleeve_friction; did you mean"),
         ({}, "sleeve_friction needs a value of 'friction_N'"),
-        ({"friction_N": float("nan")}, "sleeve_friction.friction_N is nan N"),
         ({"friction_N": -1.0}, "mechanism.friction_N is -1 N, but it must lie between 0 and"),
     ):
         with pytest.raises(InputError, match=words):
             friction.apply(setting, values)
-    with pytest.raises(InputError, match=r"axial_gap_mm is -1 mm"):
-        gap.apply(setting, {"gap_offset_mm": -2.0})
     steep = {"chamfer_offset_deg": 40.0}
     with pytest.raises(GeometryError):
         EFFECTS["chamfer_angle"].apply(setting, steep)
@@ -162,10 +154,8 @@ def test_a_users_file_is_an_effect(tmp_path: Path, setting: Setting) -> None:
     ("file", "text", "words"),
     [
         ("mine.py", "EFFECT = 3", "mine.py defines no EFFECT; define one"),
-        ("mine.py", "x = 1", "mine.py defines no EFFECT; define one"),
         ("mine.py", OWN.format(name="yours"), "defines the effect 'yours', but an effect has"),
         ("free_play.py", OWN.format(name="free_play"), "'free_play', but there is one of that"),
-        ("mine.py", "import nothing_of_this_name", r"cannot be run \(ModuleNotFoundError"),
         ("mine.py", "def (", r"cannot be run \(SyntaxError"),
         (
             "mine.py",
@@ -186,14 +176,9 @@ WRONG = {
     'return setting.with_mechanism(drag_Nm=values["damping_Ns_m"])': (
         "with_mechanism has no field 'drag_Nm'; valid are added_mass, .*drag_torque.*, in SI units"
     ),
-    "return setting.with_mechanism(dampin=1.0)": "did you mean 'damping'.*Valid are added_mass",
-    "return setting.with_contact(friction=0.1)": "with_contact has no field 'friction'",
     "return setting.with_dog(hight=0.003)": "with_dog has no field 'hight'; did you mean 'height'",
-    "return setting.with_point(speed=1.0)": "with_point has no field 'speed'",
     "return 1.0 / 0.0": r"cannot be run at damping_Ns_m = .* \(ZeroDivisionError: ",
-    'return setting.with_mechanism(damping="x")': r"cannot be run at .* \(TypeError",
     "setting.with_mechanism(damping=1.0)": "returns None, but it must return a Setting",
-    "return values": "returns a dict, but it must return a Setting",
     "return setting.with_mechanism(damping=-1.0)": "no value of the effect .* gives a bench: mech",
 }
 
@@ -211,35 +196,6 @@ def test_a_users_program_that_is_wrong_is_a_sentence(
     if "no value" not in WRONG[change]:
         with pytest.raises(EffectError):
             effect.possible(setting, {"damping_Ns_m": 3.0})
-
-
-def test_a_wrong_effect_is_refused_before_anything_is_simulated(
-    tmp_path: Path, dogshape: Callable[..., Said]
-) -> None:
-    mine = tmp_path / "mine"
-    mine.mkdir()
-    right = 'return setting.with_mechanism(damping=values["damping_Ns_m"])'
-    wrong = OWN.format(name="thick_oil").replace(
-        right, "return setting.with_mechanism(drag_Nm=1.0)"
-    )
-    (mine / "thick_oil.py").write_text(wrong)
-    said = dogshape("gap", "mq200_stand", "--effects", mine)
-    assert said.status == 2
-    assert f"{mine}/thick_oil.py: with_mechanism has no field 'drag_Nm'" in said.sentence
-
-
-def test_the_documentation_has_every_field(setting: Setting) -> None:
-    lines = (Path(__file__).parents[2] / "docs" / "effects.md").read_text().splitlines()
-    parts = {
-        "with_mechanism": setting.clutch.mechanism,
-        "with_contact": setting.clutch.contact,
-        "with_dog": setting.clutch.dog,
-        "with_point": setting.point,
-    }
-    for method, part in parts.items():
-        (line,) = [line for line in lines if line.startswith(f"| `setting.{method}`")]
-        named = set(re.findall(r"`(\w+)`", line.split("|")[2]))
-        assert named == {field.name for field in fields(part)} - {"name"}
 
 
 def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:

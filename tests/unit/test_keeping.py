@@ -25,19 +25,8 @@ from tests.diagnosed import simulated_bench, simulated_diagnosis
 from tests.made_up import Quick, few_cells, made_up
 
 Call = Callable[..., Said]
-EXPECT = (
-    "expect",
-    "mq200_paper",
-    "--mismatch-rpm",
-    149,
-    "--force-N",
-    469,
-    "--angles",
-    6,
-    "--jobs",
-    1,
-)
-PRECISE = ("expect", "mq200_paper", "--mismatch-rpm", 149, "--force-N", 469, "--precision", 0.2)
+POINT = ("expect", "mq200_paper", "--mismatch-rpm", 149, "--force-N", 469, "--jobs", 1)
+EXPECT, PRECISE = (*POINT, "--angles", 6), (*POINT, "--precision", 0.2)
 VALIDATE = ("validate", "mq200_adams", "--angles", 3, "--jobs", 1)
 
 
@@ -53,7 +42,7 @@ def _line(said: Said) -> str:
     return " ".join(said.err.split())
 
 
-@pytest.mark.parametrize("asked", [EXPECT, (*PRECISE, "--jobs", 1), VALIDATE])
+@pytest.mark.parametrize("asked", [EXPECT, PRECISE, VALIDATE])
 def test_a_stopped_command_goes_on(
     dogshape: Call, tmp_path: Path, quick: Quick, asked: tuple[object, ...]
 ) -> None:
@@ -72,14 +61,6 @@ def test_a_stopped_command_goes_on(
     assert (again.status, again.out) == (0, whole.out)
     assert quick.done == shifts, "a finished shift was simulated again"
     assert not (tmp_path / "results").exists()
-
-
-def test_nothing_finished_leaves_nothing(dogshape: Call, tmp_path: Path, quick: Quick) -> None:
-    quick.stop = 0
-    said = dogshape(*EXPECT)
-    assert said.status == 130
-    assert "kept" not in said.err
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_that_cannot_be_written_is_told(
@@ -104,12 +85,6 @@ def test_the_same_command_twice_at_once_is_told(
         assert folder.exists(), "the folder of the first is left alone"
     assert "in use by another run" in " ".join(capsys.readouterr().err.split())
     assert not list(tmp_path.iterdir()), "what was there before stays"
-
-
-def test_other_questions_have_other_folders(tmp_path: Path) -> None:
-    one = work_folder(tmp_path, "expect", "abc", 3)
-    assert one == work_folder(tmp_path, "expect", "abc", 3)
-    assert one != work_folder(tmp_path, "expect", "abc", 4)
 
 
 def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:

@@ -18,7 +18,7 @@ from dogshape.cli.app import PLAIN, VERBS
 from dogshape.diagnosis.bench.stand_file import _BenchFile
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.clutch_tables import RULES, broken_rule, validate
+from dogshape.sim.clutch_tables import RULES, broken_rule
 from dogshape.sim.errors import InputError
 from tests.conftest import Said
 
@@ -102,27 +102,21 @@ def test_every_option_has_a_sentence() -> None:
     [
         (["name=a b"], "name is 'a b', but it must be letters, digits"),
         (["name=."], "beginning with no '-' or '.'"),
-        (["name=.."], "beginning with no '-' or '.'"),
         (["name='x" + "x" * 200 + "'"], "(203 characters), but it must be not longer than 100"),
-        (["name=''"], "name is '', but it must be not empty"),
         (["dog.height_mm='3,7'"], "but it must be a number in mm; write 3.7"),
         (["dog.height_mm='\N{MINUS SIGN}3.7'"], "write -3.7"),
         (["dog.height_mm='3.7 mm'"], "write the number alone, without a unit"),
-        (["dog.count=15.5"], "dog.count is 15.5, but it must be a whole number; correct"),
         (["dog=3"], "dog is 3, but it must be a table of keys; give its keys one by one"),
         (
             ["operating.force_N=[]"],
             "operating.force_N is [], but it must be a list of at least one",
         ),
         (["operating.force_N=469"], "must be a list in square brackets; write [469]"),
-        (["variables.count=[1,2,3]"], "but it must be a list of at most 2 values"),
-        (["search.trials=0"], "search.trials is 0, but it must be at least 1; raise it"),
         (
             ["search.trials=10001"],
             "search.trials is 10001, but it must be at most 10000 designs, which take a day "
             "to propose; lower it",
         ),
-        (["solver.scheme=3"], "solver.scheme is 3, but it must be a text in quotation marks"),
     ],
 )
 def test_sentences(overrides: list[str], words: str) -> None:
@@ -142,29 +136,12 @@ def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_a_list_of_mistakes_is_printed_without_a_traceback(program: Callable[..., Said]) -> None:
-    sets = ["--set", "dog.height_mm=x", "--set", "search.trials=0"]
-    said = program("check", "mq200_paper", *sets)
-    assert said.status == 2
-    assert len(said.err.splitlines()) == 3
-    assert "Traceback" not in said.err
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (
-            ("shift", "mq200_paper", "--mismatch-rpm", "3,7"),
-            "is '3,7', but it must be a number; write 3.7",
-        ),
-        (("shift", "mq200_paper", "--mismatch-rpm", "\N{MINUS SIGN}3"), "a number; write -3"),
+        (("shift", "mq200_paper", "--mismatch-rpm", "3,7"), "must be a number; write 3.7"),
         (("study", "mq200_paper", "--trials", "0"), "--trials is '0', but it must be at least 1"),
-        (
-            ("study", "mq200_paper", "--trials", "1.5"),
-            "--trials is '1.5', but it must be a whole number",
-        ),
         (("check", "mq200_paper", "--chamfer", "9"), "--set dog.chamfer_deg=9"),
-        (("study", "mq200_paper", "--out", ""), "--out is given nothing"),
         (("study", "mq200_paper", "--out="), "--out is given nothing"),
         (("report", ""), "an argument is given nothing"),
     ],
@@ -176,12 +153,3 @@ def test_options_speak_the_same_language(
     assert said.status == 2
     assert words in said.sentence
     assert not any(theirs in said.err.lower() for theirs in THEIRS)
-
-
-def test_the_longest_name_is_a_folder(tmp_path: Path) -> None:
-    (tmp_path / (load_study("mq200_paper", ["name=" + "n" * 100]).name + "-space")).mkdir()
-
-
-def test_bench_files_tell_all_mistakes_too() -> None:
-    with pytest.raises(InputError, match=r"bench.toml: 8 mistakes\n- 'nam' is not a known key"):
-        validate(_BenchFile, {"nam": "x", "timeout_s": "1,0"}, "bench.toml")

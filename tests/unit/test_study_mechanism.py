@@ -22,7 +22,6 @@ from dogshape.sim.clutch_tables import MechanismSection
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import LaggedProfile
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING
 from dogshape.sim.statistics.blocks import even_block
 from tests.conftest import Said
@@ -205,7 +204,6 @@ def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
     assert study.uncertainty is not None
     variant = study.uncertainty.variants(study.points[0], 3, 1, 0)[0]
     drawn = variant.point(study.points[0]).profile
-    assert isinstance(drawn, LaggedProfile)
     assert (drawn.delay, drawn.lag) == (0.05, 0.02)
     assert drawn.force == pytest.approx(variant.force * study.points[0].profile.force)
     assert drawn.rise == pytest.approx(study.actuation.at_sleeve(drawn.force).rise)

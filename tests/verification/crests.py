@@ -1,17 +1,14 @@
 r"""Closed form of crests that cross, where dogs hang by friction whatever their chamfer.
 
-Crests are straight and lie across the axis. Where two of them meet they cross under the angle
-:math:`\psi = h \tan\beta/r`, so that over a width :math:`W = \psi b` of overlap at the mean radius
-the crossing lies on both dogs. Moved across each other there, the crossing runs along the crests
-and nothing gives way: the common normal is the axis, and friction has nothing to hold. With a
-compliant layer the rigid crest stands a depth :math:`\delta` below the other one. At the place
-*x* along it the local overlap is :math:`\ell = L + \psi x`; there the rigid face and the rigid
-flank press with the smaller of the depths below both faces of the other dog. Summed over *x*, these
-loads are :math:`N = k \delta^3 n/\psi` along the axis and :math:`T = k \delta^3 t/\psi` across,
-*n* and *t* integrals over :math:`\ell/\delta` from :math:`(L - W/2)/\delta` to
-:math:`(L + W/2)/\delta`. Over the whole pattern, :math:`-\tan\beta \le \ell/\delta \le \cot\alpha`,
-*t* vanishes for all angles; only where the pattern runs off the end of a dog there is
-something to hold. Static friction holds where :math:`|T| \le \mu N`.
+Two straight crests cross under the angle :math:`\psi = h \tan\beta/r`, over a width :math:`W =
+\psi b` of overlap at the mean radius on both dogs. The common normal there is the axis. In a
+compliant layer the rigid crest stands a depth :math:`\delta` below the other one. At the place *x*
+along it the overlap is :math:`\ell = L + \psi x`; rigid face and flank press with the smaller of
+the depths below both faces of the other dog. Summed over *x*, these loads are
+:math:`N = k \delta^3 n/\psi` along the axis and :math:`T = k \delta^3 t/\psi` across, *n* and *t*
+integrals over :math:`\ell/\delta` from :math:`(L - W/2)/\delta` to :math:`(L + W/2)/\delta`. Over
+the whole pattern, :math:`-\tan\beta \le \ell/\delta \le \cot\alpha`, *t* vanishes; only where it
+runs off the end of a dog there is something to hold. Friction holds where :math:`|T| \le \mu N`.
 """
 
 from __future__ import annotations

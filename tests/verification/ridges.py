@@ -1,23 +1,13 @@
 r"""Rounded crests that cross, by sections of their exact profile.
 
-*Ridge.* Rounded with :math:`\varrho`, a crest of the angle :math:`\psi = 90° + \beta - \alpha`
-loses the height
-:math:`c = \varrho(\sin(45° + \tfrac{\alpha + \beta}{2})/\sin\tfrac{\psi}{2} - 1)`, and its ridge
-stands :math:`s = \varrho \cos(45° + \tfrac{\alpha + \beta}{2})/\sin\tfrac{\psi}{2}` behind the
-sharp crest. So ridge meets ridge after the gap and :math:`2 c`, at an overlap of :math:`2 s`.
-
-*Sections.* Across the crests two ridges that are :math:`e` beside each other are two circles. Where
-they overlap by *d* along their common normal it leans by :math:`\sin\theta = e/(2\varrho - d)`, and
-on the contact's bed of springs *k* they press with :math:`\tfrac{4}{3} k \sqrt{2 R}\, d^{3/2}`,
-:math:`R = \varrho/2`.
-
-*Window.* A ridge stands :math:`\tfrac{h}{2} \tan\beta + s` off a radial line, so two of them cross
-under :math:`(h \tan\beta + 2 s)/r`, and *e* runs over :math:`W = (h \tan\beta + 2 s) b/r` along a
-dog. Where the crossing lies on both dogs, its normal is the axis. Beyond, the ends touch
-with a slope that friction of the angle :math:`\rho` holds while :math:`e \le 2 \varrho \sin\rho`.
-Stiff dogs so hang over :math:`W + 4 \varrho \sin\rho` of overlap, more than with sharp crests.
-Softer ones sink in, and touch with faces too: ``Ridges`` sums the pressure over sections of the
-exact profile, arcs and all, with nothing of the engines' planes and polygons.
+``docs/simulation.md`` has height and setback *s* of the ridge of a crest rounded with
+:math:`\varrho`. Across the crests two ridges *e* beside each other are two circles. Where they
+overlap by *d*, their normal leans by :math:`\sin\theta = e/(2\varrho - d)`, and they press with
+:math:`\tfrac{4}{3} k \sqrt{2 R}\, d^{3/2}`, :math:`R = \varrho/2`. Along a dog *e* runs over
+:math:`W = (h \tan\beta + 2 s) b/r`. Beyond, the ends touch with a slope that friction of the angle
+:math:`\rho` holds while :math:`e \le 2 \varrho \sin\rho`: stiff dogs hang over :math:`W + 4 \varrho
+\sin\rho`. Softer ones touch with faces too: ``Ridges`` sums the pressure over sections of the exact
+profile, with nothing of the engines' planes and polygons.
 """
 
 from __future__ import annotations

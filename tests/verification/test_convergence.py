@@ -7,7 +7,6 @@ import pytest
 
 from benchmarks.common import DESIGNS, angles_of, clutch_of, measure, paper_study, point_of
 from benchmarks.convergence import POINTS, Pair, error, pairs, with_accuracy
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.plant import ClutchPlant
 
 
@@ -40,19 +39,6 @@ def test_error_falls_with_the_tolerance() -> None:
     order = np.polyfit(np.log([1e-2, 1e-3, 1e-4]), np.log(errors), 1)[0]
     assert order > 0.5
     assert errors[-1] < 1e-3
-
-
-def _pair(times: list[float], reference: list[float]) -> Pair:
-    point = OperatingPoint(0.0, paper_study().points[0].profile)
-    return Pair({}, point, np.array(times), np.array(reference))
-
-
-def test_a_flip_is_another_time_or_another_outcome_and_no_small_error() -> None:
-    pair = _pair([0.100, 0.103, 0.098, np.nan, np.nan], [0.100, 0.100, 0.066, 0.1, np.nan])
-    assert pair.flipped.tolist() == [False, False, True, True, False]
-    assert pair.errors == pytest.approx([0.0, 3.0])
-    assert pair.smooth_error == pytest.approx(1.5)
-    assert pair.error == pytest.approx(100.0 * (0.301 / 0.266 - 1.0))
 
 
 def _held(made: list[Pair], most_flips: int) -> None:

@@ -18,7 +18,7 @@ from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import dog_corners, lands, ring_part
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
-from dogshape.sim.shift.actuation import LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import penetration
 from dogshape.sim.shift.geometry import (
@@ -184,7 +184,7 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch) -> None:
     """As with sharp edges: nine in ten within 0.03 %."""
     own = rounded(clutch, 0.2 * MM)
     plant, mine, dog = ClutchPlant(own), planar_clutch(own), own.dog
-    plant.start(OperatingPoint(1.0, LaggedProfile(469.0, 0.1766)), 0.1)
+    plant.start(OperatingPoint(1.0, ForceProfile(469.0, 0.1766, lag=0.01)), 0.1)
     carriage = plant.plant.GetBodyByName("carriage").model_instance()
     port = plant.plant.get_generalized_contact_forces_output_port(carriage)
     rng, work = np.random.default_rng(2), kernel.workspace(len(mine.surfaces[1]))

@@ -13,12 +13,11 @@ from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.mechanism import Mechanism, smooth_sign
-from dogshape.sim.shift.mesh import rigid_dog
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
+from tests.verification.test_impact import face_area, flat_dogs
 
 Point = Callable[[float, float], OperatingPoint]
 
@@ -32,8 +31,8 @@ def _pressed(clutch: Clutch, depth: float, speed: float) -> tuple[float, float]:
     Rectangular dogs that face each other: axial force against the shift and force along the
     circumference, both of one dog.
     """
-    dog = replace(clutch.dog, chamfer=0.0, traction=15 * DEG, braking=15 * DEG)
-    plant = ClutchPlant(clutch.with_dog(dog))
+    flat = flat_dogs(clutch, clutch.contact)
+    dog, plant = flat.dog, ClutchPlant(flat)
     plant.start(OperatingPoint(50 * RPM, PUSH), 0.0)
     plant.plant.SetPositions(plant.plant_context, [0.0, dog.axial_gap + depth, 0.0])
     plant.plant.SetVelocities(plant.plant_context, [50 * RPM, speed, 0.0])
@@ -41,19 +40,6 @@ def _pressed(clutch: Clutch, depth: float, speed: float) -> tuple[float, float]:
     port = plant.plant.get_generalized_contact_forces_output_port(body.model_instance())
     forces = port.Eval(plant.plant_context)
     return float(-forces[1]), float(forces[2]) / dog.mean_radius
-
-
-def _area(clutch: Clutch) -> float:
-    dog = replace(clutch.dog, chamfer=0.0, traction=15 * DEG, braking=15 * DEG)
-    mesh = rigid_dog(dog)
-    a, b, c = np.moveaxis(mesh.vertices[mesh.cells[2:4]], 1, 0)
-    return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
-
-
-@pytest.fixture
-def setting(clutch: Clutch, point: Point) -> Setting:
-    """The prototype at 50 1/min and 469 N."""
-    return Setting(clutch, point(50, 469.0))
 
 
 @pytest.mark.parametrize(("static", "dynamic"), [(0.12, 0.10), (0.30, 0.25)])
@@ -70,23 +56,13 @@ def test_the_plant_sees_the_coefficient_of_friction(
 
 def test_the_plant_sees_stiffness_and_dissipation(setting: Setting) -> None:
     """F = k A x (1 + d v)."""
-    depth, speed, area = 5e-6, 0.01, _area(setting.clutch)
+    flat = flat_dogs(setting.clutch, setting.clutch.contact)
+    depth, speed, area = 5e-6, 0.01, face_area(flat)
     stiff = EFFECTS["contact_stiffness"].apply(setting, {"stiffness_Pa_m": 2e12})
     assert _pressed(stiff.clutch, depth, 0.0)[0] == pytest.approx(2e12 * area * depth, rel=1e-3)
     dead = EFFECTS["contact_dissipation"].apply(stiff, {"dissipation_s_m": 60.0})
     exact = 2e12 * area * depth * (1.0 + 60.0 * speed)
     assert _pressed(dead.clutch, depth, speed)[0] == pytest.approx(exact, rel=1e-3)
-
-
-@pytest.mark.parametrize(("offset", "outcome"), [(-3.5, "blocked"), (-1.0, "engaged")])
-def test_a_flatter_chamfer_holds_below_the_friction_angle(
-    clutch: Clutch, point: Point, offset: float, outcome: str
-) -> None:
-    """Dog on dog at rest, 8 deg nominal: dynamic friction 0.10 is 5.7 deg."""
-    at_rest = Setting(clutch, OperatingPoint(0.0, point(5, 641.5).profile))
-    changed = EFFECTS["chamfer_angle"].apply(at_rest, {"chamfer_offset_deg": offset})
-    result = engage(ClutchPlant(changed.clutch), changed.point, 0.0)
-    assert result.outcome is Outcome(outcome)
 
 
 @pytest.mark.parametrize("offset", [-0.3, 0.4])
@@ -177,23 +153,3 @@ def test_only_drag_takes_angular_momentum(clutch: Clutch, point: Point, drag: fl
         taken, abs=1e-6 * momentum[0] + 0.01 * abs(taken[-1])
     )
     assert math.isclose(momentum[0], 0.6048 * 100 * RPM)
-
-
-def test_a_vanishing_mechanism_leaves_the_shift(clutch: Clutch, point: Point) -> None:
-    """Every part at a millionth of what matters, against the plant that has none of them."""
-    faint = Mechanism(
-        added_mass=1e-7,
-        friction=1e-6,
-        damping=1e-5,
-        detent=1e-6,
-        detent_position=1e-3,
-        spline_friction=1e-8,
-        drag_torque=1e-8,
-    )
-    times = [
-        engage(
-            ClutchPlant(replace(clutch, mechanism=one)), point(100, 469.0), 16.0 * DEG
-        ).shift_time
-        for one in (Mechanism(), faint)
-    ]
-    assert times[0] == pytest.approx(times[1], rel=1e-3)

@@ -12,7 +12,7 @@ import pytest
 from dogshape.sim.effects import load
 from dogshape.sim.engines import engage
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
@@ -57,22 +57,6 @@ def test_a_force_loss_acts_at_rest(setting: Setting) -> None:
     assert held.trace.contact_force[-1] == pytest.approx(left, rel=0.01)
 
 
-@pytest.mark.parametrize("lag", [0.0, 0.02])
-def test_a_force_loss_keeps_the_share_of_the_final_force(setting: Setting, lag: float) -> None:
-    both = EFFECTS["force_scale"].apply(setting, {"force_factor": 0.9})
-    both = EFFECTS["actuation_lag"].apply(both, {"lag_s": lag})
-    full = EFFECTS["force_loss"].apply(both, {"loss_N": 22.1}).point.profile
-    times, rise = np.linspace(0.0, 0.5, 101), setting.point.profile.rise
-    unit = LaggedProfile(100.0, rise, lag) if lag else ForceProfile(100.0, rise)
-    assert full.at(times) == pytest.approx(4.0 * unit.at(times), rel=1e-12)
-    assert full.free_flight(times, MASS) == pytest.approx(4.0 * unit.free_flight(times, MASS))
-
-
-def test_a_loss_above_the_force_is_no_bench(setting: Setting) -> None:
-    assert EFFECTS["force_loss"].possible(setting, {"loss_N": 468.0})
-    assert not EFFECTS["force_loss"].possible(setting, {"loss_N": 468.1})
-
-
 @pytest.mark.parametrize("factor", [0.4, 1.6])
 def test_the_rise_factor_stretches_the_cubic_step(setting: Setting, factor: float) -> None:
     """x = (F T2/m)(s4/4 - s5/10), T the rise times its factor."""
@@ -84,16 +68,6 @@ def test_the_rise_factor_stretches_the_cubic_step(setting: Setting, factor: floa
     flown = exact > 1e-4
     assert flown.sum() > 5
     assert trace.displacement[flown] == pytest.approx(exact[flown], rel=1e-3)
-
-
-def test_a_rise_that_vanishes_leaves_a_constant_force(setting: Setting) -> None:
-    """x = F t2/2m, with t from the middle of the rise."""
-    quick = EFFECTS["force_rise"].apply(_free(setting), {"rise_factor": 1e-3})
-    trace = _shifted(quick).trace
-    late = (trace.time > 0.005) & (trace.displacement < 80e-3)
-    middle = 0.5e-3 * setting.point.profile.rise
-    exact = 0.5 * 469.0 / MASS * (trace.time[late] - middle) ** 2
-    assert trace.displacement[late] == pytest.approx(exact, rel=1e-3)
 
 
 @pytest.mark.parametrize("shaft", [False, True], ids=["rigid", "shaft"])
@@ -113,16 +87,6 @@ def test_the_sliding_inertia_takes_up_the_mismatch(
     most = float(np.abs(gained).max())
     assert most > 0.5 * rings.sliding_inertia * 50.0 * RPM
     assert gained == pytest.approx(lost, rel=1e-3, abs=1e-3 * most)
-
-
-def test_a_drag_torque_slows_the_sliding_inertia(setting: Setting) -> None:
-    """w = w0 - M t / k J1."""
-    turning = _free(setting).with_mechanism(drag_torque=2.0)
-    rings = replace(turning.clutch.rings, initial_speed=40.0)
-    turning = replace(turning, clutch=replace(turning.clutch, rings=rings))
-    heavy = EFFECTS["sliding_inertia"].apply(turning, {"inertia_factor": 2.0})
-    trace = _shifted(heavy).trace
-    assert trace.sliding_speed == pytest.approx(40.0 - 2.0 / 0.02 * trace.time, rel=1e-4)
 
 
 def test_a_linkage_swings_as_two_masses_on_a_spring(setting: Setting) -> None:
@@ -153,10 +117,3 @@ def test_limits_of_a_linkage_are_mass_and_compliance_alone(setting: Setting) -> 
     light = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 1e-6})
     alone = setting.with_mechanism(compliance=4e-6)
     assert _shifted(light).shift_time == pytest.approx(_shifted(alone).shift_time, rel=1e-3)
-
-
-def test_masses_of_linkage_and_actuator_add_up(setting: Setting) -> None:
-    linkage, mass = EFFECTS["linkage_compliance"], EFFECTS["moving_mass"]
-    part = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 0.5})
-    whole = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 0.75})
-    assert mass.apply(part, {"added_mass_kg": 0.25}) == whole

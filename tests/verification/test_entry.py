@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from pydrake.systems.framework import Context, EventStatus
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
@@ -15,32 +14,11 @@ from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
+from tests.verification.test_mismatch import first_touch
 
 
 def _flat(clutch: Clutch) -> Clutch:
     return clutch.with_dog(replace(clutch.dog, chamfer=0.0))
-
-
-def _enters(plant: ClutchPlant, mismatch: float, angle: float, speed: float, way: float) -> bool:
-    """Start with the crests level at a given axial speed; tell whether nothing is touched."""
-    point = OperatingPoint(mismatch, ForceProfile(1.0, 10.0))
-    simulator = plant.start(point, angle)
-    gap = plant.clutch.dog.axial_gap
-    plant.plant.SetPositions(plant.plant_context, [angle, gap - 1e-9, 0.0])
-    plant.plant.SetVelocities(plant.plant_context, [mismatch, speed, 0.0])
-    simulator.Initialize()
-    touched = []
-
-    def watch(context: Context) -> EventStatus | None:
-        turned = abs(plant.state()[5]) > 1e-9
-        if turned or plant.state()[4] < 0.999 * speed:
-            touched.append(context.get_time())
-            return EventStatus.ReachedTermination(plant.plant, "touched")
-        return None
-
-    simulator.set_monitor(watch)
-    simulator.AdvanceTo(way / speed)
-    return not touched
 
 
 @pytest.mark.parametrize("mismatch_rpm", [100.0, -100.0, 250.0, 400.0])
@@ -63,7 +41,10 @@ def test_kinematic_entry_without_touching(clutch: Clutch, mismatch_rpm: float) -
     free = (dog.entry_play - lean) / dog.outer_radius
     exact = max(0.0, (free - swept) / dog.pitch_angle)
     angles = (np.arange(300) + 0.5) / 300 * dog.pitch_angle
-    share = np.mean([_enters(plant, mismatch_rpm * RPM, a, speed, depth) for a in angles])
+    start, until = dog.axial_gap - 1e-9, depth / speed
+    share = np.mean(
+        [first_touch(plant, (a, start), mismatch_rpm * RPM, speed, until) is None for a in angles]
+    )
     assert share == pytest.approx(exact, abs=1.5 / 300)
 
 
@@ -90,14 +71,3 @@ def test_rectangular_dogs_engage_as_often_as_in_bokas_form(
     assert {r.outcome for r in results} <= {Outcome.ENGAGED, Outcome.BLOCKED}
     share = np.mean([r.outcome is Outcome.ENGAGED for r in results])
     assert share == pytest.approx(exact, abs=1.6 / 30)
-
-
-@pytest.mark.parametrize("mismatch_rpm", [60.0, 100.0])
-def test_rectangular_dogs_always_engage_beyond_bokas_limit(
-    clutch: Clutch, mismatch_rpm: float
-) -> None:
-    """58 1/min at 235 N: from there on the slide is longer than a dog."""
-    plant = ClutchPlant(_flat(clutch))
-    point = OperatingPoint(mismatch_rpm * RPM, ForceProfile(235.0, 1e-3))
-    for k in range(6):
-        assert engage(plant, point, (k + 0.5) / 6 * 24 * DEG).outcome is Outcome.ENGAGED

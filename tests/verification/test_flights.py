@@ -15,7 +15,7 @@ from dogshape.diagnosis.prediction.flights import Flights, fly
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import crossing
@@ -40,7 +40,7 @@ def _fly(setting: Setting, force: float = 315.5) -> np.ndarray:
 def test_a_mass_under_a_step_flies_in_closed_form(plain: Setting, mass: float, lag: float) -> None:
     setting = plain.with_mechanism(added_mass=mass)
     if lag:
-        setting = setting.with_point(profile=LaggedProfile(315.5, 0.2026, lag))
+        setting = setting.with_point(profile=ForceProfile(315.5, 0.2026, lag=lag))
     profile = setting.point.profile
     exact = [profile.free_flight_time(level, 0.3 + mass) for level in LEVELS]
     assert _fly(setting)[: len(WAYS)] == pytest.approx(exact, abs=5e-6)

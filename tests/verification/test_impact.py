@@ -17,14 +17,14 @@ from dogshape.sim.units import DEG
 from dogshape.validation.impact import impact, published_impact
 
 
-def _flat(clutch: Clutch, contact: ContactSet) -> Clutch:
+def flat_dogs(clutch: Clutch, contact: ContactSet) -> Clutch:
     """Rectangular dogs of equal side angles: at zero angle face lies on face all over."""
     dog = replace(clutch.dog, chamfer=0.0, traction=15 * DEG, braking=15 * DEG)
     fine = Solver(accuracy=1e-7, max_step=1e-6)
     return replace(clutch, dog=dog, contact=contact, solver=fine)
 
 
-def _face_area(clutch: Clutch) -> float:
+def face_area(clutch: Clutch) -> float:
     mesh = rigid_dog(clutch.dog)
     a, b, c = np.moveaxis(mesh.vertices[mesh.cells[2:4]], 1, 0)
     return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
@@ -46,7 +46,7 @@ def _simulated(clutch: Clutch, speed: float) -> tuple[float, float, float]:
         seen.append((context.get_time(), state[1] - gap, state[4]))
 
     simulator.set_monitor(watch)
-    simulator.AdvanceTo(4.0 * impact(clutch.contact, _face_area(clutch), 0.02, speed).duration)
+    simulator.AdvanceTo(4.0 * impact(clutch.contact, face_area(clutch), 0.02, speed).duration)
     time, depth, rate = np.array(seen).T
     inside = depth > 0.0
     return float(depth.max()), float(-rate[-1] / speed), float(np.ptp(time[inside]))
@@ -56,8 +56,8 @@ def _simulated(clutch: Clutch, speed: float) -> tuple[float, float, float]:
 @pytest.mark.parametrize("speed", [0.05, 0.4])
 def test_single_impact_against_the_closed_form(clutch: Clutch, name: str, speed: float) -> None:
     """Penetration, restitution and duration of one dog's share of the ring to 1 %."""
-    flat = _flat(clutch, CONTACT_SETS[name])
-    exact = impact(flat.contact, _face_area(flat), clutch.rings.mass / 15, speed)
+    flat = flat_dogs(clutch, CONTACT_SETS[name])
+    exact = impact(flat.contact, face_area(flat), clutch.rings.mass / 15, speed)
     depth, restitution, duration = _simulated(flat, speed)
     assert depth == pytest.approx(exact.penetration, rel=0.01)
     assert restitution == pytest.approx(exact.restitution, rel=0.01)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -18,7 +17,6 @@ from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import pull_out_force, release_angle, separating_force
 from dogshape.sim.strength.manufacture import ManufacturingLimits
 from dogshape.sim.units import DEG, MM, MPA
-from tests.conftest import Said
 
 SPLINE = LoadCase(spline_friction=0.1, spline_radius=17.6 * MM, pull_out_force_limit=641.5)
 
@@ -98,22 +96,6 @@ def test_equivalent_stress_takes_tension_and_shear_of_one_flank(
     assert (by_flank["braking"] > by_flank["traction"]) == (share == 1.0)
 
 
-def test_pull_out_under_coast_is_of_the_flank_that_holds_more(prototype: Dog) -> None:
-    steep = replace(prototype, traction=20 * DEG, braking=10 * DEG)
-    braking = _pull_by_equilibrium(steep, 10 * DEG, 0.12, 0.1, 17.6 * MM)
-    found = _by_name(steep, replace(SPLINE, coast_share=0.3))["pull_out_force"]
-    assert found.value == pytest.approx(0.3 * braking, rel=1e-9)
-
-
-def test_without_the_keys_there_is_no_new_check_and_no_new_hash() -> None:
-    plain = load_study("mq200_paper")
-    neutral = ["mechanism.spline_friction=0.0", "load.coast_share=1.0"]
-    assert "pull_out_force" not in _by_name(plain.clutch.dog, plain.limits.load)
-    assert load_study("mq200_paper", neutral).limits == plain.limits
-    assert load_study("mq200_paper", neutral[1:]).config_hash == plain.config_hash
-    assert "coast_share" not in plain.file.load.model_dump()
-
-
 @pytest.mark.parametrize("given", ["mechanism.spline_friction=0.1", "effects.spline_friction=0.1"])
 def test_the_actuator_pulls_with_the_largest_shift_force_unless_the_study_says(given: str) -> None:
     study = load_study("mq200_paper", [given])
@@ -125,19 +107,6 @@ def test_the_actuator_pulls_with_the_largest_shift_force_unless_the_study_says(g
     assert said.pull_out_force_limit == 1200.0
     with pytest.raises(InputError, match=r"load.pull_out_force_limit_N is 0 N"):
         load_study("mq200_paper", ["load.pull_out_force_limit_N=0"])
-
-
-def test_where_the_actuator_may_pull_flanks_need_not_let_go() -> None:
-    keys = ["mechanism.spline_friction=0.1", "mechanism.spline_radius_mm=17.6"]
-    study = load_study("mq200_paper", [*keys, "load.release_by_itself=false"])
-    checks = {c.name: c for c in strength_checks(study.clutch.dog, study.limits)}
-    assert {"traction_release", "braking_release"}.isdisjoint(checks)
-    assert checks["pull_out_force"].passed
-    assert all(check.passed for check in checks.values())
-    free = load_study("mq200_paper", ["load.release_by_itself=false"])
-    pull = {c.name: c for c in strength_checks(free.clutch.dog, free.limits)}["pull_out_force"]
-    assert pull.value < 0.0
-    assert pull.limit == 641.5
 
 
 @pytest.mark.parametrize(
@@ -158,43 +127,3 @@ def test_a_thin_rim_raises_the_stress_of_the_root(
     assert load_study("mq200_paper", ["manufacturing.rim_mm=3"]).limits.manufacturing.rim == 3e-3
     with pytest.raises(InputError, match=r"manufacturing.rim_mm is 0 mm"):
         load_study("mq200_paper", ["manufacturing.rim_mm=0"])
-
-
-def test_explanation_names_what_is_not_judged(dogshape: Callable[..., Said]) -> None:
-    plain = dogshape("strength", "mq200_paper", "--no-simulation", "--explain").out
-    for name in ("pull_out_force", "flank_strike_root", "flank_strike_flank", "rim"):
-        assert f"not judged: {name}; give" in plain
-    keys = ["mechanism.spline_friction=0.05", "manufacturing.rim_mm=6", "load.accuracy=6"]
-    keys += ["strike.ring_inertia_kgm2=5e-4", "strike.input_stiffness_Nm_rad=15e3"]
-    sets = [word for key in keys for word in ("--set", key)]
-    full = dogshape("strength", "mq200_paper", "--no-simulation", "--explain", *sets)
-    assert "not judged" not in full.out
-    assert "load sharing by number and accuracy: 0.62" in full.out
-    assert "traction flanks that strike at 249 1/min make 834 N m" in full.out
-    told = dogshape("strength", "mq200_paper", "--no-simulation", "--json", *sets).json
-    assert told["strikes"][0]["torque_Nm"] == pytest.approx(834, abs=1)
-    assert told["load"]["load_sharing"] == pytest.approx(0.62, abs=0.01)
-    names = {check["name"] for check in told["checks"]}
-    assert {"pull_out_force", "flank_strike_root", "flank_strike_flank", "rim"} <= names
-
-
-def test_limits_of_further_loads_move_with_the_keys_that_their_rules_name() -> None:
-    keys = {
-        "mechanism.spline_friction": 0.05,
-        "manufacturing.rim_mm": 6.0,
-        "load.pull_out_force_limit_N": 900.0,
-        "strike.ring_inertia_kgm2": 5e-4,
-        "strike.input_stiffness_Nm_rad": 15e3,
-        "strike.strikes": 1e5,
-    }
-    study = load_study("mq200_paper", keys)
-    wanted = ("pull_out_force", "flank_strike_root", "flank_strike_flank", "rim")
-    found = {c.name: c for c in strength_checks(study.clutch.dog, study.limits)}
-    for name in wanted:
-        key = found[name].rule.key
-        section, last = key.split(".")
-        given = study.file.model_dump()[section].get(last) or 700.0
-        moved = load_study("mq200_paper", {**keys, key: 0.9 * given})
-        (other,) = [c for c in strength_checks(moved.clutch.dog, moved.limits) if c.name == name]
-        assert other.limit != pytest.approx(found[name].limit, rel=1e-3), name
-        assert all((found[name].rule.meaning, found[name].rule.formula, found[name].rule.source))

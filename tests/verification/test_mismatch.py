@@ -19,7 +19,7 @@ from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM, RPM
 
 
-def _touch(
+def first_touch(
     plant: ClutchPlant, place: tuple[float, float], mismatch: float, speed: float, until: float
 ) -> tuple[float, float] | None:
     """Run from angle and displacement with the sliding ring not turning.
@@ -66,7 +66,7 @@ def test_positive_mismatch_runs_the_traction_flanks_together(
     flank = dog.traction if mismatch_rpm > 0.0 else dog.braking
     apart = left * math.tan(flank) / dog.outer_radius
     place = (middle, dog.travel - left)
-    found = _touch(ClutchPlant(heavy), place, mismatch_rpm * RPM, 1e-9, 0.1)
+    found = first_touch(ClutchPlant(heavy), place, mismatch_rpm * RPM, 1e-9, 0.1)
     assert found is not None
     assert found[1] - middle == pytest.approx(math.copysign(apart, mismatch_rpm), rel=0.03)
 
@@ -91,7 +91,7 @@ def test_faces_fall_away_from_each_other_at_positive_mismatch(
     # For as long as the faces stand opposite each other.
     until = 0.5 * dog.face_width / (60.0 * RPM * dog.mean_radius)
     assert speed * until > apart  # by its axial way alone the ring would touch
-    found = _touch(ClutchPlant(heavy), place, mismatch_rpm * RPM, speed, until)
+    found = first_touch(ClutchPlant(heavy), place, mismatch_rpm * RPM, speed, until)
     assert (found is not None) is touches
     if found is not None:
         closing = speed + 60.0 * RPM * dog.outer_radius * math.tan(dog.chamfer)

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from dogshape.sim.engines import engage
+from dogshape.sim.errors import InputError
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
-from dogshape.sim.shift.actuation import LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import Outcome, penetration
 from dogshape.sim.shift.geometry import Dog
@@ -154,41 +155,17 @@ def test_every_mechanism_follows_drake(clutch: Clutch, point: Point, mechanism: 
 
 def test_a_lagged_force_follows_drake(clutch: Clutch, point: Point) -> None:
     base = point(50, 469.0)
-    lagged = LaggedProfile(base.profile.force, base.profile.rise, 0.02)
+    lagged = ForceProfile(base.profile.force, base.profile.rise, lag=0.02)
     mine, drake = _both(clutch, replace(base, profile=lagged), 15 * DEG)
     assert mine == pytest.approx(drake, rel=5e-3)
 
 
-def test_finer_steps_change_little(clutch: Clutch, point: Point) -> None:
-    coarse = clutch.with_engine("planar")
-    for here, degrees in ((point(10, 469.0), 15.0), (point(100, 469.0), 3.0)):
-        one, two = (engage(c, here, degrees * DEG) for c in (coarse, coarse.refined()))
-        assert one.shift_time == pytest.approx(two.shift_time, rel=1e-3)
-        assert two.steps > 1.2 * one.steps
+def test_a_pressed_spline_with_two_coefficients_is_the_compiled_engines(clutch: Clutch) -> None:
+    contact, mechanism = contact_set("adams2019"), Mechanism(spline_friction=0.1)
+    own = replace(clutch, contact=contact, solver=solver_for(contact), mechanism=mechanism)
+    with pytest.raises(InputError, match=r"no torque for mechanism.spline_friction; take solver"):
+        ClutchPlant(own)
 
 
-def test_blocked_dogs_are_recognised(clutch: Clutch, point: Point) -> None:
-    flat = clutch.with_dog(replace(clutch.dog, chamfer=4 * DEG)).with_engine("planar")
-    found = engage(flat, point(0, 641.5), 0.0)
-    assert found.outcome is Outcome.BLOCKED
-    assert found.trace.time[-1] < 0.5 * flat.timeout
-
-
-def test_one_pitch_further_is_the_same(clutch: Clutch, point: Point) -> None:
-    own = clutch.with_engine("planar")
-    one, two = (
-        engage(own, point(50, 469.0), 10 * DEG + k * clutch.dog.pitch_angle) for k in (0, 3)
-    )
-    assert one.shift_time == pytest.approx(two.shift_time, rel=1e-6)
-
-
-def test_limits_of_a_run_are_outcomes(clutch: Clutch, point: Point) -> None:
-    own = clutch.with_engine("planar")
-    few = replace(own, solver=replace(own.solver, max_steps=50))
-    found = engage(few, point(50, 469.0), 15 * DEG)
-    assert found.outcome is Outcome.DIVERGED
-    assert "solver.max_steps = 50" in found.detail
-
-
-def _profile() -> LaggedProfile:
-    return LaggedProfile(469.0, 0.1766)
+def _profile() -> ForceProfile:
+    return ForceProfile(469.0, 0.1766, lag=0.01)

@@ -8,7 +8,6 @@ took another slot. Numbers behind the tolerances: ``python -m benchmarks.second_
 from __future__ import annotations
 
 import math
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -28,7 +27,7 @@ from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.units import DEG, RPM
 from dogshape.validation.blind.mujoco_model import restitution_of
 from dogshape.validation.second_engine import SecondEngine, engine_available, second_shift
-from dogshape.validation.second_model import FINE, EngineSettings, damping_ratio
+from dogshape.validation.second_model import FINE, EngineSettings
 from tests.conftest import RISE, dog_of, needed
 from tests.verification.test_motion import DESIGNS
 
@@ -77,19 +76,6 @@ def test_single_shifts_agree(pairs: dict[tuple[int, int], Agreement]) -> None:
     singles = np.concatenate([pair.size for pair in pairs.values()])
     assert np.median(singles) < 0.015
     assert np.mean(singles > FLIP) < 1 / 7
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("row", range(len(DESIGNS)))
-def test_slow_means_agree(pairs: dict[tuple[int, int], Agreement], row: int) -> None:
-    """Means at 10 and 25 1/min within 2 %; no more than one angle of six flips.
-
-    What is there, up to 1.6 %, is contact at edges: see ``test_narrow_rings_agree``.
-    """
-    for index in (0, 1):
-        pair = pairs[row, index]
-        assert pair.kept == pytest.approx(0.0, abs=0.02)
-        assert (pair.size > FLIP).sum() <= 1
 
 
 @pytest.mark.slow
@@ -212,33 +198,6 @@ def test_chamfer_releases_above_the_friction_angle(
     assert (shift.shift_time is None) is (outcome is Outcome.BLOCKED)
 
 
-def test_time_out_is_an_outcome(clutch: Clutch, point: Point) -> None:
-    shift = second_shift(replace(clutch, timeout=0.03), point(5.0, 235.2), 0.0)
-    assert shift.outcome is Outcome.TIMED_OUT
-    assert shift.shift_time is None
-
-
-def test_sliding_to_the_time_out_is_not_blocked(clutch: Clutch, point: Point) -> None:
-    """A chamfer hardly steeper than friction, as in Drake: the faces slide at 29 mm/s."""
-    dog = dog_of(clutch.dog, DESIGNS[1])
-    hasty = replace(clutch.with_dog(dog), timeout=0.2)
-    shift = second_shift(hasty, point(10.0, 235.2), 18.0 * DEG)
-    assert shift.outcome is Outcome.TIMED_OUT
-    assert abs(shift.trace.relative_speed[-1]) * dog.mean_radius > 1e-3
-
-
-def test_a_rebound_ends_at_the_stop(clutch: Clutch, point: Point) -> None:
-    trace = second_shift(clutch, point(249.0, 235.2), 0.0).trace
-    assert trace.displacement.min() == pytest.approx(-clutch.rebound, abs=1e-4)
-
-
-def test_engine_repeats_bit_by_bit(clutch: Clutch, point: Point) -> None:
-    engine = SecondEngine(clutch)
-    first = engine.shift(point(50.0, 469.0), 5.0 * DEG).shift_time
-    engine.shift(point(249.0, 641.5), 5.0 * DEG)
-    assert engine.shift(point(50.0, 469.0), 5.0 * DEG).shift_time == first
-
-
 @pytest.mark.parametrize("ratio", [0.2, 0.6, 1.0 / math.sqrt(2.0), 1.0, 1.5])
 def test_restitution_of_a_spring_and_damper(ratio: float) -> None:
     """The closed form against the motion, in steps of 1e-4 of the period over two pi."""
@@ -249,13 +208,6 @@ def test_restitution_of_a_spring_and_damper(ratio: float) -> None:
     assert restitution_of(ratio) == pytest.approx(-speed, abs=2e-4)
 
 
-def test_faster_hits_are_damped_more(clutch: Clutch, point: Point) -> None:
-    ratios = [damping_ratio(clutch, point(rpm, 469.0)) for rpm in (5.0, 50.0, 249.0)]
-    assert ratios == sorted(ratios)
-    lively = replace(clutch, contact=replace(clutch.contact, dissipation=0.0))
-    assert damping_ratio(lively, point(50.0, 469.0)) == pytest.approx(0.15)
-
-
 def test_a_contact_set_that_it_cannot_stand_for_is_refused(clutch: Clutch) -> None:
     published = contact_set("adams2019")
     other = replace(clutch, contact=published, solver=solver_for(published))
@@ -264,13 +216,3 @@ def test_a_contact_set_that_it_cannot_stand_for_is_refused(clutch: Clutch) -> No
     creeping = replace(clutch, contact=replace(clutch.contact, stiction_velocity=0.1))
     with pytest.raises(InputError, match="stiction_velocity"):
         SecondEngine(creeping)
-
-
-def test_missing_engine_is_said_in_a_sentence(
-    clutch: Clutch, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "mujoco", None)
-    monkeypatch.delitem(sys.modules, "mujoco.rollout", raising=False)
-    assert not engine_available()
-    with pytest.raises(InputError, match=r"install it with: pip install .*\[blind\]"):
-        SecondEngine(clutch)

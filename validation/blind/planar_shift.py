@@ -15,7 +15,7 @@ import numpy as np
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar.engagement import engage, planar_clutch
-from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.geometry import Dog
@@ -45,9 +45,7 @@ class PlanarEngine:
 def asked_of(truth: Truth, point: Point, draw: Draw) -> OperatingPoint:
     """Build the true operating point of a shift at a nominal one."""
     true = truth.given(point, draw.fade)
-    lag = truth.lag
-    profile = LaggedProfile(true.force, true.rise, lag=lag) if lag else None
-    return OperatingPoint(true.mismatch, profile or ForceProfile(true.force, true.rise))
+    return OperatingPoint(true.mismatch, ForceProfile(true.force, true.rise, lag=truth.lag))
 
 
 def read_of(stand: Stand, truth: Truth, draw: Draw, found: Engagement, keep: bool = False) -> Shift:
