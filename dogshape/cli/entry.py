@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from itertools import pairwise
 from types import FrameType
 
 #: Signals that end the program as Ctrl-C does: by ``kill``, a scheduler, a closed terminal.
@@ -75,11 +76,10 @@ def _run() -> int:
 
 def _given_nothing(arguments: list[str]) -> str | None:
     """Name the option or argument that is empty, as an unset variable of a shell is."""
-    for place, text in enumerate(arguments):
+    for before, text in pairwise(["", *arguments]):
         if text.startswith("--") and text.endswith("="):
             return text[:-1]
         if not text:
-            before = arguments[place - 1] if place else ""
             return before if before.startswith("--") else "an argument"
     return None
 

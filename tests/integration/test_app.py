@@ -13,9 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import dogshape as ds
 from dogshape.app import Desk, build_app, open_desk, start_server
-from dogshape.pipeline.config.study_file import load_study
-from dogshape.study import Study
 from tests.browser import Chromium
 from tests.conftest import Said
 
@@ -37,7 +36,7 @@ def desk() -> Iterator[Desk]:
     """The paper's study with everything that is judged; few shifts make a time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dogshape.check.SHIFTS", 32)
-        yield open_desk(Study.from_config(load_study("mq200_paper", SETS)))
+        yield open_desk(ds.Study("mq200_paper", SETS))
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +62,7 @@ def page(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrom
 def _questions(desk: Desk) -> Iterator[dict[str, str]]:
     """Give texts of random designs in the search range: all points or one, other frictions."""
     rng, ranges = np.random.default_rng(8), desk.study.config.variables
-    for k in range(24):
+    for k in range(12):
         texts = {
             f"dog.{key}": f"{rng.uniform(low, high):.{0 if key == 'count' else 3}f}"
             for key, (low, high) in ranges.items()
@@ -138,8 +137,8 @@ def test_the_page_has_the_figures_of_the_command_line(
         assert seen["margins"] == pytest.approx(margins, rel=1e-9)
         landed += "edge_pressure_impact" in margins
         compared += 1
-    assert compared >= 12
-    assert landed >= 3
+    assert compared >= 6
+    assert landed >= 2
     assert page.ask("faults.join('; ')") == ""
 
 
@@ -164,11 +163,11 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) ->
     page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 40, **mouse)
     page.wait(f"Number({FIELD}.value) > 9")
     page.wait("document.querySelector('#answer').className === ''")
-    trial = next(key for key in desk.designs if key != "own")
+    trial, design = next(iter(desk.searched.items()))
     page.ask(
         f"dash_clientside.set_props('front', {{clickData: {{points: [{{customdata: {trial}}}]}}}})"
     )
-    chamfer = f"{desk.designs[trial]['chamfer_deg']:.6g}"
+    chamfer = f"{design['chamfer_deg']:.6g}"
     page.wait(f"{FIELD}.value === '{chamfer}'")
     assert page.ask("document.documentElement.scrollWidth <= window.innerWidth")
     loads = "performance.getEntriesByType('resource').map(one => new URL(one.name).hostname)"
@@ -178,8 +177,7 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) ->
 
 def test_files_of_a_design_are_written(desk: Desk) -> None:
     client = build_app(desk).server.test_client()
-    texts = {one.key: one.text for one in desk.numbers} | {"solver.engine": "planar"}
-    texts["dog.chamfer_deg"] = "11"
+    texts = {one.key: one.text for one in desk.numbers} | {"dog.chamfer_deg": "11"}
     for name, part in {
         "shift.html": b"<canvas", "dog.svg": b"chamfer \xce\xb1 11.00", "sheet.html": b"a reason",
         "rings.step": b"ISO-10303-21",

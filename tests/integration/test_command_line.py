@@ -14,24 +14,21 @@ from typing import Any
 import pandas as pd
 import pytest
 
+from dogshape.cli.app import VERBS
 from dogshape.sim.versions import bundled_root
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
 
 Call = Callable[..., Said]
-VERBS = (
-    "shift", "expect", "strength", "study", "report", "fit", "check", "validate",
-    "export", "gap", "compare",
-)  # fmt: skip
 ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
 SETS = [part for text in SMALL for part in ("--set", text)]
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_has_an_example(dogshape: Call, verb: str) -> None:
-    said = dogshape(verb, "--help")
+    said = dogshape(*verb.split(), "--help")
     assert said.status == 0
-    assert f"Example: dogshape {verb}" in said.out
+    assert f"Example: dogshape {verb}" in " ".join(said.out.split())
 
 
 def test_shift(dogshape: Call, tmp_path: Path) -> None:
@@ -66,18 +63,6 @@ def test_a_blocked_shift_is_an_answer(dogshape: Call) -> None:
     assert said.json["shift_time_s"] is None
 
 
-def test_expect_one_point(dogshape: Call) -> None:
-    point = ("--mismatch-rpm", 100, "--force-N", 469)
-    said = dogshape("expect", "mq200_paper", *point, "--angles", 4, "--jobs", 1, "--json")
-    assert said.status == 0
-    (only,) = said.json["points"]
-    assert (only["n"], only["engaged"]) == (4, 1.0)
-    assert only["mean_s"] == pytest.approx(said.json["expected_shift_time_s"])
-    assert said.json["standard_error_s"] > 0.0
-    two = dogshape("expect", "mq200_paper", *point, "--angles", 2, "--jobs", 1, "--json")
-    assert two.json["standard_error_s"] is None  # two angles tell no error
-
-
 def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> None:
     point = ("--mismatch-rpm", 100, "--force-N", 469)
     how = ("--angles", "0,12", "--engine", "drake", "--jobs", 1, "--json")
@@ -89,6 +74,9 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
         for a in (0, 12)
     ]
     assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
+    assert said.json["standard_error_s"] is None  # two angles tell no error
+    (only,) = said.json["points"]
+    assert (only["n"], only["engaged"]) == (2, 1.0)
 
 
 #: Two points at which the wait for the next slot scatters most.
@@ -127,58 +115,41 @@ def test_study_then_report_fit_and_check(
         "report": "results/mq200_paper/report.html"
     }
     assert report.stat().st_size > 1_000_000
-
     fitted = dogshape("fit", "results/mq200_paper", "--out", "mine.json", "--json")
-    assert fitted.status == 0
     assert set(fitted.json) >= {"q2", "coverage_95", "rmse_s", "n"}
     assert fitted.json["n"] == 12
 
-    checked = dogshape("check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--json")
+    own = ("check", "mq200_paper", *SETS)
+    mine = (*own, "--surrogate", "mine.json")
+    checked = dogshape(*mine, "--json")
     assert checked.status == 0
     assert checked.json["low_s"] < checked.json["expected_shift_time_s"] < checked.json["high_s"]
-    assert checked.json["feasible"] is True
-    assert checked.json["in_range"] is True
-
-    at = ("--mismatch-rpm", 80, "--force-N", 469, "--surrogate", "mine.json", "--json")
-    one = dogshape("check", "mq200_paper", *SETS, *at)
+    assert checked.json["feasible"] is checked.json["in_range"] is True
+    one = dogshape(*mine, "--mismatch-rpm", 80, "--force-N", 469, "--json")
     assert one.json["operating_points"] == 1
     assert one.json["expected_shift_time_s"] != checked.json["expected_shift_time_s"]
 
     Path("designs.csv").write_text("name,chamfer_deg,count\na,8,15\nb,9.5,17\n")
-    many = dogshape(
-        "check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
-    )
+    many = dogshape(*mine, "--designs", "designs.csv")
     assert "wrote designs-times.csv: designs 2" in many.out
     answers = pd.read_csv("designs-times.csv")
     assert answers["name"].tolist() == ["a", "b"]
     assert answers["expected_shift_time_s"][0] == pytest.approx(
         checked.json["expected_shift_time_s"], rel=0.02
     )
-    assert (answers["low_s"] < answers["high_s"]).all()
     Path("designs.csv").write_text("chamfr_deg\n8\n")
-    wrong = dogshape(
-        "check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
-    )
-    assert "did you mean 'chamfer_deg'?" in wrong.sentence
+    assert "did you mean 'chamfer_deg'?" in dogshape(*mine, "--designs", "designs.csv").sentence
 
-    far = dogshape("check", "mq200_paper", *SETS, "--set", "dog.height_mm=7", "--json")
+    far = dogshape(*own, "--set", "dog.height_mm=7", "--json")
     assert far.json["in_range"] is False
     assert "height_mm = 7 is outside" in far.json["warnings"][0]
-    assert "extrapolates" in dogshape("check", "mq200_paper", *SETS, "--set", "dog.height_mm=7").out
-
-    weak = dogshape("check", "mq200_paper", *SETS, "--set", "dog.traction_deg=5")
-    assert weak.status == 1
-
-    other = dogshape("check", "mq200_paper", *SETS, "--set", "contact.set=adams2019", "--json")
-    assert (other.status, other.json["engine"], other.json["surrogate"]) == (0, "planar", None)
-    named = ("--surrogate", "results/mq200_paper/surrogate.json", "--set", "contact.set=adams2019")
-    refused = dogshape("check", "mq200_paper", *SETS, *named)
+    other = ("--set", "contact.set=adams2019")
+    found = dogshape(*own, *other, "--json")
+    assert (found.status, found.json["engine"], found.json["surrogate"]) == (0, "planar", None)
+    refused = dogshape(*own, *other, "--surrogate", "results/mq200_paper/surrogate.json")
     assert refused.status == 2
     assert "other physics" in refused.sentence
-
-    again = dogshape("study", "mq200_paper", *SETS)
-    assert again.status == 2
-    assert "add --resume" in again.sentence
+    assert "add --resume" in dogshape("study", "mq200_paper", *SETS).sentence
 
 
 def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
@@ -204,62 +175,34 @@ def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
     assert {point["n"] for point in fewer.json["points"]} == {3}
 
 
-def test_validate_asks_about_a_slip_of_units(dogshape: Call, tmp_path: Path) -> None:
-    folder = tmp_path / "mine"
-    shutil.copytree(bundled_root() / "bench/mq200_adams", folder)
-    table = folder / "shifts.csv"
-    head, *rows = table.read_text().splitlines()
-    cells = rows[24].split(",")
-    cells[4] = str(1e3 * float(cells[4]))
-    table.write_text("\n".join([head, ",".join(cells)]))
-    refused = dogshape("validate", folder, "--angles", 3, "--jobs", 1)
-    assert refused.status == 2
-    assert "shift_time_s is 67.867, but" in refused.sentence
-    assert "--correct time=ms takes it as that" in refused.sentence
-    arguments = ("validate", folder, "--angles", 3, "--jobs", 1, "--correct", "time=ms")
-    said = dogshape(*arguments, "--json")
-    assert said.json["points"][0]["bench_s"] == pytest.approx(0.067867)
-    assert said.json["corrections"] == ["time=ms"]
-    assert said.json["warnings"] == []
-    assert "corrected as asked: time=ms" in dogshape(*arguments).out
-
-
 HARD = ("--mismatch-rpm", 50, "--force-N", 5000)
 BAD: list[tuple[tuple[Any, ...], str]] = [
     (("strength", "nowhere"), "there is no study at nowhere"),
     (("strength", "mq200_paper", "--set", "dog.heigth_mm=3"), "did you mean 'dog.height_mm'?"),
-    (("strength", "mq200_paper", "--set", "sliding.mass_kg=-1"), "sliding.mass_kg is -1 kg"),
     (
         ("shift", "mq200_paper", *ONE_SHIFT, "--set", "dog.count=40"),
         "width of the tip at the inner",
     ),
     (("shift", "mq200_paper", *ONE_SHIFT, "--set", "dog.chamfer_deg=30"), "braking flank is"),
     (("shift", "mq200_paper", *ONE_SHIFT, "--force-rise-s", -1), "rise time of the force is -1 s"),
-    (("shift", "mq200_paper", *ONE_SHIFT[:3], 5000, *ONE_SHIFT[4:]), "shift force is 5000 N"),
     (("shift", "mq200_paper", *HARD, *ONE_SHIFT[4:]), "actuation.rise_s, or give --force-rise-s."),
     (("expect", "mq200_paper", *HARD), "actuation.rise_s, or give --force-rise-s."),
-    (("check", "mq200_paper", *HARD), "extend actuation.force_N and actuation.rise_s."),
     (
         ("study", "mq200_paper", "--set", "operating.force_N=[99]"),
         "actuation.force_N and actuation.rise_s.",
     ),
     (("gap", "mq200_stand", "--study", "mine/truck.toml"), "there is no study at mine/truck.toml"),
-    (("shift", "mq200_paper", *ONE_SHIFT[:5], "nan"), "relative angle is nan deg"),
     (
         ("shift", "mq200_paper", *ONE_SHIFT, "--html", "no/such/folder/a.html"),
         "--html is no/such/folder/a.html, but there is no folder no/such/folder; make it",
     ),
     (("shift", "mq200_paper", *ONE_SHIFT, "--html", "a.x", "--trace", "a.x"), "give two files"),
-    (("strength", "no/such/mq200_paper"), "there is no study at no/such/mq200_paper"),
     (("strength", "mq200_paper", "--set", "dog.count=15\ndog.height_mm=3"), "more than one value"),
     (("fit", "results/mq200_paper"), "there is no study at results/mq200_paper"),
-    (("validate", "mq200_adams", "--angles", 2), "needs at least three"),
     (("expect", "mq200_paper", "--force-rise-s", 0.1), "goes with one operating point"),
     (("shift", "mq200_paper", *ONE_SHIFT[:3], -469, *ONE_SHIFT[4:]), "shift force is -469 N"),
     (("expect", "mq200_paper", "--mismatch-rpm", 5), "give both"),
     (("expect", "mq200_paper", "--angles", "few"), "--angles is 'few'"),
-    (("expect", "mq200_paper", "--angles", "0"), "--angles is '0'"),
-    (("study", "mq200_paper", "--out", "/proc/none"), "cannot be written"),
     (
         ("study", "mq200_paper", "--out", "x", "--storage", "sqlite:////no/such/d.db"),
         "--storage is of 'sqlite', but a study is kept in postgresql+psycopg",
@@ -268,7 +211,6 @@ BAD: list[tuple[tuple[Any, ...], str]] = [
     (("check", "mq200_paper", "--surrogate", "none.json"), "there is no surrogate at"),
     (("check", "mq200_paper", "--designs", "none.csv"), "there is no table of designs at none.csv"),
     (("check", "mq200_paper", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
-    (("validate", "mq200_adams", "--correct", "tiem=ms"), "did you mean 'time'?"),
     (("validate", "nowhere"), "there is no data set at nowhere"),
 ]
 
