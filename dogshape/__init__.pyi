@@ -1,6 +1,6 @@
 from dogshape.app import serve_app as serve_app
-from dogshape.bench import Bench as Bench
 from dogshape.bench import Comparison as Comparison
+from dogshape.bench import validate as validate
 from dogshape.check import Check as Check
 from dogshape.check import Strength as Strength
 from dogshape.designs import SideBySide as SideBySide

@@ -30,7 +30,7 @@ from werkzeug.serving import BaseWSGIServer, make_server
 
 from dogshape import app_page as page
 from dogshape.app_page import Number
-from dogshape.check import Check, Checked
+from dogshape.check import Checked
 from dogshape.pipeline.config.study_file import Setup, pair_of
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
@@ -45,7 +45,7 @@ from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.study import Study
 from dogshape.surrogate.query import other_physics
-from dogshape.surrogate.store import Stored, load
+from dogshape.surrogate.store import Stored
 
 HOST = "127.0.0.1"
 BODY = 3.0 * MM  #: thickness of a ring below the slots in a STEP file, as ``export`` has it
@@ -68,11 +68,13 @@ class Desk:
     """A study with what its page asks about; ``where`` is ``one`` operating point, or ``all``.
 
     ``command`` has study and ``--set`` as the command line has them, ``surrogate`` predicts at
-    once, ``result`` is the content of ``result.json``; None where there is none of the physics.
+    once, from its file, ``result`` is the content of ``result.json``; None where there is none of
+    the study's physics.
     """
 
     study: Study
     command: str
+    stored: Stored | None = None
     surrogate: Path | None = None
     result: Row | None = None
 
@@ -86,11 +88,6 @@ class Desk:
         """Designs that the search simulated, by number."""
         rows = [] if self.result is None else self.result["trials"]
         return {str(row["trial"]): row for row in rows if is_measured(row)}
-
-    @property
-    def stored(self) -> Stored | None:
-        """The surrogate as its file has it."""
-        return None if self.surrogate is None else load(self.surrogate)
 
     def shape(self, trial: str = "") -> dict[str, str]:
         """Give the texts of the dog's numbers for a design of the search, or the study's own."""
@@ -121,10 +118,6 @@ class Desk:
         if self.unpredicted(study):
             return study.strength(simulate=False)
         return study.check(**_point(texts, where), surrogate=self.surrogate)
-
-    def simulate(self, texts: Texts, where: str) -> Check:
-        """Check a design by the compiled engine."""
-        return self.changed(texts).check(**_point(texts, where))
 
     def trends(self, texts: Texts, where: str) -> pd.DataFrame | None:
         """Predict the design, and the time over each searched number.
@@ -214,7 +207,8 @@ def open_desk(
             read = one.stored_result()
             own = config.in_engine(read.get("engine", "drake")).physics_hash
             result = read if read.get("physics_hash") == own else result
-    return Desk(study, command or study.name, None if found is None else found[1], result)
+    stored, path = found or (None, None)
+    return Desk(study, command or study.name, stored, path, result)
 
 
 def build_app(desk: Desk) -> Dash:
@@ -268,8 +262,8 @@ def _connect_fields(app: Dash, desk: Desk) -> None:
         Input("front", "clickData"), Input("back", "n_clicks"), prevent_initial_call=True,
     )  # fmt: skip
     def take_design(click: Row | None, _: int) -> list[Any]:
-        clicked = click is not None and ctx.triggered_id == "front"
-        shape = desk.shape(str(click["points"][0].get("customdata")) if click and clicked else "")
+        clicked = click["points"][0] if click and ctx.triggered_id == "front" else {}
+        shape = desk.shape(str(clicked.get("customdata")))
         return [shape.get(one["id"]["number"], no_update) for one in ctx.outputs_list]
 
 
@@ -332,7 +326,7 @@ def answer_at_once(desk: Desk, asked: Row) -> tuple[Any, ...]:
 def answer_by_simulation(desk: Desk, asked: Row) -> tuple[Any, ...]:
     """Fill the page with the simulated time, and the checks with the landing."""
     try:
-        found = desk.simulate(**asked)
+        found = desk.changed(asked["texts"]).check(**_point(**asked))
     except DogshapeError as error:
         return page.card("simulated shift time", "none", str(error)), *[no_update] * 3
     return page.simulated_card(found), *page.margin_card(found), page.check_table(found)

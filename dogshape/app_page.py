@@ -84,8 +84,6 @@ def layout(
         html.Img(id="section", alt="Section of both rings, unrolled at the mean radius"),
         html.Div([
             html.H2("Predicted time over each number"), dcc.Graph("trends", config=still),
-            html.P("The other numbers stay as they are; the dot is the present design.",
-                   className="note"),
         ], id="curves", hidden=True),
         html.H2("Checks"), html.Div(id="checks", className="scroll"),
         html.P("Margin: distance to the limit over the limit. A check shows its formula, source "
@@ -100,11 +98,8 @@ def layout(
         html.P(id="files"), html.H2("The same from the command line"), html.Code(id="command"),
         html.P(_origin(stored), className="note"),
     ], id="answer")  # fmt: skip
-    lead = ("Move a number, and everything follows: section, checks and predicted time at once, "
-            "the simulated time with the landing in seconds.")  # fmt: skip
     desk = html.Div([aside, main], className="desk")
-    return html.Div([html.H1(f"{name}: live"), html.P(lead, className="lead"), desk,
-                     dcc.Store("asked")])  # fmt: skip
+    return html.Div([html.H1(f"{name}: live"), desk, dcc.Store("asked")])
 
 
 def _origin(stored: Stored | None) -> str:

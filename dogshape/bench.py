@@ -1,4 +1,4 @@
-"""A bench data set as a problem, and the simulation of its operating points beside it."""
+"""A bench data set beside the simulation of its operating points."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.bench.bench_data import load_bench, require_something
 from dogshape.diagnosis.bench.comparison import ANGLES, compare
 from dogshape.diagnosis.bench.comparison import Comparison as Compared
@@ -16,7 +15,6 @@ from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table, frame_of, tabulate
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.store.result_records import BenchPoint, engaged_record
-from dogshape.python_words import speaks_python
 from dogshape.result import Figure, Frame, Result
 from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import InputError
@@ -31,76 +29,6 @@ FLIP = (
     "one or more came into another slot, or did not engage; with more --angles one such shift "
     "counts less"
 )
-
-
-@speaks_python
-@dataclass(frozen=True, init=False, repr=False)
-class Bench:
-    """A bench data set, examined for slips of units and axes as it is read.
-
-    DataError or InputError for data that cannot be true, with file, row, column and the correction.
-
-    Parameters
-    ----------
-    where : folder with ``bench.toml`` and ``shifts.csv``, or name of a set that the package
-        brings.
-    correct : corrections of units and axes that the user confirms, ``"time=ms"``.
-    """
-
-    data: BenchData
-
-    def __init__(self, where: str | Path, correct: Sequence[str] = ()) -> None:
-        object.__setattr__(self, "data", load_bench(where, correct))
-
-    def validate(
-        self,
-        angles: Angles = None,
-        *,
-        engine: str | None = None,
-        jobs: int = 0,
-        keep: str | Path | None = None,
-        progress: Progress = SILENT,
-    ) -> Comparison:
-        """Simulate the operating points of the data set and compare.
-
-        InputError or DataError for fewer angles, and for a data set in which nothing is known of
-        any shift.
-
-        Parameters
-        ----------
-        angles : how many evenly spaced relative angles, or the angles themselves, deg, at least
-            three; None for those of the set, or sixteen.
-        engine : ``drake`` or ``planar``; None for that of the set's study.
-        jobs, keep : as in ``Study.expect``.
-        """
-        bench = self.data
-        chosen: int | tuple[float, ...] | None = None
-        require_angles(angles)
-        if angles is None:
-            count = len(bench.relative_angles or ()) or ANGLES
-        elif isinstance(angles, int):
-            chosen, count, text = angles, angles, str(angles)
-        else:
-            count, text = len(angles), ",".join(f"{angle:.12g}" for angle in angles)
-            chosen = tuple(angle * DEG for angle in angles)
-        if angles is not None and count < MIN_ANGLES:
-            rule = "but a comparison needs at least three; give more"
-            raise InputError(f"--angles is '{text}', {rule}")
-        require_something(bench)
-        if engine is not None:
-            bench = replace(bench, clutch=bench.clutch.with_engine(engine))
-        shifts = len(bench.cells) * count
-        propagated = 4 * shifts if bench.errors else 0  # at most: either side of force and mismatch
-        asked = bench.name, clutch_record(bench.clutch), angles
-        where = Where(jobs, None, keep, progress)
-        with where.executor("validate", asked, shifts + propagated + repeated(shifts)) as (run, _):
-            return Comparison(compare(bench, run.run, chosen, checked=True))
-
-    def __repr__(self) -> str:
-        data = self.data
-        shifts = sum(reading.n for reading in data.readings)
-        counts = f"{shifts} shifts at {len(data.cells)} operating points"
-        return f"Bench({', '.join([f'{data.name}: {counts}', *data.corrections])})"
 
 
 @dataclass(frozen=True, repr=False)
@@ -162,3 +90,51 @@ class Comparison(Result):
         from dogshape.pipeline.reports.gap_page import compared_figure  # noqa: PLC0415
 
         return compared_figure(self.compared)
+
+
+def validate(
+    bench: str | Path,
+    angles: Angles = None,
+    *,
+    correct: Sequence[str] = (),
+    engine: str | None = None,
+    jobs: int = 0,
+    keep: str | Path | None = None,
+    progress: Progress = SILENT,
+) -> Comparison:
+    """Simulate the operating points of a bench data set and compare.
+
+    DataError or InputError for data that cannot be true, with file, row, column and the correction,
+    for a set in which nothing is known of any shift, and for fewer than three angles.
+
+    Parameters
+    ----------
+    bench : folder with ``bench.toml`` and ``shifts.csv``, or name of a set that the package brings.
+    angles : how many evenly spaced relative angles, or the angles themselves, deg; None for those
+        of the set, or sixteen.
+    correct : corrections of units and axes that the user confirms, ``"time=ms"``.
+    engine : ``drake`` or ``planar``; None for that of the set's study.
+    jobs, keep : as in ``Study.expect``.
+    """
+    data = load_bench(bench, correct)
+    require_angles(angles)
+    chosen: int | tuple[float, ...] | None = None
+    if angles is None:
+        count = len(data.relative_angles or ()) or ANGLES
+    elif isinstance(angles, int):
+        chosen, count, text = angles, angles, str(angles)
+    else:
+        count, text = len(angles), ",".join(f"{angle:.12g}" for angle in angles)
+        chosen = tuple(angle * DEG for angle in angles)
+    if angles is not None and count < MIN_ANGLES:
+        rule = "but a comparison needs at least three; give more"
+        raise InputError(f"--angles is '{text}', {rule}")
+    require_something(data)
+    if engine is not None:
+        data = replace(data, clutch=data.clutch.with_engine(engine))
+    shifts = len(data.cells) * count
+    propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
+    asked = data.name, clutch_record(data.clutch), angles
+    where = Where(jobs, None, keep, progress)
+    with where.executor("validate", asked, shifts + propagated + repeated(shifts)) as (run, _):
+        return Comparison(compare(data, run.run, chosen, checked=True))

@@ -98,17 +98,12 @@ class SideBySide(Result):
 
 
 def compare(*names: str) -> SideBySide:
-    """Compare designs, studies, folders of results, or contact sets.
+    """Compare designs, studies, folders of results, or contact sets with the first of them.
 
-    Of a design that was not simulated the time is that of ``check``. ``settings`` of an item are
-    the keys of the study files that differ between the items, beside dog and search.
-    InputError for fewer than two names, names that are nothing known, or contact sets beside
-    others.
-
-    Parameters
-    ----------
-    names : such as ``"results/mq200#43"``, ``"mq200"``, ``"results/mine"`` or
-        ``"lubricated_steel"``; the first is what the others are compared with.
+    ``names`` are such as ``"results/mq200#43"``, ``"mq200"``, ``"results/mine"`` or
+    ``"lubricated_steel"``. Of a design that was not simulated the time is that of ``check``.
+    ``settings`` of an item are the keys of the study files that differ, beside dog and search.
+    InputError for fewer than two names, unknown ones, or contact sets beside others.
     """
     if len(names) < 2:
         raise InputError(

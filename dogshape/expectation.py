@@ -1,7 +1,4 @@
-"""Expected shift time over the random relative angle, at one operating point or a study's mix.
-
-Also over draws of a study's keys, such as a diagnosis leaves beside its study.
-"""
+"""Expected shift time over relative angle and operating points, also at draws of a study's keys."""
 
 from __future__ import annotations
 
@@ -125,18 +122,17 @@ def simulate_mean(
             found = expect_to(config, points, precision, executor, counter)
             error = numerical_error(found.blocks, found.rows, executor.run)
         return Expectation(config, replace(found.expectation, numerical_error=error))
-    even = angles is None or isinstance(angles, int)
-    if angles is None or isinstance(angles, int):
-        count = settings.angles if angles is None else angles
-        blocks = even_blocks(clutch, points, count, settings.seed, uncertainty=config.uncertainty)
+    given = settings.angles if angles is None else angles
+    if isinstance(given, int):
+        blocks = even_blocks(clutch, points, given, settings.seed, uncertainty=config.uncertainty)
     else:
-        listed = tuple(angle * DEG for angle in angles)
+        listed = tuple(angle * DEG for angle in given)
         blocks = listed_blocks(clutch, points, listed, settings.seed, config.uncertainty)
     shifts = sum(len(block.angles) for block in blocks)
     with where.executor("expect", asked, shifts + repeated(shifts)) as (executor, _):
         rows = executor.run(blocks)
         error = numerical_error(blocks, rows, executor.run)
-    mean = expectation_of(config, points, rows, even=even)
+    mean = expectation_of(config, points, rows, even=isinstance(given, int))
     return Expectation(config, replace(mean, numerical_error=error))
 
 

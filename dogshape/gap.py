@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.bench import Bench
-from dogshape.diagnosis.bench.bench_data import Bench as BenchData
-from dogshape.diagnosis.bench.bench_data import load_bench, require_times
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_times
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan, shift_plan
@@ -159,7 +157,7 @@ class Diagnosis(Result):
 
 
 def diagnose(
-    bench: str | Path | Bench,
+    bench: str | Path,
     *,
     correct: Sequence[str] = (),
     out: str | Path | None = None,
@@ -177,7 +175,7 @@ def diagnose(
 
     Parameters
     ----------
-    bench : folder of a data set, name of one that the package brings, or a ``Bench``.
+    bench : folder of a data set, or name of one that the package brings.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
     out : folder for ``report.html``, ``gap.json``, ``cells.csv`` and a copy of the data set, which
         ``update_diagnosis`` joins new readings to; None writes nothing.
@@ -187,13 +185,7 @@ def diagnose(
     engine : of the simulations, ``planar`` or ``drake``, which takes some hours for a clutch.
     jobs : worker processes, 0 for one a core.
     """
-    if isinstance(bench, str | Path):
-        given = load_bench(bench, correct)
-    elif correct:
-        rule = "which was read already; give the corrections where it is read"
-        raise InputError(f"corrections {', '.join(correct)} are for a data set, {rule}")
-    else:
-        given = bench.data
+    given = load_bench(bench, correct)
     means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress, engine)
     folder = None if out is None else Path(out)
     if folder is not None:
@@ -307,7 +299,7 @@ class Plan(Result):
     ``bench`` has the operating points, ``sheet`` is the table to fill in; None for none.
     """
 
-    bench: BenchData
+    bench: Bench
     inference: ShiftPlan
     sheet: Path | None = None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -156,13 +157,17 @@ class Study:
         out : folder of the results; None for ``results/NAME``.
         storage : PostgreSQL that machines share.
         """
+        from dogshape.pipeline.simulate.executor import end_workers  # noqa: PLC0415
         from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
-        from dogshape.pipeline.study import Run  # noqa: PLC0415
-        from dogshape.study_result import search_study  # noqa: PLC0415
+        from dogshape.pipeline.study import Run, run_study  # noqa: PLC0415
+        from dogshape.study_result import StudyResult  # noqa: PLC0415
 
+        begun = sum(os.times()[:4])
         folder = StudyFolder(default_out(self.config) if out is None else Path(out))
         how = Run(folder, jobs, storage, resume, cluster, report, progress)
-        return search_study(self.config, how)
+        record, page = run_study(self.config, how), folder.report if report else None
+        end_workers()
+        return StudyResult(self.config, folder.root, record, page, sum(os.times()[:4]) - begun)
 
     def check(
         self,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -16,9 +14,7 @@ from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
 from dogshape.pipeline.reports.study_page import at_own_places, front_figure, publish
 from dogshape.pipeline.reports.study_summary import headline, summary_tables
 from dogshape.pipeline.search.result_schema import require_result
-from dogshape.pipeline.simulate.executor import end_workers
-from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.study import Run, run_study
+from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.result import Figure, Frame, Result
 from dogshape.sim.shift.conclusion import depends_on_clock
 
@@ -88,31 +84,9 @@ class StudyResult(Result):
 
         return write_data_sheet(named_design(f"{self.folder}#{design}"), path, why)
 
-    def report(self, path: str | Path | None = None, *, progress: Progress = SILENT) -> Path:
-        """Write the report; give its path.
-
-        It stands in the folder of the study. Elsewhere the page is copied with the pages of
-        single shifts that it links.
-        """
-        if path is not None:
-            require_targets({"the report": Path(path)})
-        written = publish(StudyFolder(self.folder), progress.say)
-        if path is None:
-            return written
-        shutil.copyfile(written, path)
-        linked, beside = self.folder / "shifts", Path(path).parent / "shifts"
-        if linked.is_dir() and linked.resolve() != beside.resolve():
-            shutil.copytree(linked, beside, dirs_exist_ok=True)
-        return Path(path)
-
-
-def search_study(config: Setup, how: Run) -> StudyResult:
-    """Search a study as ``Study.search`` does, for a study that is read."""
-    begun = sum(os.times()[:4])
-    record = run_study(config, how)
-    end_workers()
-    page = how.folder.report if how.report else None
-    return StudyResult(config, how.folder.root, record, page, sum(os.times()[:4]) - begun)
+    def report(self, progress: Progress = SILENT) -> Path:
+        """Write the report into the folder of the study; give its path."""
+        return publish(StudyFolder(self.folder), progress.say)
 
 
 def load_result(folder: str | Path) -> StudyResult:

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
+import typer
 from rich import progress as rich_progress
 from rich.console import Console
 from rich.table import Table as RichTable
@@ -26,19 +27,23 @@ def warn(notes: Iterable[str]) -> None:
         print(f"warning: {note}", file=sys.stderr)
 
 
-def show(result: Result, as_json: bool, *more: str | Table) -> None:
+def show(result: Result, as_json: bool, *more: str | Table, ok: bool = True) -> None:
     """Print a result as JSON, or its sentences and tables for people, ``more`` after them."""
-    emit(result.to_dict(), as_json, lambda: [*result.to_parts(), *more])
+    emit(result.to_dict(), as_json, lambda: [*result.to_parts(), *more], ok=ok)
 
 
-def emit(data: dict[str, Any], as_json: bool, parts: Callable[[], Sequence[str | Table]]) -> None:
-    """Print ``data`` as JSON, or for people the sentences and tables that ``parts`` gives."""
+def emit(
+    data: dict[str, Any], as_json: bool, parts: Callable[[], Sequence[str | Table]],
+    *, ok: bool = True,
+) -> None:  # fmt: skip
+    """Print ``data`` as JSON, or ``parts`` for people; end with status 1 unless ``ok``."""
+    console = terminal(width=None if sys.stdout.isatty() else 160)
     if as_json:
         print(json.dumps(data, indent=1, allow_nan=False))
-        return
-    console = terminal(width=None if sys.stdout.isatty() else 160)
-    for part in parts():
+    for part in [] if as_json else parts():
         console.print(part if isinstance(part, str) else rich_table(part))
+    if not ok:
+        raise typer.Exit(1)
 
 
 def rich_table(table: Table) -> RichTable:

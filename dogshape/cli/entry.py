@@ -13,16 +13,15 @@ from itertools import pairwise
 from types import FrameType
 
 #: Signals that end the program as Ctrl-C does: by ``kill``, a scheduler, a closed terminal.
-ENDING = ("SIGTERM", "SIGHUP")
+ENDING = (signal.SIGTERM, signal.SIGHUP)
 CLOSED = 128 + 13  #: status where the reader of a pipe has gone, SIGPIPE in shells
 _received = [int(signal.SIGINT)]
 
 
 def main() -> None:
     """Load and run the command line; exits with the status of the contract."""
-    for name in ENDING:
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+    for number in ENDING:
+        if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _interrupt)
     try:
         status = _run()

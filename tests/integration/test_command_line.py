@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import csv
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
@@ -55,12 +55,9 @@ def test_shift(dogshape: Call, tmp_path: Path) -> None:
 
 
 def test_a_blocked_shift_is_an_answer(dogshape: Call) -> None:
-    flat = ("--set", "dog.chamfer_deg=2")
     still = ("--mismatch-rpm", 0, "--force-N", 469, "--relative-angle-deg", 0)
-    said = dogshape("shift", "mq200_paper", *still, *flat, "--json")
-    assert said.status == 0
-    assert said.json["outcome"] == "blocked"
-    assert said.json["shift_time_s"] is None
+    said = dogshape("shift", "mq200_paper", *still, "--set", "dog.chamfer_deg=2", "--json")
+    assert (said.status, said.json["outcome"], said.json["shift_time_s"]) == (0, "blocked", None)
 
 
 def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> None:
@@ -77,25 +74,6 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     assert said.json["standard_error_s"] is None  # two angles tell no error
     (only,) = said.json["points"]
     assert (only["n"], only["engaged"]) == (2, 1.0)
-
-
-#: Two points at which the wait for the next slot scatters most.
-HARD_POINTS = ("--set", "operating.mismatch_rpm=[10]", "--set", "operating.force_N=[469, 641.5]")
-
-
-def test_expect_to_a_precision(dogshape: Call) -> None:
-    wide, fine = (
-        dogshape("expect", "mq200_paper", *HARD_POINTS, "--precision", goal, "--json", "--jobs", 1)
-        for goal in (0.2, 0.02)
-    )
-    assert wide.status == fine.status == 0
-    for said, goal in ((wide, 0.2), (fine, 0.02)):
-        found: Any = said.json
-        assert found["standard_error_s"] <= goal * found["expected_shift_time_s"]
-        assert 0.0 <= found["numerical_error_s"] < 1e-5
-        assert found["engine"] == "planar"
-    assert wide.json["shifts"] < fine.json["shifts"]
-    assert abs(wide.json["expected_shift_time_s"] - fine.json["expected_shift_time_s"]) < 0.02
 
 
 @pytest.fixture
@@ -159,65 +137,46 @@ def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
     lines = table.read_text().splitlines()
     table.write_text("\n".join([lines[0], lines[2], lines[25]]))
     said = dogshape("validate", folder, "--jobs", 1, "--json")
-    assert said.status == 0
     tried, timed = said.json["points"]
-    assert tried["bench_s"] is None
-    assert tried["z"] is None
+    assert tried["bench_s"] is tried["z"] is None
     assert tried["simulated_s"] > 0
     assert timed["bench_s"] == 0.067867
     gap = timed["bench_s"] - timed["simulated_s"]
     assert said.json["rmse_s"] == pytest.approx(abs(gap))
     assert timed["z"] == pytest.approx(gap / timed["standard_error_s"])
     assert {point["n"] for point in said.json["points"]} == {10}
-    people = dogshape("validate", folder, "--angles", 3, "--jobs", 1)
-    assert "root-mean-square gap" in people.out
-    fewer = dogshape("validate", folder, "--angles", 3, "--jobs", 1, "--json")
-    assert {point["n"] for point in fewer.json["points"]} == {3}
 
 
-HARD = ("--mismatch-rpm", 50, "--force-N", 5000)
-BAD: list[tuple[tuple[Any, ...], str]] = [
-    (("strength", "nowhere"), "there is no study at nowhere"),
-    (("strength", "mq200_paper", "--set", "dog.heigth_mm=3"), "did you mean 'dog.height_mm'?"),
-    (
-        ("shift", "mq200_paper", *ONE_SHIFT, "--set", "dog.count=40"),
-        "width of the tip at the inner",
-    ),
-    (("shift", "mq200_paper", *ONE_SHIFT, "--set", "dog.chamfer_deg=30"), "braking flank is"),
-    (("shift", "mq200_paper", *ONE_SHIFT, "--force-rise-s", -1), "rise time of the force is -1 s"),
-    (("shift", "mq200_paper", *HARD, *ONE_SHIFT[4:]), "actuation.rise_s, or give --force-rise-s."),
-    (("expect", "mq200_paper", *HARD), "actuation.rise_s, or give --force-rise-s."),
-    (
-        ("study", "mq200_paper", "--set", "operating.force_N=[99]"),
-        "actuation.force_N and actuation.rise_s.",
-    ),
-    (("gap", "mq200_stand", "--study", "mine/truck.toml"), "there is no study at mine/truck.toml"),
-    (
-        ("shift", "mq200_paper", *ONE_SHIFT, "--html", "no/such/folder/a.html"),
-        "--html is no/such/folder/a.html, but there is no folder no/such/folder; make it",
-    ),
-    (("shift", "mq200_paper", *ONE_SHIFT, "--html", "a.x", "--trace", "a.x"), "give two files"),
-    (("strength", "mq200_paper", "--set", "dog.count=15\ndog.height_mm=3"), "more than one value"),
-    (("fit", "results/mq200_paper"), "there is no study at results/mq200_paper"),
-    (("expect", "mq200_paper", "--force-rise-s", 0.1), "goes with one operating point"),
-    (("shift", "mq200_paper", *ONE_SHIFT[:3], -469, *ONE_SHIFT[4:]), "shift force is -469 N"),
-    (("expect", "mq200_paper", "--mismatch-rpm", 5), "give both"),
-    (("expect", "mq200_paper", "--angles", "few"), "--angles is 'few'"),
-    (
-        ("study", "mq200_paper", "--out", "x", "--storage", "sqlite:////no/such/d.db"),
-        "--storage is of 'sqlite', but a study is kept in postgresql+psycopg",
-    ),
-    (("report", "nowhere"), "there is no study.json in nowhere"),
-    (("check", "mq200_paper", "--surrogate", "none.json"), "there is no surrogate at"),
-    (("check", "mq200_paper", "--designs", "none.csv"), "there is no table of designs at none.csv"),
-    (("check", "mq200_paper", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
-    (("validate", "nowhere"), "there is no data set at nowhere"),
-]
+#: Commands, and words of the sentence that refuses each.
+BAD = """
+strength nowhere | there is no study at nowhere
+strength mq200_paper --set dog.heigth_mm=3 | did you mean 'dog.height_mm'?
+strength mq200_paper --set 'dog.count=15\ndog.height_mm=3' | more than one value
+shift ONE --set dog.count=40 | width of the tip at the inner
+shift ONE --set dog.chamfer_deg=30 | braking flank is
+shift ONE --force-N -469 | shift force is -469 N
+shift ONE --force-N 5000 | actuation.rise_s, or give --force-rise-s.
+shift ONE --html no/such/a.html | --html is no/such/a.html, but there is no folder no/such; make it
+shift ONE --html a.x --trace a.x | give two files
+expect mq200_paper --mismatch-rpm 50 --force-N 5000 | actuation.rise_s, or give --force-rise-s.
+expect mq200_paper --force-rise-s 0.1 | goes with one operating point
+expect mq200_paper --angles few | --angles is 'few'
+check mq200_paper --mismatch-rpm 80 | needs --mismatch-rpm and --force-N
+check mq200_paper --surrogate none.json | there is no surrogate at
+check mq200_paper --designs none.csv | there is no table of designs at none.csv
+study mq200_paper --set operating.force_N=[99] | actuation.force_N and actuation.rise_s.
+study mq200_paper --out x --storage sqlite:////no/d.db | but a study is kept in postgresql+psycopg
+fit results/mq200_paper | there is no study at results/mq200_paper
+report nowhere | there is no study.json in nowhere
+validate nowhere | there is no data set at nowhere
+gap mq200_stand --study mine/truck.toml | there is no study at mine/truck.toml
+""".replace("ONE", f"mq200_paper {' '.join(map(str, ONE_SHIFT))}").strip()
 
 
-@pytest.mark.parametrize(("arguments", "words"), BAD, ids=lambda v: str(v)[:40])
-def test_bad_input_is_one_sentence(dogshape: Call, arguments: tuple[Any, ...], words: str) -> None:
-    said = dogshape(*arguments)
+@pytest.mark.parametrize("line", re.split(r"\n(?=[a-z]+ )", BAD))
+def test_bad_input_is_one_sentence(dogshape: Call, line: str) -> None:
+    command, _, words = line.partition(" | ")
+    said = dogshape(*shlex.split(command))
     assert said.status == 2
     assert words in said.sentence
     assert said.out == ""
@@ -251,29 +210,24 @@ def test_version_and_status_through_the_entry_point() -> None:
 
 def test_nothing_engaged_is_said(dogshape: Call) -> None:
     hasty = ("--set", "shift.timeout_s=0.01", "--angles", 3, "--jobs", 1)
-    point = ("--mismatch-rpm", 50, "--force-N", 469)
-    said = dogshape("expect", "mq200_paper", *point, *hasty, "--json")
-    assert said.json["engages"] is False
-    assert said.json["expected_shift_time_s"] is said.json["standard_error_s"] is None
-    assert said.json["points"][0]["mean_s"] is said.json["points"][0]["mean_engaged_s"] is None
-    assert said.json["mean_engaged_s"] is None
-    assert (said.json["not_engaged"], said.json["shifts"]) == (3, 3)
-    shown = dogshape("expect", "mq200_paper", *point, *hasty).out
-    assert shown.startswith("engages in 0 of 3 shifts: no expected shift time")
+    asked = ("expect", "mq200_paper", "--mismatch-rpm", 50, "--force-N", 469, *hasty)
+    found = dogshape(*asked, "--json").json
+    assert found["engages"] is False
+    assert found["expected_shift_time_s"] is found["standard_error_s"] is None
+    assert found["points"][0]["mean_s"] is found["mean_engaged_s"] is None
+    assert (found["not_engaged"], found["shifts"]) == (3, 3)
+    said = "engages in 0 of 3 shifts: no expected shift time"
+    assert dogshape(*asked).out.startswith(said)
 
 
-def test_damaged_results_are_refused(dogshape: Call, studied: Path, tmp_path: Path) -> None:
-    copy = tmp_path / "copy"
-    shutil.copytree(studied / "results/mq200_paper", copy)
+def test_damaged_results_are_refused(dogshape: Call, studied: Path) -> None:
+    folder = studied / "results/mq200_paper"
     for content in ("{}", '{"trials": null}', "[]", "{"):
-        (copy / "result.json").write_text(content)
-        said = dogshape("report", copy)
+        (folder / "result.json").write_text(content)
+        said = dogshape("report", folder)
         assert said.status == 2
         assert "result.json" in said.sentence
-    (copy / "rows.json").write_text("{")
-    broken = dogshape("fit", copy)
-    assert broken.status == 2
-    assert "rows.json" in broken.sentence
-    fixed = dogshape("fit", copy, "--set", "dog.count=18")
-    assert fixed.status == 2
+    (folder / "rows.json").write_text("{")
+    assert "rows.json" in dogshape("fit", folder).sentence
+    fixed = dogshape("fit", folder, "--set", "dog.count=18")
     assert "cannot change a study that was run" in fixed.sentence

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
 import pytest
 
 import dogshape as ds
@@ -66,27 +65,20 @@ def test_every_study_has_a_page_and_keys_as_on_the_command_line(name: str) -> No
     assert len(_marked(answer[6], "data-check")) > 15
 
 
-def test_answers_are_those_of_the_package(desk: Desk) -> None:
-    rng = np.random.default_rng(3)
-    for k in range(8):
-        shape = {
-            key: round(low + (0.3 + 0.4 * rng.random()) * (high - low), 0 if key == "count" else 3)
-            for key, (low, high) in PAPER.variables.items()
-        }
-        point = {"mismatch_rpm": 50.0, "force_N": 300.0} if k % 2 else {}
-        changed = {f"dog__{key}": f"{value:.10g}" for key, value in shape.items()}
-        changed |= {key: str(value) for key, value in point.items()}
-        answer = answer_at_once(desk, _asked(desk, "one" if point else "all", **changed))
-        known = ds.Study("mq200_paper", **(shape | {"count": int(shape["count"])})).check(
-            **point, surrogate=desk.surrogate
-        )
-        time = _marked(answer[3], "data-exact")
-        seen = [float(word) for word in getattr(time[0], "data-exact").split()] if time else []
-        expected = known.expected
-        assert seen == ([] if expected is None else [expected.time, expected.low, expected.high])
-        rows = {getattr(r, "data-check"): getattr(r, "data-margin") for r in
-                _marked(answer[6], "data-check")}  # fmt: skip
-        assert rows == {row.name: repr(row.margin) for row in known.rows}
+@pytest.mark.parametrize("point", [{}, {"mismatch_rpm": 50.0, "force_N": 300.0}])
+def test_answers_are_those_of_the_package(desk: Desk, point: dict[str, float]) -> None:
+    shape = {"chamfer_deg": 11.25, "count": 18, "height_mm": 3.3}
+    known = ds.Study("mq200_paper", **shape).check(**point, surrogate=desk.surrogate)
+    texts = {f"dog__{key}": str(value) for key, value in shape.items()}
+    texts |= {key: str(value) for key, value in point.items()}
+    answer = answer_at_once(desk, _asked(desk, "one" if point else "all", **texts))
+    (time,), expected = _marked(answer[3], "data-exact"), known.expected
+    assert expected is not None
+    seen = [float(word) for word in getattr(time, "data-exact").split()]
+    assert seen == [expected.time, expected.low, expected.high]
+    rows = {getattr(r, "data-check"): getattr(r, "data-margin") for r in
+            _marked(answer[6], "data-check")}  # fmt: skip
+    assert rows == {row.name: repr(row.margin) for row in known.rows}
 
 
 @pytest.mark.parametrize(
@@ -107,11 +99,11 @@ def test_a_refusal_stands_at_its_number(desk: Desk, key: str, text: str, sentenc
 
 
 def test_an_impossible_shape_is_refused_above_the_answers(desk: Desk) -> None:
-    asked = _asked(desk, dog__traction_deg="50", dog__height_mm="9")
-    kind, rest, faults, *_ = answer_at_once(desk, asked)
-    assert kind == "stale"
+    kind, rest, faults, *_ = answer_at_once(
+        desk, _asked(desk, dog__traction_deg="50", dog__height_mm="9")
+    )
+    assert (kind, any(faults)) == ("stale", False)
     assert rest.startswith("There is no such dog: ")
-    assert not any(faults)
 
 
 def test_other_physics_have_checks_and_no_prediction(desk: Desk) -> None:

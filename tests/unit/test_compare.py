@@ -39,17 +39,17 @@ def test_designs_of_a_kept_result(dogshape: Call) -> None:
     assert chosen["expected_shift_time_s"] == confirmed["best"]["expected_shift_time_s"]
     means = [point["mean_s"] for point in confirmed["best"]["points"]]
     assert chosen["slowest_point"]["mean_s"] == max(means)
+    frame, margin = ds.compare(*names).to_frame(), confirmed["best"]["checks"][0]
+    assert list(frame.columns) == names
+    assert frame.loc[f"margins.{margin['name']}", PAIR[0]] == pytest.approx(margin["margin"])
 
 
-def test_margins_at_worst_case_tolerances_have_the_check_behind_them(dogshape: Call) -> None:
+def test_margins_at_worst_case_tolerances_have_the_check_behind_them() -> None:
     """Also of a study that bounds that margin, and of its own dog."""
     rows = json.loads((bundled_root() / "mq200/result.json").read_text())["front"][:2]
-    names = [f"mq200#{row['trial']}" for row in rows]
-    items = dogshape("compare", *names, "mq200#0", "--json").json["items"]
-    keys = ("weakest_check_worst_case", "margin_worst_case")
-    assert [[item[k] for k in keys] for item in items[:2]] == [
-        [row[k] for k in keys] for row in rows
-    ]
+    items = ds.compare(*(f"mq200#{row['trial']}" for row in rows), "mq200#0").items
+    for key in ("weakest_check_worst_case", "margin_worst_case"):
+        assert [item[key] for item in items[:2]] == [row[key] for row in rows]
     assert "smallest_margin_worst" not in [item["weakest_check"] for item in items]
 
 
@@ -72,20 +72,15 @@ def test_a_study_without_a_number_is_its_chosen_design(tmp_path: Path) -> None:
     assert [item["design"] for item in items[1:]] == [CHOSEN, OTHER]
 
 
-def test_keys_of_the_study_files_that_differ_are_rows(dogshape: Call) -> None:
-    said = dogshape("compare", "mq200_paper", "mq200")
-    assert said.status == 0
-    assert "mechanism.spline_friction" in said.out
-    assert "null" not in said.out
-    one, other = dogshape("compare", "mq200_paper", "mq200", "--json").json["items"]
+def test_keys_of_the_study_files_that_differ_are_rows(tmp_path: Path) -> None:
+    found = ds.compare("mq200_paper", "mq200")
+    assert "mechanism.spline_friction" in repr(found)
+    one, other = found.items
     assert (one["settings"]["load.accuracy"], other["settings"]["load.accuracy"]) == (None, 6)
-
-
-def test_times_of_other_operating_points_have_no_difference(dogshape: Call, tmp_path: Path) -> None:
+    # Times of other operating points have no difference.
     text = (bundled_root() / "mq200_paper" / "study.toml").read_text()
-    other = tmp_path / "other.toml"
-    other.write_text(text.replace("mismatch_rpm = [", "mismatch_rpm = [7.0, "))
-    first, second = dogshape("compare", "mq200_paper", other, "--json").json["items"]
+    (tmp_path / "o.toml").write_text(text.replace("mismatch_rpm = [", "mismatch_rpm = [7.0, "))
+    first, second = ds.compare("mq200_paper", str(tmp_path / "o.toml")).items
     assert second["operating_points"] > first["operating_points"]
     assert second["difference_s"] is None
 
@@ -137,10 +132,3 @@ def test_what_cannot_be_compared_is_refused(
     said = dogshape("compare", *items)
     assert said.status == 2
     assert words in said.sentence
-
-
-def test_from_python() -> None:
-    frame = ds.compare(*PAIR).to_frame()
-    assert list(frame.columns) == list(PAIR)
-    margin = KEPT["confirmation"]["best"]["checks"][0]
-    assert frame.loc[f"margins.{margin['name']}", PAIR[0]] == pytest.approx(margin["margin"])

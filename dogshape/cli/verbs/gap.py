@@ -34,9 +34,7 @@ def gap(
 ) -> None:
     """Identify the effects that make a bench differ from the simulation.
 
-    Simulations of a clutch and its operating points take some minutes, once; those of the published
-    clutch come with the package. 'dogshape gap plan' plans the shifts before, 'dogshape gap update'
-    joins new ones to a diagnosis.
+    Simulations of a clutch and its operating points take some minutes, once.
 
     Example: dogshape gap mq200_stand --out results/gap-stand
     """
@@ -86,8 +84,7 @@ def gap_plan(
     """Plan the shifts of a bench: operating points, numbers, order, and causes they distinguish.
 
     The order is random but for a reference point at the beginning, in the middle and at the end,
-    so that a drift of the stand shows. Times of a data set are not used. A study, or a clutch of
-    your own, is simulated once, as for 'dogshape gap'.
+    so that a drift of the stand shows. Times of a data set are not used.
 
     Example: dogshape gap plan mq200_stand --shifts 120 --out shifts.csv
     """

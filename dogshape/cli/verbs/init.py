@@ -119,11 +119,10 @@ def bench(
 ) -> None:
     """Write a bench folder from tables of any layout, or one to fill in.
 
-    Each quantity is printed as it was read: column, unit, decimal sign, first, least and largest
-    value, and the reason; so is each row and column that was left out. Cells that can be read in
-    two ways are asked about in a terminal, and refused without one, with the option that settles
-    them. A column has a unit, --column shift_time_s='t 90 %:ms', or is a formula, --column
-    mismatch_rpm='n_out - n_in'; --column engaged=- leaves a quantity out.
+    Each quantity is printed as it was read, with the reason; so is what was left out. Cells that
+    can be read in two ways are asked about in a terminal, and refused without one. A column has a
+    unit, --column shift_time_s='t 90 %:ms', or is a formula, --column mismatch_rpm='n_out - n_in';
+    --column engaged=- leaves a quantity out.
 
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
     """

@@ -10,7 +10,7 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Argument, Exit, Option
+from typer import Argument, Option
 
 import dogshape as ds
 from dogshape.cli.console import ProgressBar, emit, say, show, warn
@@ -44,12 +44,6 @@ def _plausible(study: ds.Study, angles: Collection[float] = ()) -> None:
     from dogshape.pipeline.simulate.plausibility import folded, slips_of  # noqa: PLC0415
 
     warn([*slips_of(study.config), *folded(study.config.clutch.dog, angles)])
-
-
-def _exit_unless(found: object) -> None:
-    """End with status 1, where the answer is no."""
-    if not found:
-        raise Exit(1)
 
 
 def shift(
@@ -135,8 +129,8 @@ def validate(
 
     Example: dogshape validate mq200_adams
     """
-    given, listed = ds.Bench(bench, correct or ()), angles_of(angles)
-    show(given.validate(listed, engine=engine, **kept(jobs)), json)
+    how: dict[str, Any] = {"correct": correct or (), "engine": engine, **kept(jobs)}
+    show(ds.validate(bench, angles_of(angles), **how), json)
 
 
 def strength(
@@ -165,8 +159,7 @@ def strength(
         more = [root_check.root_table(roots)]
     found = given.strength(simulate=simulation, **kept(jobs))
     parts = [*found.to_parts(), *(found.explained if explain else ()), *more]
-    emit({**found.to_dict(), **record}, json, lambda: parts)
-    _exit_unless(found.feasible)
+    emit({**found.to_dict(), **record}, json, lambda: parts, ok=found.feasible)
 
 
 def check(
@@ -182,10 +175,9 @@ def check(
 ) -> None:
     """Quick check of one design, or predicted times of many.
 
-    The time is expected over the study's operating points, or at the one that is given. The
-    compiled engine simulates one design in seconds, landing included, and the surrogate's
-    prediction stands beside it; --surrogate FILE answers at once, without the landing. A table is
-    the surrogate's: answers go beside it, into NAME-times.csv; status 1 if a row has no answer.
+    The compiled engine simulates one design in seconds, landing included, beside the surrogate's
+    prediction; --surrogate FILE answers at once, without the landing. A table is the surrogate's:
+    answers go beside it, into NAME-times.csv; status 1 if a row has no answer.
 
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
@@ -202,14 +194,12 @@ def check(
         many = given.predict(designs, out=out or beside(designs), **asked)
         for line in many.notes:
             say(line)
-        show(many, json)
-        _exit_unless(not many.to_dict()["impossible"])
+        show(many, json, ok=not many.to_dict()["impossible"])
         return
     if out is not None:
         raise InputError("--out is for the answers to --designs; give both or neither")
     found = given.check(**asked)
-    show(found, json)
-    _exit_unless(found.feasible)
+    show(found, json, ok=found.feasible)
 
 
 def study(
@@ -239,8 +229,7 @@ def study(
         out, jobs=jobs, cluster=cluster, storage=storage, resume=resume, report=not no_report,
         progress=ProgressBar(),
     )  # fmt: skip
-    show(found, json)
-    _exit_unless(found.best)
+    show(found, json, ok=found.best is not None)
 
 
 def report(
@@ -323,13 +312,14 @@ def export(
     one = named_design(study, set_, chosen=False)
     given = one.own_study
     dog, radius, body = given.clutch.dog, given.limits.root_radius, body_mm * MM
-    if not (stl or step or svg or sheet):
+    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
+    if not any(files.values()):
         raise InputError(
             "export was asked for nothing; give --stl, --step, --svg or --sheet with a file"
         )
     if why and sheet is None:
         raise InputError("--why is for the data sheet; give --sheet with a file")
-    require_targets({"--stl": stl, "--step": step, "--svg": svg, "--sheet": sheet}, ENDINGS)
+    require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
     if step is not None:
@@ -350,7 +340,6 @@ def export(
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
         write_data_sheet(one, sheet, why)
-    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     volume = part_volume(dog, radius, body) / MM**3
     words = {"svg": "drawing", "stl": "one ring, both are alike", "step": "both rings",
@@ -370,9 +359,8 @@ def app(
 ) -> None:
     """Live page in the browser: sliders, section, times, checks.
 
-    The server listens on this machine only. Fields and sliders for the dogs, the operating point
-    and friction; the surrogate predicts at once ('dogshape fit'), the compiled engine simulates in
-    seconds, landing included. Designs of the search, single shifts, data sheet and STEP by a click.
+    The server listens on this machine only. The surrogate predicts at once ('dogshape fit'), the
+    compiled engine simulates in seconds, landing included.
 
     Example: dogshape app mq200_paper --set load.torque_Nm=150
     """
