@@ -64,7 +64,7 @@ QUESTIONS: tuple[dict[str, str], ...] = (
     {"dog.height_mm": "3.1", "mismatch_rpm": "45", "force_N": "300"},
     {"dog.traction_deg": "10", "load.friction_release": "0.13", "load.friction_hold": "0.02"},
     {"contact.static_friction": "0.15"},
-    {"dog.count": "40"},
+    {"load.friction_hold": "0.5"},
 )
 
 
@@ -126,7 +126,7 @@ def test_the_page_has_the_figures_of_the_command_line(
         margins = {check["name"]: check["margin"] for check in known["checks"]}
         assert seen["margins"] == pytest.approx(margins, rel=1e-9)
         compared += "edge_pressure_impact" in margins
-    assert compared == 3
+    assert compared == 4
     assert page.ask("faults.join('; ')") == ""
 
 

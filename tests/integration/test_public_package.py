@@ -147,16 +147,11 @@ def test_a_comparison_is_what_the_command_line_prints(folder: Path, dogshape: Do
     assert "corrected as asked: time=ms" in repr(corrected)
 
 
-@pytest.mark.parametrize(
-    ("angles", "words"),
-    [(2, "at least three"), ([0.0, 8.0], "at least three"), ([], "at least three"),
-     ([0.0, float("nan"), 5.0], "must be a finite angle")],
-    ids=str,
-)  # fmt: skip
+@pytest.mark.parametrize("angles", [2, [0.0, 8.0], [], [0.0, float("nan"), 5.0]], ids=str)
 def test_angles_of_a_comparison_are_three_and_finite(
-    folder: Path, angles: int | list[float], words: str
+    folder: Path, angles: int | list[float]
 ) -> None:
-    with pytest.raises(ds.InputError, match=words):
+    with pytest.raises(ds.InputError, match=r"at least three|must be a finite angle"):
         ds.validate(folder, angles)
 
 
