@@ -41,7 +41,7 @@ class Comparison(Result):
     compared: Compared
 
     def to_parts(self) -> list[str | Table]:
-        """Operating points, the gap over all of them, and what looks odd in the set."""
+        """Give operating points, the gap over all of them, and suspicious values of the set."""
         from dogshape.pipeline.reports.gap_page import examined_lines  # noqa: PLC0415  # plotly
 
         found, relative = self.compared, self.compared.relative_rms

@@ -84,7 +84,7 @@ class Checked(Result):
         return [CheckRow(**one) for one in checks_within(self.design, self.within)]
 
     def to_parts(self) -> list[str | Table]:
-        """Table of the checks, then verdict, warnings and what the blocking mechanism holds."""
+        """Give the table of checks, verdict, warnings and the force on the blocking mechanism."""
         weakest = smallest_margin(self.design.checks)
         verdict = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
         open_ones = ", before its landing is simulated" if self.design.not_checked else ""
@@ -186,7 +186,7 @@ class Check(Checked):
         return abs(self.expected.time - predicted.time) > NORMAL_95 * both
 
     def to_parts(self) -> list[str | Table]:
-        """Expected time, the surrogate's prediction beside it, and the checks."""
+        """Give expected time, the surrogate's prediction beside it, and the checks."""
         found = self.expected
         if found is None:
             lines = [f"no shift time: {self.refusal}"]
@@ -364,7 +364,7 @@ class Strength(Checked):
         ]  # fmt: skip
 
     def to_parts(self) -> list[str | Table]:
-        """Checks, and in words the landing, load sharing and flank strikes of the study."""
+        """Give the checks, and in words landing, load sharing and flank strikes of the study."""
         sharing = self.load_sharing
         return [
             *super().to_parts(),

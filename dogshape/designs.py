@@ -77,7 +77,7 @@ class SideBySide(Result):
     items: tuple[dict[str, Any], ...]
 
     def to_parts(self) -> list[str | Table]:
-        """A column for each item, a row for each quantity that one of them has."""
+        """Give a column for each item, a row for each quantity that one of them has."""
         every = [flat_keys(item) for item in self.items]
         rows = [
             [key, *(_cell(item.get(key)) for item in every)]

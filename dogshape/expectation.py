@@ -61,7 +61,7 @@ class Expectation(Result):
         return ExpectedTime.of(self.mean)
 
     def to_parts(self) -> list[str | Table]:
-        """Operating points, then the expected shift time with its errors and the engine."""
+        """Give operating points, expected shift time with its errors, and the engine."""
         found, mean = self.record, self.mean
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
         table = tabulate(PointRow, found.points)
@@ -160,7 +160,7 @@ class DrawnExpectation(Result):
         return float(np.sqrt((self.errors**2).mean()))
 
     def to_parts(self) -> list[str | Table]:
-        """Mean over the draws, and the interval that holds 90 % of them with their common error."""
+        """Give the mean over the draws, and the interval that holds 90 % of them."""
         timed, count = np.isfinite(self.times).sum(), len(self.times)
         if timed < count:
             fit = f"in {timed} of {count} draws"

@@ -40,7 +40,7 @@ class Fitted(Result):
         return str(self.stored.surrogate.data.physics.get("engine", "drake"))
 
     def to_parts(self) -> list[str | Table]:
-        """Figures of the validation."""
+        """Give the figures of the validation."""
         v, data = self.stored.validation, self.stored.surrogate.data
         how = "references apart" if v.source == "references" else "designs held out in turn"
         rows = [

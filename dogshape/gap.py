@@ -88,7 +88,7 @@ class Diagnosis(Result):
         return tuple(self.inference.verdict.causes)
 
     def to_parts(self) -> list[str | Table]:
-        """Verdict, hypotheses, residuals and the next test."""
+        """Give verdict, hypotheses, residuals and the next test."""
         found, record = self.inference, self.to_dict()
         own = [name for name in found.effects if name not in load()]
         return [
@@ -221,7 +221,7 @@ class Update(Result):
     folder: Path
 
     def to_parts(self) -> list[str | Table]:
-        """Probabilities before and now, both verdicts, and the next test."""
+        """Give probabilities before and now, both verdicts, and the next test."""
         record, frame = self.to_dict(), self.to_frame()
         frame = frame.sort_values("after", ascending=False, kind="stable")[:SHOWN_HYPOTHESES]
         rows = [[row[0], *map(chance, row[1:])] for row in frame.itertuples()]
@@ -304,7 +304,7 @@ class Plan(Result):
     sheet: Path | None = None
 
     def to_parts(self) -> list[str | Table]:
-        """Visits in their order, what distinguishes each cause, and the worth of the plan."""
+        """Give visits in their order, the rivals of each cause, and the worth of the plan."""
         record, plan, causes = self.to_dict(), self.inference, []
         visits = [
             [str(one["visit"]), number(one["mismatch_rpm"]), number(one["force_N"]),

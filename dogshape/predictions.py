@@ -39,7 +39,7 @@ class Predictions(Result):
         ]
 
     def to_parts(self) -> list[str | Table]:
-        """Rows without an answer, counts, and the best design."""
+        """Give rows without an answer, counts, and the best design."""
         record, lines = self.to_dict(), list[str]()
         for words, more, key in (
             ("is no design", "are no designs", "impossible"),

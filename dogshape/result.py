@@ -30,7 +30,7 @@ class Result(ABC):
 
     @abstractmethod
     def to_parts(self) -> list[str | Table]:
-        """Sentences and tables that ``print`` and the command line show."""
+        """Give the sentences and tables that ``print`` and the command line show."""
 
     def __repr__(self) -> str:
         return "\n".join(line for part in self.to_parts() for line in _lines(part))

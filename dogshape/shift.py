@@ -93,7 +93,7 @@ class Shift(Result):
         return None if self.torque_peaks is None else self.torque_peaks.whole
 
     def to_parts(self) -> list[str | Table]:
-        """Outcome, phases, events, loads and warnings."""
+        """Give outcome, phases, events, loads and warnings."""
         one = self.engagement
         time = f" in {time_text(one.shift_time)}" if one.shift_time is not None else ""
         return [

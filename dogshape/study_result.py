@@ -49,7 +49,7 @@ class StudyResult(Result):
         return designs_frame(self.record, list(self.config.variables), self.record["front"])
 
     def to_parts(self) -> list[str | Table]:
-        """Headline, gain, alternatives, facts and front, as the report has them."""
+        """Give headline, gain, alternatives, facts and front, as the report has them."""
         record = at_own_places(self.config, self.record)
         page = self.page or "none yet, 'dogshape report' makes it"
         parts: list[str | Table] = [headline(record)]
