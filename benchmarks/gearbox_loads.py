@@ -15,10 +15,10 @@ from __future__ import annotations
 import argparse
 
 from benchmarks.contact_sets import Designs, designs_of
+from dogshape.check import Strength, check_strength
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.running import Where
 from dogshape.sim.strength.checks import smallest_margin
-from dogshape.strength import Strength, check_strength
 
 Keys = dict[str, float | bool | list[float]]
 

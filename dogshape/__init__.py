@@ -1,11 +1,6 @@
 """Simulate, search, check and diagnose dog clutches.
 
-A problem is a frozen value, a verb turns it into a frozen result that carries it:
-
->>> import dogshape as ds
->>> study = ds.Study("mq200", chamfer_deg=11, count=18)
->>> study.shift(mismatch_rpm=50, force_N=469, angle_deg=10).time_s  # doctest: +SKIP
-0.0747
+A problem is a frozen value, a verb turns it into a frozen result that carries it.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 from dogshape.app import serve_app as serve_app
-from dogshape.bench import Bench as Bench
 from dogshape.bench import Comparison as Comparison
+from dogshape.bench import validate as validate
 from dogshape.check import Check as Check
+from dogshape.check import Strength as Strength
 from dogshape.designs import SideBySide as SideBySide
 from dogshape.designs import compare as compare
 from dogshape.expectation import DrawnExpectation as DrawnExpectation
@@ -10,12 +11,12 @@ from dogshape.expectation import expect_draws as expect_draws
 from dogshape.fitted import Fitted as Fitted
 from dogshape.fitted import fit as fit
 from dogshape.gap import Diagnosis as Diagnosis
+from dogshape.gap import Plan as Plan
 from dogshape.gap import Update as Update
 from dogshape.gap import diagnose as diagnose
+from dogshape.gap import plan_shifts as plan_shifts
 from dogshape.gap import update_diagnosis as update_diagnosis
 from dogshape.pipeline.progress import Progress as Progress
-from dogshape.plan import Plan as Plan
-from dogshape.plan import plan_shifts as plan_shifts
 from dogshape.predictions import Predictions as Predictions
 from dogshape.result import Result as Result
 from dogshape.shift import Shift as Shift
@@ -24,7 +25,6 @@ from dogshape.sim.effect import Effect as Effect
 from dogshape.sim.effect import Parameter as Parameter
 from dogshape.sim.errors import DogshapeError as DogshapeError
 from dogshape.sim.errors import InputError as InputError
-from dogshape.strength import Strength as Strength
 from dogshape.study import Study as Study
 from dogshape.study_result import StudyResult as StudyResult
 from dogshape.study_result import load_result as load_result

@@ -11,7 +11,7 @@ import logging
 import shlex
 import socket
 import webbrowser
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib import resources
@@ -19,7 +19,7 @@ from os import strerror
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import quote, urlencode
 
 import numpy as np
 import pandas as pd
@@ -30,13 +30,13 @@ from werkzeug.serving import BaseWSGIServer, make_server
 
 from dogshape import app_page as page
 from dogshape.app_page import Number
-from dogshape.check import Check, Checked
+from dogshape.check import Checked
 from dogshape.pipeline.config.study_file import Setup, pair_of
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.charts import Row, trend_figure
-from dogshape.pipeline.reports.designs import goals_of
+from dogshape.pipeline.reports.designs import MARGIN, goals_of, is_measured
 from dogshape.pipeline.reports.study_page import front_figure
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import own_surrogate
@@ -45,13 +45,12 @@ from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.study import Study
 from dogshape.surrogate.query import other_physics
-from dogshape.surrogate.store import Stored, load
+from dogshape.surrogate.store import Stored
 
 HOST = "127.0.0.1"
 BODY = 3.0 * MM  #: thickness of a ring below the slots in a STEP file, as ``export`` has it
 PLACES = 25  #: values of a number at which its curve is predicted
-OWN = "own"  #: the study's own design among those to begin with
-POINT, ANGLE, ENGINE = ("mismatch_rpm", "force_N"), "angle_deg", "solver.engine"
+POINT, ANGLE = ("mismatch_rpm", "force_N"), "angle_deg"
 FRICTION = {
     "contact.static_friction": ("in the shift, static", 0.6),
     "contact.dynamic_friction": ("in the shift, sliding", 0.6),
@@ -68,16 +67,14 @@ Texts = Mapping[str, str]  #: what stands in the fields, by key
 class Desk:
     """A study with what its page asks about; ``where`` is ``one`` operating point, or ``all``.
 
-    Parameters
-    ----------
-    study : the study as it was given.
-    command : study and ``--set`` as the command line has them.
-    surrogate : file that predicts at once; None where there is none of the study's physics.
-    result : the study's search, content of ``result.json``; None where there is none.
+    ``command`` has study and ``--set`` as the command line has them, ``surrogate`` predicts at
+    once, from its file, ``result`` is the content of ``result.json``; None where there is none of
+    the study's physics.
     """
 
     study: Study
     command: str
+    stored: Stored | None = None
     surrogate: Path | None = None
     result: Row | None = None
 
@@ -87,26 +84,21 @@ class Desk:
         return _numbers(self.study.config)
 
     @cached_property
-    def designs(self) -> dict[str, Row]:
-        """Designs to begin with: the study's own one, and those that its search simulated."""
-        own = {OWN: {**self.study.dog, "name": "the study's own design"}}
-        return own | ({} if self.result is None else page.searched_designs(self.result))
+    def searched(self) -> dict[str, Row]:
+        """Designs that the search simulated, by number."""
+        rows = [] if self.result is None else self.result["trials"]
+        return {str(row["trial"]): row for row in rows if is_measured(row)}
 
-    @property
-    def stored(self) -> Stored | None:
-        """The surrogate as its file has it."""
-        return None if self.surrogate is None else load(self.surrogate)
-
-    def shape(self, start: str) -> dict[str, str]:
-        """Give the texts of the dog's numbers for a design to begin with."""
-        design, own = self.designs[start], {n.key: n.text for n in self.numbers if n.group == "dog"}
-        searched = [] if start == OWN else [k for k in self.study.config.variables if k in design]
-        return own | {f"dog.{key}": f"{design[key]:.6g}" for key in searched}
+    def shape(self, trial: str = "") -> dict[str, str]:
+        """Give the texts of the dog's numbers for a design of the search, or the study's own."""
+        own = {n.key: n.text for n in self.numbers if n.group == "dog"}
+        design = self.searched.get(trial, {})
+        keys = [key for key in self.study.config.variables if key in design]
+        return own | {f"dog.{key}": f"{design[key]:.6g}" for key in keys}
 
     def changes(self, texts: Texts) -> list[str]:
         """Write ``KEY=VALUE`` for each key of the study whose text differs from its own."""
         own = {one.key: one.text for one in self.numbers if "." in one.key}
-        own[ENGINE] = self.study.config.clutch.solver.engine
         return [f"{key}={texts[key] or repr('')}" for key in own if texts[key] != own[key]]
 
     def changed(self, texts: Texts) -> Study:
@@ -127,22 +119,17 @@ class Desk:
             return study.strength(simulate=False)
         return study.check(**_point(texts, where), surrogate=self.surrogate)
 
-    def simulate(self, texts: Texts, where: str) -> Check:
-        """Check a design by the compiled engine."""
-        return self.changed(texts).check(**_point(texts, where))
+    def trends(self, texts: Texts, where: str) -> pd.DataFrame | None:
+        """Predict the design, and the time over each searched number.
 
-    def trends(self, texts: Texts, where: str, start: str) -> pd.DataFrame | None:
-        """Predict the design, the one begun with, and the time over each searched number.
-
-        Rows are those of ``Study.predict``; ``moved`` is the number, ``""`` in the first two. None
+        Rows are those of ``Study.predict``; ``moved`` is the number, ``""`` in the first. None
         where no surrogate applies.
         """
         study, ranges = self.changed(texts), self.study.config.variables
         if self.unpredicted(study):
             return None
-        own, begun = study.config.prototype, self.designs[start]
-        rows = [own, {**own, **{key: begun[key] for key in ranges if key in begun}}]
-        moved = [""] * len(rows)
+        own, moved = study.config.prototype, [""]
+        rows = [own]
         for key in (key for key in ranges if key in study.dog):
             values = np.linspace(*ranges[key], PLACES)
             places = np.unique(values.round()) if key == "count" else values
@@ -206,12 +193,9 @@ def open_desk(
 ) -> Desk:  # fmt: skip
     """Find surrogate and search of a study.
 
-    Parameters
-    ----------
-    surrogate : file that predicts; None for that of the study's results, or the package's.
-    folder : results of the search; None for ``results/NAME``, or those that the package brings.
-        A search of other physics counts as none, and so does one of the operation.
-    command : study and ``--set`` for the command that the page shows; empty for its name.
+    ``surrogate`` is a file that predicts, ``folder`` has results of the search; None for those of
+    ``results/NAME``, or the package's. A search of other physics counts as none, and so does one of
+    the operation. ``command`` is study and ``--set`` for the command that the page shows.
     """
     config, result = study.config, None
     roots = [Path(folder)] if folder else [bundled_root() / study.name, default_out(config)]
@@ -223,7 +207,8 @@ def open_desk(
             read = one.stored_result()
             own = config.in_engine(read.get("engine", "drake")).physics_hash
             result = read if read.get("physics_hash") == own else result
-    return Desk(study, command or study.name, None if found is None else found[1], result)
+    stored, path = found or (None, None)
+    return Desk(study, command or study.name, stored, path, result)
 
 
 def build_app(desk: Desk) -> Dash:
@@ -233,9 +218,10 @@ def build_app(desk: Desk) -> Dash:
         __name__, title=f"{config.name}: live", update_title="", assets_folder=str(TEMPLATES),
         assets_ignore=r"^(?!report(_app)?\.css$)",
     )  # fmt: skip
-    if desk.result is not None and len(goals := goals_of(desk.result)) > 1:
-        front = front_figure(desk.result, list(config.variables), goals[1].name)
-    app.layout = page.layout(config, desk.numbers, desk.designs, front, desk.stored)
+    if desk.result is not None:
+        others = [goal.name for goal in goals_of(desk.result)[1:]] or [MARGIN]
+        front = front_figure(desk.result, list(config.variables), others[0])
+    app.layout = page.layout(config, desk.numbers, front, desk.stored)
     app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
     _connect_fields(app, desk)
     _connect_answers(app, desk)
@@ -273,77 +259,66 @@ def _connect_fields(app: Dash, desk: Desk) -> None:
 
     @app.callback(
         Output({"number": ALL, "kind": "field"}, "value", allow_duplicate=True),
-        Input("start", "value"), Input("back", "n_clicks"), prevent_initial_call=True,
+        Input("front", "clickData"), Input("back", "n_clicks"), prevent_initial_call=True,
     )  # fmt: skip
-    def take_design(start: str, _: int) -> list[Any]:
-        shape = desk.shape(start)
+    def take_design(click: Row | None, _: int) -> list[Any]:
+        clicked = click["points"][0] if click and ctx.triggered_id == "front" else {}
+        shape = desk.shape(str(clicked.get("customdata")))
         return [shape.get(one["id"]["number"], no_update) for one in ctx.outputs_list]
-
-    @app.callback(Output("start", "value"), Input("front", "clickData"), prevent_initial_call=True)
-    def choose_design(click: Row) -> str:
-        trial = str(click["points"][0].get("customdata"))
-        return trial if trial in desk.designs else OWN
 
 
 def _connect_answers(app: Dash, desk: Desk) -> None:
     """Answer what the fields ask: at once, and after that what takes longer."""
+    checked = [Output("margins", "children"), Output("margins", "className"),
+               Output("checks", "children")]  # fmt: skip
 
     @app.callback(
         Output("asked", "data"), Output("answer", "className"), Output("refused", "children"),
-        Output({"fault": ALL}, "children"), Output("predicted", "children"),
-        Output("margins", "children"), Output("margins", "className"),
-        Output("section", "src"), Output("checks", "children"), Output("cautions", "children"),
-        Output("simulated", "children"), Input({"number": ALL, "kind": "field"}, "value"),
-        Input("where", "value"), Input("engine", "value"), State("start", "value"),
+        Output({"fault": ALL}, "children"), Output("predicted", "children"), *checked,
+        Output("section", "src"), Output("cautions", "children"), Output("simulated", "children"),
+        Input({"number": ALL, "kind": "field"}, "value"), Input("where", "value"),
         State("asked", "data"),
     )  # fmt: skip
-    def predict(_: Any, where: str, engine: str, start: str, before: Row | None) -> tuple[Any, ...]:
+    def predict(_: Any, where: str, before: Row | None) -> tuple[Any, ...]:
         texts = {one["id"]["number"]: str(one.get("value") or "") for one in ctx.inputs_list[0]}
-        asked = {"texts": texts | {ENGINE: engine}, "where": where}
+        asked = {"texts": texts, "where": where}
         if asked == before:
             raise PreventUpdate
-        answer = answer_at_once(desk, asked, start, list(texts))
+        answer = answer_at_once(desk, asked)
         return (None if answer[0] else asked, *answer)
 
-    def connect(answer: Callable[..., tuple[Any, ...]], *links: Any) -> None:
+    again = [Output(one.component_id, one.component_property, allow_duplicate=True)
+             for one in (Output("simulated", "children"), *checked)]  # fmt: skip
+    for answer, links in (
+        (answer_by_simulation, again),
+        (answer_by_trends, [Output("trends", "figure"), Output("curves", "hidden")]),
+        (link_files, [Output("files", "children"), Output("shift-link", "children"),
+                      Output("command", "children"), Input("why", "value")]),
+    ):  # fmt: skip
+
         @app.callback(*links, Input("asked", "data"), prevent_initial_call=True)
-        def _(*given: Any) -> tuple[Any, ...]:
+        def _(*given: Any, answer: Any = answer) -> tuple[Any, ...]:
             *more, asked = given
             if asked is None:
                 raise PreventUpdate
-            return answer(desk, asked, *more)
-
-    connect(
-        answer_by_simulation, Output("simulated", "children", allow_duplicate=True),
-        Output("margins", "children", allow_duplicate=True),
-        Output("margins", "className", allow_duplicate=True),
-        Output("checks", "children", allow_duplicate=True),
-    )  # fmt: skip
-    connect(
-        answer_by_trends, Output("trends", "figure"), Output("curves", "hidden"),
-        Output("against", "children"), Input("start", "value"),
-    )  # fmt: skip
-    connect(
-        link_files, Output("files", "children"), Output("shift-link", "children"),
-        Output("command", "children"), Input("why", "value"),
-    )  # fmt: skip
+            found: tuple[Any, ...] = answer(desk, asked, *more)
+            return found
 
 
-def answer_at_once(desk: Desk, asked: Row, start: str, keys: Sequence[str]) -> tuple[Any, ...]:
-    """Fill the page with what is known at once; a refusal stands at the number of ``keys``."""
+def answer_at_once(desk: Desk, asked: Row) -> tuple[Any, ...]:
+    """Fill the page with what is known at once; a refusal stands at its number."""
     try:
-        found = desk.predict(**asked)
-        study, begun = (desk.changed(asked["texts"] | more) for more in ({}, desk.shape(start)))
+        found, study = desk.predict(**asked), desk.changed(asked["texts"])
     except DogshapeError as error:
         words = str(error).removeprefix(f"the study {desk.study.name}: ")
-        faults = [words if key in words else "" for key in keys]
+        faults = [words if key in words else "" for key in asked["texts"]]
         rest = "" if any(faults) else f"There is no such dog: {words}"
         return "stale", rest, faults, *[no_update] * 7
-    svg = open_section_svg(study.config.clutch.dog, begun.config.clutch.dog)
-    reason = desk.unpredicted(study)
+    svg = open_section_svg(study.config.clutch.dog, desk.study.config.clutch.dog)
     return (
-        "", "", [""] * len(keys), page.predicted_card(found, reason), *page.margin_card(found),
-        page.picture(svg), page.check_table(found.rows), page.cautions(found),
+        "", "", [""] * len(asked["texts"]), page.predicted_card(found, desk.unpredicted(study)),
+        *page.margin_card(found), page.check_table(found), f"data:image/svg+xml,{quote(svg)}",
+        page.cautions(found),
         page.card("simulated shift time", "…"),
     )  # fmt: skip
 
@@ -351,17 +326,16 @@ def answer_at_once(desk: Desk, asked: Row, start: str, keys: Sequence[str]) -> t
 def answer_by_simulation(desk: Desk, asked: Row) -> tuple[Any, ...]:
     """Fill the page with the simulated time, and the checks with the landing."""
     try:
-        found = desk.simulate(**asked)
+        found = desk.changed(asked["texts"]).check(**_point(**asked))
     except DogshapeError as error:
         return page.card("simulated shift time", "none", str(error)), *[no_update] * 3
-    return page.simulated_card(found), *page.margin_card(found), page.check_table(found.rows)
+    return page.simulated_card(found), *page.margin_card(found), page.check_table(found)
 
 
-def answer_by_trends(desk: Desk, asked: Row, start: str) -> tuple[Any, ...]:
-    """Fill the page with the curves, and the comparison to the design begun with."""
-    found = desk.trends(**asked, start=start)
-    figure = no_update if found is None else trend_figure(found)
-    return figure, found is None, page.against_card(found, desk.designs[start])
+def answer_by_trends(desk: Desk, asked: Row) -> tuple[Any, ...]:
+    """Fill the page with the curves."""
+    found = desk.trends(**asked)
+    return no_update if found is None else trend_figure(found), found is None
 
 
 def link_files(desk: Desk, asked: Row, why: str | None) -> tuple[Any, ...]:

@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
-from urllib.parse import quote
 
 from dash import dcc, html
 
 from dogshape.check import Check, Checked
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.record import Bad
 from dogshape.pipeline.reports.charts import Row
-from dogshape.pipeline.reports.designs import design_name, is_measured
 from dogshape.pipeline.reports.text import check_name, label, minus, percent, time_text
-from dogshape.pipeline.store.result_records import CheckRow
-from dogshape.sim.strength.checks import GROUPS, smallest_margin
+from dogshape.pipeline.store.result_records import check_table as record_table
+from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.model import Expected
 from dogshape.surrogate.store import Stored
 
 if TYPE_CHECKING:
-    import pandas as pd
     import plotly.graph_objects as go
 
-TIME = "expected_shift_time_s"
 Children = list[Any]
 
 
@@ -66,29 +62,21 @@ def number_field(one: Number) -> html.Div:
 
 
 def layout(
-    config: Setup, numbers: Sequence[Number], designs: Mapping[str, Row], front: go.Figure | None,
-    stored: Stored | None,
-) -> html.Div:  # fmt: skip
+    config: Setup, numbers: Sequence[Number], front: go.Figure | None, stored: Stored | None
+) -> html.Div:
     """Lay out the page of a study with what it knows."""
     name, still = config.name, cast(Any, {"displayModeBar": False})
     fields = {group: [number_field(n) for n in numbers if n.group == group]
               for group in ("dog", "point", "friction", "shift")}  # fmt: skip
     where = {"all": f"all {len(config.points)} operating points of the study",
              "one": "one operating point"}  # fmt: skip
-    engines = {"drake": "Drake", "planar": "compiled"}
-    start = {key: design["name"] for key, design in designs.items()}
     aside = html.Aside([
-        html.H2("Dogs"),
-        html.Div(["from", dcc.Dropdown(start, next(iter(start)), id="start", clearable=False),
-                  html.Button("back to it", id="back")], className="from"),
-        *fields["dog"],
+        html.H2("Dogs"), html.Button("back to the study's own", id="back"), *fields["dog"],
         html.H2("Shifted at"), dcc.RadioItems(where, "all", id="where"), *fields["point"],
         html.H2("Friction"), *fields["friction"],
-        html.H2("Single shift"), *fields["shift"],
-        dcc.RadioItems(engines, config.clutch.solver.engine, id="engine", inline=True),
-        html.P(id="shift-link"),
+        html.H2("Single shift"), *fields["shift"], html.P(id="shift-link"),
     ])  # fmt: skip
-    cards = {"predicted": "chosen", "simulated": "gain", "against": "", "margins": ""}
+    cards = {"predicted": "chosen", "simulated": "gain", "margins": ""}
     main = html.Main([
         html.Div([html.Div(id=one, className=f"card {kind}") for one, kind in cards.items()],
                  className="cards"),
@@ -96,8 +84,6 @@ def layout(
         html.Img(id="section", alt="Section of both rings, unrolled at the mean radius"),
         html.Div([
             html.H2("Predicted time over each number"), dcc.Graph("trends", config=still),
-            html.P("The other numbers stay as they are; the dot is the present design.",
-                   className="note"),
         ], id="curves", hidden=True),
         html.H2("Checks"), html.Div(id="checks", className="scroll"),
         html.P("Margin: distance to the limit over the limit. A check shows its formula, source "
@@ -112,11 +98,8 @@ def layout(
         html.P(id="files"), html.H2("The same from the command line"), html.Code(id="command"),
         html.P(_origin(stored), className="note"),
     ], id="answer")  # fmt: skip
-    lead = ("Move a number, and everything follows: section, checks and predicted time at once, "
-            "the simulated time with the landing in seconds.")  # fmt: skip
     desk = html.Div([aside, main], className="desk")
-    return html.Div([html.H1(f"{name}: live"), html.P(lead, className="lead"), desk,
-                     dcc.Store("asked")])  # fmt: skip
+    return html.Div([html.H1(f"{name}: live"), desk, dcc.Store("asked")])
 
 
 def _origin(stored: Stored | None) -> str:
@@ -127,19 +110,6 @@ def _origin(stored: Stored | None) -> str:
         f"Surrogate: root-mean-square error {time_text(found.rmse_s)} on {found.n} designs outside "
         f"its fit, Q² {found.q2:.2f}, {found.coverage_95:.0%} within the 95 % interval."
     )
-
-
-def searched_designs(result: Row) -> dict[str, Row]:
-    """Name the simulated designs of a search by number, those of the front first."""
-    front, best = [row["trial"] for row in result["front"]], (result["best"] or {}).get("trial")
-    rows = {row["trial"]: row for row in result["trials"]
-            if is_measured(row) and not row["prototype"]}  # fmt: skip
-    found = {}
-    for trial in sorted(rows, key=[*front, *rows].index):
-        kind = ", chosen" if trial == best else ", front" if trial in front else ""
-        words = f"{design_name(rows[trial])}{kind}: {time_text(rows[trial][TIME])}"
-        found[str(trial)] = {**rows[trial], "name": words}
-    return found
 
 
 def card(title: str, value: str, *lines: str, exact: Expected | None = None) -> Children:
@@ -176,25 +146,14 @@ def simulated_card(found: Check) -> Children:
     return card("simulated shift time", value, _interval(seen), apart, shifts, exact=seen)
 
 
-def against_card(found: pd.DataFrame | None, design: Row) -> Children:
-    """Compare the first two rows of predictions: the design, and the one begun with."""
-    title, known = f"against {design['name'].partition(':')[0]}", design.get(TIME)
-    simulated = "" if known is None else f"{time_text(known, design['standard_error_s'])} searched"
-    own, other = (math.nan, math.nan) if found is None else found[TIME][:2]
-    if math.isnan(own - other):
-        return card(title, "-", simulated)
-    apart = minus(time_text(own - other)) if abs(own - other) >= 5e-5 else "the same"
-    return card(title, apart, f"{time_text(other)} predicted", simulated)
-
-
 def margin_card(found: Checked) -> tuple[Children, str]:
     """Show the smallest margin and whether the landing is judged; and the class of the card."""
     weakest, failed = smallest_margin(found.design.checks), len(found.failed)
     count, open_ones = len(found.design.checks), found.design.not_checked
-    worst = minus(found.verdict["at worst-case tolerances"]).replace("%", " %")
+    worst = minus(found.worst_case).replace("%", " %").replace("_", " ")
     lines = (
         f"{check_name(weakest.name)}; {f'{failed} of {count} fail' if failed else 'all pass'}",
-        f"at worst-case tolerances: {worst.replace('_', ' ')}",
+        f"at worst-case tolerances: {worst}",
         "landing not judged yet" if open_ones else "landing judged",
     )
     kind = "bad" if failed else "open" if open_ones else "good"
@@ -219,33 +178,20 @@ def file_links(links: Mapping[str, str]) -> tuple[Children, Children]:
     return found[:-1], found[-1:]
 
 
-def check_table(rows: Sequence[CheckRow]) -> html.Table:
-    """Tabulate all checks by group, with a bar for each margin."""
-    heads = ("check", "value", "", "limit", "unit", "margin", "with every tolerance at its worst")
-    body = []
-    for group, title in GROUPS.items():
-        if members := [_check_row(row) for row in rows if row.group == group]:
-            head = html.Td(title, colSpan=len(heads))
-            body += [html.Tr(head, className="group"), *members]
-    return html.Table([html.Thead(html.Tr([html.Th(head) for head in heads])), html.Tbody(body)])
-
-
-def _check_row(row: CheckRow) -> html.Tr:
-    margin, worst = row.margin or 0.0, row.margin_worst_case
-    bar = html.I(style={"width": f"{min(100.0, abs(100.0 * margin)):.0f}%"},
-                 className="low" if margin < 0.0 else "")  # fmt: skip
-    said = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
-    exact: Row = {"data-check": row.name, "data-margin": repr(row.margin)}
-    return html.Tr([
-        html.Td(check_name(row.name)), html.Td(row.cell("value")),
-        html.Td("≤" if row.at_most else "≥"), html.Td(row.cell("limit")),
-        html.Td(row.unit, className="words"),
-        html.Td([html.Span(bar, className="meter"), percent(margin)], className="margin"),
-        html.Td("-" if worst is None else percent(worst),
-                className="bad" if (worst or 0.0) < 0.0 else ""),
-    ], title=said, className="" if row.passed else "failed", **exact)  # fmt: skip
-
-
-def picture(svg: str) -> str:
-    """Give a drawing as the source of an image."""
-    return "data:image/svg+xml," + quote(svg)
+def check_table(found: Checked) -> html.Table:
+    """Tabulate all checks as the command line does, with formula, source and key to point at."""
+    checks, body = {row.name: row for row in found.rows}, []
+    table = record_table(list(checks.values()))
+    for cells in table.rows:
+        row = checks.get(cells[0])
+        if row is None:
+            head = html.Td(cells[0], colSpan=len(table.heads))
+            body.append(html.Tr(head, className="group"))
+            continue
+        exact: Row = {"data-check": row.name, "data-margin": repr(row.margin)}
+        said = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
+        texts = [check_name(row.name), *cells[1:]]
+        drawn = [html.Td(text, className="bad" if isinstance(text, Bad) else "") for text in texts]
+        kind = "" if row.passed else "failed"
+        body.append(html.Tr(drawn, title=said, className=kind, **exact))
+    return html.Table([html.Thead(html.Tr(list(map(html.Th, table.heads)))), html.Tbody(body)])

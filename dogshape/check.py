@@ -1,4 +1,4 @@
-"""Design at once: its closed forms, the time by the compiled engine and by the surrogate."""
+"""Checks of one design: strength with its landing, and the quick answer with its shift time."""
 
 from __future__ import annotations
 
@@ -15,7 +15,6 @@ from dogshape.pipeline.reports.text import ENGINES, interval_text, time_text
 from dogshape.pipeline.search.tolerance_effects import ToleranceTime, checks_within, tolerance_time
 from dogshape.pipeline.simulate.design import (
     Design,
-    Measured,
     Within,
     design_of,
     margins_within,
@@ -24,31 +23,29 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.pipeline.train.training_rows import mix_over, own_surrogate
-from dogshape.result import Result
+from dogshape.result import Figure, Frame, Result
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.statistics.expectation import LEAST_ENGAGED
-from dogshape.sim.strength.checks import smallest_margin
+from dogshape.sim.statistics.expectation import LEAST_ENGAGED, Expectation
+from dogshape.sim.strength.checks import feasible, smallest_margin
+from dogshape.sim.strength.dog_strength import UNJUDGED, strike_force, strike_torque
 from dogshape.sim.strength.locking import blocking_force
-from dogshape.sim.strength.manufacture import require_makeable
+from dogshape.sim.strength.manufacture import manufacturing_checks, require_makeable
+from dogshape.sim.units import MPA, RPM
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.validation_figures import Validation
 
 if TYPE_CHECKING:
-    import pandas as pd
-    import plotly.graph_objects as go
+    from dogshape.running import Where
 
 
 @dataclass(frozen=True, repr=False)
 class Checked(Result):
-    """One design with its checks.
+    """One design of a study with its checks.
 
-    Parameters
-    ----------
-    config : the study that was asked.
-    design : its dog with every check.
-    within : margins left within the tolerances, by check and kind; minus infinity for no dog.
+    ``within`` has the margins left within the tolerances, by check and kind; minus infinity for no
+    dog.
     """
 
     config: Setup
@@ -76,33 +73,29 @@ class Checked(Result):
         return blocking_force(self.config.clutch.dog, self.config.limits.load)
 
     @property
-    def verdict(self) -> dict[str, str]:
-        """Facts of the checks: feasible or not, and the smallest margins with their checks."""
-        weakest = smallest_margin(self.design.checks)
-        open_ones = ", before its landing is simulated" if self.design.not_checked else ""
-        verdict = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
+    def worst_case(self) -> str:
+        """Smallest margin at worst-case tolerances, with its check."""
         name, worst = weakest_within(self.config, self.design)
-        return {
-            "feasible": verdict + open_ones,
-            "smallest margin": f"{weakest.margin:.1%}, {weakest.name}",
-            "at worst-case tolerances": "no dog" if math.isinf(worst) else f"{worst:.1%}, {name}",
-        }
+        return "no dog" if math.isinf(worst) else f"{worst:.1%}, {name}"
 
     @property
     def rows(self) -> list[CheckRow]:
         """Every check with its margins, by the declared keys."""
         return [CheckRow(**one) for one in checks_within(self.design, self.within)]
 
-    @property
-    def check_parts(self) -> list[str | Table]:
-        """Table of the checks, then verdict, warnings and what the blocking mechanism holds."""
-        facts = [f"{name}: {value}" for name, value in self.verdict.items()]
+    def to_parts(self) -> list[str | Table]:
+        """Give the table of checks, verdict, warnings and the force on the blocking mechanism."""
+        weakest = smallest_margin(self.design.checks)
+        verdict = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
+        open_ones = ", before its landing is simulated" if self.design.not_checked else ""
         return [
             check_table(self.rows),
             "",
             "margin: distance to the limit over the limit, at nominal size, with every tolerance "
             "at its worst, and by root sum of squares (no tolerances for the landing)",
-            *facts,
+            f"feasible: {verdict}{open_ones}",
+            f"smallest margin: {weakest.margin:.1%}, {weakest.name}",
+            f"at worst-case tolerances: {self.worst_case}",
             *(f"warning: {note}" for note in self.notes),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
         ]
@@ -120,20 +113,19 @@ class Checked(Result):
             "their own) give another sample of it"
         ]
 
-    @property
-    def record(self) -> dict[str, Any]:
-        """Give the checks as JSON takes them."""
+    def to_dict(self) -> dict[str, Any]:
+        """Give every check as JSON takes it."""
         return {
             "feasible": self.design.feasible,
             "not_checked": self.design.not_checked,
             "checks": checks_within(self.design, self.within),
         }
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> Frame:
         """Give a row for each check: value and limit in ``unit``, margins as shares."""
         return frame_of(self.rows)
 
-    def plot(self) -> go.Figure:
+    def plot(self) -> Figure:
         """Draw the margin of each check, and what is left of it in the worst case."""
         from dogshape.pipeline.reports.charts import margins  # noqa: PLC0415  # loads plotly
 
@@ -149,29 +141,11 @@ NORMAL_95 = 1.96
 
 
 @dataclass(frozen=True)
-class Quick:
-    """Shifts of a design by the compiled engine: its expected time and what landings demand.
-
-    ``engaged`` is the least share engaged at a point, ``refusal`` why there is no time.
-    """
-
-    expected: Expected | None
-    engaged: float
-    refusal: str
-    measured: Measured
-    shifts: int
-
-
-@dataclass(frozen=True)
 class Guess:
     """Prediction of a surrogate for a design.
 
-    Parameters
-    ----------
-    answer : expected shift time with its interval, and what speaks against trusting it.
-    spread : change of the time within the tolerances, s.
-    validation : figures of the surrogate on designs that it had not seen.
-    path : its file.
+    ``answer`` is the expected time with what speaks against trusting it, ``spread`` its change
+    within the tolerances, s, ``validation`` the surrogate on designs that it had not seen.
     """
 
     answer: Answer
@@ -186,27 +160,16 @@ class Check(Checked):
 
     The compiled engine simulates the design, landing included, and the interval has its error in
     it. A surrogate that is named answers in its place, and the landing is not judged. A clutch
-    that does not engage, or a dog that cannot be made, has no time.
-
-    Parameters
-    ----------
-    mix : the operating points that were asked about.
-    quick : shifts of the compiled engine; None for a named surrogate and a dog that cannot be made.
-    guess : prediction of the surrogate; None where there is none of the study's physics.
-    refusal : why there is no time; empty where there is one.
+    that does not engage, or a dog that cannot be made, has no time: ``refusal`` is the reason.
+    ``shifts`` is the number of simulated ones, ``engaged`` their least share at a point.
     """
 
     mix: Mix
-    quick: Quick | None = None
+    expected: Expected | None
+    shifts: int = 0
+    engaged: float = 0.0
     guess: Guess | None = None
     refusal: str = ""
-
-    @property
-    def expected(self) -> Expected | None:
-        """Expected shift time with its interval; None where there is none."""
-        if self.quick is not None:
-            return self.quick.expected
-        return None if self.guess is None else self.guess.answer.expected
 
     @property
     def time_s(self) -> float | None:
@@ -214,47 +177,37 @@ class Check(Checked):
         return None if self.expected is None else self.expected.time
 
     @property
-    def interval_s(self) -> tuple[float, float] | None:
-        """Interval that holds the expected shift time with 95 %, s."""
-        return None if self.expected is None else (self.expected.low, self.expected.high)
-
-    @property
-    def shifts(self) -> int:
-        """Number of shifts of the compiled engine."""
-        return 0 if self.quick is None else self.quick.shifts
-
-    @property
     def missed(self) -> bool:
         """Test that the surrogate misses the simulated time by more than both intervals."""
-        if self.quick is None or self.guess is None:
+        predicted = None if self.guess is None else self.guess.answer.expected
+        if not self.shifts or self.expected is None or predicted is None:
             return False
-        return misses(self.guess.answer.expected, self.quick.expected)
+        both = math.hypot(self.expected.error, predicted.error)
+        return abs(self.expected.time - predicted.time) > NORMAL_95 * both
 
-    @property
-    def parts(self) -> list[str | Table]:
-        """Expected time, the surrogate's prediction beside it, and the checks."""
-        found, open_ones = self.expected, self.design.not_checked
+    def to_parts(self) -> list[str | Table]:
+        """Give expected time, the surrogate's prediction beside it, and the checks."""
+        found = self.expected
         if found is None:
             lines = [f"no shift time: {self.refusal}"]
         else:
             source = f"{self.shifts} shifts of the compiled engine, 1 % of its error against Drake"
             lines = [
                 f"expected shift time {_interval(found)} "
-                f"({'surrogate' if self.quick is None else f'{source} included'}); single shifts "
+                f"({f'{source} included' if self.shifts else 'surrogate'}); single shifts "
                 f"scatter by {time_text(found.sd)}, {found.engaged:.1%} engage where fewest do",
                 *_retries(found),
             ]
         lines += [] if self.guess is None else self._surrogate_lines(self.guess)
-        if open_ones and not self.refusal:
+        if self.design.not_checked and not self.refusal:
             lines.append("landing not judged: the surrogate knows none; leave out --surrogate")
-        return [*lines, "", *self.check_parts, *self.landing_of(self.shifts, "planar")]
+        return [*lines, "", *super().to_parts(), *self.landing_of(self.shifts, "planar")]
 
     def _surrogate_lines(self, guess: Guess) -> list[str]:
-        answer, expected, q2, lines = guess.answer, guess.answer.expected, guess.validation.q2, []
-        if self.quick is not None:
+        answer, expected, spread, lines = guess.answer, guess.answer.expected, guess.spread, []
+        if self.shifts:
             time = answer.refusal if expected is None else _interval(expected)
-            lines = [f"surrogate {guess.path}: {time}"]
-            lines += [] if expected is None else _retries(expected)
+            lines = [f"surrogate {guess.path}: {time}", *_retries(expected)]
         if self.missed:
             lines.append(
                 "warning: the surrogate misses the simulated time by more than its interval"
@@ -263,66 +216,47 @@ class Check(Checked):
         lines.append(f"distance to the next simulated design: {answer.distance:.1f} usual spacings")
         if not guess.validation.useful:
             lines.append(
-                f"warning: on designs that it has not seen the surrogate has Q2 {q2:.2f}; "
-                "simulate more designs before relying on it"
+                "warning: on designs that it has not seen the surrogate has Q2 "
+                f"{guess.validation.q2:.2f}; simulate more designs before relying on it"
             )
         if expected is not None:
             lines.append(
-                f"within the tolerances: {1e3 * guess.spread.worst_case_s:.2g} ms in the worst "
-                f"case, {1e3 * guess.spread.root_sum_square_s:.2g} ms by root sum of squares"
+                f"within the tolerances: {1e3 * spread.worst_case_s:.2g} ms in the worst "
+                f"case, {1e3 * spread.root_sum_square_s:.2g} ms by root sum of squares"
             )
         return lines
 
-    @property
-    def facts(self) -> dict[str, str]:
-        """Expected time with its interval, verdict and smallest margin."""
-        found, name = self.expected, "compiled engine" if self.quick else "surrogate"
-        if found is None:
-            return {"shift time": f"none: {self.refusal}", **self.verdict}
-        facts = {f"shift time by the {name}": _interval(found)}
-        if self.guess is not None:
-            warnings = "; ".join(self.guess.answer.warnings)
-            facts["in the surrogate's trained range"] = f"no: {warnings}" if warnings else "yes"
-        return {**facts, **self.verdict}
-
     def to_dict(self) -> dict[str, Any]:
         """Give the expected time, the surrogate's prediction, and every check."""
+        guess = self.guess
+        answer = Answer(None, 0.0, ()) if guess is None else guess.answer
         return {
             **time_record(self.expected, self.refusal),
-            **({} if self.quick is None else {"engaged": self.quick.engaged}),
+            **({"engaged": self.engaged} if self.shifts else {}),
             "operating_points": len(self.mix.points),
-            "engine": "planar" if self.quick else self.config.clutch.solver.engine,
+            "engine": "planar" if self.shifts else self.config.clutch.solver.engine,
             "shifts_planar": self.shifts,
-            **self._guessed,
-            **self.record,
-        }
-
-    @property
-    def _guessed(self) -> dict[str, Any]:
-        if self.guess is None:
-            return {"in_range": True, "distance": 0.0, "warnings": [*self.notes], "q2": None,
-                    "surrogate": None, "predicted": None}  # fmt: skip
-        answer = self.guess.answer
-        return {
             "in_range": answer.in_range,
             "distance": answer.distance,
             "warnings": [*answer.warnings, *self.notes],
-            "q2": self.guess.validation.q2,
-            "surrogate": str(self.guess.path),
-            "predicted": time_record(answer.expected, answer.refusal),
-            "missed_by_surrogate": self.missed,
-            "time_within_tolerances": self.guess.spread.to_dict(),
-        }
+            "q2": None if guess is None else guess.validation.q2,
+            "surrogate": None if guess is None else str(guess.path),
+            "predicted": guess and time_record(answer.expected, answer.refusal),
+            **({} if guess is None else {
+                "missed_by_surrogate": self.missed,
+                "time_within_tolerances": guess.spread.to_dict(),
+            }),
+            **super().to_dict(),
+        }  # fmt: skip
 
 
 def _interval(found: Expected) -> str:
-    """Print a time with its 95 % interval."""
     return interval_text(found.time, found.low, found.high)
 
 
-def _retries(found: Expected) -> list[str]:
+def _retries(found: Expected | None) -> list[str]:
     """Split an interval into shifts that engage and retries, where retries count."""
-    if not found.retries and not found.retries_error:
+    if found is None or not (found.retries or found.retries_error):
         return []
     bare, error = found.without_retries
     return [
@@ -331,57 +265,43 @@ def _retries(found: Expected) -> list[str]:
     ]
 
 
-def misses(predicted: Expected | None, simulated: Expected | None) -> bool:
-    """Test that a prediction misses a simulated time by more than both intervals."""
-    if predicted is None or simulated is None:
-        return False
-    both = math.hypot(simulated.error, predicted.error)
-    return abs(simulated.time - predicted.time) > NORMAL_95 * both
-
-
 def check_design(
     config: Setup,
     mismatch_rpm: float | None = None,
     force_N: float | None = None,
-    surrogate: Path | None = None,
+    surrogate: str | Path | None = None,
 ) -> Check:
-    """Check the design of a study: seconds by the compiled engine, at once by a named surrogate.
-
-    Parameters
-    ----------
-    mismatch_rpm, force_N : one operating point, 1/min and N; neither for all of the study's.
-    surrogate : file of the surrogate that answers in place of the compiled engine. The one of the
-        study's results, or the package's, is asked beside the engine.
-
-    Raises
-    ------
-    InputError, DataError
-        For one half of an operating point, or a named surrogate of other physics or not there.
-    """
-    points = points_of(config, mismatch_rpm, force_N)
-    mix, refusal = mix_over(config, points), unmade(config)
-    guess, quick = _guess(config, mix, surrogate, refusal), None
-    if guess is not None and surrogate is not None:
-        refusal = guess.answer.refusal
-    elif not refusal:
-        quick = simulate_quickly(replace(config, points=points))
-        refusal = quick.refusal
-    design = design_of(config, {}, None if quick is None else quick.measured)
-    return Check(config, design, margins_within(config, design), mix, quick, guess, refusal)
-
-
-def unmade(config: Setup) -> str:
-    """Explain why the dog of a study cannot be made; empty for one that can."""
+    """Check a design as ``Study.check`` does, for a study that is read."""
+    points, refusal = points_of(config, mismatch_rpm, force_N), ""
     try:
         require_makeable(config.clutch.dog, config.limits.manufacturing)
     except GeometryError as error:
-        return str(error)
-    return ""
+        refusal = str(error)
+    mix = mix_over(config, points)
+    guess = _guess(config, mix, surrogate, refusal)
+    expected, found = None if guess is None else guess.answer.expected, None
+    if guess is not None and surrogate is not None:
+        refusal = guess.answer.refusal
+    elif not refusal:
+        # Half a second that an answer of the surrogate does not need.
+        from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
+        from dogshape.pipeline.simulate.executor import scratch_executor  # noqa: PLC0415
+
+        own, seed = replace(config, points=points), config.file.expectation.seed
+        angles = max(SHIFTS // len(points), LEAST_ANGLES)
+        (found,) = evaluate(own.in_engine("planar"), [{}], scratch_executor(1), angles, seed)
+        expected, refusal = _expected(found.expectation, mix)
+    design = design_of(config, {}, None if found is None else found.measured)
+    within = margins_within(config, design)
+    if found is None:
+        return Check(config, design, within, mix, expected, guess=guess, refusal=refusal)
+    mean = found.expectation
+    return Check(config, design, within, mix, expected, mean.shifts, mean.engaged, guess, refusal)
 
 
-def _guess(config: Setup, mix: Mix, named: Path | None, refusal: str) -> Guess | None:
+def _guess(config: Setup, mix: Mix, named: str | Path | None, refusal: str) -> Guess | None:
     """Ask the surrogate of the study's physics about its own design; ``refusal`` of a time."""
-    found = own_surrogate(config, named)
+    found = own_surrogate(config, None if named is None else Path(named))
     if found is None:
         return None
     stored, path = found
@@ -393,40 +313,115 @@ def _guess(config: Setup, mix: Mix, named: Path | None, refusal: str) -> Guess |
     return Guess(answer, tolerance_time(config, model, own, mix), stored.validation, path)
 
 
-def simulate_quickly(config: Setup) -> Quick:
-    """Simulate the design of a study by the compiled engine at all of its operating points."""
-    # Half a second that an answer of the surrogate does not need.
-    from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
-    from dogshape.pipeline.simulate.executor import scratch_executor  # noqa: PLC0415
-
-    angles = max(SHIFTS // len(config.points), LEAST_ANGLES)
-    seed = config.file.expectation.seed
-    (one,) = evaluate(config.in_engine("planar"), [{}], scratch_executor(1), angles, seed)
-    found = one.expectation
-    mix = mix_over(config, config.points)
-    lost = np.array([p.lost for p in found.points])
-    expected, refusal = None, ""
-    share = np.array([p.engaged for p in found.points])
+def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
+    """Give a simulated time with its interval, the engine's error in it, or why there is none."""
     if found.mean_engaged is None or found.engaged < LEAST_ENGAGED:
-        refusal = (
-            f"engages in {found.shifts - lost.sum()} of {found.shifts} shifts, in "
-            f"{found.engaged:.0%} where fewest do"
-        )
-    else:
-        n = np.array([p.n for p in found.points])
-        sd = np.array([p.sd for p in found.points])
-        weights = mix.weights * mix.retry
-        unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2
-        error = math.hypot(found.standard_error, ENGINE_ERROR * found.mean)
-        low, high = interval(np.array([found.mean]), np.array([error]))
-        expected = Expected(
-            time=found.mean,
-            low=float(low[0]),
-            high=float(high[0]),
-            error=error,
-            sd=math.sqrt(mix.weights @ sd**2),
-            engaged=found.engaged,
-            retries=float(weights @ ((1.0 - share) / share)),
-            retries_error=float(np.linalg.norm(unsure)),
-        )
-    return Quick(expected, found.engaged, refusal, one.measured, found.shifts)
+        few = f"{found.engaged:.0%} where fewest do"
+        return None, f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
+    share, n, sd = np.array([(p.engaged, p.n, p.sd) for p in found.points]).T
+    weights = mix.weights * mix.retry
+    unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2
+    error = math.hypot(found.standard_error, ENGINE_ERROR * found.mean)
+    low, high = interval(np.array([found.mean]), np.array([error]))
+    expected = Expected(
+        time=found.mean,
+        low=float(low[0]),
+        high=float(high[0]),
+        error=error,
+        sd=math.sqrt(mix.weights @ sd**2),
+        engaged=found.engaged,
+        retries=float(weights @ ((1.0 - share) / share)),
+        retries_error=float(np.linalg.norm(unsure)),
+    )
+    return expected, ""
+
+
+@dataclass(frozen=True, repr=False)
+class Strength(Checked):
+    """Every check of one design under its load, and its landing in ``shifts``, 0 without."""
+
+    shifts: int = 0
+
+    @property
+    def load_sharing(self) -> float | None:
+        """Load sharing under the design torque by number and accuracy; None where it is fixed."""
+        load, dog = self.config.limits.load, self.config.clutch.dog
+        return None if load.scatter(dog) is None else load.sharing(dog, load.design_torque)
+
+    @property
+    def strikes(self) -> list[dict[str, Any]]:
+        """Flank strikes: speed, torque, and force on the dog that bears most, by flank."""
+        dog, limits = self.config.clutch.dog, self.config.limits
+        strike = limits.strike
+        return [] if strike is None else [
+            {
+                "flank": flank,
+                "mismatch_rpm": strike.speed(flank) / RPM,
+                "torque_Nm": strike_torque(dog, limits, strike, flank),
+                "force_per_dog_N": strike_force(dog, limits, strike, flank),
+            }
+            for flank in strike.flanks
+        ]  # fmt: skip
+
+    def to_parts(self) -> list[str | Table]:
+        """Give the checks, and in words landing, load sharing and flank strikes of the study."""
+        sharing = self.load_sharing
+        return [
+            *super().to_parts(),
+            *self.landing_of(self.shifts, self.config.clutch.solver.engine),
+            *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
+            *(
+                "{flank} flanks that strike at {mismatch_rpm:.4g} 1/min make {torque_Nm:.0f} N m, "
+                "{force_per_dog_N:.0f} N on one dog".format(**one)
+                for one in self.strikes
+            ),
+        ]
+
+    @property
+    def explained(self) -> list[str | Table]:
+        """Meaning, formula, source and key of each check, and the checks that the study lacks."""
+        made = {row.name for row in self.rows}
+        left = [(name, keys) for name, keys in UNJUDGED.items() if name not in made]
+        return [
+            check_table(self.rows, "name", "meaning", "formula", "source", "limit_key"),
+            *(f"not judged: {name}; give {keys}" for name, keys in left),
+        ]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give every check, the load and the material's limits, in the edge's units."""
+        limits, dog = self.config.limits, self.config.clutch.dog
+        sharing = {} if self.load_sharing is None else {"load_sharing": self.load_sharing}
+        return {
+            "engine": self.config.clutch.solver.engine,
+            **super().to_dict(),
+            "warnings": list(self.notes),
+            "load": {
+                **self.config.file.load.model_dump(),
+                **sharing,
+                "force_per_dog_N": limits.load.force_per_dog(dog),
+                "blocking_force_N": self.blocking_force_N,
+            },
+            "material": {
+                "set": limits.material.name,
+                "source": limits.material.source,
+                "allowable_stress_MPa": limits.allowable_stress / MPA,
+                "fatigue_stress_MPa": limits.fatigue_stress / MPA,
+            },
+            **({"strikes": self.strikes} if self.strikes else {}),
+        }
+
+
+def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Strength:
+    """Check the strength of a study's design as ``Study.strength`` does."""
+    from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
+
+    config = config.working
+    dog, settings = config.clutch.dog, config.file.expectation
+    shifts = len(config.points) * settings.angles if simulate else 0
+    measured = None
+    if simulate and feasible(manufacturing_checks(dog, config.limits.manufacturing)):
+        with where.executor("strength", (config.config_hash,), shifts) as (executor, _):
+            (found,) = evaluate(config, [{}], executor, settings.angles, settings.seed)
+        measured = found.measured
+    design = design_of(config, {}, measured)
+    return Strength(config, design, margins_within(config, design), shifts)

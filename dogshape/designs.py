@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dogshape.check import check_design
-from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.data_sheet import (
@@ -22,15 +20,12 @@ from dogshape.pipeline.reports.data_sheet import (
     write_sheet,
 )
 from dogshape.pipeline.reports.provenance import flat_keys
-from dogshape.pipeline.reports.text import minus, time_text
+from dogshape.pipeline.reports.text import minus
 from dogshape.pipeline.simulate.design import weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets
-from dogshape.result import Result
+from dogshape.result import Frame, Result
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
-
-if TYPE_CHECKING:
-    import pandas as pd
+from dogshape.sim.shift.clutch import CONTACT_SETS
 
 
 def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
@@ -47,11 +42,11 @@ def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
         weakest_within(one.study, found.design),
         expected_shift_time_s=None if expected is None else expected.time,
         standard_error_s=None if expected is None else expected.error,
-        engaged=None if found.quick is None else found.quick.engaged,
+        engaged=found.engaged if found.shifts else None,
         source=found.refusal or "compiled engine",
         engine="planar",
     )
-    return record, found.record["checks"]
+    return record, found.to_dict()["checks"]
 
 
 def write_data_sheet(one: NamedDesign, path: str | Path, why: str = "") -> Path:
@@ -75,28 +70,14 @@ PARAMETERS = (
 class SideBySide(Result):
     """Items side by side; the first is what the others are compared with.
 
-    Parameters
-    ----------
-    kind : ``designs`` or ``contact_sets``.
-    items : a record for each, keys with their units.
+    ``kind`` is ``designs`` or ``contact_sets``, ``items`` a record for each, keys with their units.
     """
 
     kind: str
     items: tuple[dict[str, Any], ...]
 
-    @property
-    def facts(self) -> dict[str, str]:
-        """Items with their times, where they have one."""
-        return {
-            item["label"]: time_text(
-                item.get("expected_shift_time_s"), item.get("standard_error_s")
-            )
-            for item in self.items
-        }
-
-    @property
-    def parts(self) -> list[str | Table]:
-        """A column for each item, a row for each quantity that one of them has."""
+    def to_parts(self) -> list[str | Table]:
+        """Give a column for each item, a row for each quantity that one of them has."""
         every = [flat_keys(item) for item in self.items]
         rows = [
             [key, *(_cell(item.get(key)) for item in every)]
@@ -109,7 +90,7 @@ class SideBySide(Result):
         """Give the kind and the items."""
         return {"kind": self.kind, "items": list(self.items)}
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> Frame:
         """Give a column for each item and a row for each quantity, dotted where keys are nested."""
         import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
 
@@ -117,48 +98,18 @@ class SideBySide(Result):
 
 
 def compare(*names: str) -> SideBySide:
-    """Compare designs, studies, folders of results, or contact sets.
+    """Compare designs, studies, folders of results, or contact sets with the first of them.
 
-    Of a design that was not simulated the time is that of ``check``. ``settings`` of an item are
-    the keys of the study files that differ between the items, beside dog and search.
-
-    Parameters
-    ----------
-    names : such as ``"results/mq200#43"``, ``"mq200"``, ``"results/mine"`` or
-        ``"lubricated_steel"``; the first is what the others are compared with.
-
-    Raises
-    ------
-    InputError
-        For fewer than two names, names that are nothing known, or contact sets beside others.
+    ``names`` are such as ``"results/mq200#43"``, ``"mq200"``, ``"results/mine"`` or
+    ``"lubricated_steel"``. Of a design that was not simulated the time is that of ``check``.
+    ``settings`` of an item are the keys of the study files that differ, beside dog and search.
+    InputError for fewer than two names, unknown ones, or contact sets beside others.
     """
     if len(names) < 2:
         raise InputError(
             f"compare is given {len(names)} item, but it needs two or more; name for instance "
             "mq200#19 and mq200#43"
         )
-    sets = _contact_sets(names)
-    if sets:
-        items = [{key: getattr(one, key) for key in ("name", *PARAMETERS)} for one in sets]
-        found = tuple({"label": item.pop("name"), **item} for item in items)
-        return SideBySide("contact_sets", found)
-    designs = [named_design(name) for name in names]
-    records = [record_of(one)[0] for one in designs]
-    settings = _differing([one.study for one in designs])
-    items = []
-    for one, record, given in zip(designs, records, settings, strict=True):
-        alike = one is not designs[0] and one.study.points == designs[0].study.points
-        value, error = (difference(records[0], record) if alike else None) or (None, None)
-        margins = record.pop("margins")
-        items.append({
-            "label": one.label, **record, "difference_s": value,
-            "difference_standard_error_s": error, "settings": given, "margins": margins,
-        })  # fmt: skip
-    return SideBySide("designs", tuple(items))
-
-
-def _contact_sets(names: Sequence[str]) -> list[ContactSet]:
-    """Return the contact sets of the names; empty where none of them is one."""
     sets = [name for name in names if name in CONTACT_SETS and not Path(name).exists()]
     others = [name for name in names if name not in sets]
     if sets and others:
@@ -166,17 +117,27 @@ def _contact_sets(names: Sequence[str]) -> list[ContactSet]:
             f"'{sets[0]}' is a contact set and '{others[0]}' is none, so that they have nothing to "
             "compare; give contact sets alone, or designs and studies alone"
         )
-    return [CONTACT_SETS[name] for name in sets]
-
-
-def _differing(studies: Sequence[Setup]) -> list[dict[str, Any]]:
-    """Select the dotted keys of study files that differ, with the value of each study."""
-    files = [comparable(study.file) for study in studies]
+    if sets:
+        found = [{"label": name, **{k: getattr(CONTACT_SETS[name], k) for k in PARAMETERS}}
+                 for name in sets]  # fmt: skip
+        return SideBySide("contact_sets", tuple(found))
+    designs = [named_design(name) for name in names]
+    records = [record_of(one)[0] for one in designs]
+    files = [comparable(one.study.file) for one in designs]
     flat = [flat_keys({k: v for k, v in file.items() if k not in APART}) for file in files]
     keys = dict.fromkeys(key for one in flat for key in one)
-    values = {key: [one.get(key) for one in flat] for key in keys}
-    unlike = [k for k, every in values.items() if len(set(map(json.dumps, every))) > 1]
-    return [{key: values[key][index] for key in unlike} for index in range(len(studies))]
+    unlike = [k for k in keys if len({json.dumps(one.get(k)) for one in flat}) > 1]
+    items = []
+    for one, record, file in zip(designs, records, flat, strict=True):
+        alike = one is not designs[0] and one.study.points == designs[0].study.points
+        value, error = (difference(records[0], record) if alike else None) or (None, None)
+        margins = record.pop("margins")
+        items.append({
+            "label": one.label, **record, "difference_s": value,
+            "difference_standard_error_s": error, "settings": {k: file.get(k) for k in unlike},
+            "margins": margins,
+        })  # fmt: skip
+    return SideBySide("designs", tuple(items))
 
 
 def _cell(value: Any) -> str:

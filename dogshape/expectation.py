@@ -1,16 +1,12 @@
-"""Expected shift time over the random relative angle, at one operating point or a study's mix.
-
-Also over draws of a study's keys, such as a diagnosis leaves beside its study.
-"""
+"""Expected shift time over relative angle and operating points, also at draws of a study's keys."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.stats import norm
@@ -22,8 +18,8 @@ from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
-from dogshape.result import Result
-from dogshape.running import Where, angles_text, require_angles
+from dogshape.result import Figure, Frame, Result
+from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, listed_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
@@ -31,10 +27,6 @@ from dogshape.sim.statistics.expectation import Expectation as Mean
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import plotly.graph_objects as go
 
 OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
 LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
@@ -68,23 +60,8 @@ class Expectation(Result):
         """Expected time and operating points by their declared keys."""
         return ExpectedTime.of(self.mean)
 
-    @property
-    def facts(self) -> dict[str, str]:
-        """Time with its standard error, share engaged, and what it was simulated from."""
-        mean = self.mean
-        timed = {
-            "expected shift time": time_text(mean.mean, mean.standard_error),
-            "engaged": f"{mean.engaged:.1%}",
-        }
-        return {
-            **(timed if mean.engages else {"engagement": mean.engaged_words}),
-            "operating points": str(len(mean.points)),
-            "shifts": str(mean.shifts),
-        }
-
-    @property
-    def parts(self) -> list[str | Table]:
-        """Operating points, then the expected shift time with its errors and the engine."""
+    def to_parts(self) -> list[str | Table]:
+        """Give operating points, expected shift time with its errors, and the engine."""
         found, mean = self.record, self.mean
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
         table = tabulate(PointRow, found.points)
@@ -109,11 +86,11 @@ class Expectation(Result):
         more = {"mechanism": mechanism} if mechanism else {}
         return {"engine": engine, **self.record.to_dict(), **more}
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> Frame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""
         return frame_of(self.record.points)
 
-    def plot(self) -> go.Figure:
+    def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""
         return times_by_point({"mean": self.to_dict()["points"]})
 
@@ -125,12 +102,12 @@ def simulate_mean(
     force_N: float | None = None,
     force_rise_s: float | None = None,
     *,
-    angles: int | Sequence[float] | None = None,
+    angles: Angles = None,
     precision: float | None = None,
 ) -> Expectation:
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
     config = config.working
-    clutch, settings, unsure = config.clutch, config.file.expectation, config.uncertainty
+    clutch, settings = config.clutch, config.file.expectation
     require_makeable(clutch.dog, config.limits.manufacturing)
     require_angles(angles)
     if force_rise_s is not None and force_N is None:
@@ -138,25 +115,24 @@ def simulate_mean(
     points = points_of(config, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
     if precision is not None and angles is not None:
         raise InputError("--precision finds the number of angles itself; leave out --angles")
-    asked = config.config_hash, mismatch_rpm, force_N, force_rise_s, angles_text(angles), precision
+    asked = config.config_hash, mismatch_rpm, force_N, force_rise_s, angles, precision
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
-        with where.executor("expect", asked, FIRST * len(points)) as running:
-            found = expect_to(config, points, precision, running.executor, running.counter)
-            error = numerical_error(found.blocks, found.rows, running.executor.run)
+        with where.executor("expect", asked, FIRST * len(points)) as (executor, counter):
+            found = expect_to(config, points, precision, executor, counter)
+            error = numerical_error(found.blocks, found.rows, executor.run)
         return Expectation(config, replace(found.expectation, numerical_error=error))
-    even = angles is None or isinstance(angles, int)
-    if angles is None or isinstance(angles, int):
-        count = settings.angles if angles is None else angles
-        blocks = even_blocks(clutch, points, count, settings.seed, uncertainty=unsure)
+    given = settings.angles if angles is None else angles
+    if isinstance(given, int):
+        blocks = even_blocks(clutch, points, given, settings.seed, uncertainty=config.uncertainty)
     else:
-        listed = tuple(angle * DEG for angle in angles)
-        blocks = listed_blocks(clutch, points, listed, settings.seed, unsure)
+        listed = tuple(angle * DEG for angle in given)
+        blocks = listed_blocks(clutch, points, listed, settings.seed, config.uncertainty)
     shifts = sum(len(block.angles) for block in blocks)
-    with where.executor("expect", asked, shifts + repeated(shifts)) as running:
-        rows = running.executor.run(blocks)
-        error = numerical_error(blocks, rows, running.executor.run)
-    mean = expectation_of(config, points, rows, even=even)
+    with where.executor("expect", asked, shifts + repeated(shifts)) as (executor, _):
+        rows = executor.run(blocks)
+        error = numerical_error(blocks, rows, executor.run)
+    mean = expectation_of(config, points, rows, even=isinstance(given, int))
     return Expectation(config, replace(mean, numerical_error=error))
 
 
@@ -164,21 +140,13 @@ def simulate_mean(
 class DrawnExpectation(Result):
     """Expected shift times of a study, one for each draw of some of its keys.
 
-    Parameters
-    ----------
-    studies : of each draw.
-    times, errors : expected shift time and its standard error, s, (draws,); NaN of a draw in which
-        too few shifts engage. All draws have the same relative angles, and so a common error.
+    ``times`` and their standard ``errors``, s, (draws,), are NaN of a draw in which too few shifts
+    engage. All draws have the same relative angles, and so a common error.
     """
 
     studies: tuple[Setup, ...]
     times: np.ndarray
     errors: np.ndarray
-
-    @property
-    def engages(self) -> bool:
-        """Whether in every draw enough shifts engage for an expected time."""
-        return bool(np.isfinite(self.times).all())
 
     @property
     def interval_s(self) -> tuple[float, float]:
@@ -191,18 +159,18 @@ class DrawnExpectation(Result):
         """Standard error by the angles, which all draws have in common, s."""
         return float(np.sqrt((self.errors**2).mean()))
 
-    @property
-    def facts(self) -> dict[str, str]:
-        """Mean over the draws, and the interval that holds 90 % of them with their common error."""
-        if not self.engages:
-            fit = f"in {np.isfinite(self.times).sum()} of {len(self.times)} draws"
-            return {"engagement": f"enough shifts engage {fit}: {NO_TIME} of the others"}
+    def to_parts(self) -> list[str | Table]:
+        """Give the mean over the draws, and the interval that holds 90 % of them."""
+        timed, count = np.isfinite(self.times).sum(), len(self.times)
+        if timed < count:
+            fit = f"in {timed} of {count} draws"
+            return [f"engagement: enough shifts engage {fit}: {NO_TIME} of the others"]
         mean, (low, high) = float(self.times.mean()), self.interval_s
-        return {
-            "expected shift time": interval_text(mean, low, high, "90 %"),
-            "draws": str(len(self.times)),
-            "of that by the angles": f"± {time_text(self.error_s)}, the same in all draws",
-        }
+        return [
+            f"expected shift time: {interval_text(mean, low, high, '90 %')}",
+            f"draws: {count}",
+            f"of that by the angles: ± {time_text(self.error_s)}, the same in all draws",
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """Give mean, interval, and the time of each draw."""
@@ -219,13 +187,12 @@ class DrawnExpectation(Result):
             "times_s": [number_or_none(time) for time in self.times.tolist()],
         }
 
-    def to_frame(self) -> pd.DataFrame:
-        """Give a row for each draw: time, standard error, mechanism."""
+    def to_frame(self) -> Frame:
+        """Give a row for each draw: time and standard error."""
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-        rows = [study.mechanism for study in self.studies]
         times = {"expected_shift_time_s": self.times, "standard_error_s": self.errors}
-        return pd.DataFrame(rows).fillna(0.0).assign(**times)
+        return pd.DataFrame(times)
 
 
 def expect_draws(
@@ -239,19 +206,16 @@ def expect_draws(
 ) -> DrawnExpectation:
     """Simulate the expected shift time at each draw of some keys of a study.
 
+    InputError or DataError for a table, a key or a value that cannot be used, with its row, or too
+    few angles.
+
     Parameters
     ----------
     study : as for ``Study``.
     draws : table whose columns are keys of the study, a row for each draw (``gap --write``).
     settings : further keys, for instance another dog; those of a draw give way to them.
     angles : relative angles at each operating point, at least 3; None for the study's number.
-    jobs : worker processes, 0 for one a core.
-    progress : receives the number of finished draws.
-
-    Raises
-    ------
-    InputError, DataError
-        For a table, a key or a value that cannot be used, with its row, or too few angles.
+    jobs, progress : worker processes, 0 for one a core; receives the number of finished draws.
     """
     if angles is not None and angles < MIN_ANGLES:
         raise InputError(
@@ -279,6 +243,6 @@ def expect_draws(
         for one in studies:
             means.append(simulate_mean(one, Where(jobs), angles=angles))
             counter.advance(1)
-    times = [math.nan if mean.time_s is None else mean.time_s for mean in means]
+    times = np.array([mean.time_s for mean in means], dtype=float)
     errors = np.array([mean.standard_error_s for mean in means])
-    return DrawnExpectation(tuple(mean.config for mean in means), np.array(times), errors)
+    return DrawnExpectation(tuple(mean.config for mean in means), times, errors)

@@ -6,7 +6,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import SILENT, Progress
@@ -15,26 +15,18 @@ from dogshape.pipeline.reports.text import in_ms, time_text
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.train.training import fill, train
 from dogshape.pipeline.train.training_rows import space_out
-from dogshape.result import Result
+from dogshape.result import Frame, Result
 from dogshape.sim.errors import InputError
 from dogshape.study import Study
 from dogshape.surrogate.store import Stored
 from dogshape.surrogate.validation_figures import LEAST_Q2
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 
 @dataclass(frozen=True, repr=False)
 class Fitted(Result):
-    """Surrogate of the expected shift time with its validation.
+    """Surrogate of the expected shift time with its validation, stored in ``path``.
 
-    Parameters
-    ----------
-    config : the study whose designs it was fitted to.
-    stored : surrogate and validation.
-    path : file that holds it.
-    seconds : what simulating, fitting and judging took in this call, on the clock.
+    ``seconds`` is the time on the clock that simulating, fitting and judging took in this call.
     """
 
     config: Setup
@@ -43,25 +35,12 @@ class Fitted(Result):
     seconds: float
 
     @property
-    def facts(self) -> dict[str, str]:
-        """Validation on designs that the fit did not use, and what was fitted."""
-        found = self.stored.validation
-        return {
-            "Q2": f"{found.q2:.3f}",
-            "root-mean-square error": time_text(found.rmse_s),
-            "within 95 %": f"{found.coverage_95:.0%} of {found.n} designs",
-            "designs": str(len(self.stored.surrogate.data)),
-            "shifts": f"{self.stored.surrogate.data.shifts} of {self.engine}",
-        }
-
-    @property
     def engine(self) -> str:
         """Engine that simulated the shifts behind the fit, ``drake`` or ``planar``."""
         return str(self.stored.surrogate.data.physics.get("engine", "drake"))
 
-    @property
-    def parts(self) -> list[str | Table]:
-        """Figures of the validation."""
+    def to_parts(self) -> list[str | Table]:
+        """Give the figures of the validation."""
         v, data = self.stored.validation, self.stored.surrogate.data
         how = "references apart" if v.source == "references" else "designs held out in turn"
         rows = [
@@ -70,23 +49,21 @@ class Fitted(Result):
             ("single operating points", f"{v.q2_points:.3f}", in_ms(v.rmse_points_s),
              f"{v.coverage_points:.0%}"),
         ]  # fmt: skip
-        parts: list[str | Table] = [
+        judged = {"expected times": v.q2, "single operating points": v.q2_points}
+        rank = f"rank correlation of {v.n_best} best designs {v.rank_best or 0.0:.2f}"
+        return [
             f"{len(data)} designs at {len(data.mix.points)} operating points, {data.shifts} shifts",
             Table(("judged by", "Q2", "rmse, ms", "within 95 %"), rows),
-        ]
-        for named, q2 in (("expected times", v.q2), ("single operating points", v.q2_points)):
-            if q2 < LEAST_Q2:
-                parts.append(
-                    f"warning: Q2 {q2:.3f} of {named} explains less than half of their variance: "
-                    "useless; raise surrogate.mix_shifts"
-                )
-        parts.append(
+            *(
+                f"warning: Q2 {q2:.3f} of {named} explains less than half of their variance: "
+                "useless; raise surrogate.mix_shifts"
+                for named, q2 in judged.items() if q2 < LEAST_Q2
+            ),
             f"times are of shifts that engage, bias {v.bias_s * 1e3:+.1f} ms; {v.lost} did not, "
-            f"where {v.lost_expected:.1f} were expected"
-        )
-        if v.rank_best is not None:
-            parts.append(f"rank correlation of {v.n_best} best designs {v.rank_best:.2f}")
-        return [*parts, f"written to {self.path}"]
+            f"where {v.lost_expected:.1f} were expected",
+            *([] if v.rank_best is None else [rank]),
+            f"written to {self.path}",
+        ]  # fmt: skip
 
     def to_dict(self) -> dict[str, Any]:
         """Give the validation, what was fitted, and the file."""
@@ -101,7 +78,7 @@ class Fitted(Result):
             "file": str(self.path),
         }
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> Frame:
         """Give the data of the fit, a row for each design and operating point."""
         return self.stored.surrogate.data.frame()
 
@@ -117,17 +94,14 @@ def fit(
 ) -> Fitted:
     """Fit the surrogate of a study and judge it on designs that it has not seen.
 
+    InputError for settings of a study that was run, or too few designs.
+
     Parameters
     ----------
     where : folder of results, which is fitted as it is; or a study, its file or its name, of
         which designs that fill the space are simulated first into ``results/NAME-space``.
     settings : settings of a study that is named, ``["dog.count=18"]``.
     out : file of the surrogate; by default ``surrogate.json`` of the folder.
-
-    Raises
-    ------
-    InputError
-        For settings of a study that was run, or too few designs.
     """
     begun = time.perf_counter()
     target = None if out is None else Path(out)

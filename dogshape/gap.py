@@ -1,4 +1,4 @@
-"""Diagnosis of a bench data set: causes of its difference to simulation; update by new readings."""
+"""Diagnosis of a bench data set, its update by new readings, and the plan of shifts before both."""
 
 from __future__ import annotations
 
@@ -6,14 +6,23 @@ from collections.abc import Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import Bench as BenchData
-from dogshape.diagnosis.bench.bench_data import load_bench, require_times
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_times
+from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
+from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan, shift_plan
 from dogshape.diagnosis.report.phase_times import PhaseGap, phase_gaps
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
-from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
+from dogshape.pipeline.diagnose.bank_diagnosis import (
+    BANK,
+    Means,
+    diagnosed,
+    points_from,
+    predicted_field,
+)
 from dogshape.pipeline.diagnose.calibrated_study import (
     DRAWS,
     CalibratedStudy,
@@ -32,6 +41,7 @@ from dogshape.pipeline.diagnose.gap_update import (
     updates_of,
     write_updates,
 )
+from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table, frame_of
 from dogshape.pipeline.reports.gap_page import (
@@ -43,29 +53,24 @@ from dogshape.pipeline.reports.gap_page import (
     residual_table,
     write_page,
 )
-from dogshape.pipeline.reports.text import time_text
-from dogshape.result import Result
+from dogshape.pipeline.store.folder import require_targets
+from dogshape.result import Figure, Frame, Result
 from dogshape.sim.effects import load
-from dogshape.sim.errors import InputError
-from dogshape.sim.files import writing
+from dogshape.sim.errors import InputError, StorageError, number
+from dogshape.sim.files import write_whole, writing
+from dogshape.sim.units import RPM
 
-if TYPE_CHECKING:
-    import pandas as pd
-    import plotly.graph_objects as go
-
-
-SHOWN = 6  #: hypotheses in the table of an update
+SHOWN_HYPOTHESES = 6  #: in the table of an update
+SHOWN_RIVALS = 4  #: in a row of a plan
+HALF = 0.5  #: share of the strengths from which two effects count as distinguished
 
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Result):
     """Causes of a gap with their probabilities, the residuals, and the next test.
 
-    Parameters
-    ----------
-    inference : probabilities and fits of the hypotheses, with the data set.
-    consequence : effect of the cause on the best designs of a study; None where none was asked.
-    folder : where report, record and table were written; None where nowhere.
+    ``consequence`` is the effect of the cause on the best designs of a study, None where none was
+    asked, ``folder`` where report, record and table were written, None where nowhere.
     """
 
     inference: Inference
@@ -82,29 +87,8 @@ class Diagnosis(Result):
         """Effects that are part of the cause by the verdict."""
         return tuple(self.inference.verdict.causes)
 
-    @property
-    def probabilities(self) -> pd.Series:
-        """Probability of each hypothesis, the most probable first; names joined by ``+``."""
-        import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
-
-        named = {" + ".join(h) or "none": p for h, p in self.inference.posterior.items()}
-        return pd.Series(named, name="probability").rename_axis("hypothesis")
-
-    @property
-    def facts(self) -> dict[str, str]:
-        """Verdict in words, gap before and after, and the next test."""
-        found = self.inference
-        return {
-            "data": found.bench.name,
-            "verdict": headline_of(found.verdict, found.effects),
-            "gap": time_text(found.held_out.baseline),
-            "gap at held-out points": time_text(found.held_out.held_out),
-            "next test": found.tests[0].name if found.tests else "none",
-        }
-
-    @property
-    def parts(self) -> list[str | Table]:
-        """Verdict, hypotheses, residuals and the next test."""
+    def to_parts(self) -> list[str | Table]:
+        """Give verdict, hypotheses, residuals and the next test."""
         found, record = self.inference, self.to_dict()
         own = [name for name in found.effects if name not in load()]
         return [
@@ -132,11 +116,11 @@ class Diagnosis(Result):
             "report": str(self.folder / "report.html") if self.folder else None,
         }
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> Frame:
         """Give a row for each operating point: bench, simulation, gap, prediction, in s."""
         return frame_of(cells_of(self.inference))
 
-    def plot(self) -> go.Figure:
+    def plot(self) -> Figure:
         """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
         return cells_figure(cells_of(self.inference))
 
@@ -155,19 +139,15 @@ class Diagnosis(Result):
     ) -> CalibratedStudy:
         """Write a study with the cause, and draws from the posterior beside it.
 
+        InputError where the diagnosis names no effect, or none that a study takes; StorageError for
+        a file that cannot be written.
+
         Parameters
         ----------
         path : of the study file, which must not be there yet; its stem is the study's name.
         base : study that takes the effects; None for one of the bench's own clutch and points.
         draws : number of draws, in ``NAME-draws.csv``.
         causes : effects to write, for another set than the most probable one.
-
-        Raises
-        ------
-        InputError
-            The diagnosis names no effect, or none that a study takes; with the remedy.
-        StorageError
-            The file is there already or cannot be written.
         """
         target = Path(path)
         require_new_study(target)
@@ -176,15 +156,8 @@ class Diagnosis(Result):
         return made
 
 
-class _Read(Protocol):
-    """A bench that was read (``dogshape.Bench``)."""
-
-    @property
-    def data(self) -> BenchData: ...
-
-
 def diagnose(
-    bench: str | Path | BenchData | _Read,
+    bench: str | Path,
     *,
     correct: Sequence[str] = (),
     out: str | Path | None = None,
@@ -197,9 +170,12 @@ def diagnose(
 ) -> Diagnosis:
     """Find which unmodelled effect makes a bench differ from the simulation.
 
+    InputError, DataError or EffectError for a data set, an effect or a study that cannot be used,
+    with the remedy.
+
     Parameters
     ----------
-    bench : folder of a data set, name of one that the package brings, or a ``Bench``.
+    bench : folder of a data set, or name of one that the package brings.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
     out : folder for ``report.html``, ``gap.json``, ``cells.csv`` and a copy of the data set, which
         ``update_diagnosis`` joins new readings to; None writes nothing.
@@ -208,22 +184,9 @@ def diagnose(
     study : study, or folder of its results, whose best designs are simulated with the cause.
     engine : of the simulations, ``planar`` or ``drake``, which takes some hours for a clutch.
     jobs : worker processes, 0 for one a core.
-    progress : shows the progress of simulations.
-
-    Raises
-    ------
-    InputError, DataError, EffectError
-        For a data set, an effect or a study that cannot be used, with the remedy.
     """
-    if isinstance(bench, str | Path):
-        given = load_bench(bench, correct)
-    elif correct:
-        rule = "which was read already; give the corrections where it is read"
-        raise InputError(f"corrections {', '.join(correct)} are for a data set, {rule}")
-    else:
-        given = bench if isinstance(bench, BenchData) else bench.data
-    own = None if effects is None else Path(effects)
-    means = Means(Path(bank), own, jobs, progress, engine)
+    given = load_bench(bench, correct)
+    means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress, engine)
     folder = None if out is None else Path(out)
     if folder is not None:
         require_no_updates(folder)
@@ -250,31 +213,17 @@ def diagnose(
 class Update(Result):
     """Change of a diagnosis by new readings.
 
-    Parameters
-    ----------
-    diagnosis : with the new readings.
-    record : of this update: new readings, before, after, and why in a sentence.
-    folder : of the diagnosis.
+    ``diagnosis`` is that with the new readings, ``record`` has them, before, after, and why.
     """
 
     diagnosis: Diagnosis
     record: dict[str, Any]
     folder: Path
 
-    @property
-    def facts(self) -> dict[str, str]:
-        """Verdict before and after, and why."""
-        return {
-            "before": self.record["before"]["headline"],
-            "now": self.record["after"]["headline"],
-            "why": self.record["sentence"],
-        }
-
-    @property
-    def parts(self) -> list[str | Table]:
-        """Probabilities before and now, both verdicts, and the next test."""
+    def to_parts(self) -> list[str | Table]:
+        """Give probabilities before and now, both verdicts, and the next test."""
         record, frame = self.to_dict(), self.to_frame()
-        frame = frame.sort_values("after", ascending=False, kind="stable")[:SHOWN]
+        frame = frame.sort_values("after", ascending=False, kind="stable")[:SHOWN_HYPOTHESES]
         rows = [[row[0], *map(chance, row[1:])] for row in frame.itertuples()]
         return [
             self.record["sentence"],
@@ -290,13 +239,11 @@ class Update(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record that ``dogshape gap update --json`` prints."""
-        return {
-            **self.record,
-            "next_test": self.diagnosis.to_dict()["next_test"],
-            "report": str(self.folder / "report.html"),
-        }
+        next_test = self.diagnosis.to_dict()["next_test"]
+        report = str(self.folder / "report.html")
+        return {**self.record, "next_test": next_test, "report": report}
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> Frame:
         """Give a row for each hypothesis: probability before and after."""
         import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
 
@@ -315,6 +262,9 @@ def update_diagnosis(
 ) -> Update:
     """Join new readings to the data set of an earlier diagnosis, and diagnose again.
 
+    DataError or StorageError for a table or a folder that cannot be used, with the remedy. Nothing
+    is changed then.
+
     Parameters
     ----------
     folder : of the earlier diagnosis (``diagnose`` with ``out``).
@@ -322,11 +272,6 @@ def update_diagnosis(
     effects : folder with effects of the user's own; that of the earlier diagnosis by default.
     bank, jobs, progress : as in ``diagnose``. The engine is that of the earlier diagnosis, so that
         before and now differ by the readings alone.
-
-    Raises
-    ------
-    DataError, StorageError
-        For a table or a folder that cannot be used, with the remedy. Nothing is changed then.
     """
     place = Path(folder)
     asked = asked_of(place)
@@ -345,3 +290,144 @@ def update_diagnosis(
         write_updates(place, updates)
         settle_data(place)
     return Update(Diagnosis(found, None, place), record, place)
+
+
+@dataclass(frozen=True, repr=False)
+class Plan(Result):
+    """Shifts to make, in their order, and the causes that they distinguish.
+
+    ``bench`` has the operating points, ``sheet`` is the table to fill in; None for none.
+    """
+
+    bench: Bench
+    inference: ShiftPlan
+    sheet: Path | None = None
+
+    def to_parts(self) -> list[str | Table]:
+        """Give visits in their order, the rivals of each cause, and the worth of the plan."""
+        record, plan, causes = self.to_dict(), self.inference, []
+        visits = [
+            [str(one["visit"]), number(one["mismatch_rpm"]), number(one["force_N"]),
+             str(one["shifts"]), "reference" if one["reference"] else ""]
+            for one in record["order"]
+        ]  # fmt: skip
+        names = record["hypotheses"]
+        for truth in range(1, len(names)):
+            seen, distinct, left = self.unlike(truth)
+            more = f" and {len(left) - SHOWN_RIVALS} more" if len(left) > SHOWN_RIVALS else ""
+            rivals = ", ".join(names[k] for k in left[:SHOWN_RIVALS]) or "-"
+            whole = f"{len(distinct)} of {len(distinct) + len(left)}"
+            causes.append([names[truth], f"{seen:.0%}", whole, f"{rivals}{more}"])
+        return [
+            Table(("visit", "mismatch, 1/min", "force, N", "shifts", ""), visits),
+            "",
+            Table(
+                ("true cause", "seen", "rivals distinguished",
+                 "not distinguished in most strengths"), causes,
+            ),
+            "",
+            f"{record['shifts']} shifts at {np.count_nonzero(plan.shifts)} of {plan.field.cells} "
+            f"operating points, about {number(plan.hours)} h: chance to decide a pair of causes "
+            f"rightly {plan.worth:.1%}, {record['told_apart']:.0%} of pairs and strengths "
+            "distinguished",
+            "distinguished: expected odds of 4.5 : 1 and more for the true cause, over the "
+            "strengths of the priors. Combinations of effects are not planned for.",
+            *([f"table to fill in: {self.sheet}"] if self.sheet else []),
+        ]  # fmt: skip
+
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record that ``dogshape gap plan --json`` prints."""
+        plan = self.inference
+        names = [h[0] if h else "none" for h in plan.field.hypotheses]
+        points = [cell.point for cell in self.bench.cells]
+        places = [
+            {"mismatch_rpm": one.mismatch / RPM, "force_N": one.profile.force} for one in points
+        ]
+        pairs = ~np.eye(len(names), dtype=bool)
+        return {
+            "bench": self.bench.name,
+            "shifts": sum(plan.shifts),
+            "hours": plan.hours,
+            "reference": places[plan.reference],
+            "order": [
+                {"visit": k, **places[at], "shifts": n, "reference": at == plan.reference}
+                for k, (at, n) in enumerate(plan.order, start=1)
+            ],
+            "worth": plan.worth,
+            "told_apart": float(plan.apart[pairs].mean()),
+            "threshold_nats": APART,
+            "hypotheses": names,
+            "pairs": [
+                {
+                    "truth": names[i],
+                    "rival": names[j],
+                    "log_bayes_factor": float(plan.log_odds[i, j]),
+                    "told_apart": float(plan.apart[i, j]),
+                }
+                for i, j in np.argwhere(pairs).tolist()
+            ],
+            "sheet": None if self.sheet is None else str(self.sheet),
+        }
+
+    def to_frame(self) -> Frame:
+        """Give a row for each visit: operating point and shifts."""
+        import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
+
+        return pd.DataFrame(self.to_dict()["order"]).set_index("visit")
+
+    def unlike(self, truth: int) -> tuple[float, list[int], list[int]]:
+        """Give the share of strengths that are seen, the distinct rivals, and the others."""
+        apart = self.inference.apart[truth]
+        others = sorted((k for k in range(1, len(apart)) if k != truth), key=apart.__getitem__)
+        distinct = [k for k in others if apart[k] >= HALF]
+        return float(apart[0]), distinct, others[: len(others) - len(distinct)]
+
+
+def plan_shifts(
+    where: str | Path,
+    shifts: int,
+    *,
+    points: int | None = None,
+    seed: int = 1,
+    out: str | Path | None = None,
+    bank: str | Path = BANK,
+    effects: str | Path | None = None,
+    jobs: int = 0,
+    progress: Progress = SILENT,
+) -> Plan:
+    """Plan shifts on a bench: operating points, numbers, order, and the causes they distinguish.
+
+    InputError, DataError or StorageError for a data set, a number or a file that cannot be used,
+    with the remedy.
+
+    Parameters
+    ----------
+    where : folder of a data set, study, or name of one that the package brings; its operating
+        points are the candidates, and times that it may have are not looked at.
+    shifts : in all.
+    points : operating points that are used, at most; None for any number.
+    seed : of the order.
+    out : file for the table to fill in at the bench, which must not be there yet. It is a
+        ``shifts.csv`` without times; its column ``order`` shows a drift afterwards.
+    bank, effects, jobs, progress : as in ``diagnose``.
+    """
+    file = None if out is None else Path(out)
+    if file is not None and file.exists():
+        raise StorageError(f"--out is {file}, which is there already; name another file")
+    require_targets({"--out": file})
+    bench = points_from(where)
+    if points is not None and not 1 <= points <= len(bench.cells):
+        raise InputError(
+            f"number of operating points is {points}, but {bench.name} has {len(bench.cells)}; "
+            f"give 1 to {len(bench.cells)}"
+        )
+    means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress)
+    plan = shift_plan(predicted_field(bench, means), shifts, seed, points)
+    if file is not None:
+        lines = [",".join((*COLUMNS[:7], "order"))]
+        for place in (place for place, count in plan.order for _ in range(count)):
+            point = bench.cells[place].point
+            values = rounded(point.mismatch / RPM), rounded(point.profile.force), point.profile.rise
+            lines.append(f"{','.join(map(str, values))},1,,,,{len(lines)}")
+        write_whole(file, "\n".join(lines) + "\n")
+    return Plan(bench, plan, file)

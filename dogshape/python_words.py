@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 from contextvars import ContextVar
 from functools import wraps
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 from dogshape.sim.errors import DogshapeError, InputError
 
@@ -23,7 +23,6 @@ WORDS = (
     (r" with --set:", " with settings:"),
     (r"--set ([\w.]+)=(\S+?)(?=[\s,;:)]|$)", r'{"\1": \2}'),
     (r"--engine (\w+)", r'{"solver.engine": "\1"}'),
-    (r"--trials\b", "trials"),
     (r"'dogshape fit'", "ds.fit(study)"),
     (r"'dogshape study'", "study.search()"),
     (r"'dogshape (\w+)'", r"study.\1()"),
@@ -33,39 +32,28 @@ WORDS = (
 )
 
 
-def python_words(text: str) -> str:
-    """Write a sentence of the command line with arguments in place of options."""
-    for pattern, words in WORDS:
-        text = re.sub(pattern, words, text)
-    return text
-
-
 def in_python(verb: Callable[P, R]) -> Callable[P, R]:
     """Wrap a verb: text for a number is refused, and errors name arguments."""
-    taken = inspect.signature(verb).parameters
+    kinds = {name: str(one.annotation) for name, one in inspect.signature(verb).parameters.items()}
 
     @wraps(verb)
     def called(*args: P.args, **kwargs: P.kwargs) -> R:
         try:
             for name, value in kwargs.items():
-                _require_number(name, value, taken)
+                text = re.search(r"\b(str|Path|Any)\b", kinds.get(name, "str"))
+                if isinstance(value, str) and not text:
+                    rule = "it must be a number; give it without quotes and unit"
+                    raise InputError(f"{name} is '{value}', but {rule}")
             return verb(*args, **kwargs)
         except DogshapeError as error:
-            if KEEPS_OPTIONS.get():
-                raise
-            error.args = (python_words(str(error)), *error.args[1:])
+            if not KEEPS_OPTIONS.get():
+                sentence = str(error)
+                for pattern, words in WORDS:
+                    sentence = re.sub(pattern, words, sentence)
+                error.args = (sentence, *error.args[1:])
             raise
 
     return called
-
-
-def _require_number(name: str, value: Any, taken: Any) -> None:
-    """Raise InputError for text where the argument takes none."""
-    kind = str(taken[name].annotation) if name in taken else "str"
-    if isinstance(value, str) and not re.search(r"\b(str|Path|Any)\b", kind):
-        raise InputError(
-            f"{name} is '{value}', but it must be a number; give it without quotes and unit"
-        )
 
 
 def speaks_python(kind: C) -> C:

@@ -1,15 +1,20 @@
-"""Base of all results: repr, HTML, printed parts, and conversion into data."""
+"""Base of all results: text as on the command line, record and table."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from html import escape
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.record import Table
 
 if TYPE_CHECKING:
-    import pandas as pd
+    from pandas import DataFrame as Frame
+    from plotly.graph_objects import Figure
+else:  # they take half a second to load, which a quick answer does not need
+    Frame = Figure = Any
+
+__all__ = ["Figure", "Frame", "Result"]
 
 
 class Result(ABC):
@@ -20,26 +25,21 @@ class Result(ABC):
         """Give the record that the command line prints with ``--json``, fit for JSON."""
 
     @abstractmethod
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> Frame:
         """Give the result as a table, columns named with their units."""
 
-    @property
     @abstractmethod
-    def facts(self) -> dict[str, str]:
-        """Headline values, each with its unit."""
-
-    @property
-    def parts(self) -> list[str | Table]:
-        """Sentences and tables that the command line prints."""
-        return [f"{name}: {value}" for name, value in self.facts.items()]
+    def to_parts(self) -> list[str | Table]:
+        """Give the sentences and tables that ``print`` and the command line show."""
 
     def __repr__(self) -> str:
-        facts = ", ".join(f"{name} {value}" for name, value in self.facts.items())
-        return f"{type(self).__name__}({facts})"
+        return "\n".join(line for part in self.to_parts() for line in _lines(part))
 
-    def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><th style='text-align:left'>{escape(name)}</th><td>{escape(value)}</td></tr>"
-            for name, value in self.facts.items()
-        )
-        return f"<table><caption>{type(self).__name__}</caption>{rows}</table>"
+
+def _lines(part: str | Table) -> list[str]:
+    if isinstance(part, str):
+        return [part]
+    rows = [part.heads, *part.rows]
+    cells = [row for row in rows if len(row) == len(part.heads)]  # a group has one cell
+    widths = [max(map(len, column)) for column in zip_longest(*cells, fillvalue="")]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

@@ -12,6 +12,8 @@ from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, kept_shifts, scratch_executor, work_folder
 from dogshape.sim.errors import InputError, refusal
 
+Angles = int | Sequence[float] | None  #: how many evenly spaced ones, or listed ones, deg
+
 
 @dataclass(frozen=True)
 class Where:
@@ -23,41 +25,26 @@ class Where:
 
     jobs: int = 0
     cluster: str | None = None
-    keep: Path | None = None
+    keep: str | Path | None = None
     progress: Progress = SILENT
 
     @contextmanager
-    def executor(self, name: str, asked: tuple[Any, ...], shifts: int) -> Iterator[Running]:
-        """Give what simulates the shifts of one question, and counts them."""
+    def executor(
+        self, name: str, asked: tuple[Any, ...], shifts: int
+    ) -> Iterator[tuple[Executor, WorkCounter]]:
+        """Give what simulates the shifts of one question, and the counter that it counts into."""
         with WorkCounter(self.progress, shifts) as counter:
             if self.keep is None:
-                executor = scratch_executor(self.jobs, counter.advance, self.cluster)
-                yield Running(executor, counter)
+                yield scratch_executor(self.jobs, counter.advance, self.cluster), counter
                 return
-            folder = work_folder(self.keep, name, *asked)
+            folder = work_folder(Path(self.keep), name, *asked)
             with kept_shifts(folder, counter, self.jobs, self.cluster) as executor:
-                yield Running(executor, counter)
+                yield executor, counter
 
 
-@dataclass(frozen=True)
-class Running:
-    """An executor with the counter that it counts into."""
-
-    executor: Executor
-    counter: WorkCounter
-
-
-def angles_text(angles: int | Sequence[float] | None) -> str | None:
-    """Write angles as the command line takes them; a question has the same folder either way."""
-    if angles is None or isinstance(angles, int):
-        return None if angles is None else str(angles)
-    return ",".join(f"{angle:.12g}" for angle in angles)
-
-
-def require_angles(angles: int | Sequence[float] | None) -> None:
+def require_angles(angles: Angles) -> None:
     """Raise InputError for relative angles, deg, of which one is no finite angle."""
-    listed = () if angles is None or isinstance(angles, int) else angles
-    for angle in listed:
+    for angle in () if angles is None or isinstance(angles, int) else angles:
         if not abs(angle) <= 1e6:
             rule, remedy = "it must be a finite angle", "give an angle in degrees"
             raise InputError(refusal("relative angle", angle, "deg", rule, remedy))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, point_of
 from dogshape.pipeline.record import Table
@@ -18,17 +18,13 @@ from dogshape.pipeline.reports.shift_page import (
     write_trace,
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
-from dogshape.result import Result
+from dogshape.result import Figure, Frame, Result
 from dogshape.running import require_angles
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM
-
-if TYPE_CHECKING:
-    import pandas as pd
-    import plotly.graph_objects as go
 
 OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
 #: Largest mismatch in 1/min and force in N of the table of checked shifts (``docs/proof.md``).
@@ -40,11 +36,8 @@ CONVERGED = 0.01  #: of the shift time, by which finer steps may move it
 class Shift(Result):
     """Simulated shift: outcome, time, phases, events, loads and time series.
 
-    Parameters
-    ----------
-    engagement : result of the simulation, with clutch, operating point and relative angle.
-    torque_peak : largest torque in the driveline, N m; None where its stiffness is unknown.
-    refined : the same shift with finer steps; None where it neither skipped a slot nor bounced.
+    ``torque_peak`` is the largest torque in the driveline, N m, None where its stiffness is
+    unknown; ``refined`` the same shift with finer steps, where it skipped a slot or bounced.
     """
 
     config: Setup
@@ -74,13 +67,13 @@ class Shift(Result):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences on a shift that is not converged, or is beyond the checked range."""
-        one, found = self.engagement, list[str]()
-        if self.refined is not None and not self.converged:
-            outcome = self.refined.outcome.value.replace("_", " ")
-            time = f" in {time_text(self.refined.shift_time)}" if self.refined.shift_time else ""
+        one, finer, found = self.engagement, self.refined, list[str]()
+        if finer is not None and not self.converged:
+            time = f" in {time_text(finer.shift_time)}" if finer.shift_time else ""
             found.append(
-                f"not converged: {outcome}{time} with finer steps. After slots skipped or bounces "
-                "a single shift depends on the steps; take a mean over angles (dogshape expect)"
+                f"not converged: {finer.outcome.value.replace('_', ' ')}{time} with finer steps. "
+                "After slots skipped or bounces a single shift depends on the steps; take a mean "
+                "over angles (dogshape expect)"
             )
         for name, value, limit, unit in (
             ("mismatch", abs(one.point.mismatch) / RPM, CHECKED_RPM, "1/min"),
@@ -93,21 +86,8 @@ class Shift(Result):
                 )
         return tuple(found)
 
-    @property
-    def facts(self) -> dict[str, str]:
-        """Outcome, time, and where and how it was simulated."""
-        one = self.engagement
-        return {
-            "outcome": one.outcome.value,
-            "shift time": time_text(one.shift_time),
-            "mismatch": f"{one.point.mismatch / RPM:.4g} 1/min",
-            "force": f"{one.point.profile.force:.1f} N",
-            "relative angle": f"{one.relative_angle / DEG:.4g} deg",
-        }
-
-    @property
-    def parts(self) -> list[str | Table]:
-        """Outcome, phases, events and loads."""
+    def to_parts(self) -> list[str | Table]:
+        """Give outcome, phases, events, loads and warnings."""
         one = self.engagement
         time = f" in {time_text(one.shift_time)}" if one.shift_time is not None else ""
         return [
@@ -116,6 +96,7 @@ class Shift(Result):
             "; ".join(event_facts(one)),
             *load_facts(one, self.torque_peak),
             f"simulated by {ENGINES[one.clutch.solver.engine]}",
+            *(f"warning: {warning}" for warning in self.warnings),
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -151,11 +132,11 @@ class Shift(Result):
             **({"mechanism": mechanism} if mechanism else {}),
         }
 
-    def to_frame(self) -> pd.DataFrame:
+    def to_frame(self) -> Frame:
         """Give the time series, columns as in bench traces."""
         return trace_frame(self.engagement.trace)
 
-    def plot(self) -> go.Figure:
+    def plot(self) -> Figure:
         """Draw displacement, speeds and forces over time, with the phases behind them."""
         return curves(self.engagement)
 

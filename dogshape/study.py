@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import os
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,11 +15,11 @@ from dogshape.python_words import speaks_python
 if TYPE_CHECKING:
     import pandas as pd
 
-    from dogshape.check import Check
+    from dogshape.check import Check, Strength
     from dogshape.expectation import Expectation
     from dogshape.predictions import Predictions
+    from dogshape.running import Angles
     from dogshape.shift import Shift
-    from dogshape.strength import Strength
     from dogshape.study_result import StudyResult
 
 
@@ -28,22 +28,14 @@ if TYPE_CHECKING:
 class Study:
     """A study: what is built, how it is operated and what is searched.
 
+    InputError with the file, the key, the value and the rule.
+
     Parameters
     ----------
     where : TOML file, folder with ``study.toml``, or name of a study that the package brings.
     settings : keys of the study file with their values, ``{"contact.set": "adams2019"}``, or as
         the command line has them, ``["contact.set=adams2019"]``.
     dog : keys of the dog, ``chamfer_deg=11, count=18``.
-
-    Raises
-    ------
-    InputError
-        With the file, the key, the value and the rule.
-
-    Examples
-    --------
-    >>> Study("mq200", chamfer_deg=11, count=18).name
-    'mq200'
     """
 
     config: Setup
@@ -56,11 +48,9 @@ class Study:
         **dog: float,
     ) -> None:
         own, shape = settings or {}, {f"dog.{key}": value for key, value in dog.items()}
-        if isinstance(own, Mapping):
-            config = load_study(where, {**own, **shape})
-        else:
-            config = load_study(where, [*own, *(f"{key}={value}" for key, value in shape.items())])
-        object.__setattr__(self, "config", config)
+        given = [*own, *(f"{key}={value}" for key, value in shape.items())]
+        keys = {**own, **shape} if isinstance(own, Mapping) else given
+        object.__setattr__(self, "config", load_study(where, keys))
 
     @classmethod
     def from_config(cls, config: Setup) -> Study:
@@ -92,6 +82,9 @@ class Study:
     ) -> Shift:
         """Simulate one shift; with finer steps again where it skips a slot or bounces.
 
+        InputError or GeometryError for a dog that cannot be made, a force without a rise time, an
+        angle that is no number.
+
         Parameters
         ----------
         mismatch_rpm : speed of ring against ring before the shift, 1/min; positive runs the
@@ -100,11 +93,6 @@ class Study:
         angle_deg : lead of the output ring over dogs facing dogs, deg.
         force_rise_s : rise time of the force, s; None for that of the study's table.
         all_dogs : whether to model every dog instead of one pair with the symmetry of all.
-
-        Raises
-        ------
-        InputError, GeometryError
-            For a dog that cannot be made, a force without a rise time, an angle that is no number.
         """
         from dogshape.shift import simulate_shift  # noqa: PLC0415
 
@@ -118,7 +106,7 @@ class Study:
         mismatch_rpm: float | None = None,
         force_N: float | None = None,
         force_rise_s: float | None = None,
-        angles: int | Sequence[float] | None = None,
+        angles: Angles = None,
         precision: float | None = None,
         jobs: int = 0,
         cluster: str | None = None,
@@ -126,6 +114,9 @@ class Study:
         progress: Progress = SILENT,
     ) -> Expectation:
         """Simulate the expected shift time: in the compiled engine, unless the study names another.
+
+        InputError or GeometryError for half an operating point, a precision out of range, a dog
+        that cannot be made.
 
         Parameters
         ----------
@@ -136,25 +127,18 @@ class Study:
         precision : wanted relative standard error, which finds the number of angles.
         jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
         keep : folder in which a run that was stopped leaves its finished shifts.
-
-        Raises
-        ------
-        InputError, GeometryError
-            For half an operating point, a precision out of range, a dog that cannot be made.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
         from dogshape.running import Where  # noqa: PLC0415
 
-        where = Where(jobs, cluster, _path(keep), progress)
         point = mismatch_rpm, force_N, force_rise_s
+        where = Where(jobs, cluster, keep, progress)
         return simulate_mean(self.config, where, *point, angles=angles, precision=precision)
 
     def search(
         self,
         out: str | Path | None = None,
         *,
-        trials: int | None = None,
-        seed: int | None = None,
         jobs: int = 0,
         cluster: str | None = None,
         storage: str | None = None,
@@ -162,19 +146,28 @@ class Study:
         report: bool = True,
         progress: Progress = SILENT,
     ) -> StudyResult:
-        """Search for the best shape (``dogshape.study_result.search_study``).
+        """Search for the best shape, or go on with a search; the report takes a minute or more.
 
-        ``out`` is the folder of the results, by default ``results/NAME``. ``trials`` and ``seed``
-        stand for ``search.trials`` and ``search.seed``; ``storage`` is a PostgreSQL that machines
-        share. The report takes a minute or more.
+        InputError or StorageError for an unknown objective, a study without variables, a folder or
+        storage that holds another study, or one that is not to be resumed. EngineError where the
+        audit finds that the engines do not agree; result and report are written.
+
+        Parameters
+        ----------
+        out : folder of the results; None for ``results/NAME``.
+        storage : PostgreSQL that machines share.
         """
+        from dogshape.pipeline.simulate.executor import end_workers  # noqa: PLC0415
         from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
-        from dogshape.pipeline.study import Run  # noqa: PLC0415
-        from dogshape.study_result import search_study, with_effort  # noqa: PLC0415
+        from dogshape.pipeline.study import Run, run_study  # noqa: PLC0415
+        from dogshape.study_result import StudyResult  # noqa: PLC0415
 
-        config = with_effort(self.config, trials, seed)
-        folder = StudyFolder(default_out(config) if out is None else Path(out))
-        return search_study(config, Run(folder, jobs, storage, resume, cluster, report, progress))
+        begun = sum(os.times()[:4])
+        folder = StudyFolder(default_out(self.config) if out is None else Path(out))
+        how = Run(folder, jobs, storage, resume, cluster, report, progress)
+        record, page = run_study(self.config, how), folder.report if report else None
+        end_workers()
+        return StudyResult(self.config, folder.root, record, page, sum(os.times()[:4]) - begun)
 
     def check(
         self,
@@ -183,13 +176,20 @@ class Study:
         force_N: float | None = None,
         surrogate: str | Path | None = None,
     ) -> Check:
-        """Check the design in seconds (``dogshape.check.check_design``).
+        """Check the design: seconds by the compiled engine, at once by a named surrogate.
 
-        ``surrogate`` is a file that answers at once, in place of the compiled engine.
+        InputError or DataError for half an operating point, or a named surrogate of other physics
+        or not there.
+
+        Parameters
+        ----------
+        mismatch_rpm, force_N : one operating point, 1/min and N; neither for all of the study's.
+        surrogate : file that answers in place of the compiled engine. The one of the study's
+            results, or the package's, is asked beside the engine.
         """
         from dogshape.check import check_design  # noqa: PLC0415
 
-        return check_design(self.config, mismatch_rpm, force_N, _path(surrogate))
+        return check_design(self.config, mismatch_rpm, force_N, surrogate)
 
     def predict(
         self,
@@ -200,13 +200,22 @@ class Study:
         force_N: float | None = None,
         surrogate: str | Path | None = None,
     ) -> Predictions:
-        """Predict many designs of a table (``dogshape.predictions.predict_designs``)."""
+        """Predict the shift times of many designs by the surrogate, without simulation.
+
+        InputError or DataError for columns and cells that cannot be read, with row, column and
+        remedy.
+
+        Parameters
+        ----------
+        designs : CSV file or frame, a row each, columns named as the study's variables; what is
+            missing takes the study's value, other columns are kept.
+        out : CSV file for the answers; None writes none.
+        mismatch_rpm, force_N, surrogate : as in ``check``.
+        """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
 
         point = {"mismatch_rpm": mismatch_rpm, "force_N": force_N}
-        return predict_designs(
-            self.config, designs, _path(out), **point, surrogate=_path(surrogate)
-        )
+        return predict_designs(self.config, designs, out, **point, surrogate=surrogate)
 
     def strength(
         self,
@@ -218,12 +227,13 @@ class Study:
     ) -> Strength:
         """Check strength, self-locking and manufacturability, and simulate the hardest landing.
 
-        ``keep`` is a folder in which a run that was stopped leaves its finished shifts.
+        ``simulate`` is whether to simulate the landing, dog on dog, at the study's operating points
+        and angles; a dog that cannot be made is not simulated. ``keep`` as in ``expect``.
         """
+        from dogshape.check import check_strength  # noqa: PLC0415
         from dogshape.running import Where  # noqa: PLC0415
-        from dogshape.strength import check_strength  # noqa: PLC0415
 
-        where = Where(jobs, None, _path(keep), progress)
+        where = Where(jobs, None, keep, progress)
         return check_strength(self.config, where, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "") -> Path:
@@ -243,10 +253,3 @@ class Study:
     def __repr__(self) -> str:
         dog = ", ".join(f"{key}={value:g}" for key, value in self.dog.items())
         return f"Study({self.name}: {dog}; {self.config.operating_text})"
-
-    def _repr_html_(self) -> str:
-        return f"<code>{escape(repr(self))}</code>"
-
-
-def _path(given: str | Path | None) -> Path | None:
-    return None if given is None else Path(given)

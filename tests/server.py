@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
-import signal
 import socket
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -31,9 +29,8 @@ def free_port() -> int:
 
 def _tools() -> Path | None:
     """Return the folder of the server's programs, the newest version's."""
-    found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"))
-    on_path = shutil.which("initdb")
-    return found[-1].parent if found else Path(on_path).parent if on_path else None
+    found = [*Path("/usr/lib/postgresql").glob("*/bin/initdb"), shutil.which("initdb")]
+    return Path(found[0]).parent if found[0] else None
 
 
 @dataclass
@@ -101,10 +98,6 @@ def command_of(verb: str, *arguments: str) -> list[str]:
     return [sys.executable, "-m", "dogshape.pipeline", verb, *arguments]
 
 
-#: what each process of a cluster runs first: asked by a signal, it says where its threads are
-SAYING = "import faulthandler, signal\nfaulthandler.register(signal.SIGUSR1, all_threads=True)\n"
-
-
 @dataclass
 class Cluster:
     """A Dask scheduler with workers of one thread each, all processes on loopback."""
@@ -115,11 +108,7 @@ class Cluster:
     log: Path
 
     def said(self) -> str:
-        """Return the log of its processes, with the stack of each of their threads."""
-        for process in (self.scheduler, *self.workers):
-            if process.poll() is None:
-                process.send_signal(signal.SIGUSR1)
-                time.sleep(0.5)
+        """Return the log of its processes."""
         return self.log.read_text(errors="replace")
 
 
@@ -129,19 +118,17 @@ def dask_cluster(workers: int, prepared: str = "") -> Iterator[Cluster]:
     address = f"tcp://127.0.0.1:{free_port()}"
     started: list[subprocess.Popen[bytes]] = []
     with tempfile.TemporaryDirectory(prefix="dogshape-dask-") as folder:
-        log = Path(folder) / "said.txt"
-        before = [Path(folder) / f"{name}.py" for name in ("scheduler", "worker")]
-        for path, text in zip(before, (SAYING, SAYING + prepared), strict=True):
-            path.write_text(text)
+        log, preload = Path(folder) / "said.txt", Path(folder) / "worker.py"
+        preload.write_text(prepared)
         host = ["--no-dashboard", "--host", "127.0.0.1"]
-        scheduling = ["--port", address.rpartition(":")[2], "--preload", str(before[0])]
         working = ["--nthreads", "1", "--no-nanny", "--local-directory", folder]
+        working += ["--preload", str(preload)]
         try:
             with log.open("wb") as out:
-                started.append(_begun(out, "dask_scheduler", *host, *scheduling))
+                port = address.rpartition(":")[2]
+                started.append(_begun(out, "dask_scheduler", *host, "--port", port))
                 for _ in range(workers):
-                    more = (*host, *working, "--preload", str(before[1]))
-                    started.append(_begun(out, "dask_worker", address, *more))
+                    started.append(_begun(out, "dask_worker", address, *host, *working))
             yield Cluster(address, started[0], started[1:], log)
         finally:
             for process in started:

@@ -1,94 +1,66 @@
-"""The command line ``dogshape``: all verbs of the program, each loaded when it is called."""
+"""The command line ``dogshape``: its verbs, and errors turned into exit status."""
 
 from __future__ import annotations
 
-import re
-import textwrap
-from collections import UserDict
+import sys
 from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
+from dogshape.cli.options import PLAIN
+from dogshape.cli.verbs import gap, init, study
+from dogshape.python_words import KEEPS_OPTIONS
+from dogshape.sim.errors import DogshapeError, EngineError
 from dogshape.sim.versions import versions
 
-#: Module of each verb, in which a function bears the verb's name, with ``_`` between two words; in
-#: the order of the help.
+#: Verbs but ``init``, in the order of the help; ``gap_plan`` is ``gap plan``.
 VERBS = {
-    "init": "dogshape.cli.verbs.init",
-    "shift": "dogshape.cli.verbs.study",
-    "expect": "dogshape.cli.verbs.study",
-    "strength": "dogshape.cli.verbs.study",
-    "check": "dogshape.cli.verbs.check",
-    "app": "dogshape.cli.verbs.design",
-    "export": "dogshape.cli.verbs.design",
-    "study": "dogshape.cli.verbs.study",
-    "report": "dogshape.cli.verbs.study",
-    "compare": "dogshape.cli.verbs.study",
-    "fit": "dogshape.cli.verbs.study",
-    "validate": "dogshape.cli.verbs.study",
-    "gap": "dogshape.cli.verbs.gap",
-    "gap plan": "dogshape.cli.verbs.gap",
-    "gap update": "dogshape.cli.verbs.gap",
+    verb.__name__.replace("_", " "): verb
+    for verb in (
+        *(study.shift, study.expect, study.strength, study.check, study.app, study.export),
+        *(study.study, study.report, study.compare, study.fit, study.validate),
+        *(gap.gap, gap.gap_plan, gap.gap_update),
+    )
 }
-#: Verbs of the project's own proof, which the help does not list and only a clone has.
-PROOF = {"blind": "dogshape.validation.blind.verbs"}
-#: Plain text for people and programs alike.
-PLAIN: dict[str, Any] = {
-    "add_completion": False,
-    "rich_markup_mode": None,
-    "pretty_exceptions_enable": False,
-}
-
-
-class _Commands(UserDict[str, Any]):
-    """Commands by verb. Names are known at once; a command's module is loaded with it.
-
-    Simulation, search and report take seconds to load, and no verb needs all of them.
-    """
-
-    def __getitem__(self, name: str) -> Any:
-        found = getattr(import_module(super().__getitem__(name)), name.replace(" ", "_"))
-        if isinstance(found, typer.Typer):
-            return typer.main.get_command(found)
-        program = typer.Typer(**PLAIN)
-        program.command(name)(found)
-        return typer.main.get_command(program)
-
-
-def _summary(verb: str, limit: int) -> str:
-    """Read the first sentence about a verb from the source of its module."""
-    place = find_spec(VERBS[verb])
-    assert place is not None
-    assert place.origin is not None
-    source = Path(place.origin).read_text(encoding="utf-8")
-    name = verb.replace(" ", "_")
-    pattern = rf'^def {name}\(.*?"""(.*?)(?:\n\n|""")|^{name} = typer.*?help="(.*?)"'
-    found = re.search(pattern, source, re.DOTALL | re.MULTILINE)
-    first = " ".join((found[1] or found[2] if found else "").split()).partition(". ")[0]
-    return textwrap.shorten(f"{first.removesuffix('.')}.", limit, placeholder="...")
 
 
 class _Verbs(TyperGroup):
-    """The program's verbs."""
+    """The program's verbs; an error is a sentence and a status, 1 engines disagree, 2 bad input."""
 
-    def __init__(self, **attributes: Any) -> None:
-        super().__init__(**attributes)
-        self.commands = _Commands(VERBS | PROOF)
+    def list_commands(self, ctx: Any) -> list[str]:
+        """List the verbs in the order of the help."""
+        return ["init", *VERBS]
 
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """List the verbs with what each does, read from its source: loading all takes seconds."""
-        limit = formatter.width - 6 - max(map(len, VERBS))
-        with formatter.section("Commands"):
-            formatter.write_dl([(verb, _summary(verb, limit)) for verb in VERBS])
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """Find a verb; ``blind`` is not listed and only a clone has it."""
+        if cmd_name == "blind":
+            return typer.main.get_command(import_module("dogshape.validation.blind.verbs").blind)
+        return super().get_command(ctx, cmd_name)
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Find the command; ``gap plan`` is one of two words, ``gap ./plan`` a data set."""
         two = " ".join(args[:2])
         return super().resolve_command(ctx, [two, *args[2:]] if two in VERBS else args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the verb; its errors name options, as it is the command line that asks."""
+        asked = KEEPS_OPTIONS.set(True)
+        try:
+            return super().invoke(ctx)
+        except DogshapeError as error:
+            sentence, status = str(error), 1 if isinstance(error, EngineError) else 2
+        except BrokenPipeError:
+            raise
+        except OSError as error:
+            where = f" ({error.filename})" if error.filename else ""
+            reason, status = error.strerror or str(error), 2
+            sentence = f"{reason}{where}; check path, space and rights"
+        finally:
+            KEEPS_OPTIONS.reset(asked)
+        print(f"dogshape: {sentence}", file=sys.stderr)
+        raise typer.Exit(status)
 
 
 app = typer.Typer(
@@ -98,6 +70,9 @@ app = typer.Typer(
     no_args_is_help=True,
     **PLAIN,
 )
+app.add_typer(init.init)
+for _name, _verb in VERBS.items():
+    app.command(_name)(_verb)
 
 
 def _print_version(wanted: bool) -> None:

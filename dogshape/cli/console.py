@@ -1,12 +1,11 @@
-"""Printing for people or for programs, progress, and errors turned into exit status."""
+"""Printing for people or for programs, and progress."""
 
 from __future__ import annotations
 
-import functools
 import json
 import sys
 from collections.abc import Callable, Iterable, Sequence
-from typing import TYPE_CHECKING, Any, ParamSpec
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich import progress as rich_progress
@@ -14,39 +13,12 @@ from rich.console import Console
 from rich.table import Table as RichTable
 
 from dogshape.pipeline.progress import Count, about
-from dogshape.python_words import KEEPS_OPTIONS
-from dogshape.sim.errors import DogshapeError, EngineError
 
 if TYPE_CHECKING:
     from dogshape.pipeline.record import Table
     from dogshape.result import Result
 
-P = ParamSpec("P")
 LINE_EVERY = 15.0  #: s between lines of progress where standard error is no terminal
-
-
-def verb(function: Callable[P, None]) -> Callable[P, None]:
-    """Turn errors of a command into a sentence and status: 1 engines disagree, 2 bad input."""
-
-    @functools.wraps(function)
-    def run(*args: P.args, **kwargs: P.kwargs) -> None:
-        asked = KEEPS_OPTIONS.set(True)
-        try:
-            function(*args, **kwargs)
-        except DogshapeError as error:
-            print(f"dogshape: {error}", file=sys.stderr)
-            raise typer.Exit(1 if isinstance(error, EngineError) else 2) from error
-        except OSError as error:
-            if isinstance(error, BrokenPipeError):
-                raise
-            where = f" ({error.filename})" if error.filename else ""
-            reason = error.strerror or str(error)
-            print(f"dogshape: {reason}{where}; check path, space and rights", file=sys.stderr)
-            raise typer.Exit(2) from error
-        finally:
-            KEEPS_OPTIONS.reset(asked)
-
-    return run
 
 
 def warn(notes: Iterable[str]) -> None:
@@ -55,19 +27,23 @@ def warn(notes: Iterable[str]) -> None:
         print(f"warning: {note}", file=sys.stderr)
 
 
-def show(result: Result, as_json: bool, *more: str | Table) -> None:
+def show(result: Result, as_json: bool, *more: str | Table, ok: bool = True) -> None:
     """Print a result as JSON, or its sentences and tables for people, ``more`` after them."""
-    emit(result.to_dict(), as_json, lambda: [*result.parts, *more])
+    emit(result.to_dict(), as_json, lambda: [*result.to_parts(), *more], ok=ok)
 
 
-def emit(data: dict[str, Any], as_json: bool, parts: Callable[[], Sequence[str | Table]]) -> None:
-    """Print ``data`` as JSON, or for people the sentences and tables that ``parts`` gives."""
+def emit(
+    data: dict[str, Any], as_json: bool, parts: Callable[[], Sequence[str | Table]],
+    *, ok: bool = True,
+) -> None:  # fmt: skip
+    """Print ``data`` as JSON, or ``parts`` for people; end with status 1 unless ``ok``."""
+    console = terminal(width=None if sys.stdout.isatty() else 160)
     if as_json:
         print(json.dumps(data, indent=1, allow_nan=False))
-        return
-    console = terminal(width=None if sys.stdout.isatty() else 160)
-    for part in parts():
+    for part in [] if as_json else parts():
         console.print(part if isinstance(part, str) else rich_table(part))
+    if not ok:
+        raise typer.Exit(1)
 
 
 def rich_table(table: Table) -> RichTable:

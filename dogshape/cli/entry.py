@@ -9,19 +9,19 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from itertools import pairwise
 from types import FrameType
 
 #: Signals that end the program as Ctrl-C does: by ``kill``, a scheduler, a closed terminal.
-ENDING = ("SIGTERM", "SIGHUP")
+ENDING = (signal.SIGTERM, signal.SIGHUP)
 CLOSED = 128 + 13  #: status where the reader of a pipe has gone, SIGPIPE in shells
 _received = [int(signal.SIGINT)]
 
 
 def main() -> None:
     """Load and run the command line; exits with the status of the contract."""
-    for name in ENDING:
-        number = getattr(signal, name, None)
-        if number is not None and signal.getsignal(number) is signal.SIG_DFL:
+    for number in ENDING:
+        if signal.getsignal(number) is signal.SIG_DFL:
             signal.signal(number, _interrupt)
     try:
         status = _run()
@@ -75,11 +75,10 @@ def _run() -> int:
 
 def _given_nothing(arguments: list[str]) -> str | None:
     """Name the option or argument that is empty, as an unset variable of a shell is."""
-    for place, text in enumerate(arguments):
+    for before, text in pairwise(["", *arguments]):
         if text.startswith("--") and text.endswith("="):
             return text[:-1]
         if not text:
-            before = arguments[place - 1] if place else ""
             return before if before.startswith("--") else "an argument"
     return None
 

@@ -1,60 +1,56 @@
-"""The options that the verbs share."""
+"""The options that verbs share."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
-import typer
+from typer import Argument, Option
 
-from dogshape.cli.console import warn
+from dogshape.cli.console import ProgressBar, warn
 from dogshape.sim.errors import InputError
 
-StudyArg = Annotated[
-    str, typer.Argument(metavar="STUDY", help="TOML file, folder with study.toml, or bundled name")
-]
+#: Plain text for people and programs alike.
+PLAIN: dict[str, Any] = {
+    "add_completion": False, "rich_markup_mode": None, "pretty_exceptions_enable": False,
+}  # fmt: skip
 
 
-def _said_twice(sets: list[str] | None) -> list[str] | None:
+def _warn_of_repeats(sets: list[str] | None) -> list[str] | None:
     """Warn of keys that ``--set`` gives twice: the last one counts."""
-    last = {text.partition("=")[0].strip(): text for text in sets or []}
-    for key, text in last.items():
-        if [one.partition("=")[0].strip() for one in sets or []].count(key) > 1:
-            warn([f"--set gives {key} more than once; the last one counts, {text}"])
+    keys = [text.partition("=")[0].strip() for text in sets or []]
+    last = dict(zip(keys, sets or [], strict=True))
+    for key in (key for key in last if keys.count(key) > 1):
+        warn([f"--set gives {key} more than once; the last one counts, {last[key]}"])
     return sets
 
 
+StudyArg = Annotated[
+    str, Argument(metavar="STUDY", help="TOML file, folder with study.toml, or bundled name")
+]
+BenchArg = Annotated[str, Argument(metavar="BENCH_DIR", help="folder of a data set")]
 Sets = Annotated[
     list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="KEY=VALUE",
-        help="override a key, e.g. dog.chamfer_deg=14",
-        callback=_said_twice,
-    ),
+    Option("--set", metavar="KEY=VALUE", help="e.g. dog.count=18", callback=_warn_of_repeats),
 ]
-Engine = Annotated[
-    str | None,
-    typer.Option(help="drake, or planar: compiled, many times faster; default: the study's"),
-]
-Json = Annotated[bool, typer.Option("--json", help="print one JSON document")]
-Cluster = Annotated[
-    str | None, typer.Option(help="Dask scheduler to simulate on, e.g. tcp://scheduler:8786")
-]
+Engine = Annotated[str | None, Option(help="drake or planar; default: the study's")]
+Json = Annotated[bool, Option("--json", help="print one JSON document")]
+Cluster = Annotated[str | None, Option(help="Dask scheduler, e.g. tcp://scheduler:8786")]
 Corrections = Annotated[
-    list[str] | None,
-    typer.Option("--correct", metavar="QUANTITY=WAY", help="take a column so, e.g. time=ms"),
+    list[str] | None, Option("--correct", metavar="QUANTITY=WAY", help="e.g. time=ms")
 ]
-Angles = Annotated[
-    str | None,
-    typer.Option(help="how many evenly spaced ones, or relative angles in degrees: A,B,C"),
-]
-Jobs = Annotated[int, typer.Option("--jobs", min=0, help="worker processes, 0: one a core")]
-SurrogateFile = Annotated[
-    Path | None, typer.Option(help="default: of results/NAME, or the package's")
-]
-OneMismatch = Annotated[float | None, typer.Option(help="one operating point only")]
-OneForce = Annotated[float | None, typer.Option("--force-N", help="with --mismatch-rpm")]
+Jobs = Annotated[int, Option("--jobs", min=0, help="worker processes, 0: one a core")]
+SurrogateFile = Annotated[Path | None, Option(help="default: of results/NAME, or the package's")]
+OneMismatch = Annotated[float | None, Option(help="one operating point only")]
+OneForce = Annotated[float | None, Option("--force-N", help="with --mismatch-rpm")]
+Rise = Annotated[float | None, Option(help="rise time; default: the study's table")]
+
+
+def kept(jobs: int) -> dict[str, Any]:
+    """Give where simulations run and are kept until they are done, with a bar."""
+    from dogshape.pipeline.simulate.executor import SHIFTS  # noqa: PLC0415
+
+    return {"jobs": jobs, "keep": SHIFTS, "progress": ProgressBar()}
 
 
 def angles_of(text: str | None) -> int | tuple[float, ...] | None:

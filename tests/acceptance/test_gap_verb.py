@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,6 @@ from dogshape.diagnosis.report.wording import summary
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import calibrated_study
-from tests.conftest import Said
-
-Call = Callable[..., Said]
 
 
 @pytest.fixture(scope="module")
@@ -90,19 +86,3 @@ def test_a_plan_for_the_stand_distinguishes_what_shifts_show(tmp_path: Path) -> 
     assert sum(visit["shifts"] for visit in record["order"]) == 60
     assert record["worth"] > 0.5
     assert not list(tmp_path.iterdir())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("nowhere",), "nowhere"),
-        (("mq200_stand", "--study", "nowhere"), "nowhere"),
-        (("mq200_stand", "--correct", "time=hours"), "time"),
-        (("mq200_stand", "--effects", "nowhere"), "nowhere"),
-    ],
-    ids=["data set", "study", "correction", "effects"],
-)
-def test_bad_input_is_a_sentence(dogshape: Call, arguments: tuple[str, ...], message: str) -> None:
-    said = dogshape("gap", *arguments)
-    assert said.status == 2
-    assert message in said.sentence

@@ -10,12 +10,10 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-import numpy as np
 import pytest
 
+import dogshape as ds
 from dogshape.app import Desk, build_app, open_desk, start_server
-from dogshape.pipeline.config.study_file import load_study
-from dogshape.study import Study
 from tests.browser import Chromium
 from tests.conftest import Said
 
@@ -37,7 +35,7 @@ def desk() -> Iterator[Desk]:
     """The paper's study with everything that is judged; few shifts make a time."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("dogshape.check.SHIFTS", 32)
-        yield open_desk(Study.from_config(load_study("mq200_paper", SETS)))
+        yield open_desk(ds.Study("mq200_paper", SETS))
 
 
 @pytest.fixture(scope="module")
@@ -60,22 +58,14 @@ def page(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrom
         server.server_close()
 
 
-def _questions(desk: Desk) -> Iterator[dict[str, str]]:
-    """Give texts of random designs in the search range: all points or one, other frictions."""
-    rng, ranges = np.random.default_rng(8), desk.study.config.variables
-    for k in range(24):
-        texts = {
-            f"dog.{key}": f"{rng.uniform(low, high):.{0 if key == 'count' else 3}f}"
-            for key, (low, high) in ranges.items()
-        }
-        if k % 3 == 1:
-            texts |= {"mismatch_rpm": str(5 + 5 * k), "force_N": "300"}
-        if k == 5:
-            texts["contact.static_friction"] = "0.15"
-        if k % 3 == 2:
-            low = f"{0.002 * k:.3f}"
-            texts |= {"load.friction_release": f"{0.1 + 0.005 * k:.3f}", "load.friction_hold": low}
-        yield texts
+#: Texts of designs: at all points, at one, with other frictions, and one that is refused.
+QUESTIONS: tuple[dict[str, str], ...] = (
+    {"dog.chamfer_deg": "11.25", "dog.count": "18"},
+    {"dog.height_mm": "3.1", "mismatch_rpm": "45", "force_N": "300"},
+    {"dog.traction_deg": "10", "load.friction_release": "0.13", "load.friction_hold": "0.02"},
+    {"contact.static_friction": "0.15"},
+    {"load.friction_hold": "0.5"},
+)
 
 
 def _ask(page: Chromium, desk: Desk, texts: dict[str, str]) -> None:
@@ -111,16 +101,15 @@ def _seen(page: Chromium) -> dict[str, Any]:
 
 
 def _times(record: dict[str, Any] | None) -> list[float]:
-    keys = ("expected_shift_time_s", "low_s", "high_s")
-    times = [] if record is None else [record[key] for key in keys]
+    times = [(record or {}).get(key) for key in ("expected_shift_time_s", "low_s", "high_s")]
     return [time for time in times if time is not None]
 
 
 def test_the_page_has_the_figures_of_the_command_line(
     page: Chromium, desk: Desk, dogshape: Call
 ) -> None:
-    compared = landed = 0
-    for texts in _questions(desk):
+    compared = 0
+    for texts in QUESTIONS:
         asked = _words(texts)
         said = dogshape("check", "mq200_paper", *OPTIONS, *asked, "--json")
         _ask(page, desk, texts)
@@ -136,10 +125,8 @@ def test_the_page_has_the_figures_of_the_command_line(
         assert seen["simulated"] == pytest.approx(_times(known), rel=1e-9)
         margins = {check["name"]: check["margin"] for check in known["checks"]}
         assert seen["margins"] == pytest.approx(margins, rel=1e-9)
-        landed += "edge_pressure_impact" in margins
-        compared += 1
-    assert compared >= 12
-    assert landed >= 3
+        compared += "edge_pressure_impact" in margins
+    assert compared == 4
     assert page.ask("faults.join('; ')") == ""
 
 
@@ -164,11 +151,11 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) ->
     page.call("Input.dispatchMouseEvent", type="mouseReleased", x=x + 40, **mouse)
     page.wait(f"Number({FIELD}.value) > 9")
     page.wait("document.querySelector('#answer').className === ''")
-    trial = next(key for key in desk.designs if key != "own")
+    trial, design = next(iter(desk.searched.items()))
     page.ask(
         f"dash_clientside.set_props('front', {{clickData: {{points: [{{customdata: {trial}}}]}}}})"
     )
-    chamfer = f"{desk.designs[trial]['chamfer_deg']:.6g}"
+    chamfer = f"{design['chamfer_deg']:.6g}"
     page.wait(f"{FIELD}.value === '{chamfer}'")
     assert page.ask("document.documentElement.scrollWidth <= window.innerWidth")
     loads = "performance.getEntriesByType('resource').map(one => new URL(one.name).hostname)"
@@ -178,8 +165,7 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) ->
 
 def test_files_of_a_design_are_written(desk: Desk) -> None:
     client = build_app(desk).server.test_client()
-    texts = {one.key: one.text for one in desk.numbers} | {"solver.engine": "planar"}
-    texts["dog.chamfer_deg"] = "11"
+    texts = {one.key: one.text for one in desk.numbers} | {"dog.chamfer_deg": "11"}
     for name, part in {
         "shift.html": b"<canvas", "dog.svg": b"chamfer \xce\xb1 11.00", "sheet.html": b"a reason",
         "rings.step": b"ISO-10303-21",

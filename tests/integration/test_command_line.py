@@ -4,34 +4,31 @@ from __future__ import annotations
 
 import csv
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import pytest
 
+from dogshape.cli.app import VERBS
 from dogshape.sim.versions import bundled_root
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
 
 Call = Callable[..., Said]
-VERBS = (
-    "shift", "expect", "strength", "study", "report", "fit", "check", "validate",
-    "export", "gap", "compare",
-)  # fmt: skip
 ONE_SHIFT = ("--mismatch-rpm", 50, "--force-N", 469, "--relative-angle-deg", 10)
 SETS = [part for text in SMALL for part in ("--set", text)]
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_help_has_an_example(dogshape: Call, verb: str) -> None:
-    said = dogshape(verb, "--help")
+    said = dogshape(*verb.split(), "--help")
     assert said.status == 0
-    assert f"Example: dogshape {verb}" in said.out
+    assert f"Example: dogshape {verb}" in " ".join(said.out.split())
 
 
 def test_shift(dogshape: Call, tmp_path: Path) -> None:
@@ -57,24 +54,9 @@ def test_shift(dogshape: Call, tmp_path: Path) -> None:
 
 
 def test_a_blocked_shift_is_an_answer(dogshape: Call) -> None:
-    flat = ("--set", "dog.chamfer_deg=2")
     still = ("--mismatch-rpm", 0, "--force-N", 469, "--relative-angle-deg", 0)
-    said = dogshape("shift", "mq200_paper", *still, *flat, "--json")
-    assert said.status == 0
-    assert said.json["outcome"] == "blocked"
-    assert said.json["shift_time_s"] is None
-
-
-def test_expect_one_point(dogshape: Call) -> None:
-    point = ("--mismatch-rpm", 100, "--force-N", 469)
-    said = dogshape("expect", "mq200_paper", *point, "--angles", 4, "--jobs", 1, "--json")
-    assert said.status == 0
-    (only,) = said.json["points"]
-    assert (only["n"], only["engaged"]) == (4, 1.0)
-    assert only["mean_s"] == pytest.approx(said.json["expected_shift_time_s"])
-    assert said.json["standard_error_s"] > 0.0
-    two = dogshape("expect", "mq200_paper", *point, "--angles", 2, "--jobs", 1, "--json")
-    assert two.json["standard_error_s"] is None  # two angles tell no error
+    said = dogshape("shift", "mq200_paper", *still, "--set", "dog.chamfer_deg=2", "--json")
+    assert (said.status, said.json["outcome"], said.json["shift_time_s"]) == (0, "blocked", None)
 
 
 def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> None:
@@ -88,25 +70,9 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
         for a in (0, 12)
     ]
     assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
-
-
-#: Two points at which the wait for the next slot scatters most.
-HARD_POINTS = ("--set", "operating.mismatch_rpm=[10]", "--set", "operating.force_N=[469, 641.5]")
-
-
-def test_expect_to_a_precision(dogshape: Call) -> None:
-    wide, fine = (
-        dogshape("expect", "mq200_paper", *HARD_POINTS, "--precision", goal, "--json", "--jobs", 1)
-        for goal in (0.2, 0.02)
-    )
-    assert wide.status == fine.status == 0
-    for said, goal in ((wide, 0.2), (fine, 0.02)):
-        found: Any = said.json
-        assert found["standard_error_s"] <= goal * found["expected_shift_time_s"]
-        assert 0.0 <= found["numerical_error_s"] < 1e-5
-        assert found["engine"] == "planar"
-    assert wide.json["shifts"] < fine.json["shifts"]
-    assert abs(wide.json["expected_shift_time_s"] - fine.json["expected_shift_time_s"]) < 0.02
+    assert said.json["standard_error_s"] is None  # two angles tell no error
+    (only,) = said.json["points"]
+    assert (only["n"], only["engaged"]) == (2, 1.0)
 
 
 @pytest.fixture
@@ -126,58 +92,41 @@ def test_study_then_report_fit_and_check(
         "report": "results/mq200_paper/report.html"
     }
     assert report.stat().st_size > 1_000_000
-
     fitted = dogshape("fit", "results/mq200_paper", "--out", "mine.json", "--json")
-    assert fitted.status == 0
     assert set(fitted.json) >= {"q2", "coverage_95", "rmse_s", "n"}
     assert fitted.json["n"] == 12
 
-    checked = dogshape("check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--json")
+    own = ("check", "mq200_paper", *SETS)
+    mine = (*own, "--surrogate", "mine.json")
+    checked = dogshape(*mine, "--json")
     assert checked.status == 0
     assert checked.json["low_s"] < checked.json["expected_shift_time_s"] < checked.json["high_s"]
-    assert checked.json["feasible"] is True
-    assert checked.json["in_range"] is True
-
-    at = ("--mismatch-rpm", 80, "--force-N", 469, "--surrogate", "mine.json", "--json")
-    one = dogshape("check", "mq200_paper", *SETS, *at)
+    assert checked.json["feasible"] is checked.json["in_range"] is True
+    one = dogshape(*mine, "--mismatch-rpm", 80, "--force-N", 469, "--json")
     assert one.json["operating_points"] == 1
     assert one.json["expected_shift_time_s"] != checked.json["expected_shift_time_s"]
 
     Path("designs.csv").write_text("name,chamfer_deg,count\na,8,15\nb,9.5,17\n")
-    many = dogshape(
-        "check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
-    )
+    many = dogshape(*mine, "--designs", "designs.csv")
     assert "wrote designs-times.csv: designs 2" in many.out
     answers = pd.read_csv("designs-times.csv")
     assert answers["name"].tolist() == ["a", "b"]
     assert answers["expected_shift_time_s"][0] == pytest.approx(
         checked.json["expected_shift_time_s"], rel=0.02
     )
-    assert (answers["low_s"] < answers["high_s"]).all()
     Path("designs.csv").write_text("chamfr_deg\n8\n")
-    wrong = dogshape(
-        "check", "mq200_paper", *SETS, "--surrogate", "mine.json", "--designs", "designs.csv"
-    )
-    assert "did you mean 'chamfer_deg'?" in wrong.sentence
+    assert "did you mean 'chamfer_deg'?" in dogshape(*mine, "--designs", "designs.csv").sentence
 
-    far = dogshape("check", "mq200_paper", *SETS, "--set", "dog.height_mm=7", "--json")
+    far = dogshape(*own, "--set", "dog.height_mm=7", "--json")
     assert far.json["in_range"] is False
     assert "height_mm = 7 is outside" in far.json["warnings"][0]
-    assert "extrapolates" in dogshape("check", "mq200_paper", *SETS, "--set", "dog.height_mm=7").out
-
-    weak = dogshape("check", "mq200_paper", *SETS, "--set", "dog.traction_deg=5")
-    assert weak.status == 1
-
-    other = dogshape("check", "mq200_paper", *SETS, "--set", "contact.set=adams2019", "--json")
-    assert (other.status, other.json["engine"], other.json["surrogate"]) == (0, "planar", None)
-    named = ("--surrogate", "results/mq200_paper/surrogate.json", "--set", "contact.set=adams2019")
-    refused = dogshape("check", "mq200_paper", *SETS, *named)
+    other = ("--set", "contact.set=adams2019")
+    found = dogshape(*own, *other, "--json")
+    assert (found.status, found.json["engine"], found.json["surrogate"]) == (0, "planar", None)
+    refused = dogshape(*own, *other, "--surrogate", "results/mq200_paper/surrogate.json")
     assert refused.status == 2
     assert "other physics" in refused.sentence
-
-    again = dogshape("study", "mq200_paper", *SETS)
-    assert again.status == 2
-    assert "add --resume" in again.sentence
+    assert "add --resume" in dogshape("study", "mq200_paper", *SETS).sentence
 
 
 def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
@@ -187,94 +136,46 @@ def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
     lines = table.read_text().splitlines()
     table.write_text("\n".join([lines[0], lines[2], lines[25]]))
     said = dogshape("validate", folder, "--jobs", 1, "--json")
-    assert said.status == 0
     tried, timed = said.json["points"]
-    assert tried["bench_s"] is None
-    assert tried["z"] is None
+    assert tried["bench_s"] is tried["z"] is None
     assert tried["simulated_s"] > 0
     assert timed["bench_s"] == 0.067867
     gap = timed["bench_s"] - timed["simulated_s"]
     assert said.json["rmse_s"] == pytest.approx(abs(gap))
     assert timed["z"] == pytest.approx(gap / timed["standard_error_s"])
     assert {point["n"] for point in said.json["points"]} == {10}
-    people = dogshape("validate", folder, "--angles", 3, "--jobs", 1)
-    assert "root-mean-square gap" in people.out
-    fewer = dogshape("validate", folder, "--angles", 3, "--jobs", 1, "--json")
-    assert {point["n"] for point in fewer.json["points"]} == {3}
 
 
-def test_validate_asks_about_a_slip_of_units(dogshape: Call, tmp_path: Path) -> None:
-    folder = tmp_path / "mine"
-    shutil.copytree(bundled_root() / "bench/mq200_adams", folder)
-    table = folder / "shifts.csv"
-    head, *rows = table.read_text().splitlines()
-    cells = rows[24].split(",")
-    cells[4] = str(1e3 * float(cells[4]))
-    table.write_text("\n".join([head, ",".join(cells)]))
-    refused = dogshape("validate", folder, "--angles", 3, "--jobs", 1)
-    assert refused.status == 2
-    assert "shift_time_s is 67.867, but" in refused.sentence
-    assert "--correct time=ms takes it as that" in refused.sentence
-    arguments = ("validate", folder, "--angles", 3, "--jobs", 1, "--correct", "time=ms")
-    said = dogshape(*arguments, "--json")
-    assert said.json["points"][0]["bench_s"] == pytest.approx(0.067867)
-    assert said.json["corrections"] == ["time=ms"]
-    assert said.json["warnings"] == []
-    assert "corrected as asked: time=ms" in dogshape(*arguments).out
+#: Commands, and words of the sentence that refuses each.
+BAD = """
+strength nowhere | there is no study at nowhere
+strength mq200_paper --set dog.heigth_mm=3 | did you mean 'dog.height_mm'?
+strength mq200_paper --set 'dog.count=15\ndog.height_mm=3' | more than one value
+shift ONE --set dog.count=40 | width of the tip at the inner
+shift ONE --set dog.chamfer_deg=30 | braking flank is
+shift ONE --force-N -469 | shift force is -469 N
+shift ONE --force-N 5000 | actuation.rise_s, or give --force-rise-s.
+shift ONE --html no/such/a.html | --html is no/such/a.html, but there is no folder no/such; make it
+shift ONE --html a.x --trace a.x | give two files
+expect mq200_paper --mismatch-rpm 50 --force-N 5000 | actuation.rise_s, or give --force-rise-s.
+expect mq200_paper --force-rise-s 0.1 | goes with one operating point
+expect mq200_paper --angles few | --angles is 'few'
+check mq200_paper --mismatch-rpm 80 | needs --mismatch-rpm and --force-N
+check mq200_paper --surrogate none.json | there is no surrogate at
+check mq200_paper --designs none.csv | there is no table of designs at none.csv
+study mq200_paper --set operating.force_N=[99] | actuation.force_N and actuation.rise_s.
+study mq200_paper --out x --storage sqlite:////no/d.db | but a study is kept in postgresql+psycopg
+fit results/mq200_paper | there is no study at results/mq200_paper
+report nowhere | there is no study.json in nowhere
+validate nowhere | there is no data set at nowhere
+gap mq200_stand --study mine/truck.toml | there is no study at mine/truck.toml
+""".replace("ONE", f"mq200_paper {' '.join(map(str, ONE_SHIFT))}").strip()
 
 
-HARD = ("--mismatch-rpm", 50, "--force-N", 5000)
-BAD: list[tuple[tuple[Any, ...], str]] = [
-    (("strength", "nowhere"), "there is no study at nowhere"),
-    (("strength", "mq200_paper", "--set", "dog.heigth_mm=3"), "did you mean 'dog.height_mm'?"),
-    (("strength", "mq200_paper", "--set", "sliding.mass_kg=-1"), "sliding.mass_kg is -1 kg"),
-    (
-        ("shift", "mq200_paper", *ONE_SHIFT, "--set", "dog.count=40"),
-        "width of the tip at the inner",
-    ),
-    (("shift", "mq200_paper", *ONE_SHIFT, "--set", "dog.chamfer_deg=30"), "braking flank is"),
-    (("shift", "mq200_paper", *ONE_SHIFT, "--force-rise-s", -1), "rise time of the force is -1 s"),
-    (("shift", "mq200_paper", *ONE_SHIFT[:3], 5000, *ONE_SHIFT[4:]), "shift force is 5000 N"),
-    (("shift", "mq200_paper", *HARD, *ONE_SHIFT[4:]), "actuation.rise_s, or give --force-rise-s."),
-    (("expect", "mq200_paper", *HARD), "actuation.rise_s, or give --force-rise-s."),
-    (("check", "mq200_paper", *HARD), "extend actuation.force_N and actuation.rise_s."),
-    (
-        ("study", "mq200_paper", "--set", "operating.force_N=[99]"),
-        "actuation.force_N and actuation.rise_s.",
-    ),
-    (("gap", "mq200_stand", "--study", "mine/truck.toml"), "there is no study at mine/truck.toml"),
-    (("shift", "mq200_paper", *ONE_SHIFT[:5], "nan"), "relative angle is nan deg"),
-    (
-        ("shift", "mq200_paper", *ONE_SHIFT, "--html", "no/such/folder/a.html"),
-        "--html is no/such/folder/a.html, but there is no folder no/such/folder; make it",
-    ),
-    (("shift", "mq200_paper", *ONE_SHIFT, "--html", "a.x", "--trace", "a.x"), "give two files"),
-    (("strength", "no/such/mq200_paper"), "there is no study at no/such/mq200_paper"),
-    (("strength", "mq200_paper", "--set", "dog.count=15\ndog.height_mm=3"), "more than one value"),
-    (("fit", "results/mq200_paper"), "there is no study at results/mq200_paper"),
-    (("validate", "mq200_adams", "--angles", 2), "needs at least three"),
-    (("expect", "mq200_paper", "--force-rise-s", 0.1), "goes with one operating point"),
-    (("shift", "mq200_paper", *ONE_SHIFT[:3], -469, *ONE_SHIFT[4:]), "shift force is -469 N"),
-    (("expect", "mq200_paper", "--mismatch-rpm", 5), "give both"),
-    (("expect", "mq200_paper", "--angles", "few"), "--angles is 'few'"),
-    (("expect", "mq200_paper", "--angles", "0"), "--angles is '0'"),
-    (("study", "mq200_paper", "--out", "/proc/none"), "cannot be written"),
-    (
-        ("study", "mq200_paper", "--out", "x", "--storage", "sqlite:////no/such/d.db"),
-        "--storage is of 'sqlite', but a study is kept in postgresql+psycopg",
-    ),
-    (("report", "nowhere"), "there is no study.json in nowhere"),
-    (("check", "mq200_paper", "--surrogate", "none.json"), "there is no surrogate at"),
-    (("check", "mq200_paper", "--designs", "none.csv"), "there is no table of designs at none.csv"),
-    (("check", "mq200_paper", "--mismatch-rpm", 80), "needs --mismatch-rpm and --force-N"),
-    (("validate", "mq200_adams", "--correct", "tiem=ms"), "did you mean 'time'?"),
-    (("validate", "nowhere"), "there is no data set at nowhere"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "words"), BAD, ids=lambda v: str(v)[:40])
-def test_bad_input_is_one_sentence(dogshape: Call, arguments: tuple[Any, ...], words: str) -> None:
-    said = dogshape(*arguments)
+@pytest.mark.parametrize("line", re.split(r"\n(?=[a-z]+ )", BAD))
+def test_bad_input_is_one_sentence(dogshape: Call, line: str) -> None:
+    command, _, words = line.partition(" | ")
+    said = dogshape(*shlex.split(command))
     assert said.status == 2
     assert words in said.sentence
     assert said.out == ""
@@ -308,29 +209,24 @@ def test_version_and_status_through_the_entry_point() -> None:
 
 def test_nothing_engaged_is_said(dogshape: Call) -> None:
     hasty = ("--set", "shift.timeout_s=0.01", "--angles", 3, "--jobs", 1)
-    point = ("--mismatch-rpm", 50, "--force-N", 469)
-    said = dogshape("expect", "mq200_paper", *point, *hasty, "--json")
-    assert said.json["engages"] is False
-    assert said.json["expected_shift_time_s"] is said.json["standard_error_s"] is None
-    assert said.json["points"][0]["mean_s"] is said.json["points"][0]["mean_engaged_s"] is None
-    assert said.json["mean_engaged_s"] is None
-    assert (said.json["not_engaged"], said.json["shifts"]) == (3, 3)
-    shown = dogshape("expect", "mq200_paper", *point, *hasty).out
-    assert shown.startswith("engages in 0 of 3 shifts: no expected shift time")
+    asked = ("expect", "mq200_paper", "--mismatch-rpm", 50, "--force-N", 469, *hasty)
+    found = dogshape(*asked, "--json").json
+    assert found["engages"] is False
+    assert found["expected_shift_time_s"] is found["standard_error_s"] is None
+    assert found["points"][0]["mean_s"] is found["mean_engaged_s"] is None
+    assert (found["not_engaged"], found["shifts"]) == (3, 3)
+    said = "engages in 0 of 3 shifts: no expected shift time"
+    assert dogshape(*asked).out.startswith(said)
 
 
-def test_damaged_results_are_refused(dogshape: Call, studied: Path, tmp_path: Path) -> None:
-    copy = tmp_path / "copy"
-    shutil.copytree(studied / "results/mq200_paper", copy)
+def test_damaged_results_are_refused(dogshape: Call, studied: Path) -> None:
+    folder = studied / "results/mq200_paper"
     for content in ("{}", '{"trials": null}', "[]", "{"):
-        (copy / "result.json").write_text(content)
-        said = dogshape("report", copy)
+        (folder / "result.json").write_text(content)
+        said = dogshape("report", folder)
         assert said.status == 2
         assert "result.json" in said.sentence
-    (copy / "rows.json").write_text("{")
-    broken = dogshape("fit", copy)
-    assert broken.status == 2
-    assert "rows.json" in broken.sentence
-    fixed = dogshape("fit", copy, "--set", "dog.count=18")
-    assert fixed.status == 2
+    (folder / "rows.json").write_text("{")
+    assert "rows.json" in dogshape("fit", folder).sentence
+    fixed = dogshape("fit", folder, "--set", "dog.count=18")
     assert "cannot change a study that was run" in fixed.sentence

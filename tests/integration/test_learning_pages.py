@@ -80,30 +80,9 @@ def _unknown(command: Command) -> set[str]:
     return {word for word in command.words if word.startswith("--")} - known
 
 
-def test_an_option_that_is_not_there_is_found() -> None:
-    assert _unknown(Command(("dogshape", "check", "mq200", "--sett"))) == {"--sett"}
-
-
 def test_the_tutorial_has_its_pictures_and_they_stay_small() -> None:
     names = [f"{name}.png" for name in PICTURES] + ["dog.svg"]
     text = (DOCS / "tutorial.md").read_text(encoding="utf-8")
     for name in names:
         assert f"](tutorial/{name})" in text
         assert (DOCS / "tutorial" / name).stat().st_size < 300_000
-
-
-def test_steps_are_found_in_their_order(tmp_path: Path) -> None:
-    page = tmp_path / "page.md"
-    page.write_text(
-        "Say:\n\n```sh\ndogshape check a \\\n  --json  # status 1\n```\n\nWritten: `a`, `b/c`\n\n"
-        '```text\nmargin ... NO\n```\n\n```csv title="t.csv"\n1;2\n```\n',
-        encoding="utf-8",
-    )
-    steps = steps_of(page)
-    assert [step.kind for step in steps] == ["sh", "written", "text", "file"]
-    assert list(commands_of(steps[0].text)) == [Command(("dogshape", "check", "a", "--json"), 1)]
-    assert files_told(steps[1].text) == ["a", "b/c"]
-    (pattern,) = lines_told(steps[2].text)
-    assert re.search(pattern, "margin 3 % NO")
-    assert not re.search(pattern, "margin 3 % yes")
-    assert (steps[3].title, steps[3].text) == ("t.csv", "1;2\n")

@@ -48,7 +48,7 @@ def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     assert {row["prototype"] for row in record["trials"]} == {True, False}
     assert all({*OPERATED} <= row.keys() for row in record["trials"])
     assert record["surrogate"] is None
-    confirmed = ds.load_result(out).confirmation
+    confirmed = ds.load_result(out).record["confirmation"]
     assert confirmed is not None
     points = confirmed["best"]["points"]
     mean = sum(p["mismatch_rpm"] for p in points) / len(points)

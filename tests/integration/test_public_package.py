@@ -6,9 +6,14 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import FrozenInstanceError
+from contextlib import chdir
+from dataclasses import FrozenInstanceError, fields
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
 
+import pandas as pd
 import pytest
 
 import dogshape as ds
@@ -16,63 +21,159 @@ from tests.conftest import Said
 
 Dogshape = Callable[..., Said]
 
+ROOT = Path(__file__).parents[2]
+PAPER, BROUGHT = "mq200_paper", ROOT / "studies" / "mq200_paper" / "surrogate.json"
 ONE = {"mismatch_rpm": 100, "force_N": 469}
+SMALL = {
+    "operating.mismatch_rpm": [50], "operating.force_N": [469.0], "expectation.angles": 3,
+}  # fmt: skip
+FEW = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s,engaged,trace\n"
+#: A question in Python, and the same on the command line.
+ASKED: dict[str, tuple[Callable[[], Any], str]] = {
+    "shift": (
+        lambda: ds.Study(PAPER, chamfer_deg=11, count=18).shift(**ONE, angle_deg=10),
+        "shift mq200_paper --mismatch-rpm 100 --force-N 469 --relative-angle-deg 10 "
+        "--set dog.chamfer_deg=11 --set dog.count=18",
+    ),
+    "expect": (
+        lambda: ds.Study(PAPER).expect(**ONE, angles=[0, 8, 16], jobs=1),
+        "expect mq200_paper --mismatch-rpm 100 --force-N 469 --angles 0,8,16 --jobs 1",
+    ),
+    "strength": (
+        lambda: ds.Study(PAPER, SMALL).strength(jobs=1),
+        "strength mq200_paper --jobs 1 --set operating.mismatch_rpm=[50] "
+        "--set operating.force_N=[469.0] --set expectation.angles=3",
+    ),
+    "check": (
+        lambda: ds.Study(PAPER, chamfer_deg=14, height_mm=6).check(mismatch_rpm=50, force_N=469),
+        "check mq200_paper --mismatch-rpm 50 --force-N 469 --set dog.chamfer_deg=14 "
+        "--set dog.height_mm=6",
+    ),
+    "compare": (
+        lambda: ds.compare("lubricated_steel", "adams2019"), "compare lubricated_steel adams2019"
+    ),
+}  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def shift() -> ds.Shift:
-    return ds.Study("mq200_paper", chamfer_deg=11, count=18).shift(**ONE, angle_deg=10)
+@cache
+def found(verb: str) -> Any:
+    """Ask in Python, in an empty folder: beside results of a study its own surrogate counts."""
+    with TemporaryDirectory() as empty, chdir(empty):
+        return ASKED[verb][0]()
 
 
-def test_a_shift_is_what_the_command_line_prints(shift: ds.Shift, dogshape: Dogshape) -> None:
-    said = dogshape(
-        *("shift", "mq200_paper", "--mismatch-rpm", "100", "--force-N", "469"),
-        *("--relative-angle-deg", "10", "--set", "dog.chamfer_deg=11", "--set", "dog.count=18"),
-        "--json",
-    )
-    assert json.loads(said.out) == shift.to_dict()
-
-
-def test_a_shift_carries_its_problem_and_does_not_change(shift: ds.Shift) -> None:
-    assert shift.config.clutch.dog.count == 18
-    assert shift.engagement.clutch.dog == shift.config.clutch.dog
+@pytest.mark.parametrize("verb", ASKED)
+def test_a_result_is_what_the_command_line_prints(verb: str, dogshape: Dogshape) -> None:
+    result, words = found(verb), ASKED[verb][1].split()
+    said = dogshape(*words, "--json")
+    assert said.json == json.loads(json.dumps(result.to_dict()))
+    assert said.status == int(not getattr(result, "feasible", True))
+    assert dogshape(*words).out.split() == repr(result).split()
     with pytest.raises(FrozenInstanceError):
-        shift.engagement = None  # type: ignore[assignment,misc]
+        setattr(result, fields(result)[0].name, None)
 
 
-def test_a_shift_as_table_figure_and_page(shift: ds.Shift, tmp_path: Path) -> None:
-    frame = shift.to_frame()
-    assert shift.time_s is not None
-    assert frame["t_s"].iloc[-1] == pytest.approx(shift.time_s, abs=2e-3)
+def test_times_as_table_figure_and_page(tmp_path: Path) -> None:
+    (line,) = found("expect").plot().data
+    assert line.x[0] == pytest.approx(1e3 * found("expect").to_frame()["mean_s"][0])
+    shift = found("shift")
+    assert shift.engagement.clutch.dog == shift.config.clutch.dog
+    assert shift.to_frame()["t_s"].iloc[-1] == pytest.approx(shift.time_s, abs=2e-3)
     assert [axis.title.text for axis in shift.plot().select_yaxes()] == [*("mm", "1/min", "N")]
-    page = shift.report(tmp_path / "shift.html")
-    assert page.stat().st_size > 1_000_000
+    assert shift.report(tmp_path / "shift.html").stat().st_size > 1_000_000
 
 
-def test_results_show_themselves(shift: ds.Shift) -> None:
-    assert f"shift time {1e3 * (shift.time_s or 0):.1f} ms" in repr(shift)
-    assert "<th" in shift._repr_html_()
-    assert "chamfer_deg=11" in repr(ds.Study("mq200_paper", chamfer_deg=11))
+@pytest.mark.parametrize("verb", ["check", "strength"])
+def test_margins_as_table_and_figure(verb: str) -> None:
+    frame = found(verb).to_frame().set_index("name")
+    passed, failed, worst = (dict(zip(t.y, t.x, strict=True)) for t in found(verb).plot().data)
+    assert passed | failed == pytest.approx(dict(100 * frame["margin"]))
+    assert worst == pytest.approx(dict(100 * frame["margin_worst_case"].dropna()))
+    assert set(failed) == set(found(verb).failed) == set(frame.index[~frame["passed"]])
+    # A surrogate knows no landing.
+    at_once = ds.Study(PAPER).check(surrogate=BROUGHT).design.not_checked
+    assert set(frame.index[frame["group"] == "impact"]) == set(at_once)
+    assert "before its landing is simulated" in repr(ds.Study(PAPER).strength(simulate=False))
 
 
-def test_expectation_is_what_the_command_line_prints(dogshape: Dogshape) -> None:
-    found = ds.Study("mq200_paper").expect(**ONE, angles=[0, 8, 16], jobs=1)
-    said = dogshape(
-        *("expect", "mq200_paper", "--mismatch-rpm", "100", "--force-N", "469"),
-        *("--angles", "0,8,16", "--jobs", "1", "--json"),
-    )
-    assert json.loads(said.out) == found.to_dict()
-    assert list(found.to_frame()["n"]) == [3]
-    (line,) = found.plot().data
-    assert line.x[0] == pytest.approx(1e3 * found.to_frame()["mean_s"][0])
+def test_many_designs_are_what_the_command_line_prints(tmp_path: Path, dogshape: Dogshape) -> None:
+    table, out = tmp_path / "d.csv", tmp_path / "o.csv"
+    table.write_text("chamfer_deg,count,note\n9,14,a\n11,18,b\n8,200,c\n")
+    said = dogshape("check", PAPER, "--designs", table, "--out", out, "--json")
+    many = ds.Study(PAPER).predict(table)
+    assert many.to_dict() == said.json | {"file": None}
+    frame, written = many.to_frame(), pd.read_csv(out)
+    assert list(frame.index) == [2, 3, 4]
+    assert set(written) < set(frame)
+    for name in ("chamfer_deg", "expected_shift_time_s", "low_s", "distance"):
+        assert list(frame[name]) == pytest.approx(list(written[name]), rel=1e-5, nan_ok=True)
+    assert list(frame["reason"])[2] == written["reason"][2] != ""
+    asked = pd.DataFrame({"chamfer_deg": [11.0], "count": [18]})
+    one = ds.Study(PAPER, chamfer_deg=11, count=18).check(**ONE, surrogate=BROUGHT)
+    times = ds.Study(PAPER).predict(asked, **ONE).to_frame()["expected_shift_time_s"]
+    # To what surrogate.expected_time promises of many designs at once.
+    assert times.iloc[0] == pytest.approx(one.time_s, rel=1e-3)
+    with pytest.raises(ds.InputError, match=r"row 2, column count is '18[.]5'"):
+        ds.Study(PAPER).predict(pd.DataFrame({"count": [14, 18.5]}))
 
 
-def test_settings_are_keys_of_the_study_file() -> None:
-    study = ds.Study("mq200_paper", {"contact.set": "adams2019"}, height_mm=3.5)
-    assert study.config.clutch.contact.name == "adams2019"
-    assert study.dog["height_mm"] == 3.5
-    with pytest.raises(ds.InputError, match=r"did you mean 'dog[.]chamfer_deg'"):
-        ds.Study("mq200_paper", chamfr_deg=11)
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A data set of three operating points, of which one has no time."""
+    brought = ROOT / "studies" / "bench" / "mq200_adams" / "bench.toml"
+    (tmp_path / "bench.toml").write_text(brought.read_text(encoding="utf-8"))
+    rows = ("20,469,0.1766,10,0.12,true,", "50,469,0.1766,10,0.09,true,", "50,641.5,0.12614,1,,,")
+    (tmp_path / "shifts.csv").write_text(FEW + "\n".join(rows) + "\n")
+    return tmp_path
+
+
+def test_a_comparison_is_what_the_command_line_prints(folder: Path, dogshape: Dogshape) -> None:
+    result = ds.validate(folder, [0.0, 5.0, 10.0], jobs=1)
+    asked = ("validate", folder, "--angles", "0,5,10", "--jobs", 1)
+    assert dogshape(*asked, "--json").json == result.to_dict()
+    assert dogshape(*asked).out.split() == repr(result).split()
+    frame = result.to_frame()
+    drawn = {trace.name: trace for trace in result.plot().data if trace.name}
+    assert set(drawn) == {"simulation", "bench"}
+    for name, column in (("simulation", "simulated_s"), ("bench", "bench_s")):
+        assert sorted(drawn[name].x) == pytest.approx(sorted(1e3 * frame[column].dropna()))
+    # The same in milliseconds wants a correction.
+    table = folder / "shifts.csv"
+    table.write_text(table.read_text().replace(",0.12,", ",120,").replace(",0.09,", ",90,"))
+    with pytest.raises(ds.DogshapeError, match=r'correct=\["time=ms"\]'):
+        ds.validate(folder)
+    corrected = ds.validate(folder, [0.0, 5.0, 10.0], correct=["time=ms"], jobs=1)
+    assert corrected.to_dict()["points"] == result.to_dict()["points"]
+    assert "corrected as asked: time=ms" in repr(corrected)
+
+
+@pytest.mark.parametrize("angles", [2, [0.0, 8.0], [], [0.0, float("nan"), 5.0]], ids=str)
+def test_angles_of_a_comparison_are_three_and_finite(
+    folder: Path, angles: int | list[float]
+) -> None:
+    with pytest.raises(ds.InputError, match=r"at least three|must be a finite angle"):
+        ds.validate(folder, angles)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (lambda: ds.Study(PAPER, chamfr_deg=11), "did you mean 'dog.chamfer_deg'"),
+        (lambda: ds.Study(PAPER).check(mismatch_rpm=50), "needs mismatch_rpm and force_N"),
+        (lambda: ds.Study(PAPER, chamfer=11), "with settings: 'dog.chamfer' is not a known key"),
+        (lambda: ds.Study(PAPER).expect(precision="2%"), "precision is '2%', but it must be"),
+        (lambda: ds.Study(PAPER).expect(angles="24"), "angles is '24', but it must be a number"),
+        (
+            lambda: ds.Study(PAPER).expect(precision=0.01, angles=3),
+            "precision finds the number of angles itself; leave out angles",
+        ),
+    ],
+)
+def test_an_error_names_arguments(asked: Callable[[], Any], words: str) -> None:
+    with pytest.raises(ds.InputError) as refused:
+        asked()
+    assert words in str(refused.value)
+    assert "--" not in str(refused.value)
 
 
 def test_a_library_is_silent_and_tells_its_progress(capfd: pytest.CaptureFixture[str]) -> None:
@@ -85,26 +186,23 @@ def test_a_library_is_silent_and_tells_its_progress(capfd: pytest.CaptureFixture
         def say(self, line: str) -> None:
             raise AssertionError(line)
 
-    ds.Study("mq200_paper").expect(**ONE, angles=4, jobs=1, progress=Mine())
+    ds.Study(PAPER).expect(**ONE, angles=4, jobs=1, progress=Mine())
     assert max(told) == 8
     assert capfd.readouterr() == ("", "")
 
 
-def test_names_are_loaded_when_asked_for() -> None:
-    code = "import sys, dogshape; print(*{'pydrake', 'plotly', 'pandas'} & set(sys.modules))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == ""
-    assert all(getattr(ds, name) for name in ds.__all__)
-    with pytest.raises(AttributeError, match="dogshape has no 'Shfit'"):
-        ds.Shfit  # noqa: B018
-
-
-def test_a_folder_of_the_users_own_shadows_nothing(tmp_path: Path) -> None:
+def test_names_are_loaded_when_asked_for_and_a_users_folder_shadows_none(tmp_path: Path) -> None:
     for name in ("sim", "studies", "pipeline"):
         (tmp_path / name).mkdir()
         (tmp_path / name / "__init__.py").write_text("raise RuntimeError('not mine')\n")
-    code = "import dogshape as ds; print(ds.Study('mq200_paper').name)"
+    code = (
+        "import sys, dogshape; print(*{'pydrake', 'plotly', 'pandas'} & set(sys.modules)); "
+        "print(dogshape.Study('mq200_paper').name)"
+    )
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, check=False
     )
-    assert done.stdout.strip() == "mq200_paper", done.stderr
+    assert done.stdout.splitlines() == ["", PAPER], done.stderr
+    assert all(getattr(ds, name) for name in ds.__all__)
+    with pytest.raises(AttributeError, match="dogshape has no 'Shfit'"):
+        ds.Shfit  # noqa: B018

@@ -104,7 +104,7 @@ def test_the_exit_status_is_one(
     def refuse(*_: Any) -> None:
         raise EngineError("the engines do not agree")
 
-    monkeypatch.setattr("dogshape.study_result.search_study", refuse)
+    monkeypatch.setattr("dogshape.pipeline.study.run_study", refuse)
     said = dogshape("study", "mq200_paper", "--no-report")
     assert said.status == 1
     assert said.sentence == "dogshape: the engines do not agree"

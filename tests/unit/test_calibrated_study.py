@@ -157,7 +157,7 @@ def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
     def diagnosed(bench: str, **_: Any) -> ds.Diagnosis:
         return _found(NONE if bench == "none" else DELAY)
 
-    monkeypatch.setattr("dogshape.cli.verbs.gap.diagnose", diagnosed)
+    monkeypatch.setattr("dogshape.gap.diagnose", diagnosed)
 
 
 @pytest.mark.usefixtures("_toy")

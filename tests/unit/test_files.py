@@ -133,3 +133,34 @@ def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
     ]:
         with pytest.raises(StorageError, match=words):
             require_targets({"--out": path})
+
+
+@pytest.mark.parametrize(
+    ("module", "arguments"),
+    [
+        ("shift.engage", ["shift", "mq200_paper", "--mismatch-rpm", "50", "--force-N", "469",
+                           "--relative-angle-deg", "10", "--html", "no/x.html"]),
+        ("shift.engage", ["shift", "mq200_paper", "--mismatch-rpm", "50", "--force-N", "469",
+                           "--relative-angle-deg", "10", "--trace", "no/x.csv"]),
+        ("sim.shift.mesh.to_stl",
+         ["export", "mq200_paper", "--svg", "x.svg", "--stl", "no/x.stl"]),
+        ("predictions.predict_designs",
+         ["check", "mq200_paper", "--designs", "d.csv", "--out", "no/x.csv"]),
+        ("fitted.train", ["fit", "mq200_paper", "--out", "no/x.json"]),
+    ],
+)  # fmt: skip
+def test_a_target_is_tried_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, dogshape: Any, module: str,
+    arguments: list[str],
+) -> None:  # fmt: skip
+    (tmp_path / "there").write_text("a file where a folder should be")
+
+    def worked(*_: Any, **__: Any) -> None:
+        raise AssertionError("the work began")
+
+    monkeypatch.setattr(f"dogshape.{module}", worked)
+    said: Said = dogshape(*arguments)
+    assert said.status == 2
+    assert arguments[-2] in said.sentence
+    assert arguments[-1] in said.sentence
+    assert not (tmp_path / "x.svg").exists()

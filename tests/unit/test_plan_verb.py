@@ -29,7 +29,7 @@ def _toy(monkeypatch: pytest.MonkeyPatch) -> None:
         points = [cell.point for cell in bench.cells]
         return field_at(("actuation_delay", "moving_mass"), points)
 
-    monkeypatch.setattr("dogshape.plan.predicted_field", predicted_field)
+    monkeypatch.setattr("dogshape.gap.predicted_field", predicted_field)
 
 
 @pytest.mark.usefixtures("_toy")

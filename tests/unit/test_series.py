@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
@@ -170,13 +169,10 @@ def test_a_mean_with_its_spread_has_the_likelihood_of_its_shifts() -> None:
     assert _log(mean, 0.004) == pytest.approx(_log(single, 0.004), abs=1e-3)
 
 
-def test_the_frame_of_a_set_has_spread_and_place(write: Write) -> None:
+def test_rows_of_a_set_have_spread_and_place(write: Write) -> None:
     rows = ["50,469,0.1766,10,0.05,0.008,1", "100,469,0.1766,1,0.06,,2"]
-    frame = ds.Bench(write("shift_time_sd_s,order", rows)).to_frame()
-    assert frame["place"].tolist() == [1.0, 2.0]
-    assert frame["shift_time_sd_s"].iloc[0] == pytest.approx(0.008)
-    plain = ds.Bench(write("", ["50,469,0.1766,10,0.05"])).to_frame()
-    assert list(plain)[-1] == "trace"
+    readings = load_bench(write("shift_time_sd_s,order", rows)).readings
+    assert [(one.place, one.sd) for one in readings] == [(1.0, 0.008), (2.0, None)]
 
 
 def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:

@@ -58,7 +58,7 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
 
 
 def _printed(result: Expectation) -> str:
-    parts = results.Expectation(load_study("mq200_paper"), result).parts
+    parts = results.Expectation(load_study("mq200_paper"), result).to_parts()
     return "\n".join(part for part in parts if isinstance(part, str))
 
 

@@ -9,9 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from dogshape.cli.app import PLAIN
-from dogshape.cli.console import ProgressBar, emit, verb
-from dogshape.cli.options import Jobs, Json
+from dogshape.cli.console import ProgressBar, emit
+from dogshape.cli.options import PLAIN, Jobs, Json
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.simulate.executor import workers_of
@@ -33,7 +32,6 @@ Folder = Annotated[Path, typer.Argument(metavar="DIR", help="folder of the set o
 
 
 @blind.command()
-@verb
 def make(
     folder: Folder,
     small: Annotated[bool, typer.Option("--small", help="a case of each kind only")] = False,
@@ -60,7 +58,6 @@ def make(
 
 
 @blind.command()
-@verb
 def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
     """Diagnose each case from its data alone; goes on where it was stopped.
 
@@ -74,7 +71,6 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
 
 
 @blind.command()
-@verb
 def score(folder: Folder, json: Json = False) -> None:
     """Open the key and say how often the diagnosis was right, with intervals.
 

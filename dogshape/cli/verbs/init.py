@@ -6,34 +6,25 @@ import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
-from dogshape.cli.console import emit, rich_table, say, terminal, verb
-from dogshape.cli.options import Json, Sets
-from dogshape.pipeline.config.study_file import pair_of
-from dogshape.pipeline.drafts.bench_folder import BenchDraft, guessed, write_bench
-from dogshape.pipeline.drafts.sources import require_free, source_of
-from dogshape.pipeline.drafts.study_folder import (
-    CLUTCH,
-    HEIGHT,
-    USE,
-    askable,
-    use_of,
-    write_study,
-)
-from dogshape.pipeline.record import Table
+from dogshape.cli.console import emit, rich_table, say, terminal
+from dogshape.cli.options import PLAIN, Json, Sets
 from dogshape.sim.errors import InputError, meant_number
 from dogshape.sim.units import unit_of
+
+if TYPE_CHECKING:
+    from dogshape.pipeline.drafts.bench_folder import BenchDraft
+    from dogshape.pipeline.record import Table
 
 init = typer.Typer(
     name="init",
     help="Begin a study or a bench of your own: a folder with commented files.",
     no_args_is_help=True,
-    add_completion=False,
-    rich_markup_mode=None,
-    pretty_exceptions_enable=False,
+    **PLAIN,
 )
 
 EMPTY = "record.empty_cells"
@@ -46,17 +37,14 @@ RECORD = {
     ),
 }  # fmt: skip
 
-Yes = Annotated[bool, typer.Option("--yes", help="ask nothing and take the defaults")]
-Force = Annotated[bool, typer.Option("--force", help="write over files of the same name")]
+Yes = Annotated[bool, Option("--yes", help="ask nothing and take the defaults")]
+Force = Annotated[bool, Option("--force", help="write over files of the same name")]
 
 
 @init.command()
-@verb
 def study(
-    out: Annotated[Path, typer.Option(help="folder to write")] = Path("my_clutch"),
-    origin: Annotated[
-        str, typer.Option("--from", help="study to copy, or bench whose clutch is taken")
-    ] = "mq200",
+    out: Annotated[Path, Option(help="folder to write")] = Path("my_clutch"),
+    origin: Annotated[str, Option("--from", help="study to copy, or a bench's clutch")] = "mq200",
     set_: Sets = None,
     yes: Yes = False,
     force: Force = False,
@@ -66,56 +54,64 @@ def study(
 
     Example: dogshape init study --out my_clutch --set dog.count=20 --set dog.height_mm=3.2
     """
-    require_free(out, force)
+    from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts import sources, study_folder  # noqa: PLC0415
+
+    sources.require_free(out, force)
     values = dict(pair_of(text) for text in set_ or [])
-    if may_ask(yes):
-        found = _asked_study(out, origin, values, force=force)
-    else:
-        found = write_study(out, origin, values, force=force)
-    emit(found, json, lambda: study_text(found))
+    write = _asked_study if may_ask(yes) else study_folder.write_study
+    found = write(out, origin, values, force=force)
+    lines = [
+        f"wrote {found['file']} from {found['from']}: {found['dogs']} dogs, "
+        f"{found['operating_points']} operating points",
+        *(
+            f"set {key} = {value}" if value is not None else f"left out {key}"
+            for key, value in found["set"].items()
+        ),
+        *_remarks(found),
+        f"next: look through {found['file']}, then",
+        f"  dogshape strength {found['folder']} --no-simulation",
+        f"  dogshape study {found['folder']}",
+    ]
+    emit(found, json, lambda: lines)
+
+
+def _remarks(found: Mapping[str, Any]) -> list[str]:
+    kinds = (("assumed", "assumed"), ("warning", "warnings"))
+    return [f"{word}: {line}" for word, key in kinds for line in found[key]]
 
 
 def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
+    from dogshape.pipeline.drafts import sources  # noqa: PLC0415
+    from dogshape.pipeline.drafts import study_folder as draft  # noqa: PLC0415
+
     origin = ask("begin from (a study, or the folder of a bench)", origin)
-    before = source_of(origin).dog_values
-    before |= {key: value for key, value in values.items() if key in CLUTCH and askable(value)}
-    answers = ask_values(before, CLUTCH)
+    before = sources.source_of(origin).dog_values
+    given = {key: value for key, value in values.items() if draft.askable(value)}
+    before |= {key: value for key, value in given.items() if key in draft.CLUTCH}
+    answers = ask_values(before, draft.CLUTCH)
     # What follows from the clutch is the default of the other questions.
-    use = use_of(origin, values | changed(answers, before))
-    before, answers = before | use, answers | ask_values(use, USE)
+    use = draft.use_of(origin, values | changed(answers, before))
+    before, answers = before | use, answers | ask_values(use, draft.USE)
     while True:
-        height = {HEIGHT: answers[HEIGHT]}  # as answered, also where it is the default
+        # The height is set as answered, also where it is the default.
+        own = values | changed(answers, before) | {draft.HEIGHT: answers[draft.HEIGHT]}
         try:
-            return write_study(out, origin, values | changed(answers, before) | height, force=force)
+            return draft.write_study(out, origin, own, force=force)
         except InputError as error:
-            say(str(error))
-            say("nothing is written yet; your answers are kept")
-            answers = ask_values(answers, CLUTCH | USE)
+            say(f"{error}\nnothing is written yet; your answers are kept")
+            answers = ask_values(answers, draft.CLUTCH | draft.USE)
 
 
 @init.command()
-@verb
 def bench(
-    tables: Annotated[
-        list[Path] | None, typer.Argument(metavar="[CSV ...]", help="tables of the stand")
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="default: the name of the first table")] = None,
-    origin: Annotated[
-        str, typer.Option("--from", help="study or bench whose clutch the stand has")
-    ] = "mq200_stand",
-    column: Annotated[
-        list[str] | None,
-        typer.Option(
-            metavar="QUANTITY=COLUMN[:UNIT]", help="e.g. shift_time_s='t 90 %:ms', or a formula"
-        ),
-    ] = None,
-    rise_s: Annotated[
-        float | None, typer.Option(help="rise time of the force where no column has it")
-    ] = None,
-    decimal: Annotated[str | None, typer.Option(help="decimal sign of the tables, . or ,")] = None,
-    rows: Annotated[
-        str | None, typer.Option(help="rows of the file that are shifts, e.g. 2-41,45")
-    ] = None,
+    tables: Annotated[list[Path] | None, Argument(metavar="[CSV ...]")] = None,
+    out: Annotated[Path | None, Option(help="default: the name of the first table")] = None,
+    origin: Annotated[str, Option("--from", help="whose clutch the stand has")] = "mq200_stand",
+    column: Annotated[list[str] | None, Option(metavar="QUANTITY=COLUMN[:UNIT]")] = None,
+    rise_s: Annotated[float | None, Option(help="rise time where no column has it")] = None,
+    decimal: Annotated[str | None, Option(help="decimal sign of the tables, . or ,")] = None,
+    rows: Annotated[str | None, Option(help="lines that are shifts, e.g. 2-41,45")] = None,
     set_: Sets = None,
     yes: Yes = False,
     force: Force = False,
@@ -123,24 +119,33 @@ def bench(
 ) -> None:
     """Write a bench folder from tables of any layout, or one to fill in.
 
-    Each quantity is printed as it was read: column, unit, decimal sign, first, least and largest
-    value, and the reason; so is each row and column that was left out. Cells that can be read in
-    two ways are asked about in a terminal, and refused without one, with the option that settles
-    them. A column option may be a formula: --column mismatch_rpm='n_out - n_in'; --column engaged=-
-    leaves a quantity out.
+    Each quantity is printed as it was read, with the reason; so is what was left out. Cells that
+    can be read in two ways are asked about in a terminal, and refused without one. A column has a
+    unit, --column shift_time_s='t 90 %:ms', or is a formula, --column mismatch_rpm='n_out - n_in';
+    --column engaged=- leaves a quantity out.
 
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
     """
+    from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts.bench_folder import BenchDraft, write_bench  # noqa: PLC0415
+    from dogshape.pipeline.drafts.sources import require_free  # noqa: PLC0415
+
     paths = tuple(tables or ())
     target = out or Path(paths[0].stem.replace(" ", "_") if paths else "my_bench")
     require_free(target, force)
     columns = dict(_pair(text) for text in column or [])
     values = dict(pair_of(text) for text in set_ or [])
     draft = BenchDraft(paths, origin, columns, rise_s, values, decimal, rows or "")
-    if may_ask(yes):
-        draft = _asked(draft, target)
-    found = write_bench(target, draft, force=force)
-    emit(found, json, lambda: bench_text(found))
+    found = write_bench(target, _asked(draft, target) if may_ask(yes) else draft, force=force)
+    lines = [
+        f"wrote {found['folder']}: {found['rows']} rows, {found['shifts']} shifts, "
+        f"{found['with_time']} of them with a time",
+        *_remarks(found),
+        "next:" if found["with_time"] else "next: fill in shifts.csv, then",
+        f"  dogshape validate {found['folder']}",
+        f"  dogshape gap {found['folder']} --out {found['folder']}/gap",
+    ]
+    emit(found, json, lambda: [*_reading(found), *lines])
 
 
 def _pair(text: str) -> tuple[str, str]:
@@ -155,9 +160,13 @@ def _pair(text: str) -> tuple[str, str]:
 
 def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand."""
+    from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
+    from dogshape.pipeline.drafts.sources import source_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts.study_folder import CLUTCH  # noqa: PLC0415
+
     found = guessed(draft)
     while draft.tables:
-        for part in reading_text(found):
+        for part in _reading(found):
             shown = part if isinstance(part, str) else rich_table(part)
             terminal(stderr=True).print(shown)
         for fault in found["faults"]:
@@ -168,15 +177,10 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
         if not answer:
             break
         name, text = _pair(answer.removeprefix("--column ").removeprefix("--"))
-        own = (
-            {name: text}
-            if name in ("decimal", "rows")
-            else {"columns": {**draft.columns, name: text.strip("'")}}
-        )
-        draft = replace(draft, **own)
+        columns = {"columns": {**draft.columns, name: text.strip("'")}}
+        draft = replace(draft, **({name: text} if name in ("decimal", "rows") else columns))
         found = guessed(draft)
-    values = dict(draft.values)
-    values = {"name": ask("name of the data set", target.name)} | values
+    values = {"name": ask("name of the data set", target.name)} | dict(draft.values)
     values = {"source": ask("who measured it, and when", "not said")} | values
     origin = ask("clutch of the stand, as in (study or bench)", draft.origin)
     if not ask(f"is the clutch exactly that of '{origin}'?", True):
@@ -190,73 +194,10 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     return replace(draft, origin=origin, values=values)
 
 
-def may_ask(yes: bool) -> bool:
-    """Decide whether to ask: in a terminal, unless all defaults were accepted beforehand."""
-    return not yes and sys.stdin.isatty()
-
-
-def ask(question: str, default: Any, choices: Sequence[str] = ()) -> Any:
-    """Ask for a value of the kind of the default: yes or no, a number, numbers, or words.
-
-    A decimal comma is taken as a point. An answer of another kind is asked about again; the end of
-    the input stops the program as Ctrl-C does.
-    """
-
-    def value_of(text: Any) -> Any:
-        if not isinstance(text, str) or isinstance(default, str):
-            if choices and text not in choices:
-                raise typer.BadParameter(f"give one of {', '.join(choices)}")
-            return text.strip() if isinstance(text, str) else text
-        numbers = [meant_number(word.rstrip(";")) for word in text.split()]
-        if not numbers or None in numbers or (not many and len(numbers) > 1):
-            raise typer.BadParameter(
-                "give " + ("numbers with blanks between" if many else "a number")
-            )
-        if isinstance(default, int) and numbers[0] != round(numbers[0] or 0.0):
-            raise typer.BadParameter("give a whole number")
-        return numbers if many else type(default)(numbers[0])
-
-    many = isinstance(default, (list, tuple))
-    try:
-        if isinstance(default, bool):
-            return typer.confirm(question, default=default, err=True)
-        shown = " ".join(f"{one:g}" for one in default) if many else default
-        shown = f"{shown:g}" if isinstance(shown, float) else str(shown)
-        return typer.prompt(question, default=shown, err=True, value_proc=value_of)
-    except typer.Abort:
-        raise KeyboardInterrupt from None
-
-
-def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
-    """Ask for values by their keys."""
-    return {key: ask(words.get(key, key), value) for key, value in values.items()}
-
-
-def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Give the values that differ from their defaults."""
-    return {key: value for key, value in found.items() if value != values[key]}
-
-
-def study_text(found: dict[str, Any]) -> list[str | Table]:
-    """List the file that was written, its values, and the next commands."""
-    folder = found["folder"]
-    return [
-        f"wrote {found['file']} from {found['from']}: {found['dogs']} dogs, "
-        f"{found['operating_points']} operating points",
-        *(
-            f"set {key} = {value}" if value is not None else f"left out {key}"
-            for key, value in found["set"].items()
-        ),
-        *(f"assumed: {line}" for line in found["assumed"]),
-        *(f"warning: {line}" for line in found["warnings"]),
-        f"next: look through {found['file']}, then",
-        f"  dogshape strength {folder} --no-simulation",
-        f"  dogshape study {folder}",
-    ]
-
-
-def reading_text(found: dict[str, Any]) -> list[str | Table]:
+def _reading(found: dict[str, Any]) -> list[str | Table]:
     """Tabulate how columns were read, and list the rows and columns that were left out."""
+    from dogshape.pipeline.record import Table  # noqa: PLC0415
+
     heads = "quantity", "column", "unit in file", "decimals", "first", "least", "largest", "why"
     rows = []
     for row in found["columns"]:
@@ -270,23 +211,54 @@ def reading_text(found: dict[str, Any]) -> list[str | Table]:
                      *texts, row["why"]))  # fmt: skip
     reasons: dict[str, list[str]] = {}
     for one in found["left_out"]:
-        what = f"row {one['row']}" if "row" in one else f"column '{one['column']}'"
-        reasons.setdefault(one["reason"], []).append(what)
-    left = [f"left out: {', '.join(those)}: {why}" for why, those in reasons.items()]
+        place = f"row {one['row']}" if "row" in one else f"column '{one['column']}'"
+        reasons.setdefault(one["reason"], []).append(place)
+    left = [f"left out: {', '.join(places)}: {why}" for why, places in reasons.items()]
     shown: list[str | Table] = [Table(heads, rows, {}, (1, 7)), ""] if rows else []
     return [*shown, *left]
 
 
-def bench_text(found: dict[str, Any]) -> list[str | Table]:
-    """Tabulate the columns that were read, all assumptions, and the next commands."""
-    folder = found["folder"]
-    return [
-        *reading_text(found),
-        f"wrote {folder}: {found['rows']} rows, {found['shifts']} shifts, {found['with_time']} of "
-        "them with a time",
-        *(f"assumed: {line}" for line in found["assumed"]),
-        *(f"warning: {line}" for line in found["warnings"]),
-        "next:" if found["with_time"] else "next: fill in shifts.csv, then",
-        f"  dogshape validate {folder}",
-        f"  dogshape gap {folder} --out {folder}/gap",
-    ]
+def may_ask(yes: bool) -> bool:
+    """Decide whether to ask: in a terminal, unless all defaults were accepted beforehand."""
+    return not yes and sys.stdin.isatty()
+
+
+def ask(question: str, default: Any, choices: Sequence[str] = ()) -> Any:
+    """Ask for a value of the kind of the default: yes or no, a number, numbers, or words.
+
+    A decimal comma is taken as a point. An answer of another kind is asked about again; the end of
+    the input stops the program as Ctrl-C does.
+    """
+    many = isinstance(default, (list, tuple))
+
+    def value_of(text: str) -> Any:
+        if isinstance(default, str):
+            if choices and text not in choices:
+                raise typer.BadParameter(f"give one of {', '.join(choices)}")
+            return text.strip()
+        numbers = [meant_number(word.rstrip(";")) for word in text.split()]
+        if not numbers or None in numbers or (not many and len(numbers) > 1):
+            kind = "numbers with blanks between" if many else "a number"
+            raise typer.BadParameter(f"give {kind}")
+        if isinstance(default, int) and numbers[0] != round(numbers[0] or 0.0):
+            raise typer.BadParameter("give a whole number")
+        return numbers if many else type(default)(numbers[0])
+
+    try:
+        if isinstance(default, bool):
+            return typer.confirm(question, default=default, err=True)
+        words = default if many else [default]
+        shown = " ".join(f"{one:g}" if isinstance(one, float) else f"{one}" for one in words)
+        return typer.prompt(question, default=shown, err=True, value_proc=value_of)
+    except typer.Abort:
+        raise KeyboardInterrupt from None
+
+
+def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
+    """Ask for values by their keys."""
+    return {key: ask(words.get(key, key), value) for key, value in values.items()}
+
+
+def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Give the values that differ from their defaults."""
+    return {key: value for key, value in found.items() if value != values[key]}

@@ -1,17 +1,21 @@
-"""Verbs that ask a study, its results or a bench: from one shift to the search."""
+"""Verbs that ask a study, its results or a bench: from one shift to the search.
+
+They load what they need when they are called: simulation, search and report take seconds.
+"""
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
+from typer import Argument, Option
 
 import dogshape as ds
-from dogshape.cli.console import ProgressBar, emit, show, verb, warn
+from dogshape.cli.console import ProgressBar, emit, say, show, warn
 from dogshape.cli.options import (
-    Angles,
+    BenchArg,
     Cluster,
     Corrections,
     Engine,
@@ -19,45 +23,38 @@ from dogshape.cli.options import (
     Json,
     OneForce,
     OneMismatch,
+    Rise,
     Sets,
     StudyArg,
+    SurrogateFile,
     angles_of,
+    kept,
     with_engine,
 )
-from dogshape.pipeline.simulate.executor import SHIFTS
-from dogshape.pipeline.simulate.plausibility import folded, slips_of
-from dogshape.pipeline.store.folder import require_targets
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import InputError, require_between
+from dogshape.sim.files import naming
+from dogshape.sim.units import MM
 
-Mismatch = Annotated[
-    float,
-    typer.Option(
-        help="speed of ring against ring before the shift; + runs the traction flanks together, "
-        "as before an upshift (docs/mismatch.md)"
-    ),
-]
-Force = Annotated[float, typer.Option("--force-N", help="final shift force")]
-Rise = Annotated[float | None, typer.Option(help="rise time; default: the study's table")]
+ENDINGS = {"--stl": (".stl",), "--step": (".step", ".stp"), "--svg": (".svg",),
+           "--sheet": (".html", ".json")}  # fmt: skip
 
 
-def _plausible(study: ds.Study, angles: Collection[float]) -> ds.Study:
+def _plausible(study: ds.Study, angles: Collection[float] = ()) -> None:
     """Warn of values of a study whose unit is in doubt, and of angles beyond a pitch."""
+    from dogshape.pipeline.simulate.plausibility import folded, slips_of  # noqa: PLC0415
+
     warn([*slips_of(study.config), *folded(study.config.clutch.dog, angles)])
-    return study
 
 
-@verb
 def shift(
     study: StudyArg,
-    mismatch_rpm: Mismatch,
-    force_N: Force,
-    relative_angle_deg: Annotated[
-        float, typer.Option(help="lead of the output ring over dogs facing dogs")
-    ],
+    mismatch_rpm: Annotated[float, Option(help="+ runs the traction flanks together")],
+    force_N: Annotated[float, Option("--force-N", help="final shift force")],
+    relative_angle_deg: Annotated[float, Option(help="from dogs facing dogs")],
     force_rise_s: Rise = None,
-    all_dogs: Annotated[bool, typer.Option("--all-dogs", help="model every dog")] = False,
-    html: Annotated[Path | None, typer.Option(help="write an animation with its curves")] = None,
-    trace: Annotated[Path | None, typer.Option(help="write the time series as CSV")] = None,
+    all_dogs: Annotated[bool, Option("--all-dogs", help="model every dog")] = False,
+    html: Annotated[Path | None, Option(help="write an animation with its curves")] = None,
+    trace: Annotated[Path | None, Option(help="write the time series as CSV")] = None,
     engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
@@ -66,6 +63,8 @@ def shift(
 
     Example: dogshape shift mq200 --mismatch-rpm 50 --force-N 469 --relative-angle-deg 10
     """
+    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
+
     if html is not None and html == trace:
         raise InputError(f"--html and --trace both name {html}; give two files")
     require_targets({"--html": html, "--trace": trace})
@@ -75,28 +74,18 @@ def shift(
         force_rise_s=force_rise_s, all_dogs=all_dogs,
     )  # fmt: skip
     _plausible(given, [relative_angle_deg])
-    if html is not None:
-        found.report(html)
-    if trace is not None:
-        found.write_trace(trace)
-    written = [f"wrote {path}" for path in (html, trace) if path is not None]
-    show(found, json, *(f"warning: {one}" for one in found.warnings), *written)
+    writers = [(found.report, html), (found.write_trace, trace)]
+    show(found, json, *(f"wrote {write(path)}" for write, path in writers if path is not None))
 
 
-@verb
 def expect(
     study: StudyArg,
     mismatch_rpm: OneMismatch = None,
     force_N: OneForce = None,
     force_rise_s: Rise = None,
-    angles: Angles = None,
-    precision: Annotated[
-        float | None, typer.Option(help="wanted relative standard error, e.g. 0.01; finds N")
-    ] = None,
-    draws: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="table of keys, a row a draw (gap --write): an interval"),
-    ] = None,
+    angles: Annotated[str | None, Option(help="how many, or degrees: A,B,C")] = None,
+    precision: Annotated[float | None, Option(help="relative standard error")] = None,
+    draws: Annotated[Path | None, Option(metavar="FILE", help="table: keys, a row a draw")] = None,
     engine: Engine = None,
     set_: Sets = None,
     jobs: Jobs = 0,
@@ -107,14 +96,15 @@ def expect(
 
     Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
     """
-    settings, listed, bar = with_engine(set_, engine), angles_of(angles), ProgressBar()
+    settings, listed = with_engine(set_, engine), angles_of(angles)
     point: dict[str, Any] = {
         "mismatch_rpm": mismatch_rpm, "force_N": force_N, "force_rise_s": force_rise_s,
         "precision": precision, "cluster": cluster,
     }  # fmt: skip
     if draws is None:
-        given = _plausible(ds.Study(study, settings), listed if isinstance(listed, tuple) else ())
-        show(given.expect(**point, angles=listed, jobs=jobs, keep=SHIFTS, progress=bar), json)
+        given = ds.Study(study, settings)
+        _plausible(given, listed if isinstance(listed, tuple) else ())
+        show(given.expect(**point, angles=listed, **kept(jobs)), json)
         return
     if any(other is not None for other in point.values()):
         raise InputError(
@@ -123,16 +113,13 @@ def expect(
         )
     if isinstance(listed, tuple):
         raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
-    show(ds.expect_draws(study, draws, settings, angles=listed, jobs=jobs, progress=bar), json)
+    how: dict[str, Any] = {"jobs": jobs, "progress": ProgressBar()}
+    show(ds.expect_draws(study, draws, settings, angles=listed, **how), json)
 
 
-@verb
 def validate(
-    bench: Annotated[str, typer.Argument(metavar="BENCH_DIR", help="folder of a data set")],
-    angles: Annotated[
-        str | None,
-        typer.Option(help="how many, or angles A,B,C in degrees; default: the set's own, or 16"),
-    ] = None,
+    bench: BenchArg,
+    angles: Annotated[str | None, Option(help="how many, or degrees: A,B,C")] = None,
     correct: Corrections = None,
     engine: Engine = None,
     jobs: Jobs = 0,
@@ -142,21 +129,15 @@ def validate(
 
     Example: dogshape validate mq200_adams
     """
-    how: dict[str, Any] = {"engine": engine, "jobs": jobs, "keep": SHIFTS}
-    given = ds.Bench(bench, correct or ())
-    show(given.validate(angles_of(angles), **how, progress=ProgressBar()), json)
+    how: dict[str, Any] = {"correct": correct or (), "engine": engine, **kept(jobs)}
+    show(ds.validate(bench, angles_of(angles), **how), json)
 
 
-@verb
 def strength(
     study: StudyArg,
-    simulation: Annotated[
-        bool, typer.Option(help="simulate the hardest landing, dog on dog")
-    ] = True,
-    explain: Annotated[bool, typer.Option("--explain", help="formulas, sources, keys")] = False,
-    fem: Annotated[
-        bool, typer.Option("--fem", help="root stress by finite elements too; extra [fem]")
-    ] = False,
+    simulation: Annotated[bool, Option(help="simulate the hardest landing, dog on dog")] = True,
+    explain: Annotated[bool, Option("--explain", help="formulas, sources, keys")] = False,
+    fem: Annotated[bool, Option("--fem", help="finite elements too; extra [fem]")] = False,
     engine: Engine = None,
     set_: Sets = None,
     jobs: Jobs = 0,
@@ -169,38 +150,68 @@ def strength(
 
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
-    given, roots = ds.Study(study, with_engine(set_, engine)), []
+    given, record, more = ds.Study(study, with_engine(set_, engine)), {}, []
     if fem:
         from dogshape.validation.finite_elements import root_check  # noqa: PLC0415
 
         roots = root_check.root_checks(given.config.clutch.dog, given.config.limits)
-    found = given.strength(simulate=simulation, jobs=jobs, keep=SHIFTS, progress=ProgressBar())
-    parts = [*found.parts, *(found.explained if explain else ())]
-    record = found.to_dict()
-    if fem:
         record["finite_elements"] = [one.to_dict() for one in roots]
-        parts.append(root_check.root_table(roots))
-    emit(record, json, lambda: parts)
-    if not found.feasible:
-        raise typer.Exit(1)
+        more = [root_check.root_table(roots)]
+    found = given.strength(simulate=simulation, **kept(jobs))
+    parts = [*found.to_parts(), *(found.explained if explain else ()), *more]
+    emit({**found.to_dict(), **record}, json, lambda: parts, ok=found.feasible)
 
 
-@verb
+def check(
+    study: StudyArg,
+    surrogate: SurrogateFile = None,
+    mismatch_rpm: OneMismatch = None,
+    force_N: OneForce = None,
+    designs: Annotated[Path | None, Option(help="CSV, columns as chamfer_deg")] = None,
+    out: Annotated[Path | None, Option(help="with --designs: CSV of the answers")] = None,
+    engine: Engine = None,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Quick check of one design, or predicted times of many.
+
+    The compiled engine simulates one design in seconds, landing included, beside the surrogate's
+    prediction; --surrogate FILE answers at once, without the landing. A table is the surrogate's:
+    answers go beside it, into NAME-times.csv; status 1 if a row has no answer.
+
+    Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
+    """
+    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
+
+    given = ds.Study(study, with_engine(set_, engine))
+    require_targets({"--out": out})
+    asked: dict[str, Any] = {
+        "mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate
+    }  # fmt: skip
+    if designs is not None:
+        from dogshape.pipeline.train.design_table import beside  # noqa: PLC0415
+
+        many = given.predict(designs, out=out or beside(designs), **asked)
+        for line in many.notes:
+            say(line)
+        show(many, json, ok=not many.to_dict()["impossible"])
+        return
+    if out is not None:
+        raise InputError("--out is for the answers to --designs; give both or neither")
+    found = given.check(**asked)
+    show(found, json, ok=found.feasible)
+
+
 def study(
     study: StudyArg,
-    out: Annotated[Path | None, typer.Option(help="default: results/NAME")] = None,
-    trials: Annotated[int | None, typer.Option(min=1, help="designs to propose")] = None,
+    out: Annotated[Path | None, Option(help="default: results/NAME")] = None,
+    trials: Annotated[int | None, Option(min=1, help="designs to propose")] = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="of the search")] = None,
-    storage: Annotated[
-        str | None,
-        typer.Option(help="PostgreSQL that machines share: postgresql+psycopg://user@host/db"),
-    ] = None,
-    resume: Annotated[bool, typer.Option("--resume", help="go on if there is a study")] = False,
-    no_report: Annotated[
-        bool, typer.Option("--no-report", help="result only; 'dogshape report' makes it later")
-    ] = False,
+    seed: Annotated[int | None, Option(min=0, help="of the search")] = None,
+    storage: Annotated[str | None, Option(help="PostgreSQL that machines share")] = None,
+    resume: Annotated[bool, Option("--resume", help="go on if there is a study")] = False,
+    no_report: Annotated[bool, Option("--no-report", help="leave it out")] = False,
     engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
@@ -218,14 +229,11 @@ def study(
         out, jobs=jobs, cluster=cluster, storage=storage, resume=resume, report=not no_report,
         progress=ProgressBar(),
     )  # fmt: skip
-    show(found, json)
-    if found.best is None:
-        raise typer.Exit(1)
+    show(found, json, ok=found.best is not None)
 
 
-@verb
 def report(
-    directory: Annotated[Path, typer.Argument(metavar="DIR", help="folder of a study")],
+    directory: Annotated[Path, Argument(metavar="DIR", help="folder of a study")],
     json: Json = False,
 ) -> None:
     """Write the report again from what a study stored.
@@ -239,10 +247,9 @@ def report(
     emit({"report": str(path)}, json, lambda: [f"report: {path}"])
 
 
-@verb
 def fit(
-    where: Annotated[str, typer.Argument(metavar="STUDY|DIR", help="study, or folder of one")],
-    out: Annotated[Path | None, typer.Option(help="default: surrogate.json of the folder")] = None,
+    where: Annotated[str, Argument(metavar="STUDY|DIR", help="study, or folder of one")],
+    out: Annotated[Path | None, Option(help="default: surrogate.json of the folder")] = None,
     jobs: Jobs = 0,
     cluster: Cluster = None,
     engine: Engine = None,
@@ -261,11 +268,8 @@ def fit(
     show(ds.fit(where, with_engine(set_, engine), **how, progress=ProgressBar()), json)
 
 
-@verb
 def compare(
-    items: Annotated[
-        list[str], typer.Argument(metavar="A B ...", help="e.g. results/mq200#43, mq200")
-    ],
+    items: Annotated[list[str], Argument(metavar="A B ...", help="e.g. results/mq200#43, mq200")],
     json: Json = False,
 ) -> None:
     """Compare designs, studies, folders of results or contact sets with the first one.
@@ -276,3 +280,102 @@ def compare(
     Example: dogshape compare mq200#19 mq200#43 mq200#0
     """
     show(ds.compare(*items), json)
+
+
+def export(
+    study: Annotated[str, Argument(metavar="STUDY", help="or FOLDER#N or STUDY#N, a design")],
+    stl: Annotated[Path | None, Option(help="one ring for print; both are alike")] = None,
+    step: Annotated[Path | None, Option(help="both rings for CAD; extra [cad]")] = None,
+    svg: Annotated[Path | None, Option(help="dimensioned section of a dog")] = None,
+    sheet: Annotated[Path | None, Option(help="data sheet, HTML or JSON by ending")] = None,
+    why: Annotated[str, Option(help="with --sheet: reason of a decision")] = "",
+    body_mm: Annotated[float, Option(help="thickness of a ring below the slots")] = 3.0,
+    set_: Sets = None,
+    json: Json = False,
+) -> None:
+    """Geometry for CAD and print, drawing and data sheet of a design.
+
+    The data sheet has dimensions, times, margins and provenance: those of the search for
+    results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
+
+    Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
+    """
+    from dogshape.pipeline.export.cad import load_cad, write_step  # noqa: PLC0415
+    from dogshape.pipeline.export.drawing import dimensioned_svg  # noqa: PLC0415
+    from dogshape.pipeline.reports.data_sheet import named_design  # noqa: PLC0415
+    from dogshape.pipeline.simulate.design import design_of  # noqa: PLC0415
+    from dogshape.pipeline.store.folder import require_targets  # noqa: PLC0415
+    from dogshape.sim.part import part_volume, ring_part  # noqa: PLC0415
+    from dogshape.sim.shift.mesh import to_stl  # noqa: PLC0415
+    from dogshape.sim.strength.manufacture import require_makeable  # noqa: PLC0415
+
+    one = named_design(study, set_, chosen=False)
+    given = one.own_study
+    dog, radius, body = given.clutch.dog, given.limits.root_radius, body_mm * MM
+    files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
+    if not any(files.values()):
+        raise InputError(
+            "export was asked for nothing; give --stl, --step, --svg or --sheet with a file"
+        )
+    if why and sheet is None:
+        raise InputError("--why is for the data sheet; give --sheet with a file")
+    require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
+    require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
+    require_makeable(dog, given.limits.manufacturing)
+    if step is not None:
+        load_cad()  # before anything is written
+    design = design_of(given, {})
+    if not design.feasible:
+        warn([f"not feasible ({', '.join(design.failed)}); see dogshape strength"])
+    _plausible(ds.Study.from_config(given))
+    if svg is not None:
+        with naming(svg):
+            svg.write_text(dimensioned_svg(dog, given.limits, one.title), encoding="utf-8")
+    if stl is not None:
+        with naming(stl):
+            stl.write_bytes(to_stl(ring_part(dog, radius, body), f"dogshape {one.title} ring"))
+    if step is not None:
+        write_step(dog, radius, body, step)
+    if sheet is not None:
+        from dogshape.designs import write_data_sheet  # noqa: PLC0415
+
+        write_data_sheet(one, sheet, why)
+    written = {kind: str(path) for kind, path in files.items() if path is not None}
+    volume = part_volume(dog, radius, body) / MM**3
+    words = {"svg": "drawing", "stl": "one ring, both are alike", "step": "both rings",
+             "sheet": "data sheet"}  # fmt: skip
+    lines = [f"wrote {path} ({words[kind]})" for kind, path in written.items()]
+    lines.append(f"volume of a ring {volume:.1f} mm3")
+    sizes = {"ring_volume_mm3": volume, "root_radius_mm": radius / MM, "body_mm": body_mm}
+    emit({**written, **sizes}, json, lambda: lines)
+
+
+def app(
+    study: Annotated[str, Argument(metavar="STUDY", help="or the folder of its results")],
+    surrogate: SurrogateFile = None,
+    port: Annotated[int, Option(min=0, max=65535, help="of this machine; 0: any")] = 8050,
+    browser: Annotated[bool, Option(help="open the page in the browser")] = True,
+    set_: Sets = None,
+) -> None:
+    """Live page in the browser: sliders, section, times, checks.
+
+    The server listens on this machine only. The surrogate predicts at once ('dogshape fit'), the
+    compiled engine simulates in seconds, landing included.
+
+    Example: dogshape app mq200_paper --set load.torque_Nm=150
+    """
+    from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
+    from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
+
+    stored, folder = StudyFolder(Path(study)), None
+    if stored.manifest.is_file():
+        folder = stored.root
+        given = ds.Study.from_config(stored.stored_study())
+        given = given.replace_keys(dict(map(pair_of, set_ or ())))
+    else:
+        given = ds.Study(study, set_)
+    ds.serve_app(
+        given, surrogate=surrogate, folder=folder, port=port, browser=browser,
+        progress=ProgressBar(), command=shlex.join([study, *(f"--set={s}" for s in set_ or ())]),
+    )  # fmt: skip
+    raise KeyboardInterrupt  # by which the server ends
