@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Protocol
 from dogshape.diagnosis.bench.bench_data import Bench as BenchData
 from dogshape.diagnosis.bench.bench_data import load_bench, require_times
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
-from dogshape.diagnosis.report.phase_times import PhaseGap, phase_gaps
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, Means, diagnosed
 from dogshape.pipeline.diagnose.calibrated_study import (
@@ -143,7 +142,7 @@ class Diagnosis(Result):
     def report(self, path: str | Path) -> Path:
         """Write the report as one page that opens offline; give its path."""
         found = self.inference
-        write_page(found, Path(path), phase_gaps(found.bench), self.consequence)
+        write_page(found, Path(path), self.consequence)
         return Path(path)
 
     def calibrated(
@@ -231,10 +230,8 @@ def diagnose(
         studied(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
         found, where = diagnosed(given, means), "not written, for lack of --out"
-        phases: tuple[PhaseGap, ...] = ()
         if folder is not None:
-            phases = phase_gaps(found.bench)
-            where = f"written to {publish(found, folder, phases)}"
+            where = f"written to {publish(found, folder)}"
             keep_data(given, folder, means.effects)
         if study is None:
             return Diagnosis(found, None, folder)
@@ -242,7 +239,7 @@ def diagnose(
         progress.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
         price = price_of(found, study, means, folder or Path(bank))
         if folder is not None:
-            publish(found, folder, phases, price)
+            publish(found, folder, price)
     return Diagnosis(found, price, folder)
 
 
@@ -341,7 +338,7 @@ def update_diagnosis(
         record = update_record(before, found, sheet, count)
         updates = [*updates_of(place, count), record]
         history = {f"update {one['update']}": one["sentence"] for one in updates}
-        publish(found, place, phase_gaps(bench), history=history)
+        publish(found, place, history=history)
         write_updates(place, updates)
         settle_data(place)
     return Update(Diagnosis(found, None, place), record, place)

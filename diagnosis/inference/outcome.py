@@ -193,7 +193,7 @@ class NextTest:
         """Sentences of the test, its chance to settle the cause and its cost."""
         cost = f"({number(self.hours)} h of work)"
         if self.information is None:
-            return f"{self.how} They show where along the shift the residual arises {cost}."
+            return f"{self.how} They show whether the free flight has the residual {cost}."
         return f"{self.how} Chance to settle the cause: {100.0 * self.settles:.0f} % {cost}."
 
     def to_dict(self) -> dict[str, Any]:
