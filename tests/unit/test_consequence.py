@@ -66,8 +66,7 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     assert margins == [False, True, False]
     assert all(one.landing.passed for one in found.candidates)
     assert found.sentence == (
-        "With the cause the chosen design (flat) fails; blunt is best. "
-        "Landings with the cause overload flat."
+        "With the cause blunt is best. Landings with the cause overload flat."
     )
     assert found.record["best_with"] == "blunt"
 
@@ -82,7 +81,7 @@ def test_what_lands_too_hard_is_not_the_best(study: Setup) -> None:
     chosen = {"prototype": designs["prototype"], "low": low, "blunt": designs["blunt"]}
     found = consequence(study, chosen, {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run)
     assert (found.chosen.name, found.best.name) == ("low", "blunt")
-    assert found.sentence.startswith("With the cause the chosen design (low) fails; blunt is best.")
+    assert found.sentence.startswith("With the cause blunt is best. Landings")
 
 
 def test_a_design_that_failed_at_the_new_angles_is_left_out(tmp_path: Path) -> None:
@@ -106,7 +105,7 @@ def test_a_folder_of_results_is_a_study(tmp_path: Path, monkeypatch: pytest.Monk
     folder = StudyFolder(Path("runs") / "first")
     folder.root.mkdir(parents=True)
     folder.open(own, resume=False)
-    with pytest.raises(DataError, match=r"the study in runs/first has no result; run .*--resume"):
+    with pytest.raises(DataError, match=r"no result of the study truck in runs/first; run .*--resume"):
         studied(folder.root)
     shutil.copy(bundled_root() / "mq200_paper" / "result.json", folder.result)
     found, designs = studied(folder.root)

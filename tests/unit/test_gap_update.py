@@ -261,6 +261,6 @@ def test_the_sentence_has_odds_in_closed_form() -> None:
     assert " : 1" not in sentence(before, lost, EFFECTS)
     stays = _state((delay, 0.9, 0.9), (mass, 0.1, 0.1))
     said = sentence(before, stays, EFFECTS)
-    assert said.startswith("The answer stays dead time of the actuation: 60 % before, 90 % now")
+    assert said.startswith("The answer stays dead time of the actuation (60 % before, 90 % now)")
     assert said.endswith("are 4.5 : 1 for dead time of the actuation against mass of actuator "
                          "and linkage.")  # fmt: skip
