@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -227,7 +227,7 @@ class Diagnosis:
             "drift": None if self.seen.drift is None else self.seen.drift.to_dict(),
             "credible_set": [list(h) for h in self.verdict.credible],
             "seconds": self.seconds,
-            "settings": self.settings.as_dict(),
+            "settings": asdict(self.settings),
         }
 
     @property
