@@ -186,7 +186,7 @@ class Diagnosis:
             "confusable": self.confusable,
             "inclusion": self.inclusion,
             "sizes": {
-                name: {key: one.as_dict() for key, one in sizes.items()}
+                name: {key: asdict(one) for key, one in sizes.items()}
                 for name, sizes in self.sizes.items()
             },
             "gap": {
@@ -200,7 +200,7 @@ class Diagnosis:
             },
             "margin_s": self.margin_s,
             "within_margin": self.within,
-            "discrepancy": {"amplitude": amplitude.as_dict()},
+            "discrepancy": {"amplitude": asdict(amplitude)},
             "where": [
                 {
                     "mismatch_rpm": one.cell.point.mismatch / RPM,
@@ -245,7 +245,7 @@ class Diagnosis:
             "parameters": {},
         }
         if found is not None:
-            record["parameters"] = {n: one.as_dict() for n, one in found.intervals.items()}
+            record["parameters"] = {n: asdict(one) for n, one in found.intervals.items()}
             record["log_evidence"], record["log_evidence_error"] = found.log_evidence, found.error
             record["predictive_p"] = found.p
         return record

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -37,19 +37,13 @@ ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
+STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
+REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Hypotheses with their evidence.
-
-    Parameters
-    ----------
-    likelihood : of the data set.
-    samples : of every known hypothesis.
-    log_prior : of each, *unknown* too.
-    log_unknown : log evidence of *unknown*.
-    """
+    """Samples and log priors of hypotheses, and the log evidence of *unknown*."""
 
     likelihood: Likelihood
     samples: Mapping[Hypothesis, Sample]
@@ -88,9 +82,6 @@ def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
     return plain + [turned(h) for h in plain if set(h) <= set(model.turned.effects)]
 
 
-REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
-
-
 @dataclass
 class _Search:
     """Samples while hypotheses are ranked."""
@@ -102,9 +93,9 @@ class _Search:
     samples: dict[Hypothesis, Sample] = field(default_factory=dict)
     priors: dict[Hypothesis, float] = field(default_factory=dict)
 
-    def screen(self, hypotheses: Sequence[Hypothesis]) -> None:
-        """Sample hypotheses by their prior draws."""
-        for one in screened(self.likelihood, list(hypotheses), self.more, self.distance):
+    def take(self, samples: Iterable[Sample]) -> None:
+        """Keep samples, with their log prior probabilities."""
+        for one in samples:
             self.samples[one.hypothesis] = one
             self.priors[one.hypothesis] = self.prior(one.hypothesis)
 
@@ -160,9 +151,7 @@ class _Search:
                 within[h], promise[h] = parts, best
         chosen = sorted(promise, key=lambda h: -promise[h])[:THIRDS]
         parts_of = {h: within[h] for h in chosen}
-        for one in widened(self.likelihood, parts_of, self.more, self.generator):
-            self.samples[one.hypothesis] = one
-            self.priors[one.hypothesis] = self.prior(one.hypothesis)
+        self.take(widened(self.likelihood, parts_of, self.more, self.generator))
         return chosen
 
 
@@ -177,7 +166,8 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     """
     search = _Search(likelihood, more, reversed_, np.random.default_rng(3))
     for size in range(min(3, likelihood.settings.most + 1)):
-        search.screen(hypotheses_of(likelihood.model, size))
+        few = hypotheses_of(likelihood.model, size)
+        search.take(screened(likelihood, few, more, search.distance))
     search.refine(0)
     search.refine(1)
     if likelihood.settings.most > 2:
@@ -190,18 +180,15 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     return Ranking(likelihood, search.samples, priors, _unlisted(search) + beside)
 
 
-STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
-
-
 def _unlisted(search: _Search) -> float:
     """Compute the log evidence of a gap that no listed effect explains, on top of any of them.
 
     With such a gap the posterior is wider, so draws count by a low power of their likelihood.
     """
     like, settings = search.likelihood, search.likelihood.settings
-    singles = [h for h in search.samples if len(forward(h)) < 2]
     pairs = [h for h in search.samples if len(forward(h)) == 2]
-    some = (*singles, *sorted(pairs, key=lambda h: -search.value(h))[:3])
+    some = [h for h in search.samples if len(forward(h)) < 2]
+    some += sorted(pairs, key=lambda h: -search.value(h))[:3]
     options = [*itertools.product(settings.unlisted_sizes, settings.unlisted_lengths, STRETCHES)]
     logs = []
     for h in some:
