@@ -53,13 +53,9 @@ FITTED = 1e-3  #: probability from which a hypothesis is fitted
 
 @dataclass(frozen=True)
 class Reading:
-    """Answer if the record means one thing where nobody noted it.
+    """Answer if a key of the record, such as ``time_zero``, has a value that nobody noted.
 
-    Parameters
-    ----------
-    key, value : such as ``time_zero`` and ``force``.
-    probability : that it means this, given the data.
-    verdict, posterior : in that case.
+    ``probability`` is that of the value, given the data; ``verdict`` and ``posterior`` hold then.
     """
 
     key: str
@@ -121,12 +117,6 @@ class Diagnosis:
         return next(h for h in self.posterior if h in self.fits)
 
     @property
-    def rival(self) -> Hypothesis | None:
-        """The most probable other known hypothesis with an effect."""
-        others = (h for h in self.posterior if h in self.fits and h != NONE)
-        return next((h for h in others if h != self.leading), None)
-
-    @property
     def noise(self) -> float:
         """Monte Carlo standard error of the leading probability."""
         share = self.posterior[self.leading]
@@ -157,13 +147,14 @@ class Diagnosis:
         """Sizes of each effect over all plausible hypotheses that have it."""
         found: dict[str, dict[str, Interval]] = {}
         for name, effect in self.effects.items():
-            mine = [(h, p) for h, p in self.posterior.items() if name in h and h in self.fits]
+            mine = [(self.fits[h], p) for h, p in self.posterior.items()
+                    if name in h and h in self.fits]  # fmt: skip
             whole = sum(p for _, p in mine)
             if whole < FITTED:
                 continue
             parts = []
-            for h, p in mine:
-                one, count = self.fits[h], len(self.fits[h].shares)
+            for one, p in mine:
+                count = len(one.shares)
                 rows = np.linspace(0, count - 1, int(np.ceil(p / whole * count))).astype(int)
                 columns = one.space.columns(name) if effect.parameters else slice(0)
                 parts.append(one.values[rows][:, columns])
@@ -173,9 +164,9 @@ class Diagnosis:
 
     def to_dict(self) -> Record:
         """Write ``gap.json``."""
-        gaps, top = self.held_out, self.fits[self.leading]
-        missing = max(gaps.baseline - gaps.chance, 1e-6)
-        amplitude = Interval.of(top.amplitude)
+        gaps, amplitude = self.held_out, Interval.of(self.fits[self.leading].amplitude)
+        shrink = 1.0 - (gaps.held_out - gaps.chance) / max(gaps.baseline - gaps.chance, 1e-6)
+        sizes = {n: {k: asdict(i) for k, i in one.items()} for n, one in self.sizes.items()}
         return {
             "bench": self.bench.name,
             "engine": self.bench.clutch.solver.engine,
@@ -185,16 +176,13 @@ class Diagnosis:
             "hypotheses": [self._hypothesis(h) for h in self.posterior],
             "confusable": self.confusable,
             "inclusion": self.inclusion,
-            "sizes": {
-                name: {key: asdict(one) for key, one in sizes.items()}
-                for name, sizes in self.sizes.items()
-            },
+            "sizes": sizes,
             "gap": {
                 "hypothesis": list(self.leading),
                 "baseline_rmse_s": gaps.baseline,
                 "heldout_rmse_s": gaps.held_out,
                 "floor_rmse_s": gaps.chance,
-                "shrink": float(np.clip(1.0 - (gaps.held_out - gaps.chance) / missing, -1.0, 1.0)),
+                "shrink": float(np.clip(shrink, -1.0, 1.0)),
                 "rival": list(gaps.rival) if gaps.rival is not None else None,
                 "rival_heldout_rmse_s": gaps.rival_held_out,
             },
@@ -237,14 +225,13 @@ class Diagnosis:
         return [[n, *self.effects[n].aliases] for n in sorted(named) if self.effects[n].aliases]
 
     def _hypothesis(self, hypothesis: Hypothesis) -> Record:
-        found = self.fits.get(hypothesis)
         record: Record = {
             "effects": list(hypothesis),
             "probability": self.posterior[hypothesis],
             "evidence_probability": self.evidence[hypothesis],
             "parameters": {},
         }
-        if found is not None:
+        if found := self.fits.get(hypothesis):
             record["parameters"] = {n: asdict(one) for n, one in found.intervals.items()}
             record["log_evidence"], record["log_evidence_error"] = found.log_evidence, found.error
             record["predictive_p"] = found.p
@@ -265,8 +252,7 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
     ]
     evidence = _mixed(answers, settings)
     best = max(answers, key=lambda one: one.log).ranking
-    likelihood = best.likelihood
-    model = likelihood.model
+    likelihood, model = best.likelihood, best.likelihood.model
     flights = Flights(model.effects, model.settings)
     plausible = [h for h, p in evidence.items() if p > FITTED and h in best.samples]
     fits = {h: fit(likelihood, best.samples[h], flights) for h in dict.fromkeys((NONE, *plausible))}
@@ -274,7 +260,7 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
     posterior = seen_apart(shares, evidence)
     within = within_margin(likelihood, fits, evidence, bench.margin)
     known = [h for h in posterior if h in fits]
-    rival = next((h for h in known[1:] if h != NONE), None)
+    rival = next((fits[h] for h in known[1:] if h != NONE), None)
     plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
     times = np.array([np.nan if cell.time is None else cell.time for cell in bench.cells])
     turned = {} if model.turned is None else {REVERSED: registry.load()[REVERSED]}
@@ -289,21 +275,12 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
         verdict = decide(chances, fits, within, settings)
         readings.append(Reading(key, value, probability, verdict, chances))
     return Diagnosis(
-        bench,
-        dict(sorted({**model.effects, **turned}.items())),
-        settings,
-        likelihood,
-        posterior,
-        evidence,
-        fits,
-        decide(posterior, fits, within, settings),
-        within,
-        held_out(likelihood, fits[known[0]], fits[rival] if rival else None, times - plain),
-        tuple(readings),
-        (*facts_of(bench), *measured_facts(bench, model.effects)),
-        flights,
+        bench, dict(sorted({**model.effects, **turned}.items())), settings, likelihood, posterior,
+        evidence, fits, decide(posterior, fits, within, settings), within,
+        held_out(likelihood, fits[known[0]], rival, times - plain), tuple(readings),
+        (*facts_of(bench), *measured_facts(bench, model.effects)), flights,
         time.process_time() - begin,
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

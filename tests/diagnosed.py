@@ -178,7 +178,7 @@ def tests() -> tuple[Any, ...]:
         ),
         SimpleNamespace(
             name="run-down of the sliding ring", kind="direct", effects=("drag_torque",), hours=1.0,
-            information=None, settles=0.0, misleads=0.0, why="Turn it (1 h of work).",
+            information=0.0, settles=0.0, misleads=0.0, why="Turn it (1 h of work).",
         ),
     )  # fmt: skip
 
@@ -235,4 +235,4 @@ def simulated_diagnosis(
     """Diagnose a bench of the closed form, among a few effects."""
     models = build_models(bench, {name: EFFECTS[name] for name in FEW}, settings, made_up)
     found = diagnose(bench, models, settings)
-    return replace(found, tests=choose(found, found.flights.marks)) if advise else found
+    return replace(found, tests=choose(found)) if advise else found

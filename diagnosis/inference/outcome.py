@@ -1,16 +1,14 @@
 r"""Outcome of a bench test as hypotheses predict it, and its worth to the decision.
 
 A hypothesis *h* predicts the outcome *y* by *K* draws of its posterior, each a normal density with
-the errors of the test. The probability after the test is
+the errors of the test, so the probability after it is
 
 .. math:: P(h | y) \propto \frac{P(h)}{K} \sum_k N(y; a \mu_k + (1 - a) \bar\mu,
           \Sigma_k + (1 - a^2) V),
 
-where *V* is the covariance of the means :math:`\mu_k` and :math:`\sqrt{1 - a^2}` the kernel width
-of Silverman (1986), so that few draws keep the moments of the posterior (West 1993).
-
-Beside each effect stands an *imitator*, a cause outside the list that acts on shift times alike. A
-test that reads the effect finds of it what it finds of *unknown*; beyond its odds it counts so.
+*V* the covariance of the means :math:`\mu_k`, :math:`\sqrt{1 - a^2}` the kernel width of Silverman
+(1986; West 1993). Beside each effect stands an *imitator*, a cause outside the list that acts on
+shift times alike: a test that reads the effect finds of it what it finds of *unknown*.
 """
 
 from __future__ import annotations
@@ -103,13 +101,6 @@ class Outcome:
         covariance = self.covariance[:, shown][:, :, shown]
         return replace(self, mean=self.mean[:, shown], covariance=covariance)
 
-    def moments(self, place: int) -> tuple[Array, Array]:
-        """Compute mean and standard deviation under a hypothesis, (d,) each."""
-        mine = self.owner == place
-        share, mean = self.share[mine], self.mean[mine]
-        own = np.diagonal(self.covariance[mine], axis1=1, axis2=2)
-        return share @ mean, np.sqrt(share @ (own + (mean - share @ mean) ** 2))
-
     def after(self, before: Array, log: Array, odds: float) -> Array:
         """Update probabilities (hypotheses,) by log densities (n, hypotheses), (n, hypotheses).
 
@@ -161,9 +152,8 @@ class NextTest:
         the number of shifts there.
     question : key of the record in question.
     outcome : predicted shares of the ranges, or mean time in s and share engaged, or marks in s;
-        None for a question, and where no hypothesis predicts it.
-    information : nats; None where no hypothesis predicts the outcome.
-    settles, misleads : chances.
+        None for a question.
+    information, settles, misleads : nats, and chances.
     """
 
     name: str
@@ -177,35 +167,25 @@ class NextTest:
     shifts: int = 0
     question: str = ""
     outcome: Outcome | None = None
-    information: float | None = None
+    information: float = 0.0
     settles: float = 0.0
     misleads: float = 0.0
 
     @property
-    def foreseen(self) -> dict[Hypothesis, tuple[Array, Array]]:
-        """Mean and standard deviation of each hypothesis' outcome."""
-        if self.outcome is None:
-            return {}
-        return {h: self.outcome.moments(k) for k, h in enumerate(self.outcome.hypotheses)}
-
-    @property
     def why(self) -> str:
         """Sentences of the test, its chance to settle the cause and its cost."""
-        cost = f"({number(self.hours)} h of work)"
-        if self.information is None:
-            return f"{self.how} They show whether the free flight has the residual {cost}."
-        return f"{self.how} Chance to settle the cause: {100.0 * self.settles:.0f} % {cost}."
+        chance = f"Chance to settle the cause: {100.0 * self.settles:.0f} %"
+        return f"{self.how} {chance} ({number(self.hours)} h of work)."
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record ``next_test``."""
-        predicted = self.information is not None
         record: dict[str, Any] = {
             "name": self.name,
             "why": self.why,
             "kind": self.kind,
             "information_nats": self.information,
-            "chance_to_settle": self.settles if predicted else None,
-            "misleads": self.misleads if predicted else None,
+            "chance_to_settle": self.settles,
+            "misleads": self.misleads,
             "hours": self.hours,
         }
         if self.kind == "direct":
@@ -213,8 +193,4 @@ class NextTest:
         if self.point is not None:
             record["mismatch_rpm"], record["force_N"] = self.point[0] / RPM, self.point[1]
             record["shifts"] = self.shifts
-        record["foreseen"] = [
-            {"effects": list(h), "mean": mean.tolist(), "sd": sd.tolist()}
-            for h, (mean, sd) in self.foreseen.items()
-        ]
         return record

@@ -1,9 +1,9 @@
 r"""Readings beside the shifts: facts about an effect, from the actuator at rest or a direct test.
 
 Static readings of the actuator, displacement *x* over force *F* at the arm, lie on a line
-:math:`x = x_0 + F/k` where the linkage is elastic. With its ratio *i* and efficiency :math:`\eta` a
-compliance at the arm is :math:`(1/k)/(i^2 \eta)` at the sleeve. The travel without force gives the
-ratio again, :math:`i = x_0/\text{travel}`, and so the factor of the forces at the sleeve.
+:math:`x = x_0 + F/k` where the linkage is elastic: with its ratio *i* and efficiency :math:`\eta`
+:math:`(1/k)/(i^2 \eta)` at the sleeve. The travel without force gives the ratio again,
+:math:`i = x_0/\text{travel}`, and so the factor of the forces at the sleeve.
 
 The result of a direct test (``[[measured]]``) counts with the shifts, neutral where the effect is
 absent. Of *unknown* the test finds nothing, half, or anything within the range.
@@ -18,9 +18,8 @@ import numpy as np
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
-from dogshape.diagnosis.likelihood.observed import Observed
-from dogshape.diagnosis.prediction.model import Model, Space
-from dogshape.diagnosis.terms import NONE, Array
+from dogshape.diagnosis.prediction.model import Space
+from dogshape.diagnosis.terms import Array
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, did_you_mean
@@ -81,22 +80,6 @@ def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
     values = [fact.neutral, *(parameter.at((k + 0.5) / ANY) for k in range(ANY))]
     weights = [0.5, *[0.5 / ANY] * ANY]
     return float(logsumexp(fact.log_density(np.array(values)), b=weights))
-
-
-def explained(fact: Fact, model: Model, seen: Observed) -> float:
-    """Compute the decrease of the gap by an effect of the fact's size alone, s.
-
-    That is of its root mean square over the operating points, negative where the gap grows. Other
-    parameters of the effect are neutral.
-    """
-    effect = model.effects[fact.effect]
-    values = effect.neutral(model.setting) | {fact.parameter: fact.value}
-    shares = np.array([[p.share(values[p.name]) for p in effect.parameters]])
-    before, after = (
-        float(np.sqrt(((seen.mean - model.predict(h, some).mean[0])[seen.count > 0] ** 2).mean()))
-        for h, some in ((NONE, np.zeros((1, 0))), ((fact.effect,), shares))
-    )
-    return before - after
 
 
 def facts_of(bench: Bench) -> tuple[Fact, ...]:

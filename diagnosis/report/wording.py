@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -10,16 +10,14 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis, Reading
 from dogshape.diagnosis.inference.fit import Interval
-from dogshape.diagnosis.inference.static_readings import explained
 from dogshape.diagnosis.inference.verdict import Verdict
-from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis, plain
+from dogshape.diagnosis.terms import NONE, UNKNOWN, plain
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import suffix_of, unit_of
 
 OPEN = 0.05  #: probability from which an open effect, or a reading of the record, is stated
 LIKELY = 0.5  #: probability from which the size of an open effect is compared with its source
 MOST = 4  #: open effects, or possible hypotheses, in a sentence
-EXPLAINED = 0.1  #: share of the gap below which a reading at rest is refuted as its cause
 BEYOND = 1.5  #: times the usual size from which a size is called large
 #: Readings of a record by key and value, as the clause "where ...".
 READINGS = {
@@ -73,40 +71,29 @@ def listed(names: Sequence[str], last: str = "and") -> str:
     return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
-def headline(
-    kind: str,
-    causes: Collection[str],
-    credible: Sequence[Hypothesis],
-    effects: Mapping[str, Effect],
-) -> str:
-    """Return the verdict in a line; ``credible`` hypotheses are named where no effect is."""
-    names = listed([effects[name].plain for name in causes])
-    if kind == "effect":
-        return f"{'Causes' if len(causes) > 1 else 'Cause'}: {names}"
-    if kind == "none":
+def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
+    """Return a verdict in a line."""
+    names = listed([effects[name].plain for name in verdict.causes])
+    if verdict.kind == "effect":
+        return f"{'Causes' if len(verdict.causes) > 1 else 'Cause'}: {names}"
+    if verdict.kind == "none":
         return "No effect needed: the gap lies within the margin"
-    if kind == "unknown":
+    if verdict.kind == "unknown":
         return "Unknown: no known effect explains the gap"
     if names:
         return f"Part of the cause: {names}; the rest is open"
-    more = " and others" if len(credible) > MOST else ""
-    return f"Open: {listed([plain(h, effects) for h in credible[:MOST]], 'or')}{more}"
-
-
-def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
-    """Return a verdict in a line."""
-    return headline(verdict.kind, verdict.causes, verdict.credible, effects)
+    more = " and others" if len(verdict.credible) > MOST else ""
+    return f"Open: {listed([plain(h, effects) for h in verdict.credible[:MOST]], 'or')}{more}"
 
 
 def summary(found: Diagnosis) -> str:
-    """Return the finding as one paragraph: gap, cause, sizes, refuted readings, open questions."""
+    """Return the finding as one paragraph: gap, cause, sizes, open questions."""
     gaps, points = found.held_out, sum(one.gap is not None for one in found.gaps)
     said = [
         f"Bench and simulation differ by {ms(gaps.baseline)} (root mean square over {points} "
         f"operating point{'s' if points > 1 else ''}), chance alone by {ms(gaps.chance)}.",
         _cause(found),
-        _refuted(found),
-        *_sizes(found),
+        *_large_sizes(found),
     ]
     answer = found.verdict.kind, found.verdict.causes
     for one in found.readings:
@@ -116,7 +103,7 @@ def summary(found: Diagnosis) -> str:
                 f"If {reading_name(one)} ({chance(one.probability)}), the answer is: "
                 f"{other[:1].lower()}{other[1:]}."
             )
-    return " ".join(part for part in said if part)
+    return " ".join(said)
 
 
 def _cause(found: Diagnosis) -> str:
@@ -152,57 +139,27 @@ def _cause(found: Diagnosis) -> str:
     return f"{said} Open beside: {listed(beside, 'or')}."
 
 
-def _refuted(found: Diagnosis) -> str:
-    """State the parts of the gap that readings at rest explain, where these are next to nothing."""
-    said, whole = [], found.held_out.baseline
-    for fact in found.facts:
-        if fact.effect in found.effects and fact.effect not in found.verdict.causes:
-            part = explained(fact, found.model, found.seen)
-            if part < EXPLAINED * whole:
-                amount = _amount(fact.parameter, fact.value)
-                effect = found.effects[fact.effect].plain
-                said.append(f"{effect} ({amount}) explains {max(0.0, 1e3 * part):.0f} ms")
-    return f"Alone and as read at rest, {listed(said)} of {1e3 * whole:.0f} ms." if said else ""
-
-
-def _sizes(found: Diagnosis) -> list[str]:
-    """State masses also at the arm of the actuator, and sizes beyond an ordinary source.
-
-    A mass that an arm with a known ratio moves is that at the sleeve over the ratio squared.
-    """
-    ratio, at_arm, large = found.bench.sensor.linkage_ratio, [], []
-    for effect in found.sizes:
-        share = 1.0 if effect in found.verdict.causes else found.inclusion.get(effect, 0.0)
-        for parameter in found.effects[effect].parameters if share > OPEN else ():
-            name, size = parameter.name, found.sizes[effect][parameter.name].mean
-            if suffix_of(name) == "_kg" and ratio is not None:
-                amount = _amount(name, size / ratio**2)
-                at_arm.append(f"{quantity(name)} of {_amount(name, size)} is {amount}")
-                continue
-            most, source = parameter.ordinary or (np.inf, "")
-            if share <= LIKELY or size < BEYOND * most:
-                continue
-            direct = [t for t in found.tests if t.kind == "direct" and effect in t.effects]
-            test = min(direct, key=lambda t: t.hours, default=None)
-            measured = f"; {test.name} measures it in {test.hours:.2g} h" if test else ""
-            words = quantity(name)
-            large.append(
-                f"{words[:1].upper()}{words[1:]} of {_amount(name, size)} is {size / most:.2g} "
-                f"times that of {source} ({_amount(name, most)}){measured}."
-            )
-    arm = f"At the arm, {listed(at_arm)} (ratio {ratio or 1.0:.3g} squared)." if at_arm else ""
-    return [arm, *large]
+def _large_sizes(found: Diagnosis) -> list[str]:
+    """State sizes of probable effects beyond those of an ordinary source, masses at the arm."""
+    large, ratio = [], found.bench.sensor.linkage_ratio or 1.0
+    for effect, sizes in found.sizes.items():
+        for parameter in found.effects[effect].parameters:
+            name, (most, source) = parameter.name, parameter.ordinary or (np.inf, "")
+            size = sizes[name].mean / (ratio**2 if suffix_of(name) == "_kg" else 1.0)
+            if size > BEYOND * most and found.inclusion.get(effect, 0.0) > LIKELY:
+                amounts = ["{:.2g} {}".format(*shown(name, value)) for value in (size, most)]
+                large.append(
+                    f"{quantity(name).capitalize()} of {amounts[0]} is {size / most:.2g} times "
+                    f"that of {source} ({amounts[1]}); {found.effects[effect].test.name} "
+                    "measures it."
+                )
+    return large
 
 
 def reading_name(one: Reading) -> str:
     """Return a reading of the record as a clause."""
     words = f"{one.key.replace('_', ' ')} is {one.value.replace('_', ' ')}"
     return READINGS.get((one.key, one.value), words)
-
-
-def _amount(name: str, value: float) -> str:
-    number, unit = shown(name, value)
-    return f"{number:.2g} {unit}".rstrip()
 
 
 def findings_record(bench: Bench) -> dict[str, Any]:

@@ -70,7 +70,7 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     _require_working(effects, bench, means)
     bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
     found = diagnose(bench, models_of(bench, effects, means), means.settings)
-    return replace(found, tests=choose(found, found.flights.marks))
+    return replace(found, tests=choose(found))
 
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:

@@ -241,8 +241,7 @@ def residual_table(found: Diagnosis) -> Table:
 def advice_table(found: Diagnosis) -> Table:
     """Tabulate the advised tests with the chances to settle and to mislead, and their work."""
     rows = [
-        (test.name, *(("", "", "") if test.information is None else (
-            chance(test.settles), chance(test.misleads), f"{test.information:.2f}")),
+        (test.name, chance(test.settles), chance(test.misleads), f"{test.information:.2f}",
          f"{test.hours:.2g}")
         for test in found.tests[:MAX_ROWS]
     ]  # fmt: skip

@@ -105,7 +105,9 @@ def test_a_folder_of_results_is_a_study(tmp_path: Path, monkeypatch: pytest.Monk
     folder = StudyFolder(Path("runs") / "first")
     folder.root.mkdir(parents=True)
     folder.open(own, resume=False)
-    with pytest.raises(DataError, match=r"no result of the study truck in runs/first; run .*--resume"):
+    with pytest.raises(
+        DataError, match=r"no result of the study truck in runs/first; run .*--resume"
+    ):
         studied(folder.root)
     shutil.copy(bundled_root() / "mq200_paper" / "result.json", folder.result)
     found, designs = studied(folder.root)
