@@ -67,33 +67,22 @@ class Reading:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Result of a diagnosis; carries the data set.
-
-    Parameters
-    ----------
-    posterior : probability of each hypothesis, the largest first; what the data cannot show counts
-        as absent.
-    evidence : the same before that.
-    fits : of none, and of every plausible known hypothesis.
-    within : probability that the gap is below the margin.
-    readings : answers by what the record means, where nobody noted it.
-    seconds : processor time.
-    """
+    """Result of a diagnosis; carries the data set."""
 
     bench: Bench
     effects: Mapping[str, Effect]
     settings: Settings
     likelihood: Likelihood
-    posterior: Mapping[Hypothesis, float]
-    evidence: Mapping[Hypothesis, float]
-    fits: Mapping[Hypothesis, Fit]
+    posterior: Mapping[Hypothesis, float]  #: the largest first; what data cannot show is absent
+    evidence: Mapping[Hypothesis, float]  #: the same before that
+    fits: Mapping[Hypothesis, Fit]  #: of none, and of every plausible known hypothesis
     verdict: Verdict
-    within: float
+    within: float  #: probability that the gap is below the margin
     held_out: HeldOut
-    readings: tuple[Reading, ...]
+    readings: tuple[Reading, ...]  #: answers by what the record means, where nobody noted it
     facts: tuple[Fact, ...]
     flights: Flights
-    seconds: float
+    seconds: float  #: processor time
     tests: tuple[NextTest, ...] = ()
 
     @property

@@ -40,28 +40,17 @@ class Interval:
 
 @dataclass(frozen=True)
 class Fit:
-    """A hypothesis fitted to a data set.
-
-    Parameters
-    ----------
-    space : parameters of the hypothesis.
-    shares : K equally weighted draws of the posterior, in the unit cube of the ranges, (K, p).
-    predicted : of each draw, (K, C).
-    amplitude : of the discrepancy, as a share of the predicted time, (K,).
-    offset : errors in common, discrepancy among them, drawn with each, s, (K, C).
-    log_evidence : and its standard error.
-    p : predictive p-value.
-    """
+    """A hypothesis fitted to a data set."""
 
     hypothesis: Hypothesis
-    space: Space
-    shares: Array
-    predicted: Predicted
-    amplitude: Array
-    offset: Array
-    log_evidence: float
+    space: Space  #: parameters of the hypothesis
+    shares: Array  #: K equally weighted draws of the posterior, as shares of the ranges, (K, p)
+    predicted: Predicted  #: of each draw, (K, C)
+    amplitude: Array  #: of the discrepancy, as a share of the predicted time, (K,)
+    offset: Array  #: errors in common, discrepancy among them, drawn with each, s, (K, C)
+    log_evidence: float  #: and its standard error
     error: float
-    p: float
+    p: float  #: predictive p-value
 
     @cached_property
     def values(self) -> Array:
@@ -112,23 +101,15 @@ def predictive_p(likelihood: Likelihood, p: Predicted, amplitude: Array, marks: 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Gaps at operating points that the fit has not seen, root mean square, s.
+    """Gaps at operating points that the fit has not seen, root mean square, s."""
 
-    Parameters
-    ----------
-    baseline, chance : without any effect, and what scatter and errors alone leave.
-    held_out : at each point from all others, by the leading hypothesis.
-    rival, rival_held_out : the best other hypothesis, and what it leaves.
-    mean, sd : prediction at each point from all others, s, (C,).
-    """
-
-    baseline: float
-    held_out: float
-    chance: float
-    rival: Hypothesis | None
-    rival_held_out: float | None
-    mean: Array
-    sd: Array
+    baseline: float  #: without any effect
+    held_out: float  #: at each point from all others, by the leading hypothesis
+    chance: float  #: what scatter and errors alone leave
+    rival: Hypothesis | None  #: the best other hypothesis
+    rival_held_out: float | None  #: what it leaves
+    mean: Array  #: prediction at each point from all others, s, (C,)
+    sd: Array  #: its standard error, s, (C,)
 
 
 def held_out(likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: Array) -> HeldOut:

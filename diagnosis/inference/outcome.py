@@ -44,23 +44,14 @@ def smoothed(mean: Array, covariance: Array) -> Densities:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Predicted outcome of a test: normal densities, each a share of a hypothesis' mixture.
+    """Predicted outcome of a test: normal densities, each a share of a hypothesis' mixture."""
 
-    Parameters
-    ----------
-    hypotheses : that predict it, *unknown* among them.
-    owner : place of the hypothesis of each density, ascending, (c,).
-    share : of its hypothesis, (c,).
-    mean, covariance : of each density, (c, d) and (c, d, d).
-    read : whether the test reads an effect of each hypothesis, (hypotheses,).
-    """
-
-    hypotheses: tuple[Hypothesis, ...]
-    owner: np.ndarray
-    share: Array
-    mean: Array
-    covariance: Array
-    read: np.ndarray
+    hypotheses: tuple[Hypothesis, ...]  #: that predict it, *unknown* among them
+    owner: np.ndarray  #: place of the hypothesis of each density, ascending, (c,)
+    share: Array  #: of its hypothesis, (c,)
+    mean: Array  #: of each density, (c, d)
+    covariance: Array  #: (c, d, d)
+    read: np.ndarray  #: whether the test reads an effect of each hypothesis, (hypotheses,)
 
     @classmethod
     def of(cls, parts: Mapping[Hypothesis, Densities], reads: Callable[[Hypothesis], bool]) -> Self:
@@ -143,33 +134,22 @@ class Outcome:
 
 @dataclass(frozen=True)
 class NextTest:
-    """Bench test with its cost in hours and its worth.
-
-    Parameters
-    ----------
-    effects, parameters : that a direct test reads, in the order of its outcome.
-    cell, point, shifts : place of the operating point, its mismatch in rad/s and force in N, and
-        the number of shifts there.
-    question : key of the record in question.
-    outcome : predicted shares of the ranges, or mean time in s and share engaged, or marks in s;
-        None for a question.
-    information, settles, misleads : nats, and chances.
-    """
+    """Bench test with its cost in hours and its worth."""
 
     name: str
     how: str
     kind: Literal["direct", "shifts", "traces", "record"]
     hours: float
-    effects: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
-    cell: int | None = None
-    point: tuple[float, float] | None = None
-    shifts: int = 0
-    question: str = ""
-    outcome: Outcome | None = None
-    information: float = 0.0
-    settles: float = 0.0
-    misleads: float = 0.0
+    effects: tuple[str, ...] = ()  #: that a direct test reads
+    parameters: tuple[str, ...] = ()  #: its parameters, in the order of its outcome
+    cell: int | None = None  #: place of the operating point
+    point: tuple[float, float] | None = None  #: its mismatch in rad/s and force in N
+    shifts: int = 0  #: number of shifts there
+    question: str = ""  #: key of the record in question
+    outcome: Outcome | None = None  #: shares of ranges; or mean, s, and share engaged; or marks, s
+    information: float = 0.0  #: nats
+    settles: float = 0.0  #: chance
+    misleads: float = 0.0  #: chance
 
     @property
     def why(self) -> str:

@@ -40,20 +40,12 @@ More = Callable[[Hypothesis, Array], Array]  #: log likelihood of what is known 
 
 @dataclass(frozen=True)
 class Proposal:
-    """Mixture of Student distributions around draws (West 1993, J. R. Stat. Soc. B 55).
+    """Mixture of Student distributions around draws (West 1993, J. R. Stat. Soc. B 55)."""
 
-    Parameters
-    ----------
-    centres : (K, p).
-    root : Cholesky factor of the covariance of each, (p, p).
-    columns : those of the shares, (p,); the others are uniform.
-    count : number of draws from it.
-    """
-
-    centres: Array
-    root: Array
-    columns: np.ndarray
-    count: int = ROUND
+    centres: Array  #: (K, p)
+    root: Array  #: Cholesky factor of the covariance of each, (p, p)
+    columns: np.ndarray  #: those of the shares, (p,); the others are uniform
+    count: int = ROUND  #: number of draws from it
 
     @classmethod
     def around(cls, sample: Sample) -> Proposal:
@@ -90,21 +82,14 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Sample:
-    """Weighted draws of a hypothesis.
-
-    Parameters
-    ----------
-    shares, predicted, log : of n draws; ``log`` is the log likelihood, (n,).
-    drawn : number of prior draws.
-    proposals : of the other draws.
-    """
+    """Weighted draws of a hypothesis."""
 
     hypothesis: Hypothesis
-    shares: Array
-    predicted: Predicted
-    log: Array
-    drawn: int
-    proposals: tuple[Proposal, ...] = field(default=())
+    shares: Array  #: of n draws, (n, p)
+    predicted: Predicted  #: of these
+    log: Array  #: log likelihood, (n,)
+    drawn: int  #: number of prior draws
+    proposals: tuple[Proposal, ...] = field(default=())  #: of the other draws
 
     @cached_property
     def log_density(self) -> Array:

@@ -34,25 +34,15 @@ APART = 1.5  #: expected log Bayes factor from which two hypotheses are told apa
 
 @dataclass(frozen=True)
 class Field:
-    """Predictions of all hypotheses at some operating points.
+    """Predictions of all hypotheses at some operating points."""
 
-    Parameters
-    ----------
-    hypotheses : none, then each effect.
-    truths, rivals : mean, ln of the spread, share engaged and variance of emulation of values that
-        may be true, and of values that imitate them, (m, 4, cells) of each hypothesis.
-    baseline : without any effect, (1, cells).
-    error, spread : standard errors of its means, s, and of ln of its spreads, (cells,).
-    common : covariance of the means, s^2, (cells, cells).
-    """
-
-    hypotheses: tuple[Hypothesis, ...]
-    truths: tuple[Array, ...]
-    rivals: tuple[Array, ...]
-    baseline: Predicted
-    error: Array
-    spread: Array
-    common: Array
+    hypotheses: tuple[Hypothesis, ...]  #: none, then each effect
+    truths: tuple[Array, ...]  #: values that may be true, (m, 4, cells) of each hypothesis
+    rivals: tuple[Array, ...]  #: values that imitate them, as many of each
+    baseline: Predicted  #: without any effect, (1, cells)
+    error: Array  #: standard errors of its means, s, (cells,)
+    spread: Array  #: standard errors of ln of its spreads, (cells,)
+    common: Array  #: covariance of the means, s^2, (cells, cells)
 
     @property
     def cells(self) -> int:
@@ -133,25 +123,15 @@ def _values(model: Model, hypothesis: Hypothesis, count: int, base: Predicted) -
 
 @dataclass(frozen=True)
 class ShiftPlan:
-    """Plan of shifts and the pairs that it tells apart.
-
-    Parameters
-    ----------
-    shifts : at each operating point, (cells,), whole numbers.
-    order : visits, each an operating point's place and its number of shifts.
-    reference : place of the point that is visited at the beginning, in the middle and at the end.
-    worth : mean probability to decide a pair rightly.
-    log_odds : mean expected log Bayes factors of truth (row) and rival, (h, h).
-    apart : share of a truth's strengths that differ from a rival, (h, h).
-    """
+    """Plan of shifts and the pairs that it tells apart."""
 
     field: Field
-    shifts: tuple[int, ...]
-    order: tuple[tuple[int, int], ...]
-    reference: int
-    worth: float
-    log_odds: Array
-    apart: Array
+    shifts: tuple[int, ...]  #: at each operating point, (cells,), whole numbers
+    order: tuple[tuple[int, int], ...]  #: visits: place of the point, number of shifts
+    reference: int  #: place of the point that is visited three times
+    worth: float  #: mean probability to decide a pair rightly
+    log_odds: Array  #: mean expected log Bayes factors of truth (row) and rival, (h, h)
+    apart: Array  #: share of a truth's strengths that differ from a rival, (h, h)
 
     @property
     def hours(self) -> float:

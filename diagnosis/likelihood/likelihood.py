@@ -45,18 +45,12 @@ def node_weights() -> Array:
 
 
 class Terms(NamedTuple):
-    """Log likelihood of m values, and what it rests on.
+    """Log likelihood of m values, and what it rests on."""
 
-    Parameters
-    ----------
-    log, nodes : (m,), and of each amplitude (m, nodes).
-    residual, variance : of the means given how many late shifts they have, s and s^2, (m, c).
-    """
-
-    log: Array
-    nodes: Array
-    residual: Array
-    variance: Array
+    log: Array  #: (m,)
+    nodes: Array  #: of each amplitude, (m, nodes)
+    residual: Array  #: of the means given their late shifts, s, (m, c)
+    variance: Array  #: s^2, (m, c)
 
 
 def _root(covariance: Array) -> Array:
@@ -369,20 +363,12 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Options:
-    """Possible means: the options of all points one after the other, P in all.
+    """Possible means: the options of all points one after the other, P in all."""
 
-    Parameters
-    ----------
-    point : place among the points with a mean, ascending.
-    part : share of late shifts within the mean.
-    odd : whether the mean is odd.
-    log_number : log probability by the share of late shifts.
-    """
-
-    point: np.ndarray
-    part: Array
-    odd: np.ndarray
-    log_number: _Table
+    point: np.ndarray  #: place among the points with a mean, ascending
+    part: Array  #: share of late shifts within the mean
+    odd: np.ndarray  #: whether the mean is odd
+    log_number: _Table  #: log probability by the share of late shifts
 
     @cached_property
     def _starts(self) -> np.ndarray:

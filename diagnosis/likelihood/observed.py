@@ -50,32 +50,20 @@ class Drift:
 
 @dataclass(frozen=True)
 class Observed:
-    """Observations of C operating points.
+    """Observations of C operating points."""
 
-    Parameters
-    ----------
-    count, mean : number of shifts in the mean, and the mean, s, (C,); 0 and 0 for none.
-    variance, freedom : of single shifts, s^2, and its degrees of freedom, (C,).
-    late : number of late shifts beside the mean, (C,).
-    hidden : whether late shifts may be within the mean, (C,).
-    engaged, failed : numbers of shifts.
-    mismatch, force : of each point, rad/s and N.
-    drift : None where the order is not known.
-    flights : marks of the free flight in traces.
-    """
-
-    count: Array
-    mean: Array
-    variance: Array
-    freedom: Array
-    late: Array
-    hidden: Array
-    engaged: Array
-    failed: Array
-    mismatch: Array
-    force: Array
-    drift: Drift | None
-    flights: tuple[SeenFlight, ...]
+    count: Array  #: number of shifts in the mean, 0 for none, (C,)
+    mean: Array  #: s, (C,)
+    variance: Array  #: of single shifts, s^2, (C,)
+    freedom: Array  #: its degrees of freedom, (C,)
+    late: Array  #: number of late shifts beside the mean, (C,)
+    hidden: Array  #: whether late shifts may be within the mean, (C,)
+    engaged: Array  #: number of shifts, (C,)
+    failed: Array  #: number of shifts, (C,)
+    mismatch: Array  #: rad/s, (C,)
+    force: Array  #: N, (C,)
+    drift: Drift | None  #: None where the order is not known
+    flights: tuple[SeenFlight, ...]  #: marks of the free flight in traces
 
     @property
     def having(self) -> np.ndarray:

@@ -66,17 +66,11 @@ LAW = 0.02  #: error of an effect's law, over what it changes
 
 @dataclass(frozen=True)
 class Marks:
-    """Marks of the flight (``diagnosis.bench.flight_marks``), s, (m, SIZE) each.
+    """Marks of the flight (``diagnosis.bench.flight_marks``), s, (m, SIZE) each."""
 
-    Parameters
-    ----------
-    times : when displacement and force pass the marks' values; the time-out where they do not.
-    error, creep : standard errors of each mark on its own, and of friction near rest in common.
-    """
-
-    times: Array
-    error: Array
-    creep: Array
+    times: Array  #: when displacement and force pass the marks' values; the time-out for never
+    error: Array  #: standard error of each mark on its own
+    creep: Array  #: standard error of friction near rest, in common
 
 
 def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, Array, Array]:

@@ -95,27 +95,16 @@ class Space:
 
 @dataclass(frozen=True)
 class Predicted:
-    """Shift times that a hypothesis predicts, for m values of its parameters at C points.
+    """Shift times that a hypothesis predicts, for m values of its parameters at C points."""
 
-    Parameters
-    ----------
-    mean, sd : of timely shifts that engage, dead time included, s, (m, C).
-    error : standard error of ``mean`` by angles, effect laws and emulation, s, (m, C).
-    emulated : the part of it by interpolation between levels, s, (m, C).
-    common : error that all points share with its sign: effects together against alone, s, (m, C).
-    late : share of late shifts among those that engage, (m, C).
-    engaged : share that engages before the time-out, (m, C).
-    delay : dead time within ``mean``, s, (m, C).
-    """
-
-    mean: Array
-    sd: Array
-    error: Array
-    emulated: Array
-    common: Array
-    late: Array
-    engaged: Array
-    delay: Array
+    mean: Array  #: of timely shifts that engage, dead time included, s
+    sd: Array  #: of these, s
+    error: Array  #: standard error of ``mean`` by angles, effect laws and emulation, s
+    emulated: Array  #: the part of it by interpolation between levels, s
+    common: Array  #: error that all points share: effects together against each alone, s
+    late: Array  #: share of late shifts among those that engage
+    engaged: Array  #: share that engages before the time-out
+    delay: Array  #: dead time within ``mean``, s
 
     def only(self, rows: object) -> Predicted:
         """Select some of the values."""
@@ -129,38 +118,22 @@ class Predicted:
 
 
 class Changes(NamedTuple):
-    """Changes by an effect at m values of its parameters.
+    """Changes by an effect at m values of its parameters."""
 
-    Parameters
-    ----------
-    moments : (m, C, MOMENTS).
-    delay : dead time, s, (m, C).
-    error : of the change of ln mean by interpolation between levels, (m, C).
-    """
-
-    moments: Array
-    delay: Array
-    error: Array
+    moments: Array  #: (m, C, MOMENTS)
+    delay: Array  #: dead time, s, (m, C)
+    error: Array  #: of the change of ln mean by interpolation between levels, (m, C)
 
 
 @dataclass(frozen=True)
 class Model:
-    """Predictions of a clutch at a data set's operating points.
+    """Predictions of a clutch at a data set's operating points."""
 
-    Parameters
-    ----------
-    effects : of hypotheses, by name, with their wide ranges.
-    simulated : baseline and levels.
-    nuisances : properties of the contact that are integrated under every hypothesis.
-    law : error of an effect's law, as a share of the change that it makes.
-    turned : of the reversed sense of rotation, where that is a hypothesis.
-    """
-
-    effects: Mapping[str, Effect]
-    simulated: Simulated
-    nuisances: Mapping[str, Effect]
-    law: float
-    turned: Model | None = None
+    effects: Mapping[str, Effect]  #: of hypotheses, by name, with their wide ranges
+    simulated: Simulated  #: baseline and levels
+    nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
+    law: float  #: error of an effect's law, as a share of the change that it makes
+    turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
 
     @property
     def settings(self) -> tuple[Setting, ...]:

@@ -52,25 +52,15 @@ class Level:
 
 @dataclass(frozen=True)
 class Simulated:
-    """Simulated times at C operating points, s; ``inf`` did not engage, NaN is not known.
+    """Simulated times at C operating points, s; ``inf`` did not engage, NaN is not known."""
 
-    Parameters
-    ----------
-    settings : baseline of each operating point.
-    angles, baseline : relative angles in rad and times, (C, DENSE * ANGLES).
-    common : places of the levels' angles among them, (C, ANGLES).
-    levels : in the order of ``times``.
-    times : (L, C, ANGLES).
-    delays : of the reading of each level, s, (L, C); they are no part of ``times``.
-    """
-
-    settings: tuple[Setting, ...]
-    angles: Array
-    baseline: Array
-    common: NDArray[np.int64]
-    levels: tuple[Level, ...]
-    times: Array
-    delays: Array
+    settings: tuple[Setting, ...]  #: baseline of each operating point
+    angles: Array  #: relative angles, rad, (C, DENSE * ANGLES)
+    baseline: Array  #: times at them, (C, DENSE * ANGLES)
+    common: NDArray[np.int64]  #: places of the levels' angles among them, (C, ANGLES)
+    levels: tuple[Level, ...]  #: in the order of ``times``
+    times: Array  #: (L, C, ANGLES)
+    delays: Array  #: of the reading of each level, s, (L, C); they are no part of ``times``
 
     @property
     def base(self) -> Array:

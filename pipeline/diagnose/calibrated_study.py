@@ -37,22 +37,14 @@ SHOWN = 5  #: hypotheses that an error names
 
 @dataclass(frozen=True)
 class CalibratedStudy:
-    """A study with the effects of a diagnosis.
+    """A study with the effects of a diagnosis."""
 
-    Parameters
-    ----------
-    study, text : the study file, read and as text.
-    hypothesis, probability : effects of the file, and the probability of just these.
-    draws : keys of the study with their values, a row for each draw.
-    remarks : sentences on effects left out and keys replaced.
-    """
-
-    study: Setup
-    text: str
-    hypothesis: Hypothesis
-    probability: float
-    draws: tuple[Data, ...]
-    remarks: tuple[str, ...]
+    study: Setup  #: as it is read back
+    text: str  #: of the study file
+    hypothesis: Hypothesis  #: effects of the file
+    probability: float  #: of just these
+    draws: tuple[Data, ...]  #: keys of the study with their values, a row for each draw
+    remarks: tuple[str, ...]  #: sentences on effects left out and keys replaced
 
     def write(self, path: Path) -> None:
         """Write the study, and the draws beside it."""
