@@ -95,22 +95,16 @@ def field_of(likelihood: Likelihood) -> Field:
     time = (base.mean - base.delay)[0]
     smooth = settings.discrepancy * time[:, None] * likelihood.smooth
     common = np.hstack([smooth, likelihood.columns(base)[0]])
+    spread = np.hypot(settings.spread_share, np.log1p(settings.spread_error * time / base.sd[0]))
     truths, rivals = (
         tuple(_values(model, h, count, base) for h in hypotheses) for count in (TRUTHS, RIVALS)
     )
-    return Field(
-        hypotheses,
-        truths,
-        rivals,
-        base,
-        np.sqrt(likelihood.own_variance(base)[0]),
-        np.hypot(settings.spread_share, np.log1p(settings.spread_error * time / base.sd[0])),
-        common @ common.T,
-    )
+    error = np.sqrt(likelihood.own_variance(base)[0])
+    return Field(hypotheses, truths, rivals, base, error, spread, common @ common.T)
 
 
 def _values(model: Model, hypothesis: Hypothesis, count: int, base: Predicted) -> Array:
-    """Predict a hypothesis at shares spread over its range that give a bench, (m, 4, cells)."""
+    """Predict mean, ln sd, share engaged, variance of emulation over the range, (m, 4, cells)."""
     size = len(model.space(hypothesis).parameters)
     shares = ((np.arange(count) + 0.5) / count)[:, None] if size == 1 else np.zeros((1, 0))
     if size > 1:
@@ -140,18 +134,9 @@ class ShiftPlan:
 
 
 def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None) -> ShiftPlan:
-    """Plan some shifts.
+    """Plan ``count`` shifts in random order, at ``most`` operating points.
 
-    Parameters
-    ----------
-    count : shifts in all.
-    seed : of the order.
-    most : operating points that are used, at most; None for any number.
-
-    Raises
-    ------
-    InputError
-        There are too few shifts for the reference point's visits and one more lot, or too many.
+    Raises InputError where they are too few for the reference point and one more lot, or too many.
     """
     least = (VISITS + 1) * LOT
     if not least <= count <= 1_000_000:
@@ -171,10 +156,8 @@ def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None)
         shifts = more[int(np.argmax([field.worth(one) for one in more]))]
     whole = tuple(int(n) for n in shifts)
     half = [0.5 * one for one in field.distances(shifts)]
-    odds, apart = (
-        np.array([one.mean(axis=0) for one in part])
-        for part in (half, [one > APART for one in half])
-    )
+    odds = np.array([one.mean(axis=0) for one in half])
+    apart = np.array([(one > APART).mean(axis=0) for one in half])
     order = visits(whole, reference, seed)
     return ShiftPlan(field, whole, order, reference, field.worth(shifts), odds, apart)
 
