@@ -230,10 +230,7 @@ class Diagnosis:
 def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL) -> Diagnosis:
     """Diagnose a data set, without advice on the next test.
 
-    Parameters
-    ----------
-    models : by the place at which the displacement may be read: one where that is known.
-    settings : errors of the simulation, priors, and limits of the answer.
+    ``models`` are by the place at which the displacement may be read, one where that is known.
     """
     begin = time.process_time()
     answers = [

@@ -21,6 +21,7 @@ from dogshape.pipeline.diagnose.calibrated_study import (
 )
 from dogshape.pipeline.diagnose.consequence import Consequence, price_of, studied
 from dogshape.pipeline.diagnose.gap_update import (
+    add_update,
     asked_of,
     before_of,
     joined,
@@ -28,8 +29,6 @@ from dogshape.pipeline.diagnose.gap_update import (
     require_no_updates,
     settle_data,
     update_record,
-    updates_of,
-    write_updates,
 )
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table, frame_of
@@ -336,9 +335,6 @@ def update_diagnosis(
         own = None if own is None else Path(own)
         found = diagnosed(bench, Means(Path(bank), own, jobs, progress, before["engine"]))
         record = update_record(before, found, sheet, count)
-        updates = [*updates_of(place, count), record]
-        history = {f"update {one['update']}": one["sentence"] for one in updates}
-        publish(found, place, history=history)
-        write_updates(place, updates)
+        publish(found, place, history=add_update(place, record, count))
         settle_data(place)
     return Update(Diagnosis(found, None, place), record, place)

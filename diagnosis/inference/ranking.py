@@ -156,13 +156,10 @@ class _Search:
 
 
 def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) -> Ranking:
-    """Rank all hypotheses on a data set.
+    """Rank all hypotheses on a data set; ``reversed_`` is the prior of the reversed sense.
 
-    Parameters
-    ----------
-    more : log likelihood of what is known beside the shifts.
-    reversed_ : prior probability of the reversed sense.
-    beside : log density of what is known beside the shifts, if nothing listed is the cause.
+    ``more`` is the log likelihood of what is known beside the shifts, ``beside`` the same if
+    nothing listed is the cause.
     """
     search = _Search(likelihood, more, reversed_, np.random.default_rng(3))
     for size in range(min(3, likelihood.settings.most + 1)):

@@ -213,10 +213,7 @@ def _weights(shares: Array, sizes: Sequence[int], degree: int) -> Array:
 class Flights:
     """Marks of any hypothesis under the force profiles of some operating points.
 
-    Parameters
-    ----------
-    effects : by name; their priors bound the tables.
-    settings : one baseline an operating point; the first of each force profile counts.
+    The priors of ``effects`` bound the tables; of ``settings`` the first of each profile counts.
     """
 
     def __init__(self, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> None:

@@ -127,10 +127,6 @@ def calibrated_study(
             f"--write is '{path}', but a study has no key for the cause "
             f"({plain(hypothesis, effects)}); {'; '.join(remarks)}"
         )
-    for key in sorted(_clashing(data, taken, keys)):
-        table, _, name = key.partition(".")
-        data[table] = {k: v for k, v in data[table].items() if k != name}
-        remarks.append(f"{key} of the study is replaced by that of the bench")
 
     def keyed(numbers: Array) -> Data:
         """Write values (p,) of the hypothesis as dotted keys of the study."""
@@ -202,18 +198,6 @@ def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
         likely = "; ".join(", ".join(h) for h in there[:SHOWN])
         rule = f"just these together have less than 0.1 %; name one of: {likely}"
     raise InputError(f"--causes is '{asked}', but {rule}")
-
-
-def _clashing(data: Data, taken: Sequence[Effect], keys: EffectKeys) -> set[str]:
-    """List the keys of a study that set the same as some effects."""
-    touched = {key for effect in taken for key in keys.touched(effect)}
-    given = {f"{t}.{key}" for t in ("mechanism", "contact") for key in data.get(t, {})}
-    known, own = registry.load(), {effect.name for effect in taken}
-    return (given & touched) | {
-        f"effects.{name}"
-        for name in data.get("effects", {})
-        if name in own or (name in known and keys.touched(known[name]) & touched)
-    }
 
 
 def _comments(

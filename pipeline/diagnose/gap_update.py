@@ -12,9 +12,8 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 
@@ -88,8 +87,8 @@ def asked_of(folder: Path) -> Asked:
             f"{folder} holds no diagnosis with its data; make it with: dogshape gap BENCH_DIR "
             f"--out {folder}"
         )
-    found = _json(path)
     try:
+        found = _json(path)
         return Asked(tuple(found["corrections"]), found["effects"], tuple(found["joined"]))
     except (KeyError, TypeError) as error:
         raise _damaged(path, error) from error
@@ -159,7 +158,7 @@ def _in_series(before: list[dict[str, str]], added: list[dict[str, str]]) -> lis
 
 
 def _require_no_copies(held: Sheet, new: Sheet) -> None:
-    """Raise DataError where new rows are rows of the bench, one after the other.
+    """Raise DataError where a mean, or some rows in a row, are rows of the bench.
 
     Rounded times may agree by chance; time stamps, where all rows have one, identify a shift.
     """
@@ -169,20 +168,16 @@ def _require_no_copies(held: Sheet, new: Sheet) -> None:
          for row in one.rows]
         for one in (held, new)
     )  # fmt: skip
-    run = SequenceMatcher(None, ours, theirs, autojunk=False).find_longest_match()
-    copies = list(range(run.b, run.b + run.size))
-    if run.size < COPIED or len({theirs[k] for k in copies}) < DIFFERENT:
-        copies = [k for k, row in enumerate(new.rows) if row.n > 1 and row.time]
-        copies = [k for k in copies if theirs[k] in ours][:1]
-    if copies:
-        first, last = (new.rows[k].row for k in (copies[0], copies[-1]))
-        which = f"row {first} repeats" if first == last else f"rows {first} to {last} repeat"
-        raise DataError(
-            f"{new.path}: {which} rows of the bench from row "
-            f"{held.rows[ours.index(theirs[copies[0]])].row} of its table on, and copies would "
-            "count as shifts of their own; leave them out (a timestamp in each row of bench and "
-            "table distinguishes shifts with equal times)"
-        )
+    known = {tuple(ours[k : k + COPIED]) for k in range(len(ours) - COPIED + 1)}
+    for k, row in enumerate(new.rows):
+        run = tuple(theirs[k : k + COPIED])
+        copied = run in known and len(set(run)) >= DIFFERENT
+        if copied or (row.n > 1 and row.time and theirs[k] in ours):
+            raise DataError(
+                f"{new.path}: rows from row {row.row} on repeat rows of the bench, and copies "
+                "would count as shifts of their own; leave them out (a timestamp in each row of "
+                "bench and table distinguishes shifts with equal times)"
+            )
 
 
 def require_no_updates(folder: Path) -> None:
@@ -192,12 +187,6 @@ def require_no_updates(folder: Path) -> None:
             f"{folder} holds a diagnosis with updates ({UPDATES}), which a new one would replace; "
             "name another folder for --out, or join readings with 'dogshape gap update'"
         )
-
-
-def updates_of(folder: Path, count: int) -> list[Record]:
-    """Read the first updates of a folder; StorageError for a file that is damaged."""
-    path = folder / UPDATES
-    return list(_json(path))[:count] if path.is_file() else []
 
 
 def before_of(folder: Path, count: int) -> Record:
@@ -214,9 +203,12 @@ def before_of(folder: Path, count: int) -> Record:
     return dict(_json(kept))
 
 
-def write_updates(folder: Path, updates: Sequence[Record]) -> None:
-    """Write all updates of a folder."""
-    write_whole(folder / UPDATES, json.dumps(list(updates), indent=1, allow_nan=False) + "\n")
+def add_update(folder: Path, record: Record, count: int) -> dict[str, str]:
+    """Write an update after the first ``count`` ones; give the sentence of each by its name."""
+    path = folder / UPDATES
+    updates = [*(_json(path)[:count] if path.is_file() else []), record]
+    write_whole(path, json.dumps(updates, indent=1, allow_nan=False) + "\n")
+    return {f"update {one['update']}": one["sentence"] for one in updates}
 
 
 def _json(path: Path) -> Any:

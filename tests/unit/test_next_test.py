@@ -174,15 +174,6 @@ def test_of_tests_that_settle_about_as_surely_the_cheapest_leads(
     assert choose(_open(bench=dear))[0].kind == "shifts"
 
 
-@pytest.mark.parametrize(("misleads", "leads"), [(0.05, False), (0.13, False), (0.15, True)])
-def test_a_wrong_name_costs_as_much_as_four_right_ones(
-    monkeypatch: pytest.MonkeyPatch, misleads: float, leads: bool
-) -> None:
-    """0.9 - 4 (0.05, 0.13, 0.15) of 0.7 h, against 0.45 of 2 h: 0.38 is about as sure."""
-    _worth(monkeypatch, {"shifts": (0.6, 0.9, misleads), FORCE: (0.3, 0.45, 0.0)})
-    assert (choose(_open())[0].name == FORCE) == leads
-
-
 @pytest.mark.parametrize(("hours", "leads"), [(0.1, True), (0.65, True), (9.0, False)])
 def test_the_direct_test_of_a_named_cause_leads_where_it_costs_least(
     monkeypatch: pytest.MonkeyPatch, hours: float, leads: bool

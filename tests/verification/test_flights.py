@@ -12,8 +12,6 @@ import pytest
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS
 from dogshape.diagnosis.prediction import flights as module
 from dogshape.diagnosis.prediction.flights import Flights, fly
-from dogshape.sim.effect import Effect
-from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile, LaggedProfile
 from dogshape.sim.shift.engagement import engage
@@ -63,13 +61,6 @@ def test_friction_above_the_force_holds_the_ring(plain: Setting) -> None:
     assert creep == pytest.approx(0.0)  # no error of the release explains that nothing moves
     assert times[: len(WAYS)] == pytest.approx(plain.clutch.timeout)
     assert ring == pytest.approx(0.0)
-
-
-def test_a_slow_load_lets_the_ring_go_where_the_force_is_the_friction(plain: Setting) -> None:
-    """A stiff linkage follows the force: at the ring it changes nothing but the inertia."""
-    stiff = plain.with_mechanism(friction=60.0, compliance=1e-8)
-    rigid = plain.with_mechanism(friction=60.0)
-    assert _fly(stiff)[: len(WAYS)] == pytest.approx(_fly(rigid)[: len(WAYS)], abs=1e-4)
 
 
 def test_creep_is_of_the_order_of_what_a_smooth_law_makes_earlier(plain: Setting) -> None:
@@ -184,21 +175,6 @@ def test_a_delay_adds_to_all_marks_exactly(plain: Setting) -> None:
     assert pair.error == pytest.approx(alone.error)
 
 
-def test_what_meets_no_flight_is_not_flown(plain: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
-    flights = Flights(EFFECTS, (plain,))
-    still = flights.marks((), np.zeros((1, 0)), plain.point.profile)
-    monkeypatch.setattr(module, "fly", _forbidden)
-    for name in ("contact_friction", "contact_stiffness", "drag_torque", "mismatch_speed"):
-        values, _ = _at((name,), np.full((1, len(EFFECTS[name].parameters)), 0.5))
-        same = flights.marks((name,), values, plain.point.profile)
-        assert same.times == pytest.approx(still.times)
-        assert same.error == pytest.approx(0.0)
-
-
-def _forbidden(*_: object) -> None:
-    raise AssertionError("flown")
-
-
 def test_marks_behind_the_first_touch_are_uncertain(plain: Setting) -> None:
     """With a smaller gap dogs meet before the nominal shares of it are passed."""
     flights = Flights(EFFECTS, (plain,))
@@ -220,31 +196,3 @@ def test_an_effect_of_a_user_needs_no_word_about_flights(plain: Setting) -> None
 def _own_change(setting: Setting, values: Mapping[str, float]) -> Setting:
     changed = EFFECTS["force_scale"].apply(setting, values)
     return replace(changed, delay=changed.delay + 0.004)
-
-
-def test_values_of_no_bench_have_the_marks_of_the_nearest(plain: Setting) -> None:
-    lost: Effect = replace(EFFECTS["moving_mass"], change=_only_light)
-    flights = Flights({"moving_mass": lost}, (plain,))
-    marks = flights.marks(("moving_mass",), np.array([[0.5], [18.0]]), plain.point.profile)
-    assert np.isfinite(marks.times).all()
-    assert (marks.times[1, : len(WAYS)] >= marks.times[0, : len(WAYS)]).all()
-
-
-def _only_light(setting: Setting, values: Mapping[str, float]) -> Setting:
-    if values["added_mass_kg"] > 4.0:
-        raise DogshapeError("too heavy")
-    return EFFECTS["moving_mass"].apply(setting, values)
-
-
-def test_a_ring_without_an_axial_gap_passes_its_shares_at_once(plain: Setting) -> None:
-    """Marks of the force are left, which an effect moves as it does elsewhere."""
-    close = plain.with_dog(axial_gap=0.0)
-    values = np.array([[0.05], [0.2]])
-    near, far = (
-        Flights(EFFECTS, (one,)).marks(("actuation_lag",), values, plain.point.profile)
-        for one in (close, plain)
-    )
-    assert np.isfinite(near.times).all()
-    assert np.isfinite(near.error).all()
-    assert near.times[:, : len(WAYS)].max() < 1e-4
-    assert near.times[:, len(WAYS) :] == pytest.approx(far.times[:, len(WAYS) :], rel=1e-9)

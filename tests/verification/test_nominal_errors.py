@@ -122,25 +122,14 @@ def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> Non
     assert loose < 0.7 * exact
 
 
-@pytest.mark.parametrize(
-    ("table", "words"),
-    [
-        ("[errors.systematic]\nforce_percent = -1\n", "errors.systematic.force_percent is -1"),
-        ("[errors.each_point]\nmismatch_rpm = 1e5\n", "errors.each_point.mismatch_rpm is 100000"),
-        ("[errors.each_point]\nforce = 1\n", "errors.each_point.force"),
-    ],
-)
-def test_the_table_of_errors_is_read_or_refused(tmp_path: Path, table: str, words: str) -> None:
-    folder = good_set(tmp_path)
-    file = folder / "bench.toml"
+def test_the_table_of_errors_is_read_or_refused(tmp_path: Path) -> None:
+    file = good_set(tmp_path) / "bench.toml"
     text = file.read_text()
-    assert not load_bench(folder).errors
     stated = "[errors.systematic]\nforce_percent = 2\nmismatch_rpm = 0.5\n"
     file.write_text(f"{text}\n{stated}[errors.each_point]\nforce_N = 3\n")
-    errors = load_bench(folder).errors
+    errors = load_bench(file.parent).errors
     assert errors.systematic == Tolerance(force_percent=2.0, mismatch_rpm=0.5)
     assert errors.each_point == Tolerance(force_N=3.0)
-    file.write_text(f"{text}\n{table}")
-    with pytest.raises(DogshapeError) as refused:
-        load_bench(folder)
-    assert words in str(refused.value)
+    file.write_text(f"{text}\n[errors.each_point]\nmismatch_rpm = 1e5\n")
+    with pytest.raises(DogshapeError, match=r"errors\.each_point\.mismatch_rpm is 100000"):
+        load_bench(file.parent)
