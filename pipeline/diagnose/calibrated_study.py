@@ -18,7 +18,7 @@ from dogshape.diagnosis.report.wording import chance, described, headline_of
 from dogshape.diagnosis.terms import Array, Hypothesis, plain
 from dogshape.pipeline.config.mechanism import PROBE
 from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import Setup, build_study, find_study, load_study
+from dogshape.pipeline.config.study_file import Setup, build_study, find_study, load_study, override
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.diagnose.study_keys import Data, EffectKeys, rounded, study_of
 from dogshape.pipeline.store.folder import require_targets
@@ -138,12 +138,7 @@ def calibrated_study(
         return row
 
     for key, value in keyed(fit.values.mean(axis=0)).items():
-        *tables, last = key.split(".")
-        inner = data
-        for table in tables:
-            inner[table] = dict(inner.get(table, {}))
-            inner = inner[table]
-        inner[last] = value
+        override(data, key, value)
     friction = [
         f"{one.static_friction:g} and {one.dynamic_friction:g}"
         for one in (bench.clutch.contact, given.clutch.contact)
