@@ -45,18 +45,13 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
 Record = dict[str, Any]  #: gap.json
-#: Keys of the record of a data set, and of a fact.
-RECORD = ("time_zero", "displacement_at", "sense", "empty_cells")
-FACT = ("effect", "parameter", "value", "low", "high", "sentence")
+RECORD = ("time_zero", "displacement_at", "sense", "empty_cells")  #: keys that are shown
 FITTED = 1e-3  #: probability from which a hypothesis is fitted
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Answer if a key of the record, such as ``time_zero``, has a value that nobody noted.
-
-    ``probability`` is that of the value, given the data; ``verdict`` and ``posterior`` hold then.
-    """
+    """Answer if a key of the record has a value that nobody noted, and its probability."""
 
     key: str
     value: str
@@ -200,7 +195,7 @@ class Diagnosis:
             ],
             "next_test": self.tests[0].to_dict() if self.tests else None,
             "tests": [one.to_dict() for one in self.tests[:8]],
-            "facts": [{key: getattr(fact, key) for key in FACT} for fact in self.facts],
+            "facts": [fact.to_dict() for fact in self.facts],
             "drift": None if self.seen.drift is None else self.seen.drift.to_dict(),
             "credible_set": [list(h) for h in self.verdict.credible],
             "seconds": self.seconds,
@@ -228,10 +223,7 @@ class Diagnosis:
 
 
 def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL) -> Diagnosis:
-    """Diagnose a data set, without advice on the next test.
-
-    ``models`` are by the place at which the displacement may be read, one where that is known.
-    """
+    """Diagnose a data set by the models of each place where displacement may be read."""
     begin = time.process_time()
     answers = [
         a for place, model in models.items() for a in _answers(bench, place, model, settings)
@@ -334,10 +326,7 @@ def _log(ranking: Ranking, h: Hypothesis, meant: Mapping[str, str]) -> float:
 
 
 def _mixed(answers: Sequence[_Answer], settings: Settings) -> dict[Hypothesis, float]:
-    """Mix the probabilities of hypotheses over what the record may mean, the largest first.
-
-    The prior keeps its share, the floor: no answer is surer than the model of errors.
-    """
+    """Mix the probabilities over meanings of the record; the prior keeps the floor."""
     whole, priors = logsumexp([one.log for one in answers]), answers[0].ranking.log_prior
     found = dict.fromkeys((h for one in answers for h in one.logs), 0.0)
     for one in answers:

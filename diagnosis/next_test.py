@@ -7,9 +7,8 @@ half, and an offset of its own size comes again.
 
 The value of a test is its chance to settle, less four times its chance to mislead, less 0.04 for
 each hour. Of tests that settle about as surely the cheapest leads. Where no test is worth its cost,
-or the cause is named, the information an hour decides, and the direct test of a named cause leads
-if it costs no more than the first. Where *unknown* leads, traces show whether the free flight has
-the residual.
+or the cause is named, the information an hour decides; the direct test of a named cause leads if it
+costs no more than the first. Where *unknown* leads, traces do.
 """
 
 from __future__ import annotations

@@ -93,10 +93,7 @@ class Outcome:
         return replace(self, mean=self.mean[:, shown], covariance=covariance)
 
     def after(self, before: Array, log: Array, odds: float) -> Array:
-        """Update probabilities (hypotheses,) by log densities (n, hypotheses), (n, hypotheses).
-
-        ``odds`` are those of an imitator to its hypothesis.
-        """
+        """Update probabilities by log densities (n, hypotheses) and the odds of imitators."""
         odd = np.where(self.read, odds, 0.0)
         like = np.exp(log - log.max(axis=1, keepdims=True))
         own = before / (1.0 + odd) * like

@@ -104,11 +104,9 @@ class _Search:
         return log_prior(h, self.likelihood.model, self.likelihood.settings, self.reversed_)
 
     def distance(self, p: Predicted) -> Array:
-        """Compute squared distances of predicted means and engagement from the data, (m,).
+        """Compute squared distances of means and engagement from the data, (m,).
 
-        A mean counts by ``ODD`` at most, since late shifts may hide in it. A gap within one error
-        of emulation counts as none, up to ``SLACK``: else draws of large errors would take the
-        place of those that have likelihood.
+        A mean counts by ``ODD`` at most; a gap within an error of emulation, or ``SLACK``, as none.
         """
         like, some, seen = self.likelihood, self.likelihood.having, self.likelihood.seen
         gap = seen.mean[some] - p.mean[:, some]
@@ -178,10 +176,7 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
 
 
 def _unlisted(search: _Search) -> float:
-    """Compute the log evidence of a gap that no listed effect explains, on top of any of them.
-
-    With such a gap the posterior is wider, so draws count by a low power of their likelihood.
-    """
+    """Compute the log evidence of a gap that no effect explains, on top of any of them."""
     like, settings = search.likelihood, search.likelihood.settings
     pairs = [h for h in search.samples if len(forward(h)) == 2]
     some = [h for h in search.samples if len(forward(h)) < 2]

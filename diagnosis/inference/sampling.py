@@ -148,10 +148,7 @@ def _batched(
     more: More,
     distance: Callable[[Predicted], Array] | None = None,
 ) -> Iterator[Sample]:
-    """Sample hypotheses at shares, some at once; -inf where there is no such bench.
-
-    With a ``distance`` only the draws nearest to the data count.
-    """
+    """Sample hypotheses at shares, by a ``distance`` the nearest; -inf for no such bench."""
     every = iter(drawn)
     while some := list(itertools.islice(every, BATCH)):
         parts = []

@@ -50,10 +50,7 @@ class Field:
         return len(self.common)
 
     def distances(self, shifts: Array) -> list[Array]:
-        """Compute squared distances of each hypothesis' truths from all, (truths, hypotheses).
-
-        ``shifts`` is the number at each operating point, (cells,), not necessarily whole.
-        """
+        """Compute squared distances of truths from all at numbers of shifts, (truths, h)."""
         used, base = np.flatnonzero(shifts > 0), self.baseline
         n = shifts[used]
         variance = base.sd[0, used] ** 2 / n + self.error[used] ** 2

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
@@ -33,10 +34,7 @@ SPREAD = 0.05  #: share of a value by which a fact is uncertain at least
 
 @dataclass(frozen=True)
 class Fact:
-    """Parameter of an effect measured without shifts: value and standard error, in its unit.
-
-    ``neutral`` is its value without the effect.
-    """
+    """Parameter measured without shifts, and its value without the effect, in its unit."""
 
     effect: str
     parameter: str
@@ -45,15 +43,11 @@ class Fact:
     error: float
     sentence: str
 
-    @property
-    def low(self) -> float:
-        """Lower end of 90 %."""
-        return self.value - SURE * self.error
-
-    @property
-    def high(self) -> float:
-        """Upper end of 90 %."""
-        return self.value + SURE * self.error
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record of a fact, with the ends of 90 %."""
+        low, high = (self.value + sign * SURE * self.error for sign in (-1.0, 1.0))
+        own = {k: v for k, v in vars(self).items() if k not in ("neutral", "error")}
+        return {**own, "low": low, "high": high}
 
     def log_density(self, values: Array) -> Array:
         """Compute the log density of the reading at values (m,) of the parameter, (m,)."""

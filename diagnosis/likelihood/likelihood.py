@@ -86,10 +86,7 @@ class Likelihood:
 
     @cached_property
     def shared(self) -> Array:
-        """Relative errors in common, (C, q): nuisances and systematic nominal errors.
-
-        A nuisance counts by the first two directions in which it changes ln time.
-        """
+        """Relative errors in common, (C, q): first two directions of nuisances, nominal errors."""
         parts = [self._nominal(self.bench.errors.systematic)]
         for name, effect in self.model.nuisances.items():
             (only,) = effect.parameters
@@ -243,10 +240,7 @@ class Likelihood:
         return np.asarray((other * q.sd**2 + freedom * seen.variance[some]) / (other + freedom))
 
     def _spread(self, q: Predicted, variance: Array) -> Array:
-        """Compute the log density of the variance of single shifts with each option, (m, P).
-
-        Few shifts of a distribution with two modes may all be of one, so a share of spreads is odd.
-        """
+        """Compute the log density of the variance with each option, (m, P); some are odd."""
         found = np.zeros_like(variance)
         known = np.flatnonzero(self.seen.freedom[self.having][self._options.point] > 0.0)
         at = self._options.point[known]
@@ -311,10 +305,7 @@ class Likelihood:
 
 
 def _late_numbers(n: Array, most: int) -> tuple[Array, Array]:
-    """List numbers of late shifts for 0 to n, and how many numbers each stands for, (c, K).
-
-    Where n exceeds ``most``, the larger half of them divides the numbers above the first half.
-    """
+    """List numbers of late shifts for 0 to n, and how many each stands for, (c, K)."""
     k, single = np.arange(most + 1.0)[None], most // 2
     wide = np.maximum(1.0, (n - single) / max(most - single, 1))
     width = np.where(k > single, wide, 1.0)

@@ -28,10 +28,7 @@ FORMAT = 2
 
 @dataclass
 class BankStore:
-    """Files of series, the last of which is written.
-
-    ``paths`` are read in turn; one that does not exist is empty.
-    """
+    """Files of series, read in turn where they exist; the last one is written."""
 
     paths: Sequence[Path]
 

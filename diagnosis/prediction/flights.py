@@ -4,7 +4,7 @@ Until dogs touch, ring and actuator move along the shaft alone (``sim.shift.mech
 
 .. math:: m_s \ddot x = L - R_0 \sigma(\dot x) - D(x) - c \dot x, \qquad m_a \ddot y = F(t) - L.
 
-The compiled engine integrates these in 0.1 ms. For some :math:`10^5` draws :math:`y = t^{-1/2}` of
+The compiled engine integrates these. For some :math:`10^5` draws :math:`y = t^{-1/2}` of
 each mark, margins and creep are interpolated by cubic splines over flights with one or two effects:
 
 .. math:: y(v) = y_0 + \sum_i a_i(v_i) + \sum_{i<j} b_{ij}(v_i, v_j).
@@ -167,10 +167,7 @@ class _Grid(NamedTuple):
 
     @classmethod
     def fitted(cls, sizes: tuple[int, ...], rows: Array) -> _Grid:
-        """Fill nodes of no bench (NaN) with the nearest, and estimate the error of the spline.
-
-        The error is a share of what a spline through every other node misses, the largest nearby.
-        """
+        """Fill nodes of no bench (NaN) with the nearest; the error is that of a coarse spline."""
         whole = rows.reshape(*sizes, -1)
         missing = np.isnan(whole[..., 0])
         if missing.all():
@@ -269,10 +266,7 @@ class Flights:
         return self._grids[h, profile]
 
     def _flown(self, h: Hypothesis, shares: Array, profile: ForceProfile) -> Array:
-        """Fly effects at shares (m, p) of their priors, equal flights once, (m, COLUMNS).
-
-        Columns of marks, creep, margins and delay; NaN where no such bench is.
-        """
+        """Fly shares (m, p) of priors, equal flights once, (m, COLUMNS); NaN for no bench."""
         base, parameters = self.settings[profile], self._space(h).parameters
         keys: dict[int, Hashable] = {}
         new: dict[Hashable, Setting] = {}

@@ -320,10 +320,7 @@ class Model:
         return changes
 
     def _nodes(self, effect: Effect) -> tuple[Array, Array]:
-        """List coordinates of levels and baseline, (n, d), with moments, delays, and no engagement.
-
-        The latter is 1 where no shift of a level engages.
-        """
+        """List coordinates of levels and baseline, (n, d), with moments, delays, 1 for blocked."""
         places = self.simulated.of((effect.name,))
         x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
         moments = self._moments(self.simulated.times[places])
@@ -403,10 +400,7 @@ class Model:
 def build_models(
     bench: Bench, effects: Mapping[str, Effect], settings: Settings, run: Runner
 ) -> dict[str, Model]:
-    """Build the models of a data set, by the place where the displacement may be read.
-
-    ``run`` simulates blocks, with whatever it keeps of earlier ones.
-    """
+    """Build the models of a data set, by the place where the displacement may be read."""
     places: tuple[Sensor, ...] = ("sleeve", "actuator")
     if bench.record.displacement_at != "unknown":
         places = (bench.record.displacement_at,)

@@ -151,10 +151,7 @@ def simulate(
     run: Runner,
     levels: Sequence[Level] | None = None,
 ) -> Simulated:
-    """Simulate baseline and levels of effects, all levels of each by default.
-
-    ``run`` simulates blocks, with whatever it keeps of earlier ones.
-    """
+    """Simulate baseline and levels of effects, all levels of each by default."""
     settings = tuple(settings)
     if levels is None:
         levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
@@ -173,10 +170,7 @@ def simulate(
 
 
 def _block(changed: Setting, baseline: Setting, dense: int = 1) -> Block:
-    """Build the block of a setting at the angles of its baseline.
-
-    An operating point has a draw of angles of its own, whichever stand beside it.
-    """
+    """Build the block of a setting at the angles of its baseline, each point's own draw."""
     point = baseline.point
     record = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record}
     draw = (SEED, int(content_key(record), 16))
@@ -184,10 +178,7 @@ def _block(changed: Setting, baseline: Setting, dense: int = 1) -> Block:
 
 
 def read_times(setting: Setting, rows: Sequence[Record]) -> Array:
-    """Read the times of shifts as the bench does, s, (n,).
-
-    They are inf where a shift did not engage, NaN where it failed.
-    """
+    """Read times as the bench does, s, (n,): inf where not engaged, NaN where failed."""
     failed = [row["outcome"] == Outcome.DIVERGED.value for row in rows]
     times = [np.inf if (time := setting.time_of(row)) is None else time for row in rows]
     return np.where(failed, np.nan, times)

@@ -159,10 +159,9 @@ def _chosen(found: Diagnosis, path: Path) -> Hypothesis:
     causes = set(found.verdict.causes)
     if causes:
         return next(h for h in found.posterior if h in found.fits and causes <= set(h))
-    first = f"the next test ({found.tests[0].name})" if found.tests else "more shifts"
-    remedy = f"make {first} and diagnose again"
-    if found.verdict.kind == "none":
-        remedy = "take the study as it is"
+    first = found.tests[0].name if found.tests else "more shifts"
+    remedy = f"make the next test ({first}) and diagnose again"
+    remedy = "take the study as it is" if found.verdict.kind == "none" else remedy
     raise InputError(
         f"--write is '{path}', but the diagnosis of {found.bench.name} names no effect "
         f"({headline_of(found.verdict, found.effects)}); {remedy}"
@@ -182,17 +181,16 @@ def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> Non
 def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
     """Find the hypothesis of some effects; InputError where it has no fit."""
     require_effects(causes, found.effects)
-    asked, named = ", ".join(causes), found.verdict.causes
+    named = set(found.verdict.causes)
+    there = [h for h in found.posterior if h and h in found.fits and named <= set(h)]
     hypothesis = tuple(sorted(causes))
-    if lacking := [name for name in named if name not in causes]:
-        rule = f"{' and '.join(lacking)} is part of the cause in any case; name it too"
-    elif hypothesis in found.fits:
-        return hypothesis
-    else:
-        there = [h for h in found.posterior if h and h in found.fits and set(named) <= set(h)]
+    if hypothesis not in there:
         likely = "; ".join(", ".join(h) for h in there[:SHOWN])
-        rule = f"just these together have less than 0.1 %; name one of: {likely}"
-    raise InputError(f"--causes is '{asked}', but {rule}")
+        raise InputError(
+            f"--causes is '{', '.join(causes)}', but just these have less than 0.1 % or lack a "
+            f"part of the cause ({', '.join(sorted(named)) or 'none'}); name one of: {likely}"
+        )
+    return hypothesis
 
 
 def _comments(

@@ -45,22 +45,18 @@ Cause = Mapping[str, Values]  #: values of the parameters of each effect
 
 @dataclass(frozen=True)
 class Candidate:
-    """A design with expected time and critical landing check, without the cause and with it."""
+    """A design with its times without and with the cause, and its worst landing with it."""
 
     name: str
     params: Params
     without: Expectation
     with_effect: Expectation
     landing: Check
-    landing_with: Check
 
 
 @dataclass(frozen=True)
 class Consequence:
-    """Consequence of a cause for the choice of a design.
-
-    Of the candidates the first is the prototype, the second the choice of the study.
-    """
+    """Consequence of a cause; of the candidates the second is the choice of the study."""
 
     study: str
     cause: Cause
@@ -74,7 +70,7 @@ class Consequence:
     @property
     def best(self) -> Candidate:
         """Fastest candidate with the cause, of those that withstand its landings, if any do."""
-        lasting = [one for one in self.candidates if one.landing_with.passed]
+        lasting = [one for one in self.candidates if one.landing.passed]
         return min(lasting or self.candidates, key=lambda one: one.with_effect.mean)
 
     @property
@@ -95,10 +91,10 @@ class Consequence:
         said = f"With the cause {best.name} is best."
         if chosen is best:
             said = f"The chosen design stays the best ({chosen.name})."
-        elif chosen.landing_with.passed:
+        elif chosen.landing.passed:
             cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
             said = f"With the cause {best.name} is best; the chosen {chosen.name} costs {cost}."
-        fail = [one.name for one in self.candidates if not one.landing_with.passed]
+        fail = [one.name for one in self.candidates if not one.landing.passed]
         return f"{said} Landings with the cause overload {', '.join(fail)}." if fail else said
 
     @property
@@ -116,9 +112,8 @@ class Consequence:
                     "without_standard_error_s": one.without.standard_error,
                     "with_s": one.with_effect.mean,
                     "with_standard_error_s": one.with_effect.standard_error,
-                    "without_landing_margin": one.landing.margin,
-                    "with_landing_margin": one.landing_with.margin,
-                    "with_landing_check": one.landing_with.name,
+                    "with_landing_margin": one.landing.margin,
+                    "with_landing_check": one.landing.name,
                 }
                 for one in self.candidates
             ],
@@ -193,8 +188,8 @@ def consequence(
     found = [_timed(study, settings, [next(rows) for _ in settings]) for settings in every]
     pairs = zip(designs.items(), found[: len(designs)], found[len(designs) :], strict=True)
     return Consequence(study.name, cause, tuple(
-        Candidate(name, params, before, after, landing, landing_with)
-        for (name, params), (before, landing), (after, landing_with) in pairs
+        Candidate(name, params, before, after, landing)
+        for (name, params), (before, _), (after, landing) in pairs
     ))  # fmt: skip
 
 

@@ -158,10 +158,7 @@ def _in_series(before: list[dict[str, str]], added: list[dict[str, str]]) -> lis
 
 
 def _require_no_copies(held: Sheet, new: Sheet) -> None:
-    """Raise DataError where a mean, or some rows in a row, are rows of the bench.
-
-    Rounded times may agree by chance; time stamps, where all rows have one, identify a shift.
-    """
+    """Raise DataError where a mean, or some rows in a row, are rows of the bench."""
     stamped = all(row.timestamp is not None for one in (held, new) for row in one.rows)
     ours, theirs = (
         [(row.mismatch, row.force, row.rise, row.n, row.time, row.sd, stamped and row.timestamp)

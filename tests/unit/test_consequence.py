@@ -64,7 +64,6 @@ def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     # The lowest dogs land on a face that takes less than that.
     margins = [one["with_landing_margin"] < 0.0 for one in found.record["candidates"]]
     assert margins == [False, True, False]
-    assert all(one.landing.passed for one in found.candidates)
     assert found.sentence == (
         "With the cause blunt is best. Landings with the cause overload flat."
     )
