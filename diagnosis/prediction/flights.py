@@ -87,7 +87,7 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
         knots = np.array(setting.point.profile.knots())
         time, way, speed, ring, rest = _motion(setting, knots, float(ways[-1]))
         found = [crossing(time, way, speed, level) for level in ways]
-        found += [crossing(*knots, level) for level in forces]
+        found += [crossing(knots[0], knots[1], knots[2], level) for level in forces]
         late = setting.clutch.timeout
         times[k] = [late if mark is None else min(mark, late) for mark in found]
         marks = times[k, : ways.size]
