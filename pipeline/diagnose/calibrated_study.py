@@ -31,7 +31,6 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.texts import read_toml
 
 DRAWS = 200  #: of the posterior
-RARE = 0.005  #: probability from which another set is named in the file
 SHOWN = 5  #: hypotheses that an error names
 
 
@@ -198,17 +197,11 @@ def _comments(
 ) -> dict[str, list[str]]:
     """Write the comments of the study file."""
     source = "clutch and operating points of the bench" if base is None else f"the study {base}"
-    others = [
-        f"{plain(h, found.effects)} ({chance(p)})"
-        for h, p in found.posterior.items()
-        if h in found.fits and h != hypothesis and p >= RARE
-    ]
     comments = {
         "": [
             f"Calibrated study: {source} with the cause from the diagnosis of {found.bench.name}.",
             f"{headline_of(found.verdict, found.effects)}.",
-            f"Just these effects have {chance(found.posterior.get(hypothesis, 0.0))}; other sets: "
-            f"{', '.join(others) or 'none'}.",
+            f"Just these effects have {chance(found.posterior.get(hypothesis, 0.0))}.",
             *(f"{remark[0].upper()}{remark[1:]}." for remark in remarks),
             f"Values are posterior means, intervals hold 90 %; {table} has draws of these effects.",
         ]

@@ -52,28 +52,6 @@ def test_a_direct_test_that_reads_a_parameter_settles_the_cause() -> None:
     assert sum(nothing.values()) == pytest.approx(1.0)
 
 
-def test_foreseen_chances_come_true_where_the_truth_is_drawn_from_the_posterior() -> None:
-    """Outcomes of 1,000 truths, each with the error of the test, updated by ``settle``."""
-    diagnosis, generator = _open(), np.random.default_rng(3)
-    test = _named(choose(diagnosis), FORCE)
-    settled, misled, count = 0, 0, 1000
-    for _ in range(count):
-        truth = generator.choice(3, p=[0.55, 0.43, 0.02])
-        imitated = truth < 2 and generator.random() < 1.0 - 1.0 / (1.0 + imitator_odds(SETTINGS))
-        hypothesis = (DELAY, DRAG, UNKNOWN)[truth]
-        anything = generator.normal(0.5, 12.0**-0.5) if generator.random() < 0.5 else 0.0
-        there = {DELAY: generator.uniform(0.3, 0.7), DRAG: 0.0, UNKNOWN: anything}
-        value = anything if imitated and hypothesis == DELAY else there[hypothesis]
-        after = settle(diagnosis, test, [value + generator.normal(0.0, 0.05)])
-        named = [h for h, p in after.items() if p > 0.8]
-        right = [UNKNOWN] if imitated else [hypothesis]
-        settled += named == right
-        misled += bool(named) and named != right
-    error = 4.0 * (0.25 / count) ** 0.5
-    assert test.settles == pytest.approx(settled / count, abs=error)
-    assert test.misleads == pytest.approx(misled / count, abs=error)
-
-
 def test_effects_of_one_test_share_its_outcome() -> None:
     """The force over time reads delay and lag: either hypothesis has the other neutral."""
     fits = {DELAY: fit_of(DELAY, SPREAD), LAG: fit_of(LAG, SPREAD)}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,13 +46,6 @@ def test_a_mass_under_a_step_flies_in_closed_form(plain: Setting, mass: float, l
 def test_the_force_passes_its_shares_when_the_profile_says(plain: Setting) -> None:
     found = _fly(plain)[len(WAYS) :]
     assert plain.point.profile.at(found) == pytest.approx(315.5 * np.array(FORCES), rel=1e-5)
-
-
-def test_friction_under_a_constant_force_takes_its_part(plain: Setting) -> None:
-    """t = sqrt(2 m x/(F - R)), half of the short rise later."""
-    setting = plain.with_point(profile=ForceProfile(100.0, 1e-4)).with_mechanism(friction=40.0)
-    exact = np.sqrt(2.0 * 0.3 * LEVELS / 60.0) + 0.5e-4
-    assert _fly(setting, 100.0)[: len(WAYS)] == pytest.approx(exact, abs=6e-5)
 
 
 def test_friction_above_the_force_holds_the_ring(plain: Setting) -> None:
@@ -181,18 +173,3 @@ def test_marks_behind_the_first_touch_are_uncertain(plain: Setting) -> None:
     less, more = flights.marks(("axial_gap",), np.array([[-0.5], [0.3]]), plain.point.profile).error
     assert less[: len(WAYS)] == pytest.approx([0.0, 0.0, 0.0, 0.02, 0.02], abs=1e-9)
     assert more == pytest.approx(0.0, abs=1e-9)
-
-
-def test_an_effect_of_a_user_needs_no_word_about_flights(plain: Setting) -> None:
-    """A force that is lost changes the flight as a lower force does, whatever its name."""
-    scale = EFFECTS["force_scale"]
-    own = replace(scale, name="own", change=_own_change)
-    flights = Flights({**EFFECTS, "own": own}, (plain,))
-    values, profile = np.array([[0.7], [1.1]]), plain.point.profile
-    mine, known = (flights.marks((name,), values, profile) for name in ("own", "force_scale"))
-    assert mine.times == pytest.approx(known.times + 0.004)
-
-
-def _own_change(setting: Setting, values: Mapping[str, float]) -> Setting:
-    changed = EFFECTS["force_scale"].apply(setting, values)
-    return replace(changed, delay=changed.delay + 0.004)
