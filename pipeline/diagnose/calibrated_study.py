@@ -127,6 +127,10 @@ def calibrated_study(
             f"({plain(hypothesis, effects)}); {'; '.join(remarks)}"
         )
 
+    for key in _clashing(data, taken, keys):
+        override(data, key, None)
+        remarks.append(f"{key} of the study is replaced by that of the bench")
+
     def keyed(numbers: Array) -> Data:
         """Write values (p,) of the hypothesis as dotted keys of the study."""
         row = Data()
@@ -190,6 +194,18 @@ def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
             f"part of the cause ({', '.join(sorted(named)) or 'none'}); name one of: {likely}"
         )
     return hypothesis
+
+
+def _clashing(data: Data, taken: Sequence[Effect], keys: EffectKeys) -> list[str]:
+    """List the keys of a study that set the same as some effects."""
+    touched, known = {key for effect in taken for key in keys.touched(effect)}, registry.load()
+    given = [f"{table}.{key}" for table in ("mechanism", "contact") for key in data.get(table, {})]
+    found = [key for key in given if key in touched]
+    for name in data.get("effects", {}):
+        own = keys.touched(known[name]) if name in known else set()
+        if own & touched or name in {effect.name for effect in taken}:
+            found.append(f"effects.{name}")
+    return sorted(found)
 
 
 def _comments(

@@ -15,6 +15,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
 from dogshape.pipeline.config.mechanism import PROBE
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.diagnose.study_keys import EffectKeys
 from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
@@ -122,6 +123,16 @@ def test_force_linkage_and_inertia_are_written_as_effects(
     study = load_study("mq200_paper", keys.settings(EFFECTS[name], values))
     there = EFFECTS[name].apply(Setting(plain.clutch, plain.points[0]), values)
     assert (study.clutch, study.points[0]) == (there.clutch, there.point)
+
+
+def test_what_a_base_sets_itself_gives_way(tmp_path: Path) -> None:
+    base = tmp_path / "base.toml"
+    text = load_study("mq200_paper").file.model_dump(exclude_none=True)
+    base.write_text(toml_text({**text, "mechanism": {"delay_s": 0.5, "added_mass_kg": 0.3}}, {}))
+    made = _found(DELAY).calibrated(tmp_path / "both.toml", base=str(base))
+    assert made.study.actuation.delay == pytest.approx(0.078, abs=0.005)
+    assert made.study.mechanism["added_mass_kg"] == 0.3
+    assert "mechanism.delay_s of the study is replaced by that of the bench" in made.remarks
 
 
 @pytest.mark.parametrize(
