@@ -266,7 +266,6 @@ def stand() -> str:
     """Write the diagnosis of the stand."""
     found, test = gap("stand"), gap("stand")["next_test"]
     sure = {(one["key"], one["value"]): percent(one["probability"]) for one in found["readings"]}
-    at_rest = summary(r"elastic linkage \([\d.]+ mm/kN\) explains ([\d.]+) ms")
     linkage = "linkage_compliance"
     rows = [
         ("gap of the 25 operating points that have a time, root mean square",
@@ -281,7 +280,7 @@ def stand() -> str:
          f"{ordinary_drags()} times that of bearings and seals"),
         ("elastic linkage with its mass",
          f"{part(linkage)}; {size(linkage, 'compliance_mm_kN', 1)} mm/kN at the sleeve, "
-         f"{size(linkage, 'mass_behind_kg', 1)} kg; as read at rest it explains {at_rest} ms"),
+         f"{size(linkage, 'mass_behind_kg', 1)} kg"),
         ("mass", f"{part('moving_mass')}; {size('moving_mass', 'added_mass_kg')} kg at the sleeve"),
         ("dry friction", f"{part('sleeve_friction')}; {size('sleeve_friction', 'friction_N')} N"),
         ("oil damping",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -45,22 +45,13 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
 Record = dict[str, Any]  #: gap.json
-#: Keys of the record of a data set, and of a fact.
-RECORD = ("time_zero", "displacement_at", "sense", "empty_cells")
-FACT = ("effect", "parameter", "value", "low", "high", "sentence")
+RECORD = ("time_zero", "displacement_at", "sense", "empty_cells")  #: keys that are shown
 FITTED = 1e-3  #: probability from which a hypothesis is fitted
 
 
 @dataclass(frozen=True)
 class Reading:
-    """Answer if the record means one thing where nobody noted it.
-
-    Parameters
-    ----------
-    key, value : such as ``time_zero`` and ``force``.
-    probability : that it means this, given the data.
-    verdict, posterior : in that case.
-    """
+    """Answer if a key of the record has a value that nobody noted, and its probability."""
 
     key: str
     value: str
@@ -71,33 +62,22 @@ class Reading:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Result of a diagnosis; carries the data set.
-
-    Parameters
-    ----------
-    posterior : probability of each hypothesis, the largest first; what the data cannot show counts
-        as absent.
-    evidence : the same before that.
-    fits : of none, and of every plausible known hypothesis.
-    within : probability that the gap is below the margin.
-    readings : answers by what the record means, where nobody noted it.
-    seconds : processor time.
-    """
+    """Result of a diagnosis; carries the data set."""
 
     bench: Bench
     effects: Mapping[str, Effect]
     settings: Settings
     likelihood: Likelihood
-    posterior: Mapping[Hypothesis, float]
-    evidence: Mapping[Hypothesis, float]
-    fits: Mapping[Hypothesis, Fit]
+    posterior: Mapping[Hypothesis, float]  #: the largest first; what data cannot show is absent
+    evidence: Mapping[Hypothesis, float]  #: the same before that
+    fits: Mapping[Hypothesis, Fit]  #: of none, and of every plausible known hypothesis
     verdict: Verdict
-    within: float
+    within: float  #: probability that the gap is below the margin
     held_out: HeldOut
-    readings: tuple[Reading, ...]
+    readings: tuple[Reading, ...]  #: answers by what the record means, where nobody noted it
     facts: tuple[Fact, ...]
     flights: Flights
-    seconds: float
+    seconds: float  #: processor time
     tests: tuple[NextTest, ...] = ()
 
     @property
@@ -119,12 +99,6 @@ class Diagnosis:
     def leading(self) -> Hypothesis:
         """The most probable known hypothesis."""
         return next(h for h in self.posterior if h in self.fits)
-
-    @property
-    def rival(self) -> Hypothesis | None:
-        """The most probable other known hypothesis with an effect."""
-        others = (h for h in self.posterior if h in self.fits and h != NONE)
-        return next((h for h in others if h != self.leading), None)
 
     @property
     def noise(self) -> float:
@@ -157,13 +131,14 @@ class Diagnosis:
         """Sizes of each effect over all plausible hypotheses that have it."""
         found: dict[str, dict[str, Interval]] = {}
         for name, effect in self.effects.items():
-            mine = [(h, p) for h, p in self.posterior.items() if name in h and h in self.fits]
+            mine = [(self.fits[h], p) for h, p in self.posterior.items()
+                    if name in h and h in self.fits]  # fmt: skip
             whole = sum(p for _, p in mine)
             if whole < FITTED:
                 continue
             parts = []
-            for h, p in mine:
-                one, count = self.fits[h], len(self.fits[h].shares)
+            for one, p in mine:
+                count = len(one.shares)
                 rows = np.linspace(0, count - 1, int(np.ceil(p / whole * count))).astype(int)
                 columns = one.space.columns(name) if effect.parameters else slice(0)
                 parts.append(one.values[rows][:, columns])
@@ -173,9 +148,9 @@ class Diagnosis:
 
     def to_dict(self) -> Record:
         """Write ``gap.json``."""
-        gaps, top = self.held_out, self.fits[self.leading]
-        missing = max(gaps.baseline - gaps.chance, 1e-6)
-        amplitude = Interval.of(top.amplitude)
+        gaps, amplitude = self.held_out, Interval.of(self.fits[self.leading].amplitude)
+        shrink = 1.0 - (gaps.held_out - gaps.chance) / max(gaps.baseline - gaps.chance, 1e-6)
+        sizes = {n: {k: asdict(i) for k, i in one.items()} for n, one in self.sizes.items()}
         return {
             "bench": self.bench.name,
             "engine": self.bench.clutch.solver.engine,
@@ -185,22 +160,19 @@ class Diagnosis:
             "hypotheses": [self._hypothesis(h) for h in self.posterior],
             "confusable": self.confusable,
             "inclusion": self.inclusion,
-            "sizes": {
-                name: {key: one.as_dict() for key, one in sizes.items()}
-                for name, sizes in self.sizes.items()
-            },
+            "sizes": sizes,
             "gap": {
                 "hypothesis": list(self.leading),
                 "baseline_rmse_s": gaps.baseline,
                 "heldout_rmse_s": gaps.held_out,
                 "floor_rmse_s": gaps.chance,
-                "shrink": float(np.clip(1.0 - (gaps.held_out - gaps.chance) / missing, -1.0, 1.0)),
+                "shrink": float(np.clip(shrink, -1.0, 1.0)),
                 "rival": list(gaps.rival) if gaps.rival is not None else None,
                 "rival_heldout_rmse_s": gaps.rival_held_out,
             },
             "margin_s": self.margin_s,
             "within_margin": self.within,
-            "discrepancy": {"amplitude": amplitude.as_dict()},
+            "discrepancy": {"amplitude": asdict(amplitude)},
             "where": [
                 {
                     "mismatch_rpm": one.cell.point.mismatch / RPM,
@@ -223,11 +195,11 @@ class Diagnosis:
             ],
             "next_test": self.tests[0].to_dict() if self.tests else None,
             "tests": [one.to_dict() for one in self.tests[:8]],
-            "facts": [{key: getattr(fact, key) for key in FACT} for fact in self.facts],
+            "facts": [fact.to_dict() for fact in self.facts],
             "drift": None if self.seen.drift is None else self.seen.drift.to_dict(),
             "credible_set": [list(h) for h in self.verdict.credible],
             "seconds": self.seconds,
-            "settings": self.settings.as_dict(),
+            "settings": asdict(self.settings),
         }
 
     @property
@@ -237,36 +209,28 @@ class Diagnosis:
         return [[n, *self.effects[n].aliases] for n in sorted(named) if self.effects[n].aliases]
 
     def _hypothesis(self, hypothesis: Hypothesis) -> Record:
-        found = self.fits.get(hypothesis)
         record: Record = {
             "effects": list(hypothesis),
             "probability": self.posterior[hypothesis],
             "evidence_probability": self.evidence[hypothesis],
             "parameters": {},
         }
-        if found is not None:
-            record["parameters"] = {n: one.as_dict() for n, one in found.intervals.items()}
+        if found := self.fits.get(hypothesis):
+            record["parameters"] = {n: asdict(one) for n, one in found.intervals.items()}
             record["log_evidence"], record["log_evidence_error"] = found.log_evidence, found.error
             record["predictive_p"] = found.p
         return record
 
 
 def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL) -> Diagnosis:
-    """Diagnose a data set, without advice on the next test.
-
-    Parameters
-    ----------
-    models : by the place at which the displacement may be read: one where that is known.
-    settings : errors of the simulation, priors, and limits of the answer.
-    """
+    """Diagnose a data set by the models of each place where displacement may be read."""
     begin = time.process_time()
     answers = [
         a for place, model in models.items() for a in _answers(bench, place, model, settings)
     ]
     evidence = _mixed(answers, settings)
     best = max(answers, key=lambda one: one.log).ranking
-    likelihood = best.likelihood
-    model = likelihood.model
+    likelihood, model = best.likelihood, best.likelihood.model
     flights = Flights(model.effects, model.settings)
     plausible = [h for h, p in evidence.items() if p > FITTED and h in best.samples]
     fits = {h: fit(likelihood, best.samples[h], flights) for h in dict.fromkeys((NONE, *plausible))}
@@ -274,7 +238,7 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
     posterior = seen_apart(shares, evidence)
     within = within_margin(likelihood, fits, evidence, bench.margin)
     known = [h for h in posterior if h in fits]
-    rival = next((h for h in known[1:] if h != NONE), None)
+    rival = next((fits[h] for h in known[1:] if h != NONE), None)
     plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
     times = np.array([np.nan if cell.time is None else cell.time for cell in bench.cells])
     turned = {} if model.turned is None else {REVERSED: registry.load()[REVERSED]}
@@ -289,21 +253,12 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
         verdict = decide(chances, fits, within, settings)
         readings.append(Reading(key, value, probability, verdict, chances))
     return Diagnosis(
-        bench,
-        dict(sorted({**model.effects, **turned}.items())),
-        settings,
-        likelihood,
-        posterior,
-        evidence,
-        fits,
-        decide(posterior, fits, within, settings),
-        within,
-        held_out(likelihood, fits[known[0]], fits[rival] if rival else None, times - plain),
-        tuple(readings),
-        (*facts_of(bench), *measured_facts(bench, model.effects)),
-        flights,
+        bench, dict(sorted({**model.effects, **turned}.items())), settings, likelihood, posterior,
+        evidence, fits, decide(posterior, fits, within, settings), within,
+        held_out(likelihood, fits[known[0]], rival, times - plain), tuple(readings),
+        (*facts_of(bench), *measured_facts(bench, model.effects)), flights,
         time.process_time() - begin,
-    )
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -371,10 +326,7 @@ def _log(ranking: Ranking, h: Hypothesis, meant: Mapping[str, str]) -> float:
 
 
 def _mixed(answers: Sequence[_Answer], settings: Settings) -> dict[Hypothesis, float]:
-    """Mix the probabilities of hypotheses over what the record may mean, the largest first.
-
-    The prior keeps its share, the floor: no answer is surer than the model of errors.
-    """
+    """Mix the probabilities over meanings of the record; the prior keeps the floor."""
     whole, priors = logsumexp([one.log for one in answers]), answers[0].ranking.log_prior
     found = dict.fromkeys((h for one in answers for h in one.logs), 0.0)
     for one in answers:

@@ -7,14 +7,14 @@ half, and an offset of its own size comes again.
 
 The value of a test is its chance to settle, less four times its chance to mislead, less 0.04 for
 each hour. Of tests that settle about as surely the cheapest leads. Where no test is worth its cost,
-or the cause is named, the information an hour decides, and the direct test of a named cause leads
-if it costs no more than the first. Where *unknown* leads, traces show where the residual arises.
+or the cause is named, the information an hour decides; the direct test of a named cause leads if it
+costs no more than the first. Where *unknown* leads, traces do.
 """
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -73,9 +73,6 @@ STEP = 1e-3  #: s, sampling step of a recording
 MARK_SIZES = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause
 MARK_ALIKE = 0.9  #: of their variance, which marks of displacement or force have in common
 
-#: Marks of the flight of a hypothesis at values (m, p): times, error, creep, (m, SIZE), s.
-Marks = Callable[[Hypothesis, Array, ForceProfile], Any]
-
 
 def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
     """Raise DataError where a data set's terms are of no test, or leave none to advise."""
@@ -107,14 +104,10 @@ def imitator_odds(settings: Settings) -> float:
     return settings.unlisted * settings.imitated / (1.0 - settings.unlisted)
 
 
-def choose(diagnosis: Diagnosis, marks: Marks | None = None) -> tuple[NextTest, ...]:
-    """Rank the tests of a diagnosis, the best first.
-
-    ``marks`` predicts the marks of the flight. Without it no traces are on the menu, unless
-    *unknown* leads.
-    """
+def choose(diagnosis: Diagnosis) -> tuple[NextTest, ...]:
+    """Rank the tests of a diagnosis, the best first."""
     menu = {test.name: test for test in (*_direct_tests(diagnosis), *_questions(diagnosis))}
-    tests = [*menu.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis, marks)]
+    tests = [*menu.values(), *_further_tests(diagnosis), *_trace_tests(diagnosis)]
     first, *others = _ranked(diagnosis, [_judged(diagnosis, one) for one in tests])
     # The best of many by drawn outcomes looks better than it is: its worth is of other draws.
     return (_judged(diagnosis, first, seed=2), *others)
@@ -123,17 +116,10 @@ def choose(diagnosis: Diagnosis, marks: Marks | None = None) -> tuple[NextTest, 
 def settle(
     diagnosis: Diagnosis, test: NextTest, outcome: Sequence[float] | str
 ) -> Mapping[Hypothesis, float]:
-    """Update the probabilities by the outcome of a test.
+    """Update the probabilities by the outcome of a test; unchanged where nothing predicts it.
 
-    Parameters
-    ----------
-    outcome : shares of the ranges of ``test.parameters``; or mean time of timely shifts in s and
-        share engaged; or marks in s; NaN, or less values, where one is not shown. The answer of a
-        question as its word.
-
-    Returns
-    -------
-    Probability of each hypothesis that predicts the outcome; the posterior where none does.
+    ``outcome`` has the numbers of ``test.outcome``, NaN or less of them where one is not shown; of
+    a question it is the answer's word.
     """
     if isinstance(outcome, str):
         answers = [r for r in diagnosis.readings if (r.key, r.value) == (test.question, outcome)]
@@ -175,7 +161,7 @@ def _ranked(diagnosis: Diagnosis, tests: Sequence[NextTest]) -> list[NextTest]:
     def rank(test: NextTest) -> tuple[bool, float]:
         value = sure(test) - settings.hour * test.hours
         worth = not decided and value > 0.0
-        return not worth, -value if worth else -(test.information or 0.0) / test.hours
+        return not worth, -value if worth else -test.information / test.hours
 
     ranked = sorted(tests, key=rank)
     if top == UNKNOWN:
@@ -214,8 +200,9 @@ def _questions(diagnosis: Diagnosis) -> list[NextTest]:
         every = {h for one in answers for h in one.posterior}
         after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
         gain = float((rel_entr(after, chance @ after) * chance[:, None]).sum())
-        best, named = after.max(axis=1), after.max(axis=1) > diagnosis.settings.named
-        right, wrong = (float(chance @ (named * one)) for one in (best, 1.0 - best))
+        best = after.max(axis=1)
+        right, wrong = (float(chance @ ((best > diagnosis.settings.named) * one))
+                        for one in (best, 1.0 - best))  # fmt: skip
         name, how = RECORD[key]
         effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == name)
         found.append(
@@ -252,8 +239,7 @@ def _read(diagnosis: Diagnosis, effects: Sequence[Effect]) -> Outcome:
     """Predict a direct test; an effect without parameters reads 1 where it is there, else 0."""
     setting, settings = diagnosis.model.setting, diagnosis.settings
     neutral = [[p.share(p.neutral_of(setting)) for p in e.parameters] or [0.0] for e in effects]
-    absent = np.concatenate(neutral)
-    ends = np.cumsum([0, *map(len, neutral)]).tolist()
+    absent, ends = np.concatenate(neutral), np.cumsum([0, *map(len, neutral)]).tolist()
     places = {e.name: slice(*ends[k : k + 2]) for k, e in enumerate(effects)}
     errors = settings.test_error**2 * np.eye(absent.size)
     parts = {}
@@ -268,12 +254,11 @@ def _read(diagnosis: Diagnosis, effects: Sequence[Effect]) -> Outcome:
     mean = np.tile(absent, (1 + len(effects), 1))
     covariance, share = np.tile(errors, (len(mean), 1, 1)), np.zeros(len(mean))
     for k, effect in enumerate(effects, start=1):
-        place = places[effect.name]
-        mean[k, place] = 0.5 if effect.parameters else 1.0
-        if effect.parameters:
-            wide = np.arange(absent.size)[place]
-            covariance[k, wide, wide] += 1.0 / 12.0
-        share[k] = (0.5 if effect.parameters else settings.prior(effect.name)) / len(effects)
+        place, sized = places[effect.name], bool(effect.parameters)
+        mean[k, place] = 0.5 if sized else 1.0
+        wide = np.arange(absent.size)[place]
+        covariance[k, wide, wide] += sized / 12.0
+        share[k] = (0.5 if sized else settings.prior(effect.name)) / len(effects)
     share[0] = 1.0 - share.sum()
     every = parts | {UNKNOWN: (share, mean, covariance)}
     return Outcome.of(every, lambda h: bool(set(places) & set(h)))
@@ -286,22 +271,19 @@ def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
 
 def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
     """List more shifts at each operating point at which shifts can engage."""
-    bench, found = diagnosis.bench, []
+    bench, found, known = diagnosis.bench, [], _plausible(diagnosis)
     if not possible(bench, "more shifts"):
         return []
-    setup, nearest = hours_of(bench, "more shifts"), _leading(diagnosis.posterior, diagnosis.fits)
-    engaging = np.isfinite(diagnosis.fits[nearest].predicted.mean).all(axis=0)
-    for cell, count in itertools.product(np.flatnonzero(engaging).tolist(), MORE):
+    like = diagnosis.fits[_leading(diagnosis.posterior, diagnosis.fits)]
+    engaging = np.flatnonzero(np.isfinite(like.predicted.mean).all(axis=0)).tolist()
+    for cell, count in itertools.product(engaging, MORE):
         point, words = _where(bench, cell)
-        name, hours = f"{count} more shifts at {words}", setup + SHIFT * count
-        how = f"Record {name}, each with its own time."
-        known = _plausible(diagnosis)
+        name, hours = f"{count} more shifts at {words}", hours_of(bench, "more shifts")
         parts = {h: _further(diagnosis, *known[h], cell, count, known=True) for h in known}
-        like = diagnosis.fits[nearest]
         parts[UNKNOWN] = _further(diagnosis, like, _rows(like), cell, count, known=False)
-        outcome = Outcome.of(parts, lambda _: False)
         found.append(NextTest(
-            name, how, "shifts", hours, cell=cell, point=point, shifts=count, outcome=outcome
+            name, f"Record {name}, each with its own time.", "shifts", hours + SHIFT * count,
+            cell=cell, point=point, shifts=count, outcome=Outcome.of(parts, lambda _: False),
         ))  # fmt: skip
     return found
 
@@ -327,34 +309,33 @@ def _further(
     return smoothed(np.stack([mean, share], axis=1), both[:, None, :] * np.eye(2))
 
 
-def _trace_tests(diagnosis: Diagnosis, marks: Marks | None) -> list[NextTest]:
+def _trace_tests(diagnosis: Diagnosis) -> list[NextTest]:
     """List traces at the least force without any; at the largest residual where unknown leads."""
     bench, seen = diagnosis.bench, diagnosis.seen
     profiles = [cell.point.profile for cell in bench.cells]
     traced = {cell.point.profile for cell in bench.cells if cell.traces}
     cells = [k for k, profile in enumerate(profiles) if profile not in traced]
-    if cells and _leading(diagnosis.posterior) != UNKNOWN:
-        least = min(profiles[k].force for k in cells)
-        cells = [k for k in cells if profiles[k].force == least and marks is not None]
     if not cells or not possible(bench, "traces"):
         return []
+    if _leading(diagnosis.posterior) != UNKNOWN:
+        least = min(profiles[k].force for k in cells)
+        cells = [k for k in cells if profiles[k].force == least]
     one = diagnosis.fits[_leading(diagnosis.posterior, diagnosis.fits)].predicted
     scatter = (one.error**2 + one.sd**2 / np.maximum(1, seen.count)).mean(axis=0)
     score = abs(seen.mean - one.mean.mean(axis=0)) / np.sqrt(one.mean.var(axis=0) + scatter)
     cell = max(cells, key=lambda k: float(np.nan_to_num(score[k] * (seen.count[k] > 0))))
     point, words = _where(bench, cell)
-    name = f"traces of {TRACED} shifts at {words}"
     how = f"Record displacement, force and both speeds over time of {TRACED} shifts at {words}."
     hours = hours_of(bench, "more shifts") + hours_of(bench, "traces") + SHIFT * TRACED
-    outcome = None if marks is None else _flown(diagnosis, profiles[cell], marks)
     return [NextTest(
-        name, how, "traces", hours, cell=cell, point=point, shifts=TRACED, outcome=outcome
+        f"traces of {TRACED} shifts at {words}", how, "traces", hours, cell=cell, point=point,
+        shifts=TRACED, outcome=_flown(diagnosis, profiles[cell]),
     )]  # fmt: skip
 
 
-def _flown(diagnosis: Diagnosis, profile: ForceProfile, marks: Marks) -> Outcome:
+def _flown(diagnosis: Diagnosis, profile: ForceProfile) -> Outcome:
     """Predict the marks of the flight of some traces."""
-    freedom = diagnosis.settings.flight_freedom
+    freedom, marks = diagnosis.settings.flight_freedom, diagnosis.flights.marks
     wider = freedom / (freedom - 2.0)
     still, way = marks(NONE, np.zeros((1, 0)), profile), np.arange(SIZE) < len(WAYS)
     parts = {}
@@ -378,10 +359,8 @@ def _flown(diagnosis: Diagnosis, profile: ForceProfile, marks: Marks) -> Outcome
 def _errors(found: Any) -> Array:
     """Compute the covariance of marks read from some traces, s^2, (k, SIZE, SIZE)."""
     times = found.times.mean(axis=0)
-    slopes = [
-        np.array(values) * np.gradient(part, values)
-        for values, part in zip((WAYS, FORCES), np.split(times, [len(WAYS)]), strict=True)
-    ]
+    parts = zip((WAYS, FORCES), np.split(times, [len(WAYS)]), strict=True)
+    slopes = [np.array(values) * np.gradient(part, values) for values, part in parts]
     # A mark's value over its slope; marks that never come have the time-out in common.
     reach = np.maximum(0.0, np.concatenate(slopes))
     common = model_covariance(np.arange(SIZE), times, reach) + STEP**2 / 12.0 / TRACED

@@ -1,7 +1,6 @@
 """Constants that decide an answer of the diagnosis, each with unit, meaning, status and source.
 
-A diagnosis takes its settings as one value and keeps them with its result. Numerical constants stay
-in their modules.
+A diagnosis takes its settings as one value and keeps them with its result.
 """
 
 from __future__ import annotations
@@ -25,155 +24,113 @@ def constant(default: Any, unit: str, meaning: str, status: Status, source: str)
 class Settings:
     """All settings of a diagnosis."""
 
+    # fmt: off
     # errors of the simulation
     model_error: float = constant(
         0.01, "of the mean", "error of any simulated mean by itself", "judged",
-        "mesh, contact and rigid bodies; small beside the discrepancy",
-    )  # fmt: skip
+        "mesh, contact and rigid bodies; small beside the discrepancy")
     least_error: float = constant(
-        5e-4, "s", "the same, at least", "judged", "resolution of a shift time"
-    )
+        5e-4, "s", "the same, at least", "judged", "resolution of a shift time")
     discrepancy: float = constant(
         0.05, "of the predicted mean",
         "scale of the half-normal prior of the discrepancy's amplitude", "measured",
-        "`docs/evidence/blind_engines.txt`: MuJoCo against Drake without any effect",
-    )  # fmt: skip
+        "`docs/evidence/blind_engines.txt`: MuJoCo against Drake without any effect")
     discrepancy_shape: tuple[float, float, float] = constant(
         (0.4, 0.4, 0.2), "of the variance",
         "constant, curve over the mismatch, slope over the force", "measured",
-        "`docs/evidence/blind_engines.txt`: one-sided, smooth over the mismatch",
-    )  # fmt: skip
+        "`docs/evidence/blind_engines.txt`: one-sided, smooth over the mismatch")
     discrepancy_length: float = constant(
         1.0, "of ln mismatch", "length over which the discrepancy is alike", "measured",
-        "`docs/evidence/blind_engines.txt`",
-    )  # fmt: skip
+        "`docs/evidence/blind_engines.txt`")
     law: float = constant(
         0.03, "of the change of ln time", "error of an effect's law at one operating point",
-        "judged", "an effect is one law of several that a stand may have",
-    )  # fmt: skip
+        "judged", "an effect is one law of several that a stand may have")
     spread_share: float = constant(
         0.2, "of the spread", "error of a simulated spread of single shifts", "judged",
-        "opened cases of a foreign engine",
-    )  # fmt: skip
+        "opened cases of a foreign engine")
     spread_error: float = constant(
         0.025, "of the mean", "further error of that spread", "judged",
-        "opened cases of a foreign engine",
-    )  # fmt: skip
+        "opened cases of a foreign engine")
     odd_spread: float = constant(
         0.1, "probability", "that a spread is off by a factor of e, whatever the cause", "judged",
-        "without it p-values of right answers are below 0.01 in 10 % of self-consistent sets",
-    )  # fmt: skip
+        "without it p-values of right answers are below 0.01 in 10 % of self-consistent sets")
     late_known: float = constant(
         24.0, "shifts", "number of shifts that a simulated share of late or engaged ones counts as",
-        "judged", "opened cases of a foreign engine",
-    )  # fmt: skip
+        "judged", "opened cases of a foreign engine")
     late_least: float = constant(0.003, "probability", "least share of late shifts", "judged", "")
     odd_share: float = constant(
         0.005, "probability", "share of operating points whose mean is off, whatever the cause",
-        "judged", "in a checked table an entry in some hundred is wrong",
-    )  # fmt: skip
+        "judged", "in a checked table an entry in some hundred is wrong")
     odd_size: float = constant(
-        0.5, "of the mean", "standard deviation of what such a mean is off by", "judged", ""
-    )
+        0.5, "of the mean", "standard deviation of what such a mean is off by", "judged", "")
     nuisance: float = constant(
         3.0, "factor", "within which stiffness and dissipation of the contact are known (one "
         "standard deviation of the logarithm)", "judged",
-        "edge contact is up to 30 times softer than a flank, oil film damps up to 10 times more",
-    )  # fmt: skip
+        "edge contact is up to 30 times softer than a flank, oil film damps up to 10 times more")
     flight_freedom: float = constant(
         5.0, "degrees of freedom", "of the Student distribution of a profile's marks", "judged",
-        "one odd profile decides nothing alone",
-    )  # fmt: skip
+        "one odd profile decides nothing alone")
     # priors
     included: Mapping[str, float] = constant(
         {"actuation_delay": 0.3, "sleeve_friction": 0.3, "linkage_compliance": 0.1},
         "probability", "that an effect is part of the cause", "judged",
-        "every actuator has a dead time, every ring rubs on its shaft, cables and levers give way",
-    )  # fmt: skip
+        "every actuator has a dead time, every ring rubs on its shaft, cables and levers give way")
     rare: float = constant(
         0.03, "probability", "the same of any other effect", "judged",
-        "of fifteen such effects one acts on every other stand",
-    )  # fmt: skip
+        "of fifteen such effects one acts on every other stand")
     most: int = constant(3, "effects", "that act at once", "judged", "of four some always fit")
     unlisted: float = constant(
-        0.15, "probability", "of *unknown*", "judged", "no list of effects is complete"
-    )
+        0.15, "probability", "of *unknown*", "judged", "no list of effects is complete")
     unlisted_sizes: tuple[float, ...] = constant(
         (0.1, 0.2, 0.4, 0.8), "of the predicted mean",
         "amplitudes of what no effect explains, as probable as each other", "judged",
-        "above the discrepancy of honest engines",
-    )  # fmt: skip
+        "above the discrepancy of honest engines")
     unlisted_smooth: float = constant(
-        0.7, "of the variance", "share of it that neighbouring points have in common", "judged", ""
-    )
+        0.7, "of the variance", "share of it that neighbouring points have in common", "judged", "")
     unlisted_lengths: tuple[float, ...] = constant(
         (1.0,), "of ln force and ln mismatch", "lengths over which that is alike", "judged",
-        "from a neighbour to the whole table",
-    )  # fmt: skip
+        "from a neighbour to the whole table")
     reversed_known: float = constant(
         0.02, "probability", "of the reversed sense of rotation where it was noted", "judged",
-        "one entry in some hundred is wrong",
-    )  # fmt: skip
+        "one entry in some hundred is wrong")
     reversed_unknown: float = constant(
-        0.5, "probability", "the same where nobody noted it", "judged", ""
-    )
+        0.5, "probability", "the same where nobody noted it", "judged", "")
     zero_at_force: float = constant(
-        0.5, "probability", "that times start with the force where nobody noted it", "judged", ""
-    )
+        0.5, "probability", "that times start with the force where nobody noted it", "judged", "")
     floor: float = constant(
         0.01, "probability", "that the data say nothing, since they are unlike the model of errors",
-        "judged", "one data set in a hundred; no answer is surer",
-    )  # fmt: skip
+        "judged", "one data set in a hundred; no answer is surer")
     imitated: float = constant(
         0.5, "probability", "that something unlisted acts on shift times as an effect does",
-        "judged", "of what is not on the list, half looks like something on it",
-    )  # fmt: skip
+        "judged", "of what is not on the list, half looks like something on it")
     test_error: float = constant(
-        0.05, "of a range", "standard error of a direct test", "judged", ""
-    )
+        0.05, "of a range", "standard error of a direct test", "judged", "")
     hour: float = constant(
-        0.04, "probability", "to settle the cause that an hour of work has to earn", "judged", ""
-    )
+        0.04, "probability", "to settle the cause that an hour of work has to earn", "judged", "")
     # limits of the answer
     named: float = constant(
         0.8, "probability", "from which a hypothesis, *none* or *unknown* is said", "judged",
-        "wrong once in five at most, if probabilities hold",
-    )  # fmt: skip
+        "wrong once in five at most, if probabilities hold")
     named_at_once: int = constant(
-        2, "effects", "that are named as the whole cause", "judged", "of three some always fit"
-    )
+        2, "effects", "that are named as the whole cause", "judged", "of three some always fit")
     part: float = constant(
         0.95, "probability", "from which an effect is part of the cause, whatever else is",
-        "judged", "usual level",
-    )  # fmt: skip
+        "judged", "usual level")
     credible: float = constant(
         0.9, "probability", "of the set that is given where nothing is named", "judged",
-        "usual level",
-    )  # fmt: skip
+        "usual level")
     adequate: float = constant(
-        0.01, "p-value", "below which a hypothesis is not named", "judged", "usual level"
-    )
+        0.01, "p-value", "below which a hypothesis is not named", "judged", "usual level")
     visible: float = constant(
         4.0, "squared standard errors", "below which two predictions cannot be told apart",
-        "judged", "two standard errors in all",
-    )  # fmt: skip
+        "judged", "two standard errors in all")
     engaged_margin: float = constant(
-        0.05, "share engaged", "margin of a share engaged", "judged", "one shift in twenty"
-    )
+        0.05, "share engaged", "margin of a share engaged", "judged", "one shift in twenty")
+    # fmt: on
 
     def prior(self, name: str) -> float:
         """Look up the probability that an effect is part of the cause."""
         return self.included.get(name, self.rare)
-
-    def as_dict(self) -> dict[str, Any]:
-        """Write the record ``settings``."""
-        return {one.name: _plain(getattr(self, one.name)) for one in fields(self)}
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, tuple):
-        return list(value)
-    return dict(value) if isinstance(value, Mapping) else value
 
 
 def described(settings: Settings) -> Iterator[tuple[str, Any, Mapping[str, str]]]:

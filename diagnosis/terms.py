@@ -1,16 +1,13 @@
 """Terms that the whole diagnosis shares: arrays and hypotheses.
 
 A *hypothesis* is a set of effects by name, in alphabetical order; its *values* are those of all
-parameters of these effects, effect by effect, in the units that the parameters' names end in.
-
-With an unknown sense of rotation both senses are equally probable, and every hypothesis exists once
-for each. All effects act otherwise with the other sense, so no result of one sense is combined with
-one of the other.
+parameters of these effects, effect by effect. With an unknown sense of rotation every hypothesis
+exists once for each sense; results of the two are never combined.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Literal
 
 import numpy as np
@@ -27,14 +24,16 @@ DELAY = "actuation_delay"  #: needs no shift, and so no bank of its own
 UNKNOWN: Hypothesis = ("unknown",)  #: a structured gap that no known effect explains
 
 
+def listed(names: Sequence[str], last: str = "and") -> str:
+    """Join names as a list in words."""
+    return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
 def plain(hypothesis: Hypothesis, effects: Mapping[str, Effect]) -> str:
     """Return a hypothesis as people say it."""
     if hypothesis == UNKNOWN:
         return "an unknown cause"
-    names = [effects[name].plain for name in hypothesis]
-    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names) or (
-        "no effect"
-    )
+    return listed([effects[name].plain for name in hypothesis]) or "no effect"
 
 
 def forward(hypothesis: Hypothesis) -> Hypothesis:

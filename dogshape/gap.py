@@ -14,7 +14,6 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_times
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan, shift_plan
-from dogshape.diagnosis.report.phase_times import PhaseGap, phase_gaps
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
@@ -31,6 +30,7 @@ from dogshape.pipeline.diagnose.calibrated_study import (
 )
 from dogshape.pipeline.diagnose.consequence import Consequence, price_of, studied
 from dogshape.pipeline.diagnose.gap_update import (
+    add_update,
     asked_of,
     before_of,
     joined,
@@ -38,8 +38,6 @@ from dogshape.pipeline.diagnose.gap_update import (
     require_no_updates,
     settle_data,
     update_record,
-    updates_of,
-    write_updates,
 )
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import SILENT, Progress
@@ -127,7 +125,7 @@ class Diagnosis(Result):
     def report(self, path: str | Path) -> Path:
         """Write the report as one page that opens offline; give its path."""
         found = self.inference
-        write_page(found, Path(path), phase_gaps(found.bench), self.consequence)
+        write_page(found, Path(path), self.consequence)
         return Path(path)
 
     def calibrated(
@@ -194,10 +192,8 @@ def diagnose(
         studied(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
         found, where = diagnosed(given, means), "not written, for lack of --out"
-        phases: tuple[PhaseGap, ...] = ()
         if folder is not None:
-            phases = phase_gaps(found.bench)
-            where = f"written to {publish(found, folder, phases)}"
+            where = f"written to {publish(found, folder)}"
             keep_data(given, folder, means.effects)
         if study is None:
             return Diagnosis(found, None, folder)
@@ -205,7 +201,7 @@ def diagnose(
         progress.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
         price = price_of(found, study, means, folder or Path(bank))
         if folder is not None:
-            publish(found, folder, phases, price)
+            publish(found, folder, price)
     return Diagnosis(found, price, folder)
 
 
@@ -284,10 +280,7 @@ def update_diagnosis(
         own = None if own is None else Path(own)
         found = diagnosed(bench, Means(Path(bank), own, jobs, progress, before["engine"]))
         record = update_record(before, found, sheet, count)
-        updates = [*updates_of(place, count), record]
-        history = {f"update {one['update']}": one["sentence"] for one in updates}
-        publish(found, place, phase_gaps(bench), history=history)
-        write_updates(place, updates)
+        publish(found, place, history=add_update(place, record, count))
         settle_data(place)
     return Update(Diagnosis(found, None, place), record, place)
 

@@ -16,12 +16,12 @@ from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
-from dogshape.diagnosis.inference.verdict import Verdict
+from dogshape.diagnosis.inference.verdict import Verdict, inclusion
 from dogshape.diagnosis.next_test import choose
-from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.prediction.model import Space, build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
-from dogshape.sim.effect import Effect, Parameter
+from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from tests.made_up import few_cells, made_up, mean_time
@@ -48,24 +48,6 @@ SIZES = {
 
 
 @dataclass(frozen=True)
-class Space:
-    """Parameters of some effects."""
-
-    effects: tuple[Effect, ...]
-
-    @property
-    def parameters(self) -> tuple[Parameter, ...]:
-        """All parameters, effect by effect."""
-        return tuple(p for effect in self.effects for p in effect.parameters)
-
-    def columns(self, name: str) -> slice:
-        """Find the columns of an effect."""
-        sizes = [len(effect.parameters) for effect in self.effects]
-        place = [effect.name for effect in self.effects].index(name)
-        return slice(sum(sizes[:place]), sum(sizes[: place + 1]))
-
-
-@dataclass(frozen=True)
 class Fit:
     """A fitted hypothesis: equally weighted draws of values."""
 
@@ -87,7 +69,7 @@ class Fit:
 def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
     """Fit a hypothesis by draws of ``SIZES``, with mean times (C,) that all draws share."""
     generator = np.random.default_rng(len(hypothesis))
-    space = Space(tuple(EFFECTS[name] for name in hypothesis))
+    space = Space(tuple(EFFECTS[name] for name in hypothesis), setting_of(STAND))
     columns = [generator.normal(*SIZES[one.name], DRAWS) for one in space.parameters]
     values = np.stack(columns, axis=1) if columns else np.zeros((DRAWS, 0))
     mean = np.tile(times, (DRAWS, 1))
@@ -97,17 +79,11 @@ def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
 
 def verdict_of(posterior: Mapping[Hypothesis, float]) -> Verdict:
     """Name effects above 0.95, a hypothesis above 0.8, or unknown."""
-    top, inclusion = max(posterior, key=lambda h: posterior[h]), inclusion_of(posterior)
-    causes = tuple(name for name, share in inclusion.items() if share > 0.95)
+    top = max(posterior, key=lambda h: posterior[h])
+    causes = tuple(sorted(name for name, p in inclusion(posterior).items() if p > 0.95))
     kinds = {NONE: "none", UNKNOWN: "unknown"}
     kind = kinds.get(top, "effect") if posterior[top] > 0.8 else "ambiguous"
     return Verdict(kind, causes, tuple(posterior))
-
-
-def inclusion_of(posterior: Mapping[Hypothesis, float]) -> dict[str, float]:
-    """Sum the probability of the hypotheses that contain each effect."""
-    names = {name for h in posterior if h != UNKNOWN for name in h}
-    return {n: sum(p for h, p in posterior.items() if n in h) for n in sorted(names)}
 
 
 @cache
@@ -121,7 +97,7 @@ def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **
     seen = np.array([0.2 if cell.time is None else cell.time for cell in bench.cells])
     base, known = 0.45 * seen, [h for h in posterior if h != UNKNOWN]
     fits = {h: fit_of(h, 0.9 * seen) for h in known if h} | {NONE: fit_of(NONE, base, 1e-5)}
-    inclusion, verdict = inclusion_of(posterior), verdict_of(posterior)
+    parts, verdict = inclusion(posterior), verdict_of(posterior)
     leading = max(known, key=lambda h: posterior[h])
     rival = next((h for h in known if h != leading), None)
     gaps = tuple(
@@ -135,11 +111,11 @@ def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **
             )
             for k, one in enumerate(EFFECTS[name].parameters)
         }
-        for name in inclusion
+        for name in parts
     }  # fmt: skip
     found = SimpleNamespace(
         bench=bench, effects=EFFECTS, posterior=dict(posterior), evidence=dict(posterior),
-        fits=fits, inclusion=inclusion, verdict=verdict, within=0.01, gaps=gaps, leading=leading,
+        fits=fits, inclusion=parts, verdict=verdict, within=0.01, gaps=gaps, leading=leading,
         rival=rival, readings=(), tests=tests(), facts=facts_of(bench), margin_s=0.011,
         sizes=sizes, noise=0.004, seconds=4.2,
         seen=SimpleNamespace(mean=seen, count=np.array([cell.n for cell in bench.cells])),
@@ -178,7 +154,7 @@ def tests() -> tuple[Any, ...]:
         ),
         SimpleNamespace(
             name="run-down of the sliding ring", kind="direct", effects=("drag_torque",), hours=1.0,
-            information=None, settles=0.0, misleads=0.0, why="Turn it (1 h of work).",
+            information=0.0, settles=0.0, misleads=0.0, why="Turn it (1 h of work).",
         ),
     )  # fmt: skip
 
@@ -235,4 +211,4 @@ def simulated_diagnosis(
     """Diagnose a bench of the closed form, among a few effects."""
     models = build_models(bench, {name: EFFECTS[name] for name in FEW}, settings, made_up)
     found = diagnose(bench, models, settings)
-    return replace(found, tests=choose(found, found.flights.marks)) if advise else found
+    return replace(found, tests=choose(found)) if advise else found

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,13 @@ from tests.toy import EFFECTS, bench_of, points_of, times_of
 
 Array = NDArray[np.float64]
 POINTS = points_of((235.2, 641.5))
-BENCH = bench_of({}, np.random.default_rng(1), shifts=10, points=POINTS)
+UNTRACED = bench_of({}, np.random.default_rng(1), shifts=10, points=POINTS)
+#: The same with a trace at each point, so that none is asked for.
+BENCH = replace(
+    UNTRACED,
+    cells=tuple(replace(c, readings=(replace(c.readings[0], trace=cast("Any", object())),))
+                for c in UNTRACED.cells),
+)  # fmt: skip
 SETTING = setting_of(BENCH)
 CELLS = len(POINTS)
 WAITS = (np.arange(16) + 0.5) / 16  #: shares of the wait at which the toy is predicted

@@ -11,7 +11,7 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import chi2
 
-from dogshape.diagnosis.inference.sampling import Sample
+from dogshape.diagnosis.inference.sampling import Sample, systematic
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
 from dogshape.diagnosis.likelihood.mark_density import flight_scores
 from dogshape.diagnosis.prediction.flights import Flights
@@ -37,35 +37,20 @@ class Interval:
         low, high = np.quantile(draws, (0.05, 0.95))
         return cls(float(draws.mean()), float(low), float(high))
 
-    def as_dict(self) -> dict[str, float]:
-        """Write the numbers by name."""
-        return {"mean": self.mean, "low": self.low, "high": self.high}
-
 
 @dataclass(frozen=True)
 class Fit:
-    """A hypothesis fitted to a data set.
-
-    Parameters
-    ----------
-    space : parameters of the hypothesis.
-    shares : K equally weighted draws of the posterior, in the unit cube of the ranges, (K, p).
-    predicted : of each draw, (K, C).
-    amplitude : of the discrepancy, as a share of the predicted time, (K,).
-    offset : errors in common, discrepancy among them, drawn with each, s, (K, C).
-    log_evidence : and its standard error.
-    p : predictive p-value.
-    """
+    """A hypothesis fitted to a data set."""
 
     hypothesis: Hypothesis
-    space: Space
-    shares: Array
-    predicted: Predicted
-    amplitude: Array
-    offset: Array
-    log_evidence: float
+    space: Space  #: parameters of the hypothesis
+    shares: Array  #: K equally weighted draws of the posterior, as shares of the ranges, (K, p)
+    predicted: Predicted  #: of each draw, (K, C)
+    amplitude: Array  #: of the discrepancy, as a share of the predicted time, (K,)
+    offset: Array  #: errors in common, discrepancy among them, drawn with each, s, (K, C)
+    log_evidence: float  #: and its standard error
     error: float
-    p: float
+    p: float  #: predictive p-value
 
     @cached_property
     def values(self) -> Array:
@@ -86,33 +71,24 @@ class Fit:
 def fit(likelihood: Likelihood, sample: Sample, flights: Flights) -> Fit:
     """Draw the posterior of a hypothesis."""
     generator = np.random.default_rng(1)
-    places = sample.draw(DRAWN, generator)
+    places = systematic(sample.weights, DRAWN, float(generator.random()))
     predicted, shares = sample.predicted.only(places), sample.shares[places]
     amplitude, offset = likelihood.drawn(predicted, generator)
     space = likelihood.model.space(sample.hypothesis)
     some = np.linspace(0, DRAWN - 1, CHECKED).astype(int)
     values = space.values(shares[some])
     marks = flight_scores(likelihood.seen.flights, flights, space.hypothesis, values)
-    return Fit(
-        sample.hypothesis,
-        space,
-        shares,
-        predicted,
-        amplitude,
-        offset,
-        sample.log_evidence,
-        sample.error,
-        predictive_p(likelihood, predicted.only(some), amplitude[some], marks),
-    )
+    p = predictive_p(likelihood, predicted.only(some), amplitude[some], marks)
+    h, log, error = sample.hypothesis, sample.log_evidence, sample.error
+    return Fit(h, space, shares, predicted, amplitude, offset, log, error, p)
 
 
 def predictive_p(likelihood: Likelihood, p: Predicted, amplitude: Array, marks: Array) -> float:
     """Compute the p-value of the squared distance of means, spreads and marks, mean over draws.
 
-    The true values and a draw of their posterior have the same distribution together with the data,
-    so the distance at a draw is chi-square with all observations as degrees of freedom (Johnson
-    2004, A Bayesian chi-squared test for goodness-of-fit, Annals of Statistics 32). ``marks`` are
-    normal deviates of the marks of each profile, (m, profiles).
+    The distance at a posterior draw is chi-square with all observations as degrees of freedom
+    (Johnson 2004, A Bayesian chi-squared test for goodness-of-fit, Annals of Statistics 32).
+    ``marks`` are normal deviates of the marks of each profile, (m, profiles).
     """
     found = likelihood.terms(p)
     columns = likelihood.all_columns(p, amplitude)[:, likelihood.having]
@@ -125,24 +101,15 @@ def predictive_p(likelihood: Likelihood, p: Predicted, amplitude: Array, marks: 
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Gaps at operating points that the fit has not seen, root mean square, s.
+    """Gaps at operating points that the fit has not seen, root mean square, s."""
 
-    Parameters
-    ----------
-    baseline : without any effect.
-    held_out : at each point from all others, by the leading hypothesis.
-    chance : what scatter and errors alone leave.
-    rival, rival_held_out : the best other hypothesis, and what it leaves.
-    mean, sd : prediction at each point from all others, s, (C,).
-    """
-
-    baseline: float
-    held_out: float
-    chance: float
-    rival: Hypothesis | None
-    rival_held_out: float | None
-    mean: Array
-    sd: Array
+    baseline: float  #: without any effect
+    held_out: float  #: at each point from all others, by the leading hypothesis
+    chance: float  #: what scatter and errors alone leave
+    rival: Hypothesis | None  #: the best other hypothesis
+    rival_held_out: float | None  #: what it leaves
+    mean: Array  #: prediction at each point from all others, s, (C,)
+    sd: Array  #: its standard error, s, (C,)
 
 
 def held_out(likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: Array) -> HeldOut:
@@ -154,8 +121,9 @@ def held_out(likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: 
     mean, sd, gaps, chance = left_out(likelihood, leading)
     means, sds = np.full((2, likelihood.model.cells), np.nan)
     means[some], sds[some] = mean, sd
-    other = None if rival is None else rival.hypothesis
-    left = None if rival is None else _rms(left_out(likelihood, rival)[2])
+    other, left = None, None
+    if rival is not None:
+        other, left = rival.hypothesis, _rms(left_out(likelihood, rival)[2])
     return HeldOut(_rms(baseline[some]), _rms(gaps), chance, other, left, means, sds)
 
 
@@ -170,17 +138,16 @@ def left_out(likelihood: Likelihood, one: Fit) -> tuple[Array, Array, Array, flo
     found = likelihood.terms(p)
     columns = likelihood.all_columns(p, one.amplitude[rows])[:, likelihood.having]
     size = found.residual.shape[1]
-    covariance = columns @ np.swapaxes(columns, 1, 2) + found.variance[..., None] * np.eye(size)
+    covariance = columns @ columns.swapaxes(1, 2) + found.variance[..., None] * np.eye(size)
     inverse = np.linalg.inv(covariance)
     diagonal = np.diagonal(inverse, axis1=1, axis2=2)
-    gap = np.einsum("mcd,md->mc", inverse, found.residual) / diagonal
-    log = 0.5 * np.log(diagonal) - 0.5 * gap**2 * diagonal
-    weights = np.exp(np.minimum(-log - (-log).mean(axis=0), 0.5 * np.log(len(rows))))
+    gap = (inverse @ found.residual[..., None])[..., 0] / diagonal
+    log = 0.5 * gap**2 * diagonal - 0.5 * np.log(diagonal)
+    weights = np.exp(np.minimum(log - log.mean(axis=0), 0.5 * np.log(len(rows))))
     weights /= weights.sum(axis=0)
     seen = likelihood.seen.mean[likelihood.having]
-    predicted = seen - gap
-    mean = (weights * predicted).sum(axis=0)
-    variance = (weights * (1.0 / diagonal + (predicted - mean) ** 2)).sum(axis=0)
+    mean = (weights * (seen - gap)).sum(axis=0)
+    variance = (weights * (1.0 / diagonal + (seen - gap - mean) ** 2)).sum(axis=0)
     scatter = (weights * found.variance).sum(axis=0)
     return mean, np.sqrt(variance), seen - mean, float(np.sqrt(scatter.mean()))
 

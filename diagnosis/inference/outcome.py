@@ -1,16 +1,14 @@
 r"""Outcome of a bench test as hypotheses predict it, and its worth to the decision.
 
 A hypothesis *h* predicts the outcome *y* by *K* draws of its posterior, each a normal density with
-the errors of the test. The probability after the test is
+the errors of the test, so the probability after it is
 
 .. math:: P(h | y) \propto \frac{P(h)}{K} \sum_k N(y; a \mu_k + (1 - a) \bar\mu,
           \Sigma_k + (1 - a^2) V),
 
-where *V* is the covariance of the means :math:`\mu_k` and :math:`\sqrt{1 - a^2}` the kernel width
-of Silverman (1986), so that few draws keep the moments of the posterior (West 1993).
-
-Beside each effect stands an *imitator*, a cause outside the list that acts on shift times alike. A
-test that reads the effect finds of it what it finds of *unknown*; beyond its odds it counts so.
+*V* the covariance of the means :math:`\mu_k`, :math:`\sqrt{1 - a^2}` the kernel width of Silverman
+(1986; West 1993). Beside each effect stands an *imitator*, a cause outside the list that acts on
+shift times alike: a test that reads the effect finds of it what it finds of *unknown*.
 """
 
 from __future__ import annotations
@@ -46,23 +44,14 @@ def smoothed(mean: Array, covariance: Array) -> Densities:
 
 @dataclass(frozen=True)
 class Outcome:
-    """Predicted outcome of a test: normal densities, each a share of a hypothesis' mixture.
+    """Predicted outcome of a test: normal densities, each a share of a hypothesis' mixture."""
 
-    Parameters
-    ----------
-    hypotheses : that predict it, *unknown* among them.
-    owner : place of the hypothesis of each density, ascending, (c,).
-    share : of its hypothesis, (c,).
-    mean, covariance : of each density, (c, d) and (c, d, d).
-    read : whether the test reads an effect of each hypothesis, (hypotheses,).
-    """
-
-    hypotheses: tuple[Hypothesis, ...]
-    owner: np.ndarray
-    share: Array
-    mean: Array
-    covariance: Array
-    read: np.ndarray
+    hypotheses: tuple[Hypothesis, ...]  #: that predict it, *unknown* among them
+    owner: np.ndarray  #: place of the hypothesis of each density, ascending, (c,)
+    share: Array  #: of its hypothesis, (c,)
+    mean: Array  #: of each density, (c, d)
+    covariance: Array  #: (c, d, d)
+    read: np.ndarray  #: whether the test reads an effect of each hypothesis, (hypotheses,)
 
     @classmethod
     def of(cls, parts: Mapping[Hypothesis, Densities], reads: Callable[[Hypothesis], bool]) -> Self:
@@ -103,18 +92,8 @@ class Outcome:
         covariance = self.covariance[:, shown][:, :, shown]
         return replace(self, mean=self.mean[:, shown], covariance=covariance)
 
-    def moments(self, place: int) -> tuple[Array, Array]:
-        """Compute mean and standard deviation under a hypothesis, (d,) each."""
-        mine = self.owner == place
-        share, mean = self.share[mine], self.mean[mine]
-        own = np.diagonal(self.covariance[mine], axis1=1, axis2=2)
-        return share @ mean, np.sqrt(share @ (own + (mean - share @ mean) ** 2))
-
     def after(self, before: Array, log: Array, odds: float) -> Array:
-        """Update probabilities (hypotheses,) by log densities (n, hypotheses), (n, hypotheses).
-
-        ``odds`` are those of an imitator to its hypothesis.
-        """
+        """Update probabilities by log densities (n, hypotheses) and the odds of imitators."""
         odd = np.where(self.read, odds, 0.0)
         like = np.exp(log - log.max(axis=1, keepdims=True))
         own = before / (1.0 + odd) * like
@@ -152,60 +131,38 @@ class Outcome:
 
 @dataclass(frozen=True)
 class NextTest:
-    """Bench test with its cost in hours and its worth.
-
-    Parameters
-    ----------
-    effects, parameters : that a direct test reads, in the order of its outcome.
-    cell, point, shifts : place of the operating point, its mismatch in rad/s and force in N, and
-        the number of shifts there.
-    question : key of the record in question.
-    outcome : predicted shares of the ranges, or mean time in s and share engaged, or marks in s;
-        None for a question, and where no hypothesis predicts it.
-    information : nats; None where no hypothesis predicts the outcome.
-    settles, misleads : chances.
-    """
+    """Bench test with its cost in hours and its worth."""
 
     name: str
     how: str
     kind: Literal["direct", "shifts", "traces", "record"]
     hours: float
-    effects: tuple[str, ...] = ()
-    parameters: tuple[str, ...] = ()
-    cell: int | None = None
-    point: tuple[float, float] | None = None
-    shifts: int = 0
-    question: str = ""
-    outcome: Outcome | None = None
-    information: float | None = None
-    settles: float = 0.0
-    misleads: float = 0.0
-
-    @property
-    def foreseen(self) -> dict[Hypothesis, tuple[Array, Array]]:
-        """Mean and standard deviation of each hypothesis' outcome."""
-        if self.outcome is None:
-            return {}
-        return {h: self.outcome.moments(k) for k, h in enumerate(self.outcome.hypotheses)}
+    effects: tuple[str, ...] = ()  #: that a direct test reads
+    parameters: tuple[str, ...] = ()  #: its parameters, in the order of its outcome
+    cell: int | None = None  #: place of the operating point
+    point: tuple[float, float] | None = None  #: its mismatch in rad/s and force in N
+    shifts: int = 0  #: number of shifts there
+    question: str = ""  #: key of the record in question
+    outcome: Outcome | None = None  #: shares of ranges; or mean, s, and share engaged; or marks, s
+    information: float = 0.0  #: nats
+    settles: float = 0.0  #: chance
+    misleads: float = 0.0  #: chance
 
     @property
     def why(self) -> str:
         """Sentences of the test, its chance to settle the cause and its cost."""
-        cost = f"({number(self.hours)} h of work)"
-        if self.information is None:
-            return f"{self.how} They show where along the shift the residual arises {cost}."
-        return f"{self.how} Chance to settle the cause: {100.0 * self.settles:.0f} % {cost}."
+        chance = f"Chance to settle the cause: {100.0 * self.settles:.0f} %"
+        return f"{self.how} {chance} ({number(self.hours)} h of work)."
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record ``next_test``."""
-        predicted = self.information is not None
         record: dict[str, Any] = {
             "name": self.name,
             "why": self.why,
             "kind": self.kind,
             "information_nats": self.information,
-            "chance_to_settle": self.settles if predicted else None,
-            "misleads": self.misleads if predicted else None,
+            "chance_to_settle": self.settles,
+            "misleads": self.misleads,
             "hours": self.hours,
         }
         if self.kind == "direct":
@@ -213,8 +170,4 @@ class NextTest:
         if self.point is not None:
             record["mismatch_rpm"], record["force_N"] = self.point[0] / RPM, self.point[1]
             record["shifts"] = self.shifts
-        record["foreseen"] = [
-            {"effects": list(h), "mean": mean.tolist(), "sd": sd.tolist()}
-            for h, (mean, sd) in self.foreseen.items()
-        ]
         return record

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -37,19 +37,13 @@ ODD = 4.0  #: standard errors, by which a mean counts at most in the screening
 FOR_THIRD, THIRDS = 8.0, 192  #: nats within which a pair promises a set of three, and how many
 OPEN = 64  #: draws of a hypothesis on which something unlisted is put
 FLATTENED = 0.2  #: power of the likelihood by which these are drawn
+STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
+REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
 
 
 @dataclass(frozen=True)
 class Ranking:
-    """Hypotheses with their evidence.
-
-    Parameters
-    ----------
-    likelihood : of the data set.
-    samples : of every known hypothesis.
-    log_prior : of each, *unknown* too.
-    log_unknown : log evidence of *unknown*.
-    """
+    """Samples and log priors of hypotheses, and the log evidence of *unknown*."""
 
     likelihood: Likelihood
     samples: Mapping[Hypothesis, Sample]
@@ -88,9 +82,6 @@ def hypotheses_of(model: Model, size: int) -> list[Hypothesis]:
     return plain + [turned(h) for h in plain if set(h) <= set(model.turned.effects)]
 
 
-REDUNDANT = {"linkage_compliance", "moving_mass"}  #: the linkage's mass is part of its effect
-
-
 @dataclass
 class _Search:
     """Samples while hypotheses are ranked."""
@@ -102,9 +93,9 @@ class _Search:
     samples: dict[Hypothesis, Sample] = field(default_factory=dict)
     priors: dict[Hypothesis, float] = field(default_factory=dict)
 
-    def screen(self, hypotheses: Sequence[Hypothesis]) -> None:
-        """Sample hypotheses by their prior draws."""
-        for one in screened(self.likelihood, list(hypotheses), self.more, self.distance):
+    def take(self, samples: Iterable[Sample]) -> None:
+        """Keep samples, with their log prior probabilities."""
+        for one in samples:
             self.samples[one.hypothesis] = one
             self.priors[one.hypothesis] = self.prior(one.hypothesis)
 
@@ -113,11 +104,9 @@ class _Search:
         return log_prior(h, self.likelihood.model, self.likelihood.settings, self.reversed_)
 
     def distance(self, p: Predicted) -> Array:
-        """Compute squared distances of predicted means and engagement from the data, (m,).
+        """Compute squared distances of means and engagement from the data, (m,).
 
-        A mean counts by ``ODD`` at most, since late shifts may hide in it. A gap within one error
-        of emulation counts as none, up to ``SLACK``: else draws of large errors would take the
-        place of those that have likelihood.
+        A mean counts by ``ODD`` at most; a gap within an error of emulation, or ``SLACK``, as none.
         """
         like, some, seen = self.likelihood, self.likelihood.having, self.likelihood.seen
         gap = seen.mean[some] - p.mean[:, some]
@@ -160,24 +149,20 @@ class _Search:
                 within[h], promise[h] = parts, best
         chosen = sorted(promise, key=lambda h: -promise[h])[:THIRDS]
         parts_of = {h: within[h] for h in chosen}
-        for one in widened(self.likelihood, parts_of, self.more, self.generator):
-            self.samples[one.hypothesis] = one
-            self.priors[one.hypothesis] = self.prior(one.hypothesis)
+        self.take(widened(self.likelihood, parts_of, self.more, self.generator))
         return chosen
 
 
 def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) -> Ranking:
-    """Rank all hypotheses on a data set.
+    """Rank all hypotheses on a data set; ``reversed_`` is the prior of the reversed sense.
 
-    Parameters
-    ----------
-    more : log likelihood of what is known beside the shifts.
-    reversed_ : prior probability of the reversed sense.
-    beside : log density of what is known beside the shifts, if nothing listed is the cause.
+    ``more`` is the log likelihood of what is known beside the shifts, ``beside`` the same if
+    nothing listed is the cause.
     """
     search = _Search(likelihood, more, reversed_, np.random.default_rng(3))
     for size in range(min(3, likelihood.settings.most + 1)):
-        search.screen(hypotheses_of(likelihood.model, size))
+        few = hypotheses_of(likelihood.model, size)
+        search.take(screened(likelihood, few, more, search.distance))
     search.refine(0)
     search.refine(1)
     if likelihood.settings.most > 2:
@@ -190,18 +175,12 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
     return Ranking(likelihood, search.samples, priors, _unlisted(search) + beside)
 
 
-STRETCHES = (1.0, 2.0)  #: of all spreads, where something unlisted acts
-
-
 def _unlisted(search: _Search) -> float:
-    """Compute the log evidence of a gap that no listed effect explains, on top of any of them.
-
-    With such a gap the posterior is wider, so draws count by a low power of their likelihood.
-    """
+    """Compute the log evidence of a gap that no effect explains, on top of any of them."""
     like, settings = search.likelihood, search.likelihood.settings
-    singles = [h for h in search.samples if len(forward(h)) < 2]
     pairs = [h for h in search.samples if len(forward(h)) == 2]
-    some = (*singles, *sorted(pairs, key=lambda h: -search.value(h))[:3])
+    some = [h for h in search.samples if len(forward(h)) < 2]
+    some += sorted(pairs, key=lambda h: -search.value(h))[:3]
     options = [*itertools.product(settings.unlisted_sizes, settings.unlisted_lengths, STRETCHES)]
     logs = []
     for h in some:

@@ -8,9 +8,11 @@ by the mixture of everything they were drawn from.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -38,20 +40,12 @@ More = Callable[[Hypothesis, Array], Array]  #: log likelihood of what is known 
 
 @dataclass(frozen=True)
 class Proposal:
-    """Mixture of Student distributions around draws (West 1993, J. R. Stat. Soc. B 55).
+    """Mixture of Student distributions around draws (West 1993, J. R. Stat. Soc. B 55)."""
 
-    Parameters
-    ----------
-    centres : (K, p).
-    root : Cholesky factor of the covariance of each, (p, p).
-    columns : those of the shares, (p,); the others are uniform.
-    count : number of draws from it.
-    """
-
-    centres: Array
-    root: Array
-    columns: np.ndarray
-    count: int = ROUND
+    centres: Array  #: (K, p)
+    root: Array  #: Cholesky factor of the covariance of each, (p, p)
+    columns: np.ndarray  #: those of the shares, (p,); the others are uniform
+    count: int = ROUND  #: number of draws from it
 
     @classmethod
     def around(cls, sample: Sample) -> Proposal:
@@ -88,22 +82,14 @@ class Proposal:
 
 @dataclass(frozen=True)
 class Sample:
-    """Weighted draws of a hypothesis.
-
-    Parameters
-    ----------
-    shares, predicted : of n draws.
-    log : log likelihood, (n,).
-    drawn : number of prior draws.
-    proposals : of the other draws.
-    """
+    """Weighted draws of a hypothesis."""
 
     hypothesis: Hypothesis
-    shares: Array
-    predicted: Predicted
-    log: Array
-    drawn: int
-    proposals: tuple[Proposal, ...] = field(default=())
+    shares: Array  #: of n draws, (n, p)
+    predicted: Predicted  #: of these
+    log: Array  #: log likelihood, (n,)
+    drawn: int  #: number of prior draws
+    proposals: tuple[Proposal, ...] = field(default=())  #: of the other draws
 
     @cached_property
     def log_density(self) -> Array:
@@ -138,10 +124,6 @@ class Sample:
         """Standard error of the logarithm of the evidence."""
         return float(np.sqrt(max(0.0, 1.0 / self.effective - 1.0 / len(self.log))))
 
-    def draw(self, count: int, generator: np.random.Generator) -> np.ndarray:
-        """Draw places of equally weighted draws, (count,), systematically."""
-        return systematic(self.weights, count, float(generator.random()))
-
 
 def systematic(weights: Array, count: int, offset: float = 0.5) -> np.ndarray:
     """Draw places by weights (n,) that sum to 1, at even steps, (count,)."""
@@ -157,41 +139,42 @@ def prior_shares(size: int) -> Array:
     return np.asarray(qmc.Sobol(size, seed=7).random(PRIOR.get(size, MANY)))
 
 
+Drawn = tuple[Hypothesis, Array, int, tuple[Proposal, ...]]  #: shares, prior draws, proposals
+
+
+def _batched(
+    likelihood: Likelihood,
+    drawn: Iterable[Drawn],
+    more: More,
+    distance: Callable[[Predicted], Array] | None = None,
+) -> Iterator[Sample]:
+    """Sample hypotheses at shares, by a ``distance`` the nearest; -inf for no such bench."""
+    every = iter(drawn)
+    while some := list(itertools.islice(every, BATCH)):
+        parts = []
+        for h, given, whole, proposals in some:
+            p, count = likelihood.model.predict(h, given), max(NEAR, whole // SHARE)
+            near: Any = slice(None)
+            if distance is not None and whole > count:
+                near = np.argpartition(distance(p), count)[:count]
+            parts.append((h, given[near], p.only(near), whole, proposals))
+        log = likelihood.terms(Predicted.joined([p for _, _, p, _, _ in parts])).log
+        ends = np.cumsum([len(shares) for _, shares, *_ in parts])[:-1]
+        for (h, shares, p, whole, proposals), mine in zip(parts, np.split(log, ends), strict=True):
+            possible = likelihood.model.possible(h, shares)
+            beside = np.where(possible, mine + more(h, shares), -np.inf)
+            yield Sample(h, shares, p, beside, whole, proposals)
+
+
 def screened(
     likelihood: Likelihood,
     hypotheses: Sequence[Hypothesis],
     more: More,
     distance: Callable[[Predicted], Array],
 ) -> Iterator[Sample]:
-    """Sample hypotheses by their prior draws nearest to the data, some hypotheses at once."""
-    for start in range(0, len(hypotheses), BATCH):
-        some = []
-        for h in hypotheses[start : start + BATCH]:
-            shares = prior_shares(len(likelihood.model.space(h).parameters))
-            p, whole = likelihood.model.predict(h, shares), len(shares)
-            count = max(NEAR, whole // SHARE)
-            if whole > count:
-                near = np.argpartition(distance(p), count)[:count]
-                shares, p = shares[near], p.only(near)
-            some.append((h, shares, p, whole, ()))
-        yield from _sampled(likelihood, some, more)
-
-
-def _sampled(
-    likelihood: Likelihood,
-    drawn: Sequence[tuple[Hypothesis, Array, Predicted, int, tuple[Proposal, ...]]],
-    more: More,
-) -> Iterator[Sample]:
-    """Sample hypotheses at their drawn shares, the likelihood of all at once.
-
-    It is -inf where there is no such bench.
-    """
-    log = likelihood.terms(Predicted.joined([p for _, _, p, _, _ in drawn])).log
-    ends = np.cumsum([len(shares) for _, shares, _, _, _ in drawn])[:-1]
-    for (h, shares, p, whole, proposals), mine in zip(drawn, np.split(log, ends), strict=True):
-        beside = mine + more(h, shares)
-        possible = likelihood.model.possible(h, shares)
-        yield Sample(h, shares, p, np.where(possible, beside, -np.inf), whole, proposals)
+    """Sample hypotheses by their prior draws nearest to the data."""
+    draws = ((h, prior_shares(len(likelihood.model.space(h).parameters))) for h in hypotheses)
+    return _batched(likelihood, ((h, s, len(s), ()) for h, s in draws), more, distance)
 
 
 def widened(
@@ -200,47 +183,40 @@ def widened(
     more: More,
     generator: np.random.Generator,
 ) -> Iterator[Sample]:
-    """Sample hypotheses around the draws of parts of them, some hypotheses at once.
-
-    Effects beyond a part have their prior. A few draws of the prior stand beside.
-    """
+    """Sample hypotheses around the draws of parts of them, with a few draws of the prior."""
     around = {one.hypothesis: Proposal.around(one) for parts in within.values() for one in parts}
-    for start in range(0, len(within), BATCH):
-        some = []
-        for h, parts in list(within.items())[start : start + BATCH]:
+
+    def drawn() -> Iterator[Drawn]:
+        for h, parts in within.items():
             space = likelihood.model.space(h)
-            size = len(space.parameters)
-            proposals = tuple(
-                replace(
-                    around[one.hypothesis],
-                    columns=np.r_[tuple(space.columns(name) for name in forward(one.hypothesis))],
-                    count=WIDENED,
-                )
-                for one in parts
-            )
-            drawn = [one.draw(size, generator) for one in proposals]
-            shares = np.vstack([generator.random((BESIDE, size)), *drawn])
-            some.append((h, shares, likelihood.model.predict(h, shares), BESIDE, proposals))
-        yield from _sampled(likelihood, some, more)
+            size, proposals = len(space.parameters), []
+            for one in parts:
+                columns = [space.columns(name) for name in forward(one.hypothesis)]
+                mine = replace(around[one.hypothesis], columns=np.r_[*columns], count=WIDENED)
+                proposals.append(mine)
+            near = [one.draw(size, generator) for one in proposals]
+            yield h, np.vstack([generator.random((BESIDE, size)), *near]), BESIDE, tuple(proposals)
+
+    return _batched(likelihood, drawn(), more)
 
 
 def refined(
     likelihood: Likelihood, sample: Sample, more: More, rounds: int, generator: np.random.Generator
 ) -> Sample:
     """Add rounds of draws around the weighted ones, until enough count."""
-    for _ in range(rounds if sample.shares.shape[1] else 0):
+    size = sample.shares.shape[1]
+    for _ in range(rounds if size else 0):
         if sample.effective > ENOUGH or not np.isfinite(sample.log_evidence):
             break
         proposal = Proposal.around(sample)
-        shares = proposal.draw(sample.shares.shape[1], generator)
+        shares = proposal.draw(size, generator)
         if not len(shares):
             break
-        p = likelihood.model.predict(sample.hypothesis, shares)
-        (new,) = _sampled(likelihood, [(sample.hypothesis, shares, p, 0, ())], more)
+        (new,) = _batched(likelihood, [(sample.hypothesis, shares, 0, ())], more)
         sample = replace(
             sample,
             shares=np.vstack([sample.shares, shares]),
-            predicted=Predicted.joined([sample.predicted, p]),
+            predicted=Predicted.joined([sample.predicted, new.predicted]),
             log=np.concatenate([sample.log, new.log]),
             proposals=(*sample.proposals, proposal),
         )

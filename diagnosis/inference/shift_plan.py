@@ -34,25 +34,15 @@ APART = 1.5  #: expected log Bayes factor from which two hypotheses are told apa
 
 @dataclass(frozen=True)
 class Field:
-    """Predictions of all hypotheses at some operating points.
+    """Predictions of all hypotheses at some operating points."""
 
-    Parameters
-    ----------
-    hypotheses : none, then each effect.
-    truths, rivals : mean, ln of the spread, share engaged and variance of emulation of values that
-        may be true, and of values that imitate them, (m, 4, cells) of each hypothesis.
-    baseline : without any effect, (1, cells).
-    error, spread : standard errors of its means, s, and of ln of its spreads, (cells,).
-    common : covariance of the means, s^2, (cells, cells).
-    """
-
-    hypotheses: tuple[Hypothesis, ...]
-    truths: tuple[Array, ...]
-    rivals: tuple[Array, ...]
-    baseline: Predicted
-    error: Array
-    spread: Array
-    common: Array
+    hypotheses: tuple[Hypothesis, ...]  #: none, then each effect
+    truths: tuple[Array, ...]  #: values that may be true, (m, 4, cells) of each hypothesis
+    rivals: tuple[Array, ...]  #: values that imitate them, as many of each
+    baseline: Predicted  #: without any effect, (1, cells)
+    error: Array  #: standard errors of its means, s, (cells,)
+    spread: Array  #: standard errors of ln of its spreads, (cells,)
+    common: Array  #: covariance of the means, s^2, (cells, cells)
 
     @property
     def cells(self) -> int:
@@ -60,10 +50,7 @@ class Field:
         return len(self.common)
 
     def distances(self, shifts: Array) -> list[Array]:
-        """Compute squared distances of each hypothesis' truths from all, (truths, hypotheses).
-
-        ``shifts`` is the number at each operating point, (cells,), not necessarily whole.
-        """
+        """Compute squared distances of truths from all at numbers of shifts, (truths, h)."""
         used, base = np.flatnonzero(shifts > 0), self.baseline
         n = shifts[used]
         variance = base.sd[0, used] ** 2 / n + self.error[used] ** 2
@@ -105,22 +92,16 @@ def field_of(likelihood: Likelihood) -> Field:
     time = (base.mean - base.delay)[0]
     smooth = settings.discrepancy * time[:, None] * likelihood.smooth
     common = np.hstack([smooth, likelihood.columns(base)[0]])
+    spread = np.hypot(settings.spread_share, np.log1p(settings.spread_error * time / base.sd[0]))
     truths, rivals = (
         tuple(_values(model, h, count, base) for h in hypotheses) for count in (TRUTHS, RIVALS)
     )
-    return Field(
-        hypotheses,
-        truths,
-        rivals,
-        base,
-        np.sqrt(likelihood.own_variance(base)[0]),
-        np.hypot(settings.spread_share, np.log1p(settings.spread_error * time / base.sd[0])),
-        common @ common.T,
-    )
+    error = np.sqrt(likelihood.own_variance(base)[0])
+    return Field(hypotheses, truths, rivals, base, error, spread, common @ common.T)
 
 
 def _values(model: Model, hypothesis: Hypothesis, count: int, base: Predicted) -> Array:
-    """Predict a hypothesis at shares spread over its range that give a bench, (m, 4, cells)."""
+    """Predict mean, ln sd, share engaged, variance of emulation over the range, (m, 4, cells)."""
     size = len(model.space(hypothesis).parameters)
     shares = ((np.arange(count) + 0.5) / count)[:, None] if size == 1 else np.zeros((1, 0))
     if size > 1:
@@ -133,25 +114,15 @@ def _values(model: Model, hypothesis: Hypothesis, count: int, base: Predicted) -
 
 @dataclass(frozen=True)
 class ShiftPlan:
-    """Plan of shifts and the pairs that it tells apart.
-
-    Parameters
-    ----------
-    shifts : at each operating point, (cells,), whole numbers.
-    order : visits, each an operating point's place and its number of shifts.
-    reference : place of the point that is visited at the beginning, in the middle and at the end.
-    worth : mean probability to decide a pair rightly.
-    log_odds : mean expected log Bayes factors of truth (row) and rival, (h, h).
-    apart : share of a truth's strengths that differ from a rival, (h, h).
-    """
+    """Plan of shifts and the pairs that it tells apart."""
 
     field: Field
-    shifts: tuple[int, ...]
-    order: tuple[tuple[int, int], ...]
-    reference: int
-    worth: float
-    log_odds: Array
-    apart: Array
+    shifts: tuple[int, ...]  #: at each operating point, (cells,), whole numbers
+    order: tuple[tuple[int, int], ...]  #: visits: place of the point, number of shifts
+    reference: int  #: place of the point that is visited three times
+    worth: float  #: mean probability to decide a pair rightly
+    log_odds: Array  #: mean expected log Bayes factors of truth (row) and rival, (h, h)
+    apart: Array  #: share of a truth's strengths that differ from a rival, (h, h)
 
     @property
     def hours(self) -> float:
@@ -160,18 +131,9 @@ class ShiftPlan:
 
 
 def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None) -> ShiftPlan:
-    """Plan some shifts.
+    """Plan ``count`` shifts in random order, at ``most`` operating points.
 
-    Parameters
-    ----------
-    count : shifts in all.
-    seed : of the order.
-    most : operating points that are used, at most; None for any number.
-
-    Raises
-    ------
-    InputError
-        There are too few shifts for the reference point's visits and one more lot, or too many.
+    Raises InputError where they are too few for the reference point and one more lot, or too many.
     """
     least = (VISITS + 1) * LOT
     if not least <= count <= 1_000_000:
@@ -191,10 +153,8 @@ def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None)
         shifts = more[int(np.argmax([field.worth(one) for one in more]))]
     whole = tuple(int(n) for n in shifts)
     half = [0.5 * one for one in field.distances(shifts)]
-    odds, apart = (
-        np.array([one.mean(axis=0) for one in part])
-        for part in (half, [one > APART for one in half])
-    )
+    odds = np.array([one.mean(axis=0) for one in half])
+    apart = np.array([(one > APART).mean(axis=0) for one in half])
     order = visits(whole, reference, seed)
     return ShiftPlan(field, whole, order, reference, field.worth(shifts), odds, apart)
 

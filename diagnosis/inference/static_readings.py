@@ -1,9 +1,9 @@
 r"""Readings beside the shifts: facts about an effect, from the actuator at rest or a direct test.
 
 Static readings of the actuator, displacement *x* over force *F* at the arm, lie on a line
-:math:`x = x_0 + F/k` where the linkage is elastic. With its ratio *i* and efficiency :math:`\eta` a
-compliance at the arm is :math:`(1/k)/(i^2 \eta)` at the sleeve. The travel without force gives the
-ratio again, :math:`i = x_0/\text{travel}`, and so the factor of the forces at the sleeve.
+:math:`x = x_0 + F/k` where the linkage is elastic: with its ratio *i* and efficiency :math:`\eta`
+:math:`(1/k)/(i^2 \eta)` at the sleeve. The travel without force gives the ratio again,
+:math:`i = x_0/\text{travel}`, and so the factor of the forces at the sleeve.
 
 The result of a direct test (``[[measured]]``) counts with the shifts, neutral where the effect is
 absent. Of *unknown* the test finds nothing, half, or anything within the range.
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.special import logsumexp
@@ -34,10 +35,7 @@ SPREAD = 0.05  #: share of a value by which a fact is uncertain at least
 
 @dataclass(frozen=True)
 class Fact:
-    """Parameter of an effect measured without shifts: value and standard error, in its unit.
-
-    ``neutral`` is its value without the effect.
-    """
+    """Parameter measured without shifts, and its value without the effect, in its unit."""
 
     effect: str
     parameter: str
@@ -46,15 +44,11 @@ class Fact:
     error: float
     sentence: str
 
-    @property
-    def low(self) -> float:
-        """Lower end of 90 %."""
-        return self.value - SURE * self.error
-
-    @property
-    def high(self) -> float:
-        """Upper end of 90 %."""
-        return self.value + SURE * self.error
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record of a fact, with the ends of 90 %."""
+        low, high = (self.value + sign * SURE * self.error for sign in (-1.0, 1.0))
+        own = {k: v for k, v in vars(self).items() if k not in ("neutral", "error")}
+        return {**own, "low": low, "high": high}
 
     def log_density(self, values: Array) -> Array:
         """Compute the log density of the reading at values (m,) of the parameter, (m,)."""
@@ -81,22 +75,6 @@ def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
     values = [fact.neutral, *(parameter.at((k + 0.5) / ANY) for k in range(ANY))]
     weights = [0.5, *[0.5 / ANY] * ANY]
     return float(logsumexp(fact.log_density(np.array(values)), b=weights))
-
-
-def explained(fact: Fact, model: Model, seen: Observed) -> float:
-    """Compute the decrease of the gap by an effect of the fact's size alone, s.
-
-    That is of its root mean square over the operating points, negative where the gap grows. Other
-    parameters of the effect are neutral.
-    """
-    effect = model.effects[fact.effect]
-    values = effect.neutral(model.setting) | {fact.parameter: fact.value}
-    shares = np.array([[p.share(values[p.name]) for p in effect.parameters]])
-    before, after = (
-        float(np.sqrt(((seen.mean - model.predict(h, some).mean[0])[seen.count > 0] ** 2).mean()))
-        for h, some in ((NONE, np.zeros((1, 0))), ((fact.effect,), shares))
-    )
-    return before - after
 
 
 def facts_of(bench: Bench) -> tuple[Fact, ...]:
@@ -163,3 +141,19 @@ def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, .
         neutral = effect.neutral(setting_of(bench))[name]
         found.append(Fact(one.effect, name, neutral, one.value, one.standard_error, sentence))
     return tuple(found)
+
+
+def explained(fact: Fact, model: Model, seen: Observed) -> float:
+    """Compute the decrease of the gap by an effect of the fact's size alone, s.
+
+    That is of its root mean square over the operating points, negative where the gap grows. Other
+    parameters of the effect are neutral.
+    """
+    effect = model.effects[fact.effect]
+    values = effect.neutral(model.setting) | {fact.parameter: fact.value}
+    shares = np.array([[p.share(values[p.name]) for p in effect.parameters]])
+    before, after = (
+        float(np.sqrt(((seen.mean - model.predict(h, some).mean[0])[seen.count > 0] ** 2).mean()))
+        for h, some in ((NONE, np.zeros((1, 0))), ((fact.effect,), shares))
+    )
+    return before - after

@@ -6,6 +6,7 @@ data's errors of that without one of its effects counts with the hypothesis that
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -29,14 +30,7 @@ ALIKE = {"linkage_compliance": "moving_mass"}  #: a stiff linkage with mass is a
 
 @dataclass(frozen=True)
 class Verdict:
-    """Decision of a diagnosis.
-
-    Parameters
-    ----------
-    kind : one of four.
-    causes : effects that are named.
-    credible : hypotheses that have 0.9 together, the most probable first.
-    """
+    """Decision of a diagnosis: named effects, and hypotheses that have 0.9 together."""
 
     kind: Kind
     causes: tuple[str, ...]
@@ -59,13 +53,10 @@ def within_margin(
     margin: Margin,
 ) -> float:
     """Compute the probability that the gap is below its margin, scatter left out."""
-    some = likelihood.having
-    base = fits[NONE].predicted.only([0])
-    plain = likelihood.late_mean(base)[0]
-    limit = margin.of(plain)
-    found = 0.0
+    some, base = likelihood.having, fits[NONE].predicted.only([0])
+    plain, found = likelihood.late_mean(base)[0], 0.0
     for h, one in fits.items():
-        gaps = (likelihood.late_mean(one.predicted) + one.offset - plain) / limit
+        gaps = (likelihood.late_mean(one.predicted) + one.offset - plain) / margin.of(plain)
         engaged = (one.predicted.engaged - base.engaged) / likelihood.settings.engaged_margin
         over = (gaps[:, some] ** 2 + engaged[:, some] ** 2).mean(axis=1)
         found += raw.get(h, 0.0) * float((over < 1.0).mean())
@@ -86,15 +77,10 @@ def decide(
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
     top, part = order[0], inclusion(posterior)
-    credible, whole = list[Hypothesis](), 0.0
-    for h in order:
-        if whole >= settings.credible:
-            break
-        credible.append(h)
-        whole += posterior[h]
-    sure = {n for n, p in part.items() if p > settings.part}
+    before = np.cumsum([0.0, *(posterior[h] for h in order)])[:-1]
+    credible = tuple(h for h, p in zip(order, before, strict=True) if p < settings.credible)
     kind: Kind = "ambiguous"
-    causes = tuple(sorted(sure))
+    causes = tuple(sorted(n for n, p in part.items() if p > settings.part))
     known = [h for h in credible if h in fits]
     fails = [h for h in known if fits[h].p < settings.adequate]
     if within > settings.named:
@@ -105,7 +91,7 @@ def decide(
         doubted = REVERSED not in top and part.get(REVERSED, 0.0) > 1.0 - settings.part
         if not doubted and len(forward(top)) <= settings.named_at_once:
             kind, causes = "effect", top
-    return Verdict(kind, causes, tuple(credible))
+    return Verdict(kind, causes, credible)
 
 
 def unseen(
@@ -133,44 +119,42 @@ def _unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> 
     """Compute the shares of a hypothesis' draws that fewer effects predict as well."""
     rows = np.linspace(0, len(one.shares) - 1, FOLDED).astype(int)
     mine, shares = one.predicted.only(rows), one.shares[rows]
-    best, where = np.full(rows.size, likelihood.settings.visible), np.full(rows.size, -1)
-    options = list[Hypothesis]()
-    for name in forward(one.hypothesis):
-        smaller = tuple(n for n in one.hypothesis if n != name)
-        for replaced in (None, ALIKE.get(name)):
-            other = smaller if replaced is None else tuple(sorted({*smaller, replaced}))
-            if other not in known or len(other) > len(one.hypothesis):
-                continue
-            parts = [np.zeros((rows.size, 0))]
-            for effect in likelihood.model.space(other).effects:
-                if effect.name in one.hypothesis:
-                    parts.append(shares[:, one.space.columns(effect.name)])
-                else:  # the mass of the linkage is that of the ring
-                    mass = one.values[rows][:, one.space.columns(name)][:, -1]
-                    parts.append(np.array([[effect.parameters[0].share(value)] for value in mass]))
-            theirs = likelihood.model.predict(other, np.hstack(parts))
-            distance = apart(likelihood, mine, theirs)
-            better = distance < best
-            best[better], where[better] = distance[better], len(options)
-            options.append(other)
-    return {h: float((where == k).mean()) for k, h in enumerate(options) if (where == k).any()}
+    options, distances = list[Hypothesis](), [np.full(rows.size, likelihood.settings.visible)]
+    for name, replaced in itertools.product(forward(one.hypothesis), (False, True)):
+        if replaced and name not in ALIKE:
+            continue
+        more = {ALIKE[name]} if replaced else set()
+        other = tuple(sorted({*one.hypothesis} - {name} | more))
+        if other not in known:
+            continue
+        parts = [np.zeros((rows.size, 0))]
+        for effect in likelihood.model.space(other).effects:
+            if effect.name in one.hypothesis:
+                parts.append(shares[:, one.space.columns(effect.name)])
+            else:  # the mass of the linkage is that of the ring
+                mass = one.values[rows][:, one.space.columns(name)][:, -1]
+                parts.append(np.array([[effect.parameters[0].share(value)] for value in mass]))
+        theirs = likelihood.model.predict(other, np.hstack(parts))
+        distances.append(apart(likelihood, mine, theirs))
+        options.append(other)
+    where = np.nanargmin(distances, axis=0)
+    found = {h: float((where == k).mean()) for k, h in enumerate(options, start=1)}
+    return {h: share for h, share in found.items() if share > 0.0}
 
 
 def apart(likelihood: Likelihood, one: Predicted, other: Predicted) -> Array:
     """Compute squared distances of two predictions in the errors of the data, (m,)."""
-    some, seen = likelihood.having, likelihood.seen
+    some, seen, settings = likelihood.having, likelihood.seen, likelihood.settings
     p = other.only((slice(None), some))
     variance = p.sd**2 / np.maximum(seen.count[some], 1.0) + likelihood.own_variance(other)[:, some]
     variance = variance + one.emulated[:, some] ** 2
-    columns = likelihood.all_columns(other, likelihood.settings.discrepancy)[:, some]
+    columns = likelihood.all_columns(other, settings.discrepancy)[:, some]
     moved = likelihood.late_mean(one) - likelihood.late_mean(other)
     found = squared_distance(moved[:, some], variance, columns)
-    known = seen.freedom[some] > 0.0
     spread = np.log(one.sd[:, some] / other.sd[:, some])
-    error = 0.5 / np.maximum(seen.freedom[some], 1.0) + likelihood.settings.spread_share**2
-    found = found + np.where(known, spread**2 / error, 0.0).sum(axis=1)
-    tried = seen.engaged + seen.failed
-    share = np.clip(other.engaged, 0.02, 0.98)
+    error = 0.5 / np.maximum(seen.freedom[some], 1.0) + settings.spread_share**2
+    found = found + ((seen.freedom[some] > 0.0) * spread**2 / error).sum(axis=1)
+    tried, share = seen.engaged + seen.failed, np.clip(other.engaged, 0.02, 0.98)
     margin = share * (1.0 - share) / np.maximum(tried, 1.0) + 0.02**2
-    engaged = np.where(tried > 0, (one.engaged - other.engaged) ** 2 / margin, 0.0)
+    engaged = (tried > 0) * (one.engaged - other.engaged) ** 2 / margin
     return np.asarray(found + engaged.sum(axis=1))

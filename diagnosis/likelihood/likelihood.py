@@ -5,18 +5,17 @@ The mean of the shifts at an operating point *k* is
 .. math:: \bar t_k = \mu_k + s\, m_k\, (B z)_k + (F u)_k + \epsilon_k,
           \qquad z, u \sim N(0, 1),\; \epsilon_k \sim N(0, \sigma_k^2/n_k + e_k^2),
 
-with :math:`m_k` the predicted time without dead time. *B* is the root of the discrepancy's
-covariance over the points, whose amplitude *s* is summed over. The columns of *F* are all other
-errors in common: nuisances of the contact, systematic errors of nominal values, drift, the clock's
-half step, and effects together. :math:`e_k` has the errors of each point. A variance of single
-shifts over the predicted one follows Fisher's *F*. Any number of late shifts may hide in a mean,
-and a mean may be odd: each point takes the most probable of these, with the probability of all.
+with :math:`m_k` the predicted time without dead time, *B* the root of the discrepancy's covariance,
+whose amplitude *s* is summed over, and *F* all other errors in common. A variance of single shifts
+over the predicted one follows Fisher's *F*. Any number of late shifts may hide in a mean, and a
+mean may be odd: each point takes the most probable of these, with the probability of all.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import betaln, expit, gammaln, logit, logsumexp
@@ -45,20 +44,20 @@ def node_weights() -> Array:
     return np.asarray(np.diff(2.0 * norm.cdf(ends) - 1.0))
 
 
-@dataclass(frozen=True)
-class Terms:
-    """Log likelihood of m values, and what it rests on.
+class Terms(NamedTuple):
+    """Log likelihood of m values, and what it rests on."""
 
-    Parameters
-    ----------
-    log : (m,), of each amplitude (m, nodes).
-    residual, variance : of the means given how many late shifts they have, s and s^2, (m, C).
-    """
+    log: Array  #: (m,)
+    nodes: Array  #: of each amplitude, (m, nodes)
+    residual: Array  #: of the means given their late shifts, s, (m, c)
+    variance: Array  #: s^2, (m, c)
 
-    log: Array
-    nodes: Array
-    residual: Array
-    variance: Array
+
+def _root(covariance: Array) -> Array:
+    """Compute a root (n, r) of a covariance without its least directions."""
+    values, vectors = np.linalg.eigh(covariance)
+    kept = values > KEPT * values.max()
+    return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
 
 
 @dataclass(frozen=True)
@@ -83,25 +82,19 @@ class Likelihood:
         force = (force - force.mean()) / max(float(force.std()), 0.1)
         near = np.exp(-0.5 * (where[:, None] - where[None]) ** 2)
         shape = self.settings.discrepancy_shape
-        whole = shape[0] + shape[1] * near + shape[2] * near * np.outer(force, force)
-        values, vectors = np.linalg.eigh(whole)
-        kept = values > KEPT * values.max()
-        return np.asarray(vectors[:, kept] * np.sqrt(values[kept]))
+        return _root(shape[0] + shape[1] * near + shape[2] * near * np.outer(force, force))
 
     @cached_property
-    def relative(self) -> Array:
-        """Common errors that are shares of the predicted time, (C, q): nuisances.
-
-        They are the first two directions in which each nuisance changes ln time.
-        """
-        parts = [np.zeros((self.model.cells, 0))]
+    def shared(self) -> Array:
+        """Relative errors in common, (C, q): first two directions of nuisances, nominal errors."""
+        parts = [self._nominal(self.bench.errors.systematic)]
         for name, effect in self.model.nuisances.items():
             (only,) = effect.parameters
             factors = only.neutral_of(self.model.setting) * self.settings.nuisance**QUANTILES
             values = np.clip(factors, only.low, only.high)[:, None]
             changes = self.model.changes(name, values).moments[..., 0] / len(QUANTILES) ** 0.5
             _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
-            parts.append((sizes[:2, None] * directions[:2]).T)
+            parts.insert(-1, (sizes[:2, None] * directions[:2]).T)
         return np.hstack(parts)
 
     @cached_property
@@ -127,11 +120,6 @@ class Likelihood:
             mismatch * size.mismatch,
         )
         return np.stack([one for one in every if one.any()], axis=1)
-
-    @cached_property
-    def shared(self) -> Array:
-        """Relative errors in common, (C, q): nuisances and systematic nominal errors."""
-        return np.hstack([self.relative, self._nominal(self.bench.errors.systematic)])
 
     @cached_property
     def each(self) -> Array:
@@ -172,13 +160,13 @@ class Likelihood:
         """
         some = self.having
         q = p.only((slice(None), some))
-        own = self.own_variance(p)[:, some]
-        basis = (q.mean - q.delay)[..., None] * self.smooth[some]
-        fixed = self.columns(p)[:, some]
+        simulated = q.mean - q.delay
+        own, fixed = self.own_variance(p)[:, some], self.columns(p)[:, some]
+        basis = simulated[..., None] * self.smooth[some]
         if unlisted is not None:
             size, length = unlisted
-            own = own + (1.0 - self.settings.unlisted_smooth) * (size * (q.mean - q.delay)) ** 2
-            free = (q.mean - q.delay)[..., None] * self._unlisted_root(length)
+            own = own + (1.0 - self.settings.unlisted_smooth) * (size * simulated) ** 2
+            free = simulated[..., None] * self._unlisted_root(length)
             fixed = np.concatenate([fixed, size * free], axis=2)
         residual, variance, other = self._chosen(q, own, basis, fixed)
         log, nodes = _integrated(residual, variance, basis, fixed, self.settings.discrepancy)
@@ -189,9 +177,7 @@ class Likelihood:
         """Compute the root of the covariance of what no effect explains, (c, r)."""
         where = np.log([self.seen.force, abs(self.seen.mismatch) + RPM])[:, self.having]
         square = ((where[:, :, None] - where[:, None]) ** 2).sum(axis=0)
-        values, vectors = np.linalg.eigh(np.exp(-0.5 * square / length**2))
-        kept = values > KEPT * values.max()
-        return np.asarray(vectors[:, kept] * np.sqrt(self.settings.unlisted_smooth * values[kept]))
+        return self.settings.unlisted_smooth**0.5 * _root(np.exp(-0.5 * square / length**2))
 
     def _chosen(
         self, q: Predicted, own: Array, basis: Array, fixed: Array
@@ -254,14 +240,9 @@ class Likelihood:
         return np.asarray((other * q.sd**2 + freedom * seen.variance[some]) / (other + freedom))
 
     def _spread(self, q: Predicted, variance: Array) -> Array:
-        """Compute the log density of the variance of single shifts with each option, (m, P).
-
-        Few shifts of a distribution with two modes may all be of one, so a share of spreads is odd.
-        """
+        """Compute the log density of the variance with each option, (m, P); some are odd."""
         found = np.zeros_like(variance)
         known = np.flatnonzero(self.seen.freedom[self.having][self._options.point] > 0.0)
-        if not known.size:
-            return found
         at = self._options.point[known]
         freedom = self._freedom[self.having][at]
         ratio = self.seen.variance[self.having][at] / variance[:, known]
@@ -280,9 +261,8 @@ class Likelihood:
         """Degrees of freedom of each observed variance, by the kurtosis of the times, (C,)."""
         n = np.maximum(self.seen.freedom + 1.0, 2.0)
         spread = 2.0 / (n - 1.0) + self.model.shape / n
-        return np.where(
-            self.seen.freedom > 0.0, np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5), 1e-9
-        )
+        freedom = np.maximum(2.0 / np.maximum(spread, 1e-3), 0.5)
+        return np.where(self.seen.freedom > 0.0, freedom, 1e-9)
 
     def spread_scores(self, p: Predicted) -> Array:
         """Compute normal deviates of the observed spreads; NaN for none, (m, c)."""
@@ -317,22 +297,15 @@ class Likelihood:
         amplitude = self.settings.discrepancy * NODES[np.minimum(pick, len(NODES) - 1)]
         every = self.all_columns(p, amplitude)
         some = every[:, self.having]
-        scaled = some / found.variance[..., None]
-        size = every.shape[2]
-        precision = np.eye(size) + np.einsum("mcr,mcs->mrs", some, scaled)
-        root = np.linalg.inv(np.linalg.cholesky(precision))
-        mean = np.einsum("mcr,mc->mr", scaled, found.residual)
-        mean = np.einsum("mrs,mr->ms", root, np.einsum("mrs,ms->mr", root, mean))
-        noise = generator.standard_normal(mean.shape)
-        coefficients = mean + np.einsum("mrs,mr->ms", root, noise)
-        return amplitude, np.einsum("mcr,mr->mc", every, coefficients)
+        scaled = (some / found.variance[..., None]).swapaxes(1, 2)
+        root = np.linalg.inv(np.linalg.cholesky(np.eye(every.shape[2]) + scaled @ some))
+        mean = root @ scaled @ found.residual[..., None]
+        noise = generator.standard_normal(mean.shape[:2])[..., None]
+        return amplitude, (every @ root.swapaxes(1, 2) @ (mean + noise))[..., 0]
 
 
 def _late_numbers(n: Array, most: int) -> tuple[Array, Array]:
-    """List numbers of late shifts for 0 to n, and how many numbers each stands for, (c, K).
-
-    Where n exceeds ``most``, the larger half of them divides the numbers above the first half.
-    """
+    """List numbers of late shifts for 0 to n, and how many each stands for, (c, K)."""
     k, single = np.arange(most + 1.0)[None], most // 2
     wide = np.maximum(1.0, (n - single) / max(most - single, 1))
     width = np.where(k > single, wide, 1.0)
@@ -348,11 +321,7 @@ def _log_f(ratio: Array, one: Array, other: Array) -> Array:
 
 
 def _log_number(share: Array, count: Array, whole: Array, known: float) -> Array:
-    """Compute the log beta-binomial probability of a count among so many.
-
-    ``share`` is the mean of the share's distribution, which has the width that ``known`` shifts of
-    a simulation give it.
-    """
+    """Compute the log beta-binomial probability of a count; ``known`` shifts gave its share."""
     alpha, beta = known * share, known * (1.0 - share)
     log = betaln(count + alpha, whole - count + beta) - betaln(alpha, beta)
     choose = gammaln(whole + 1.0) - gammaln(count + 1.0)
@@ -385,20 +354,12 @@ class _Table:
 
 @dataclass(frozen=True)
 class _Options:
-    """Possible means: the options of all points one after the other, P in all.
+    """Possible means: the options of all points one after the other, P in all."""
 
-    Parameters
-    ----------
-    point : place among the points with a mean, ascending.
-    part : share of late shifts within the mean.
-    odd : whether the mean is odd.
-    log_number : log probability by the share of late shifts.
-    """
-
-    point: np.ndarray
-    part: Array
-    odd: np.ndarray
-    log_number: _Table
+    point: np.ndarray  #: place among the points with a mean, ascending
+    part: Array  #: share of late shifts within the mean
+    odd: np.ndarray  #: whether the mean is odd
+    log_number: _Table  #: log probability by the share of late shifts
 
     @cached_property
     def _starts(self) -> np.ndarray:
@@ -451,8 +412,6 @@ def _integrated(
 
 def squared_distance(residual: Array, variance: Array, fixed: Array) -> Array:
     """Compute squared distances of residuals (m, c) under errors in common (m, c, q), (m,)."""
-    scaled = fixed / variance[..., None]
-    precision = np.eye(fixed.shape[2]) + np.einsum("mcr,mcs->mrs", fixed, scaled)
-    pulled = np.einsum("mcr,mc->mr", scaled, residual)
-    taken = (pulled * np.linalg.solve(precision, pulled[..., None])[..., 0]).sum(axis=1)
-    return np.asarray((residual**2 / variance).sum(axis=1) - taken)
+    covariance = fixed @ fixed.swapaxes(1, 2) + variance[..., None] * np.eye(variance.shape[1])
+    solved = np.linalg.solve(covariance, residual[..., None])[..., 0]
+    return np.asarray((residual * solved).sum(axis=1))

@@ -1,8 +1,7 @@
 """Observations of a data set at each operating point, as the likelihood counts them.
 
-Single shifts of a point with ``MANY`` of them or more show which are late
-(``diagnosis.prediction.model.late_times``); the mean and the spread are then those of the timely
-ones. Within a mean, and among fewer single shifts, any number of late ones may hide.
+Among ``MANY`` single shifts of a point late ones show; mean and spread are those of the others.
+Within a mean, and among fewer single shifts, any number of late ones may hide.
 
 Where the order of the shifts is known, a drift over the series is ``d`` times the mean time over
 its whole length. What shifts at one operating point say of ``d`` is taken off all times; the rest
@@ -33,9 +32,8 @@ INSIDE = 0.95  #: probability below the upper end of an interval that holds 90 %
 class Drift:
     """Drift over the series as a share of the mean time, by shifts at one operating point.
 
-    ``mean`` and ``sd`` are its distribution, ``offsets`` what one ``sd`` makes of each cell's mean,
-    s, (C,); ``informed`` is the share of the prior's variance that repeated points have taken, and
-    ``places`` has those of each cell's times in a series of length one, of zero mean.
+    ``offsets`` are what one ``sd`` makes of each cell's mean, s, (C,), ``places`` those of each
+    cell's times in a series of length 1 and mean 0; ``informed`` is one less variance over prior.
     """
 
     mean: float
@@ -52,32 +50,20 @@ class Drift:
 
 @dataclass(frozen=True)
 class Observed:
-    """Observations of C operating points.
+    """Observations of C operating points."""
 
-    Parameters
-    ----------
-    count, mean : number of shifts in the mean, and the mean, s, (C,); 0 and 0 for none.
-    variance, freedom : of single shifts, s^2, and its degrees of freedom, (C,).
-    late : number of late shifts beside the mean, (C,).
-    hidden : whether late shifts may be within the mean, (C,).
-    engaged, failed : numbers of shifts.
-    mismatch, force : of each point, rad/s and N.
-    drift : None where the order is not known.
-    flights : marks of the free flight in traces.
-    """
-
-    count: Array
-    mean: Array
-    variance: Array
-    freedom: Array
-    late: Array
-    hidden: Array
-    engaged: Array
-    failed: Array
-    mismatch: Array
-    force: Array
-    drift: Drift | None
-    flights: tuple[SeenFlight, ...]
+    count: Array  #: number of shifts in the mean, 0 for none, (C,)
+    mean: Array  #: s, (C,)
+    variance: Array  #: of single shifts, s^2, (C,)
+    freedom: Array  #: its degrees of freedom, (C,)
+    late: Array  #: number of late shifts beside the mean, (C,)
+    hidden: Array  #: whether late shifts may be within the mean, (C,)
+    engaged: Array  #: number of shifts, (C,)
+    failed: Array  #: number of shifts, (C,)
+    mismatch: Array  #: rad/s, (C,)
+    force: Array  #: N, (C,)
+    drift: Drift | None  #: None where the order is not known
+    flights: tuple[SeenFlight, ...]  #: marks of the free flight in traces
 
     @property
     def having(self) -> np.ndarray:
@@ -92,29 +78,24 @@ def observe(bench: Bench, model: Model) -> Observed:
     for k, (cell, far) in enumerate(zip(bench.cells, model.far.tolist(), strict=True)):
         rows.append(_observed(cell, far, 0.0 if drift is None else drift.mean * drift.places[k]))
     count, mean, variance, freedom, late, hidden = np.array(rows, dtype=float).reshape(-1, 6).T
-    tried = [(cell.engaged, cell.failed) for cell in bench.cells]
-    engaged, failed = np.array(tried, dtype=float).reshape(-1, 2).T
-    return Observed(
-        count,
-        mean,
-        variance,
-        freedom,
-        late,
-        hidden.astype(bool),
-        engaged,
-        failed,
-        np.array([cell.point.mismatch for cell in bench.cells]),
-        np.array([cell.point.profile.force for cell in bench.cells]),
-        drift,
-        flights_of(bench),
+    points = [cell.point for cell in bench.cells]
+    engaged, failed, mismatch, force = (
+        np.array(column, dtype=float)
+        for column in (
+            [cell.engaged for cell in bench.cells],
+            [cell.failed for cell in bench.cells],
+            [point.mismatch for point in points],
+            [point.profile.force for point in points],
+        )
     )
+    return Observed(
+        count, mean, variance, freedom, late, hidden.astype(bool), engaged, failed, mismatch,
+        force, drift, flights_of(bench),
+    )  # fmt: skip
 
 
 def _observed(cell: Cell, far: float, drift: Array | float) -> tuple[float, ...]:
-    """Count one cell: number, mean, variance, freedom, late ones, whether some may hide.
-
-    ``drift`` is that of each time, as a share of the mean.
-    """
+    """Count one cell: number, mean, variance, freedom, late ones, whether some may hide."""
     rows = [r for r in cell.readings if r.time is not None]
     if not rows:
         return 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
@@ -153,24 +134,19 @@ def drift_of(cells: Sequence[Cell], far: Array) -> Drift | None:
     places = tuple(np.split(whole, np.cumsum([len(row) for row in rows])[:-1]))
     parts, centres, means = [], np.zeros(len(cells)), np.zeros(len(cells))
     for k, (row, least) in enumerate(zip(rows, far.tolist(), strict=True)):
-        if not row:
-            continue
-        times, weights, late = _split(row, least)
-        times, weights, where = times[~late], weights[~late], places[k][~late]
-        means[k] = np.average(times, weights=weights)
-        centres[k] = np.average(where, weights=weights)
-        parts.append((weights, where - centres[k], times / means[k] - 1.0))
+        if row:
+            times, weights, late = _split(row, least)
+            times, weights, where = times[~late], weights[~late], places[k][~late]
+            means[k] = np.average(times, weights=weights)
+            centres[k] = np.average(where, weights=weights)
+            parts.append((weights, where - centres[k], times / means[k] - 1.0))
     mean, variance = _within(parts)
     sd = float(np.sqrt(variance))
     return Drift(mean, sd, sd * means * centres, 1.0 - variance / DRIFT**2, places)
 
 
 def _within(parts: Sequence[tuple[Array, Array, Array]]) -> tuple[float, float]:
-    """Compute mean and variance of a drift by what shifts at one operating point say of it.
-
-    A regression with a level of each point and one relative scatter. ``parts`` have numbers of
-    shifts, places, and times over their mean, each less those of their point.
-    """
+    """Regress relative times on places, each less those of their point: mean and variance."""
     weights, places, times = (np.concatenate(part) for part in zip(*parts, strict=True))
     freedom, square = weights.size - len(parts), float((weights * places**2).sum())
     if freedom < 2.0 or square == 0.0:

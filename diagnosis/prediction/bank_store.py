@@ -1,9 +1,7 @@
 """The times of a bank's shifts as one small file, kept by the inputs of the simulation.
 
-A journal holds every shift of a bank that is under way. The file holds the times alone, series by
-series (a bench at one operating point and its angles). The key of a series has all inputs of its
-first shift and the programs' versions. So another bank takes the series that it shares and
-simulates the others.
+A series is a bench at one operating point and its angles. Its key has all inputs of its first shift
+and the programs' versions, so another bank takes the series that it shares.
 """
 
 from __future__ import annotations
@@ -30,10 +28,7 @@ FORMAT = 2
 
 @dataclass
 class BankStore:
-    """Files of series, the last of which is written.
-
-    ``paths`` are read in turn; one that does not exist is empty.
-    """
+    """Files of series, read in turn where they exist; the last one is written."""
 
     paths: Sequence[Path]
 
@@ -42,7 +37,7 @@ class BankStore:
         """All series of the files, by key; StorageError where a file is none."""
         found: dict[str, Record] = {}
         for path in self.paths:
-            found.update(_read(path) if path.exists() else {})
+            found |= _read(path)
         return found
 
     def missing(self, blocks: Iterable[Block]) -> list[Block]:
@@ -63,26 +58,24 @@ class BankStore:
             if not any(unfinished(row) for row in rows):
                 fresh[key] = self.series[key]
         if fresh:
-            path = self.paths[-1]
-            self._put(path, {**(_read(path) if path.exists() else {}), **fresh})
+            _write(self.paths[-1], _read(self.paths[-1]) | fresh)
         return [_rows(self.series[key]) for key in keys]
 
     def save(self, path: Path, keys: Iterable[str]) -> None:
         """Write the series of some keys to a file of their own; KeyError where one is missing."""
-        self._put(path, {key: self.series[key] for key in keys})
+        _write(path, {key: self.series[key] for key in keys})
 
-    def _put(self, path: Path, mine: dict[str, Record]) -> None:
-        lines = [
-            f"{json.dumps(key)}:{json.dumps(mine[key], separators=(',', ':'))}" for key in mine
-        ]
-        text = f'{{"bank":{FORMAT},"series":{{\n' + ",\n".join(lines) + "\n}}\n"
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, text)
-        except OSError as error:
-            raise StorageError(
-                f"{path} cannot be written ({error.strerror}); make room or give another folder"
-            ) from error
+
+def _write(path: Path, series: Record) -> None:
+    lines = [f"{json.dumps(k)}:{json.dumps(s, separators=(',', ':'))}" for k, s in series.items()]
+    text = f'{{"bank":{FORMAT},"series":{{\n' + ",\n".join(lines) + "\n}}\n"
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_whole(path, text)
+    except OSError as error:
+        raise StorageError(
+            f"{path} cannot be written ({error.strerror}); make room or give another folder"
+        ) from error
 
 
 def series_key(block: Block) -> str:
@@ -106,27 +99,26 @@ def _kept(rows: Sequence[Record]) -> Record:
 def _rows(kept: Record) -> list[Record]:
     times: Ticks = kept["t"]
     found: list[Record] = []
-    for time, there in zip(times, kept.get("actuator", times), strict=True):
-        if time is None:
-            found.append({"outcome": Outcome.DIVERGED.value, "shift_time_s": None})
-            continue
-        sleeve, actuator = (None if t in (None, LATE) else t * TICK for t in (time, there))
+    for pair in zip(times, kept.get("actuator", times), strict=True):
+        sleeve, actuator = (None if t in (None, LATE) else t * TICK for t in pair)
         outcome = Outcome.TIMED_OUT if sleeve is None else Outcome.ENGAGED
-        found.append(
-            {"outcome": outcome.value, "shift_time_s": sleeve, "actuator_time_s": actuator}
-        )
+        outcome = Outcome.DIVERGED if pair[0] is None else outcome
+        times_s = {"shift_time_s": sleeve, "actuator_time_s": actuator}
+        found.append({"outcome": outcome.value, **times_s})
     return found
 
 
 def _read(path: Path) -> dict[str, Record]:
+    """Read the series of a file, none where it is missing; StorageError where it is no bank."""
+    if not path.exists():
+        return {}
     broken = f"{path} is not a bank of shifts; remove it to make it again"
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+        if found["bank"] != FORMAT or not all(
+            isinstance(s["t"], list) for s in found["series"].values()
+        ):
+            raise StorageError(broken)
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise StorageError(f"{broken} ({type(error).__name__})") from error
-    series = found.get("series") if isinstance(found, dict) else None
-    if not isinstance(series, dict) or found.get("bank") != FORMAT:
-        raise StorageError(broken)
-    if not all(isinstance(one, dict) and isinstance(one.get("t"), list) for one in series.values()):
-        raise StorageError(broken)
-    return series
+    return dict(found["series"])

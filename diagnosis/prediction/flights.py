@@ -1,19 +1,15 @@
 r"""Free flight of the sliding ring up to the first touch, under any effects.
 
-Until dogs touch, ring and actuator move along the shaft alone, with the equations of
-``sim.shift.mechanism`` without contact:
+Until dogs touch, ring and actuator move along the shaft alone (``sim.shift.mechanism``):
 
 .. math:: m_s \ddot x = L - R_0 \sigma(\dot x) - D(x) - c \dot x, \qquad m_a \ddot y = F(t) - L.
 
-The compiled engine integrates these in 0.1 ms; Drake has the same flight
-(``tests/verification/test_flights.py``). For some :math:`10^5` draws, :math:`y = t^{-1/2}` of each
-mark, margins and creep are interpolated:
+The compiled engine integrates these. For some :math:`10^5` draws :math:`y = t^{-1/2}` of
+each mark, margins and creep are interpolated by cubic splines over flights with one or two effects:
 
 .. math:: y(v) = y_0 + \sum_i a_i(v_i) + \sum_{i<j} b_{ij}(v_i, v_j).
 
-:math:`a_i` is a cubic spline over flights with one effect, :math:`b_{ij}` one over what flights
-with two effects differ from the sum; both are flown at their first use. A power of the time nears 0
-without a jump where the ring no longer arrives. A delay of the force adds to all marks, exactly.
+A power of the time nears 0 without a jump where the ring no longer arrives.
 """
 
 from __future__ import annotations
@@ -23,6 +19,7 @@ from collections.abc import Hashable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
@@ -46,9 +43,7 @@ FIRST, STEP = 1e-5, 5e-3  #: s, first and longest step
 ROOM = 4000  #: steps of a flight, beyond which friction or a detent has stopped the ring
 PART = 100  #: steps between which a loaded linkage is examined
 LAST = 0.99  #: share of the time-out after which a ring at rest makes no mark
-#: Error of a held start over the way that the smooth law of friction creeps meanwhile, by the
-#: speed at the mark: twice the time by which a flight with that law is earlier (verified).
-CREEP = 1.8
+CREEP = 1.8  #: error of a held start, over the creep of the smooth law by the speed at the mark
 #: Numbers of a clutch that act along the shaft without contact.
 AXIAL = [
     *(kernel.SLEEVE, kernel.FAR, kernel.DAMPING, kernel.FRICTION, kernel.DETENT, kernel.DETENT_AT),
@@ -71,35 +66,19 @@ LAW = 0.02  #: error of an effect's law, over what it changes
 
 @dataclass(frozen=True)
 class Marks:
-    """Marks of the flight for m values of a hypothesis, s, (m, SIZE) each.
+    """Marks of the flight (``diagnosis.bench.flight_marks``), s, (m, SIZE) each."""
 
-    ``diagnosis.bench.flight_marks`` defines the marks; one that does not come has the time-out.
-
-    Parameters
-    ----------
-    times : when displacement and force pass the marks' values.
-    error : standard error of each mark on its own.
-    creep : standard error that all marks have in common, of the law of friction near rest.
-    """
-
-    times: Array
-    error: Array
-    creep: Array
+    times: Array  #: when displacement and force pass the marks' values; the time-out for never
+    error: Array  #: standard error of each mark on its own
+    creep: Array  #: standard error of friction near rest, in common
 
 
 def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, Array, Array]:
     """Simulate the marks of flights; the delay of a setting is no part of them.
 
-    Parameters
-    ----------
-    settings : n operating points with their effects.
-    gap, force : nominal axial gap in m and final force in N, of which the marks are shares.
-
-    Returns
-    -------
-    tuple of arrays
-        Times of the marks, s, (n, SIZE); creep, s, (n, SIZE); way of the ring at each mark of the
-        displacement, m, (n, ways).
+    ``gap`` in m and final ``force`` in N are the nominal ones, of which the marks are shares.
+    Times of the marks and their creep, s, (n, SIZE) each; way of the ring at each mark of the
+    displacement, m, (n, ways).
     """
     ways, forces = gap * np.array(WAYS), force * np.array(FORCES)
     times, creep = np.zeros((2, len(settings), SIZE))
@@ -118,17 +97,13 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
 
 
 def _motion(setting: Setting, knots: Array, way: float) -> tuple[Array, Array, Array, Array, float]:
-    """Integrate a flight until ring and actuator have made a ``way`` in m, or to the time-out.
-
-    Times, displacement and speed at the sensor, way of the ring, (n,) each; and the time for which
-    friction holds the ring, until the force on it is larger.
-    """
+    """Integrate a flight: times, displacement, speed, way of the ring, (n,), and time held, s."""
     clutch, mechanism = setting.clutch, setting.clutch.mechanism
-    numbers = np.zeros(kernel.NUMBERS)
+    linked, numbers = mechanism.has_linkage, np.zeros(kernel.NUMBERS)
     numbers[AXIAL] = numbers_of(clutch)[AXIAL]
     numbers[[kernel.SLIDING, kernel.OUTPUT, kernel.RADIUS, kernel.TURN_SPEED]] = 1.0
     numbers[kernel.REBOUND], numbers[kernel.WAY] = 1e9, 1.02 * way
-    numbers[kernel.USED] = kernel.LINKED_SIZE if mechanism.has_linkage else kernel.PLAIN_SIZE
+    numbers[kernel.USED] = kernel.LINKED_SIZE if linked else kernel.PLAIN_SIZE
     time, states = np.zeros(1), np.zeros((1, kernel.SIZE))
     if mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0:
         time, states = _held(setting, knots, numbers)
@@ -138,9 +113,8 @@ def _motion(setting: Setting, knots: Array, way: float) -> tuple[Array, Array, A
     else:
         more = _advanced(rest, states[-1], clutch.timeout, numbers, knots)
         time, states = np.append(time[:-1], more[0]), np.concatenate([states[:-1], more[1]])
-    place, rate = (RING, RING_RATE)
-    if setting.sensor == "actuator" and mechanism.has_linkage:
-        place, rate = (ACTUATOR, ACTUATOR_RATE)
+    there = linked and setting.sensor == "actuator"
+    place, rate = (ACTUATOR, ACTUATOR_RATE) if there else (RING, RING_RATE)
     return time, states[:, place], states[:, rate], states[:, RING], rest
 
 
@@ -184,12 +158,8 @@ def _advanced(
     return times[: made + 1], states[: made + 1]
 
 
-@dataclass(frozen=True)
-class _Grid:
-    """Table over an even grid of shares of priors, (n1, n2, ...) nodes with K columns.
-
-    ``rows`` (n1 n2 ..., K), and the ``error`` of their spline for the marks, (n1 n2 ..., SIZE).
-    """
+class _Grid(NamedTuple):
+    """Table over an even grid of shares of priors, with the error of its spline for the marks."""
 
     sizes: tuple[int, ...]
     rows: Array
@@ -197,10 +167,7 @@ class _Grid:
 
     @classmethod
     def fitted(cls, sizes: tuple[int, ...], rows: Array) -> _Grid:
-        """Fill nodes of no bench (NaN) with the nearest, and estimate the error of the spline.
-
-        The error is a quarter of what a spline through every other node misses, the largest nearby.
-        """
+        """Fill nodes of no bench (NaN) with the nearest; the error is that of a coarse spline."""
         whole = rows.reshape(*sizes, -1)
         missing = np.isnan(whole[..., 0])
         if missing.all():
@@ -243,10 +210,7 @@ def _weights(shares: Array, sizes: Sequence[int], degree: int) -> Array:
 class Flights:
     """Marks of any hypothesis under the force profiles of some operating points.
 
-    Parameters
-    ----------
-    effects : by name; their priors bound the tables.
-    settings : one baseline an operating point; the first of each force profile counts.
+    The priors of ``effects`` bound the tables; of ``settings`` the first of each profile counts.
     """
 
     def __init__(self, effects: Mapping[str, Effect], settings: Sequence[Setting]) -> None:
@@ -265,8 +229,8 @@ class Flights:
             shares[:, k] = np.interp(mine, ends, [0.0, 1.0])
         least = self.settings[profile].clutch.timeout ** -0.5
         still = self._flown((), np.zeros((1, 0)), profile)
-        whole, square = np.tile(still, (len(values), 1)), np.zeros((len(values), SIZE))
-        law, joint = np.zeros_like(square), np.zeros_like(square)
+        whole = np.tile(still, (len(values), 1))
+        square, law, joint = np.zeros((3, len(values), SIZE))
         moving = [name for name in h if self._grid((name,), profile).rows[:, :-1].any()]
         for part in (*((name,) for name in h), *itertools.combinations(moving, 2)):
             mine = np.hstack([shares[:, space.columns(name)] for name in part])
@@ -302,26 +266,21 @@ class Flights:
         return self._grids[h, profile]
 
     def _flown(self, h: Hypothesis, shares: Array, profile: ForceProfile) -> Array:
-        """Fly effects at shares (m, p) of their priors, equal flights once.
-
-        Columns of marks, creep, margins and delay, (m, COLUMNS); NaN where no such bench is.
-        """
-        base, effects = self.settings[profile], {name: self.effects[name] for name in h}
+        """Fly shares (m, p) of priors, equal flights once, (m, COLUMNS); NaN for no bench."""
+        base, parameters = self.settings[profile], self._space(h).parameters
         keys: dict[int, Hashable] = {}
         new: dict[Hashable, Setting] = {}
         rows = np.full((len(shares), COLUMNS), np.nan)
-        parameters = self._space(h).parameters
         for k, row in enumerate(shares.tolist()):
             values = tuple(p.at(share) for p, share in zip(parameters, row, strict=True))
             with suppress(DogshapeError):
-                setting = Level(h, values).setting(effects, base)
+                setting = Level(h, values).setting(self.effects, base)
                 axial, force = numbers_of(setting.clutch)[AXIAL].tobytes(), setting.point.profile
                 keys[k] = profile, force, axial, setting.sensor, setting.clutch.timeout
                 new[keys[k]] = setting
                 rows[k, 2 * SIZE :] = setting.clutch.dog.axial_gap
                 rows[k, -1] = setting.delay + force.delay
-        new = {key: setting for key, setting in new.items() if key not in self._rows}
-        if new:
+        if new := {key: setting for key, setting in new.items() if key not in self._rows}:
             found = fly(list(new.values()), base.clutch.dog.axial_gap, profile.force)
             self._rows.update(zip(new, np.hstack(found), strict=True))
         for k, key in keys.items():

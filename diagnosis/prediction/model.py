@@ -1,17 +1,14 @@
 r"""Prediction of shift times under any set of effects, at a data set's operating points.
 
-Each level of a simulated effect gives four numbers an operating point: logarithm of the mean and of
-the standard deviation of timely shifts, share of late ones, logit of the share that engages. Their
-changes from the baseline at the same angles are interpolated over the effect's parameters. Of
-several effects the changes of the mean add,
+Each level of a simulated effect gives four moments: logarithms of mean and standard deviation of
+timely shifts, share of late ones, logit of the share that engages. Their changes from the baseline
+at the same angles are interpolated over the effect's parameters; those of the mean add,
 
 .. math:: \mu = \mu_0 \Bigl(1 + \sum_e (e^{y_e} - 1)\Bigr), \qquad
           \Delta = \tfrac{2}{5}\,\mu_0 \Bigl(e^{\sum_e y_e} - 1 - \sum_e (e^{y_e} - 1)\Bigr),
 
 where :math:`\Delta` is the error that all operating points have in common. A dead time adds itself
 exactly; relative angles that are not uniform are weights on the baseline's angles.
-
-A late shift passes at least half a slot behind the median; see ``late_times``.
 """
 
 from __future__ import annotations
@@ -82,46 +79,32 @@ class Space:
     def values(self, shares: Array) -> Array:
         """Compute values (m, p) at shares (m, p) of the ranges."""
         found = np.empty((len(shares), len(self.parameters)))
-        for k, p in enumerate(self.parameters):
-            even = p.low + shares[:, k] * (p.high - p.low)
-            uniform = p.scale == "uniform"
-            found[:, k] = even if uniform else p.low * (p.high / p.low) ** shares[:, k]
+        for k, (p, share) in enumerate(zip(self.parameters, shares.T, strict=True)):
+            if p.scale == "uniform":
+                found[:, k] = p.low + share * (p.high - p.low)
+            else:
+                found[:, k] = p.low * (p.high / p.low) ** share
         return found
 
     def columns(self, name: str) -> slice:
         """Find the columns of an effect's parameters."""
-        start = 0
-        for effect in self.effects:
-            end = start + len(effect.parameters)
-            if effect.name == name:
-                return slice(start, end)
-            start = end
-        raise KeyError(name)
+        ends = np.cumsum([0, *(len(effect.parameters) for effect in self.effects)]).tolist()
+        place = self.hypothesis.index(name)
+        return slice(ends[place], ends[place + 1])
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """Shift times that a hypothesis predicts, for m values of its parameters at C points.
+    """Shift times that a hypothesis predicts, for m values of its parameters at C points."""
 
-    Parameters
-    ----------
-    mean, sd : of timely shifts that engage, dead time included, s, (m, C).
-    error : standard error of ``mean`` by angles, effect laws and emulation, s, (m, C).
-    emulated : the part of it by interpolation between levels, s, (m, C).
-    common : error that all points share with its sign: effects together against alone, s, (m, C).
-    late : share of late shifts among those that engage, (m, C).
-    engaged : share that engages before the time-out, (m, C).
-    delay : dead time within ``mean``, s, (m, C).
-    """
-
-    mean: Array
-    sd: Array
-    error: Array
-    emulated: Array
-    common: Array
-    late: Array
-    engaged: Array
-    delay: Array
+    mean: Array  #: of timely shifts that engage, dead time included, s
+    sd: Array  #: of these, s
+    error: Array  #: standard error of ``mean`` by angles, effect laws and emulation, s
+    emulated: Array  #: the part of it by interpolation between levels, s
+    common: Array  #: error that all points share: effects together against each alone, s
+    late: Array  #: share of late shifts among those that engage
+    engaged: Array  #: share that engages before the time-out
+    delay: Array  #: dead time within ``mean``, s
 
     def only(self, rows: object) -> Predicted:
         """Select some of the values."""
@@ -135,38 +118,22 @@ class Predicted:
 
 
 class Changes(NamedTuple):
-    """Changes by an effect at m values of its parameters.
+    """Changes by an effect at m values of its parameters."""
 
-    Parameters
-    ----------
-    moments : (m, C, MOMENTS).
-    delay : dead time, s, (m, C).
-    error : of the change of ln mean by interpolation between levels, (m, C).
-    """
-
-    moments: Array
-    delay: Array
-    error: Array
+    moments: Array  #: (m, C, MOMENTS)
+    delay: Array  #: dead time, s, (m, C)
+    error: Array  #: of the change of ln mean by interpolation between levels, (m, C)
 
 
 @dataclass(frozen=True)
 class Model:
-    """Predictions of a clutch at a data set's operating points.
+    """Predictions of a clutch at a data set's operating points."""
 
-    Parameters
-    ----------
-    effects : of hypotheses, by name, with their wide ranges.
-    simulated : baseline and levels.
-    nuisances : properties of the contact that are integrated under every hypothesis.
-    law : error of an effect's law, as a share of the change that it makes.
-    turned : of the reversed sense of rotation, where that is a hypothesis.
-    """
-
-    effects: Mapping[str, Effect]
-    simulated: Simulated
-    nuisances: Mapping[str, Effect]
-    law: float
-    turned: Model | None = None
+    effects: Mapping[str, Effect]  #: of hypotheses, by name, with their wide ranges
+    simulated: Simulated  #: baseline and levels
+    nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
+    law: float  #: error of an effect's law, as a share of the change that it makes
+    turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -190,13 +157,8 @@ class Model:
 
     @cached_property
     def far(self) -> Array:
-        """Least distance of a late shift behind the median, s, (C,).
-
-        It is half the passing time of a slot, and ``FAR`` distances of the 10 % quantile of the
-        baseline, whose many shifts show it.
-        """
-        times = self.simulated.baseline
-        fast, middle = _quantiles(times, (0.1, 0.5))
+        """Least distance of a late shift behind the median, s, (C,), by the dense baseline."""
+        fast, middle = _quantiles(self.simulated.baseline, (0.1, 0.5))
         return np.maximum(FAR * (middle - fast), np.maximum(SLOT * self.waits, LEAST_FAR))
 
     @cached_property
@@ -218,10 +180,10 @@ class Model:
     def _every(self) -> tuple[Array, Array]:
         """Times of the baseline and all levels, (C, n), and which of them are late."""
         levels = np.moveaxis(self.simulated.times, 1, 0)
-        late = late_times(levels, self.far[:, None])
-        base = late_times(self.simulated.baseline, self.far)
-        times = np.hstack([self.simulated.baseline, levels.reshape(self.cells, -1)])
-        return times, np.hstack([base, late.reshape(self.cells, -1)])
+        late = late_times(levels, self.far[:, None]).reshape(self.cells, -1)
+        base = self.simulated.baseline
+        times = np.hstack([base, levels.reshape(self.cells, -1)])
+        return times, np.hstack([late_times(base, self.far), late])
 
     @cached_property
     def pooled_late(self) -> Array:
@@ -233,8 +195,7 @@ class Model:
     def behind(self) -> tuple[Array, Array]:
         """Mean and standard deviation of a late shift's delay behind timely ones, s, (C,) each.
 
-        They are those of all levels. Where hardly any shift is late, a late one passes ``SLOTS``
-        slots, and its delay scatters as much.
+        Where hardly any shift is late, it passes ``SLOTS`` slots, and scatters as much.
         """
         times, late = self._every
         (own,) = _quantiles(np.moveaxis(self.simulated.times, 1, 0), (0.5,))
@@ -258,19 +219,17 @@ class Model:
         if REVERSED in hypothesis:
             assert self.turned is not None, "the reversed sense is asked for where it is simulated"
             return self.turned.predict(forward(hypothesis), shares)
-        space = self.space(hypothesis)
+        space, count, base = self.space(hypothesis), len(shares), np.exp(self.base[:, 0])
         values = space.values(shares)
-        count, base = len(values), np.exp(self.base[:, 0])
-        added, logs = np.tile(base, (count, 1)), np.zeros((count, self.cells))
-        rest = np.zeros((count, self.cells, MOMENTS - 1))
-        square, delay = np.zeros((count, self.cells)), np.zeros((count, self.cells))
-        missed = np.zeros((count, self.cells))
+        added, rest = np.tile(base, (count, 1)), np.zeros((count, self.cells, MOMENTS - 1))
+        logs, square, delay, missed = np.zeros((4, count, self.cells))
         for name in hypothesis:
             change = self.changes(name, values[:, space.columns(name)])
-            logs += change.moments[..., 0]
-            added += base * np.expm1(change.moments[..., 0])
+            log = change.moments[..., 0]
+            logs += log
+            added += base * np.expm1(log)
             rest += change.moments[..., 1:]
-            square += change.moments[..., 0] ** 2
+            square += log**2
             missed += change.error**2
             delay += change.delay
         product = base * np.exp(logs)
@@ -298,13 +257,11 @@ class Model:
     def _limited(self) -> frozenset[str]:
         """Effects of which some values within their ranges give no bench."""
         ticks = np.linspace(0.0, 1.0, TRIED).tolist()
-        grids = {
-            n: itertools.product(ticks, repeat=len(e.parameters)) for n, e in self.effects.items()
-        }
         return frozenset(
             name
-            for name, rows in grids.items()
-            if not all(self._exists(self.effects[name], row) for row in rows)
+            for name, effect in self.effects.items()
+            for rows in [itertools.product(ticks, repeat=len(effect.parameters))]
+            if not all(self._exists(effect, row) for row in rows)
         )
 
     def _exists(self, effect: Effect, shares: Sequence[float]) -> bool:
@@ -328,43 +285,31 @@ class Model:
         return {}
 
     def changes(self, name: str, values: Array) -> Changes:
-        """Compute the changes by an effect at values (m, p).
-
-        Hypotheses share prior draws of their effects, so recent results are kept.
-        """
+        """Compute the changes by an effect at values (m, p); recent results are kept."""
         key = name, values.shape, values.tobytes()
         if key not in self._recent:
             if len(self._recent) >= RECENT:
                 self._recent.clear()
-            effect = self.effects.get(name) or self.nuisances[name]
             if name in self._read_only:
-                self._recent[key] = self._read(effect, values)
+                self._recent[key] = self._read(self.effects[name], values)
             else:
                 if name not in self._curves:
-                    self._curves[name] = self._curve(effect)
+                    self._curves[name] = self._curve(self.effects.get(name) or self.nuisances[name])
                 self._recent[key] = self._curves[name](values)
         return self._recent[key]
 
     def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
-        """Build the interpolator of an effect's changes.
-
-        Its error is a share of what it misses at nearby nodes when it is built without them, and
-        ``BLOCKED`` where no shift engages.
-        """
+        """Build the interpolator of an effect's changes, with its error by nodes left out."""
         x, whole = self._nodes(effect)
         size = self.cells * MOMENTS
         whole, missed = whole[:, : -self.cells], BLOCKED * whole[:, -self.cells :]
         if x.shape[1]:
             own, every, places = whole[:, :size:MOMENTS], np.arange(len(x)), _scaled(x, x)
             inner = every[1:-1] if x.shape[1] == 1 else every  # without the ends of a line
-            left = np.array(
-                [
-                    abs(own[k] - _interpolator(x[every != k], own[every != k])(x[[k]])[0])
-                    for k in inner
-                ]
-            )
+            left = [_interpolator(x[every != k], own[every != k])(x[[k]])[0] for k in inner]
             near = np.linalg.norm(places[:, None] - places[None, inner], axis=2).argmin(axis=1)
-            missed += MISSED[min(x.shape[1], 2) - 1] * left[near] * (own != 0.0)
+            share = MISSED[min(x.shape[1], 2) - 1]
+            missed += share * abs(own[inner] - np.array(left))[near] * (own != 0.0)
         at = _interpolator(x, np.hstack([whole, missed]))
 
         def changes(values: Array) -> Changes:
@@ -375,10 +320,7 @@ class Model:
         return changes
 
     def _nodes(self, effect: Effect) -> tuple[Array, Array]:
-        """List coordinates of levels and baseline, (n, d), and what is interpolated, (n, k).
-
-        That is moments, dead times, and 1 where no shift of a level engages.
-        """
+        """List coordinates of levels and baseline, (n, d), with moments, delays, 1 for blocked."""
         places = self.simulated.of((effect.name,))
         x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
         moments = self._moments(self.simulated.times[places])
@@ -386,39 +328,35 @@ class Model:
         y = np.hstack([y, self.simulated.delays[places], np.isnan(moments[..., 0])])
         if not effect.parameters:
             return x, y
-        neutral = np.array([[p.neutral_of(self.setting) for p in effect.parameters]])
-        plain = np.vstack([self._coordinates(effect, neutral), self._idle_places(effect, x)])
-        y = np.vstack([y, np.zeros((len(plain), y.shape[1]))])
-        x = np.vstack([x, plain])
+        plain = self._coordinates(effect, self._idle_values(effect))
+        x, y = np.vstack([x, plain]), np.vstack([y, np.zeros((len(plain), y.shape[1]))])
         order = np.unique(np.round(_scaled(x, x), 9), axis=0, return_index=True)[1]
         return x[order], y[order]
 
-    def _idle_places(self, effect: Effect, x: Array) -> Array:
-        """List places at which the first parameter is neutral and the others change nothing."""
+    def _idle_values(self, effect: Effect) -> Array:
+        """List neutral values: of all parameters, or of the first where it idles the others."""
         neutral = effect.neutral(self.setting)
-        first = effect.parameters[0]
-        ends = [{**neutral, p.name: v} for p in effect.parameters[1:] for v in (p.low, p.high)]
-        if not ends or not all(
+        rows, more = [list(neutral.values())], effect.parameters[1:]
+        ends = [{**neutral, p.name: v} for p in more for v in (p.low, p.high)]
+        if ends and all(
             effect.possible(self.setting, given)
             and effect.apply(self.setting, given) == self.setting
             for given in ends
         ):
-            return np.zeros((0, x.shape[1]))
-        ticks = np.linspace(x[:, 1].min(), x[:, 1].max(), 5)
-        start = coordinate(first, np.array([neutral[first.name]]), self.setting)[0]
-        return np.array([[start, tick] for tick in ticks])
+            low, high = more[0].low, more[0].high
+            rows += [[rows[0][0], v, *rows[0][2:]] for v in np.linspace(low, high, 5).tolist()]
+        return np.array(rows)
 
     def _coordinates(self, effect: Effect, values: Array) -> Array:
-        columns = [
-            coordinate(p, values[:, k], self.setting) for k, p in enumerate(effect.parameters)
-        ]
+        pairs = zip(effect.parameters, values.T, strict=True)
+        columns = [coordinate(p, column, self.setting) for p, column in pairs]
         return np.stack(columns, axis=1) if columns else np.zeros((len(values), 0))
 
     def _read(self, effect: Effect, values: Array) -> Changes:
         """Compute the changes by an effect of the reading: dead time, weights of the angles."""
-        exact = np.zeros((len(values), self.cells))
         rows = [_reading(effect, row, self.setting) for row in values.tolist()]
         delay, *angles = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
+        exact = np.zeros((len(values), self.cells))
         change = np.zeros((*exact.shape, MOMENTS))
         if any(one.any() for one in angles):
             change = self._weighted(*(one[..., None] for one in angles))
@@ -427,55 +365,42 @@ class Model:
     def _weighted(self, concentration: Array, centre: Array) -> Array:
         """Compute the changes by relative angles that are not uniform, (m, C, MOMENTS)."""
         pitch = np.array([one.clutch.dog.pitch_angle for one in self.settings])
-        turns = self.simulated.angles / pitch[:, None]
-        weights = angle_weights(turns, concentration, centre)
+        weights = angle_weights(self.simulated.angles / pitch[:, None], concentration, centre)
         times = self.simulated.baseline
         late, ended = late_times(times, self.far), np.isfinite(times)
         kept, known = weights * (ended & ~late), np.where(ended, times, 0.0)
-        whole = np.maximum(kept.sum(axis=2), 1e-9)
+        whole, finished = np.maximum(kept.sum(axis=2), 1e-9), (weights * ended).sum(axis=2)
         mean = (kept * known).sum(axis=2) / whole
         square = (kept * (known - mean[..., None]) ** 2).sum(axis=2) / whole
-        share = (weights * ended).sum(axis=2) / weights.sum(axis=2)
-        lately = (weights * late).sum(axis=2) / np.maximum((weights * ended).sum(axis=2), 1e-9)
         moments = (
             np.log(np.maximum(mean, LEAST_SD)),
             0.5 * np.log(np.maximum(square, LEAST_SD**2)),
-            lately,
-            logit(np.clip(share, 0.01, 0.99)),
+            (weights * late).sum(axis=2) / np.maximum(finished, 1e-9),
+            logit(np.clip(finished / weights.sum(axis=2), 0.01, 0.99)),
         )
         return np.asarray(np.stack(moments, axis=-1) - self.base)
 
     def _moments(self, times: Array) -> Array:
         """Compute the moments of times (..., C, n), (..., C, MOMENTS)."""
-        late = late_times(times, self.far)
-        ended = np.isfinite(times)
+        late, ended = late_times(times, self.far), np.isfinite(times)
         count = (ended & ~late).sum(axis=-1)
-        known = np.where(ended & ~late, times, 0.0)
-        mean = known.sum(axis=-1) / np.maximum(1, count)
+        mean = np.where(ended & ~late, times, 0.0).sum(axis=-1) / np.maximum(1, count)
         square = np.where(ended & ~late, times - mean[..., None], 0.0) ** 2
         sd = np.sqrt(square.sum(axis=-1) / np.maximum(1, count - 1))
-        tried = (~np.isnan(times)).sum(axis=-1)
-        pooled = (late.sum(axis=-1) + POOLED * self.pooled_late) / (ended.sum(axis=-1) + POOLED)
-        engaged = (ended.sum(axis=-1) + 0.5) / (tried + 1.0)
-        with np.errstate(divide="ignore"):
-            return np.stack(
-                [
-                    np.where(count > 0, np.log(np.maximum(mean, 1e-6)), np.nan),
-                    np.where(count > 1, np.log(np.maximum(sd, LEAST_SD)), np.nan),
-                    pooled,
-                    logit(engaged),
-                ],
-                axis=-1,
-            )
+        tried, ended = (~np.isnan(times)).sum(axis=-1), ended.sum(axis=-1)
+        moments = (
+            np.where(count > 0, np.log(np.maximum(mean, 1e-6)), np.nan),
+            np.where(count > 1, np.log(np.maximum(sd, LEAST_SD)), np.nan),
+            (late.sum(axis=-1) + POOLED * self.pooled_late) / (ended + POOLED),
+            logit((ended + 0.5) / (tried + 1.0)),
+        )
+        return np.stack(moments, axis=-1)
 
 
 def build_models(
     bench: Bench, effects: Mapping[str, Effect], settings: Settings, run: Runner
 ) -> dict[str, Model]:
-    """Build the models of a data set, by the place where the displacement may be read.
-
-    ``run`` simulates blocks, with whatever it keeps of earlier ones.
-    """
+    """Build the models of a data set, by the place where the displacement may be read."""
     places: tuple[Sensor, ...] = ("sleeve", "actuator")
     if bench.record.displacement_at != "unknown":
         places = (bench.record.displacement_at,)
@@ -503,10 +428,9 @@ def reads_only(effect: Effect, settings: Sequence[Setting]) -> bool:
     for share in (0.3, 0.9):
         given = {p.name: p.at(share) for p in effect.parameters}
         try:
-            changed = [effect.apply(setting, given) for setting in settings]
+            pairs = [(effect.apply(setting, given), setting) for setting in settings]
         except DogshapeError:
             return False
-        pairs = zip(changed, settings, strict=True)
         if any((one.clutch, one.point) != (plain.clutch, plain.point) for one, plain in pairs):
             return False
         if len({_reading(effect, list(given.values()), setting) for setting in settings}) > 1:
@@ -536,24 +460,22 @@ def late_times(times: Array, least: Array) -> np.ndarray:
     A late shift lies behind the median by ``least`` (C,), s, and by ``FAR`` distances of the 10 %
     quantile from it: the fast side does not move with late shifts.
     """
-    ended = np.isfinite(times)
     fast, middle = _quantiles(times, (0.1, 0.5))
     far = np.maximum(FAR * (middle - fast), least)
-    return ended & (times > (middle + far)[..., None])
+    return np.isfinite(times) & (times > (middle + far)[..., None])
 
 
 def _quantiles(times: Array, shares: Sequence[float]) -> list[Array]:
     """Compute quantiles of the shifts that engage among times (..., n), (...) each; 0 for none."""
     ended = np.isfinite(times)
-    ordered, last = np.sort(np.where(ended, times, np.inf), axis=-1), ended.sum(axis=-1) - 1
-    found = []
+    count = ended.sum(axis=-1)
+    ordered = np.sort(np.where(ended, times, np.where(count == 0, 0.0, np.inf)[..., None]), axis=-1)
+    last, found = np.maximum(count - 1, 0), []
     for share in shares:
-        place = share * np.maximum(last, 0)
-        below = np.floor(place).astype(int)
-        ends = (below, np.minimum(below + 1, np.maximum(last, 0)))
+        below = np.floor(share * last).astype(int)
+        ends = (below, np.minimum(below + 1, last))
         low, high = (np.take_along_axis(ordered, k[..., None], -1)[..., 0] for k in ends)
-        low, high = np.where(last < 0, 0.0, low), np.where(last < 0, 0.0, high)
-        found.append(np.asarray(low + (place - below) * (high - low)))
+        found.append(np.asarray(low + (share * last - below) * (high - low)))
     return found
 
 
@@ -580,11 +502,10 @@ def _interpolator(x: Array, values: Array) -> Callable[[Array], Array]:
 
 def _filled(changes: Array, x: Array) -> Array:
     """Take unknown changes (L, C, MOMENTS) from the nearest level, else as none."""
-    changes = changes.copy()
-    apart = np.linalg.norm((x[:, None] - x[None]) / np.maximum(np.ptp(x, axis=0), 1e-9), axis=2)
-    for _, cell, moment in zip(*np.nonzero(np.isnan(changes)), strict=True):
+    changes, places = changes.copy(), _scaled(x, x)
+    for cell, moment in np.argwhere(np.isnan(changes).any(axis=0)).tolist():
         column = changes[:, cell, moment]
-        known = np.flatnonzero(np.isfinite(column))
-        for level in np.flatnonzero(np.isnan(column)):
-            column[level] = column[known[apart[level, known].argmin()]] if known.size else 0.0
+        known, lost = np.flatnonzero(np.isfinite(column)), np.flatnonzero(np.isnan(column))
+        near = np.linalg.norm(places[lost, None] - places[known], axis=2)
+        column[lost] = column[known[near.argmin(axis=1)]] if known.size else 0.0
     return changes

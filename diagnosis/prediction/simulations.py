@@ -2,9 +2,8 @@
 
 All levels have the same even relative angles at an operating point, so levels differ by their
 physics alone. The baseline has further angles between. Levels of one parameter are even in the
-share of its range; those of two parameters fill the plane, each farthest from all before it. The
-range is wider than the prior's usual one wherever such a bench exists, so no diagnosis has to
-widen it.
+share of its range; those of two fill the plane, each farthest from all before it. Ranges are wider
+than the usual ones of the priors wherever such a bench exists.
 """
 
 from __future__ import annotations
@@ -53,25 +52,15 @@ class Level:
 
 @dataclass(frozen=True)
 class Simulated:
-    """Simulated times at C operating points, s; ``inf`` did not engage, NaN is not known.
+    """Simulated times at C operating points, s; ``inf`` did not engage, NaN is not known."""
 
-    Parameters
-    ----------
-    settings : baseline of each operating point.
-    angles, baseline : relative angles in rad and times, (C, DENSE * ANGLES).
-    common : places of the levels' angles among them, (C, ANGLES).
-    levels : in the order of ``times``.
-    times : (L, C, ANGLES).
-    delays : of the reading of each level, s, (L, C); they are no part of ``times``.
-    """
-
-    settings: tuple[Setting, ...]
-    angles: Array
-    baseline: Array
-    common: NDArray[np.int64]
-    levels: tuple[Level, ...]
-    times: Array
-    delays: Array
+    settings: tuple[Setting, ...]  #: baseline of each operating point
+    angles: Array  #: relative angles, rad, (C, DENSE * ANGLES)
+    baseline: Array  #: times at them, (C, DENSE * ANGLES)
+    common: NDArray[np.int64]  #: places of the levels' angles among them, (C, ANGLES)
+    levels: tuple[Level, ...]  #: in the order of ``times``
+    times: Array  #: (L, C, ANGLES)
+    delays: Array  #: of the reading of each level, s, (L, C); they are no part of ``times``
 
     @property
     def base(self) -> Array:
@@ -124,30 +113,30 @@ def coordinate(parameter: Parameter, values: Array, setting: Setting) -> Array:
 def levels_of(effect: Effect, settings: Sequence[Setting]) -> tuple[Level, ...]:
     """List the levels of an effect that exist at all operating points, spread over its range."""
     count = len(effect.parameters)
-    if count == 0:
-        shares = np.zeros((1, 0))
-    elif count == 1:
-        shares = np.linspace(0.0, 1.0, 4 * (ALONG - 1) + 1)[:, None]
-    else:
+    shares, steps = np.zeros((1, 0)), 4 * (ALONG - 1)
+    if count == 1:
+        shares = np.linspace(0.0, 1.0, steps + 1)[:, None]
+    elif count:
         corners = np.array(list(itertools.product((0.0, 1.0), repeat=count)))
         shares = np.vstack([corners, qmc.Sobol(count, scramble=False).random_base2(7)])
-    ends, there, levels = extremes(settings), list[int](), list[Level]()
-    for k, row in enumerate(shares.tolist()):
+    ends, levels, places = extremes(settings), list[Level](), list[list[float]]()
+    for row in shares.tolist():
         values = {p.name: p.at(share) for p, share in zip(effect.parameters, row, strict=True)}
-        levels.append(Level((effect.name,), tuple(values.values())))
-        there += [k] if all(effect.possible(setting, values) for setting in ends) else []
-    if count == 1 and there:
-        even = np.linspace(there[0], there[-1], ALONG).round().astype(int)
-        there = sorted(set(even.tolist()) & set(there))
-    elif count > 1:
-        # Each level is farthest from all before it.
-        places, chosen = shares[there], [0]
-        near = np.linalg.norm(places - places[0], axis=1)
-        while len(chosen) < min(PLANE, len(places)):
-            chosen.append(int(near.argmax()))
-            near = np.minimum(near, np.linalg.norm(places - places[chosen[-1]], axis=1))
-        there = [there[k] for k in chosen]
-    return tuple(levels[k] for k in there)
+        if all(effect.possible(setting, values) for setting in ends):
+            levels.append(Level((effect.name,), tuple(values.values())))
+            places.append(row)
+    if count == 0 or not levels:
+        return tuple(levels)
+    known = np.array(places)
+    if count == 1:
+        even = (steps * np.linspace(known[0, 0], known[-1, 0], ALONG)).round() / steps
+        return tuple(levels[k] for k in np.flatnonzero(np.isin(known[:, 0], even)))
+    # Each level is farthest from all before it.
+    chosen, near = [0], np.linalg.norm(known - known[0], axis=1)
+    while len(chosen) < min(PLANE, len(known)):
+        chosen.append(int(near.argmax()))
+        near = np.minimum(near, np.linalg.norm(known - known[chosen[-1]], axis=1))
+    return tuple(levels[k] for k in chosen)
 
 
 def extremes(settings: Sequence[Setting]) -> list[Setting]:
@@ -162,37 +151,26 @@ def simulate(
     run: Runner,
     levels: Sequence[Level] | None = None,
 ) -> Simulated:
-    """Simulate baseline and levels of effects, all levels of each by default.
-
-    ``run`` simulates blocks, with whatever it keeps of earlier ones.
-    """
+    """Simulate baseline and levels of effects, all levels of each by default."""
     settings = tuple(settings)
     if levels is None:
         levels = [one for effect in effects.values() for one in levels_of(effect, settings)]
     dense = [_block(setting, setting, DENSE) for setting in settings]
     changed = [[level.setting(effects, setting) for setting in settings] for level in levels]
-    pairs = [pair for row in changed for pair in zip(row, settings, strict=True)]
-    rows = iter(run(dense + [_block(one, plain) for one, plain in pairs]))
+    blocks = [_block(*pair) for row in changed for pair in zip(row, settings, strict=True)]
+    rows = iter(run(dense + blocks))
     baseline = np.array([read_times(s, next(rows)) for s in settings])
     times = [[read_times(replace(one, delay=0.0), next(rows)) for one in row] for row in changed]
     angles = np.array([block.angles for block in dense])
     fewer = np.array([_block(setting, setting).angles for setting in settings])
-    return Simulated(
-        settings,
-        angles,
-        baseline,
-        np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2),
-        tuple(levels),
-        np.array(times).reshape(len(levels), len(settings), ANGLES),
-        np.array([[one.delay for one in row] for row in changed]).reshape(-1, len(settings)),
-    )
+    common = np.argmin(abs(fewer[:, :, None] - angles[:, None]), axis=2)
+    delays = np.array([[one.delay for one in row] for row in changed]).reshape(-1, len(settings))
+    whole = np.array(times).reshape(len(levels), len(settings), ANGLES)
+    return Simulated(settings, angles, baseline, common, tuple(levels), whole, delays)
 
 
 def _block(changed: Setting, baseline: Setting, dense: int = 1) -> Block:
-    """Build the block of a setting at the angles of its baseline.
-
-    An operating point has a draw of angles of its own, whichever stand beside it.
-    """
+    """Build the block of a setting at the angles of its baseline, each point's own draw."""
     point = baseline.point
     record = {"mismatch_rpm": point.mismatch / RPM, **point.profile.record}
     draw = (SEED, int(content_key(record), 16))
@@ -200,10 +178,7 @@ def _block(changed: Setting, baseline: Setting, dense: int = 1) -> Block:
 
 
 def read_times(setting: Setting, rows: Sequence[Record]) -> Array:
-    """Read the times of shifts as the bench does, s, (n,).
-
-    They are inf where a shift did not engage, NaN where it failed.
-    """
+    """Read times as the bench does, s, (n,): inf where not engaged, NaN where failed."""
     failed = [row["outcome"] == Outcome.DIVERGED.value for row in rows]
     times = [np.inf if (time := setting.time_of(row)) is None else time for row in rows]
     return np.where(failed, np.nan, times)

@@ -1,1 +1,1 @@
-"""Put a diagnosis into words, and phases of a shift beside each other."""
+"""Put a diagnosis into words."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,7 +12,7 @@ from dogshape.diagnosis.diagnosis import Diagnosis, Reading
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import explained
 from dogshape.diagnosis.inference.verdict import Verdict
-from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis, plain
+from dogshape.diagnosis.terms import UNKNOWN, listed, plain
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import suffix_of, unit_of
 
@@ -68,38 +68,23 @@ def ms(seconds: float) -> str:
     return f"{1e3 * seconds:.3g} ms"
 
 
-def listed(names: Sequence[str], last: str = "and") -> str:
-    """Join names as a list in words."""
-    return f" {last} ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
-
-
-def headline(
-    kind: str,
-    causes: Collection[str],
-    credible: Sequence[Hypothesis],
-    effects: Mapping[str, Effect],
-) -> str:
-    """Return the verdict in a line; ``credible`` hypotheses are named where no effect is."""
-    names = listed([effects[name].plain for name in causes])
-    if kind == "effect":
-        return f"{'Causes' if len(causes) > 1 else 'Cause'}: {names}"
-    if kind == "none":
+def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
+    """Return a verdict in a line."""
+    names = listed([effects[name].plain for name in verdict.causes])
+    if verdict.kind == "effect":
+        return f"{'Causes' if len(verdict.causes) > 1 else 'Cause'}: {names}"
+    if verdict.kind == "none":
         return "No effect needed: the gap lies within the margin"
-    if kind == "unknown":
+    if verdict.kind == "unknown":
         return "Unknown: no known effect explains the gap"
     if names:
         return f"Part of the cause: {names}; the rest is open"
-    more = " and others" if len(credible) > MOST else ""
-    return f"Open: {listed([plain(h, effects) for h in credible[:MOST]], 'or')}{more}"
-
-
-def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
-    """Return a verdict in a line."""
-    return headline(verdict.kind, verdict.causes, verdict.credible, effects)
+    more = " and others" if len(verdict.credible) > MOST else ""
+    return f"Open: {listed([plain(h, effects) for h in verdict.credible[:MOST]], 'or')}{more}"
 
 
 def summary(found: Diagnosis) -> str:
-    """Return the finding as one paragraph: gap, cause, sizes, refuted readings, open questions."""
+    """Return the finding as one paragraph: gap, cause, refuted readings, sizes, questions."""
     gaps, points = found.held_out, sum(one.gap is not None for one in found.gaps)
     said = [
         f"Bench and simulation differ by {ms(gaps.baseline)} (root mean square over {points} "
@@ -125,31 +110,27 @@ def _cause(found: Diagnosis) -> str:
 
     def sized(name: str) -> str:
         sizes = found.sizes.get(name, {})
-        words = ", ".join(f"{between(key, one.low, one.high)}" for key, one in sizes.items())
+        words = ", ".join(between(key, one.low, one.high) for key, one in sizes.items())
         return f"{found.effects[name].plain} {words}".rstrip()
 
     if verdict.kind == "none":
-        margin = ms(found.margin_s)
-        return f"The gap without scatter is below {margin} with {chance(found.within)}."
+        return f"The gap without scatter is below {ms(found.margin_s)} with {chance(found.within)}."
     if verdict.kind == "unknown":
         return "No known effect, alone or with others, explains all of the data."
-    others = [(n, p) for n, p in found.inclusion.items() if n not in causes and p > OPEN]
-    others = sorted(others, key=lambda one: -one[1])[:MOST]
-    beside = [f"{sized(name)} ({chance(p)})" for name, p in others]
+    open_ = [(sized(n), p) for n, p in found.inclusion.items() if n not in causes and p > OPEN]
+    alone = found.posterior.get(tuple(sorted(causes)), 0.0)
+    rest = [("nothing more" if causes else "no effect", alone)]
+    rest.append(("an unknown cause", found.posterior.get(UNKNOWN, 0.0)))
+    open_ = sorted(open_, key=lambda one: -one[1])[:MOST] + [one for one in rest if one[1] > OPEN]
+    beside = [f"{words} ({chance(p)})" for words, p in open_]
     if not causes:
-        rest = [(h, found.posterior.get(h, 0.0)) for h in (NONE, UNKNOWN)]
-        beside += [f"{plain(h, found.effects)} ({chance(p)})" for h, p in rest if p > OPEN]
         return f"The cause is open. Parts and their probabilities: {listed(beside)}."
-    whole = f", with {chance(found.posterior[found.leading])}" if verdict.kind == "effect" else ""
-    part = "Cause" if verdict.kind == "effect" else "Part of the cause"
-    more = " (90 % intervals over all plausible hypotheses)"
-    more = more if any(found.sizes.get(name) for name in causes) else ""
-    said = f"{part}{whole}: {listed([sized(name) for name in causes])}{more}."
-    nothing = found.posterior.get(tuple(sorted(causes)), 0.0)
-    beside += [f"nothing more ({chance(nothing)})"] if nothing > OPEN else []
-    if verdict.kind == "effect" or not beside:
-        return said
-    return f"{said} Open beside: {listed(beside, 'or')}."
+    sizes = listed([sized(name) for name in causes])
+    if any(found.sizes.get(name) for name in causes):
+        sizes += " (90 % intervals over all plausible hypotheses)"
+    if verdict.kind == "effect":
+        return f"Cause, with {chance(found.posterior[found.leading])}: {sizes}."
+    return f"Part of the cause: {sizes}. Open beside: {listed(beside, 'or') or 'nothing'}."
 
 
 def _refuted(found: Diagnosis) -> str:

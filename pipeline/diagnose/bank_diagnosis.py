@@ -1,10 +1,8 @@
 """Diagnosis of a bench data set, and plan of its shifts: the bank of simulations first.
 
 The package brings the bank of the published clutch at the operating points of its tables
-(``studies/bench``). What it lacks is simulated once and kept in a folder:
-
-``bank.json``     times of all banks, of any clutch
-``shifts.jsonl``  finished shifts of an unfinished bank, from which it goes on
+(``studies/bench``). What it lacks is simulated once and kept in a folder: ``bank.json`` has the
+times of all clutches, ``shifts.jsonl`` finished shifts of an unfinished bank.
 """
 
 from __future__ import annotations
@@ -26,8 +24,8 @@ from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
-from dogshape.pipeline.progress import SILENT, Progress, WorkCounter, about
-from dogshape.pipeline.simulate.executor import Executor, workers_of
+from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load, own_files
@@ -39,7 +37,6 @@ from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.versions import bundled_root
 
 BANK = Path("results") / "bank"  #: folder of banks where none is named
-COST = {"planar": 0.0015, "drake": 0.1}  #: s of processor time of a shift, about
 TIMES, SHIFTS = "bank.json", "shifts.jsonl"
 
 
@@ -73,7 +70,7 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
     _require_working(effects, bench, means)
     bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
     found = diagnose(bench, models_of(bench, effects, means), means.settings)
-    return replace(found, tests=choose(found, found.flights.marks))
+    return replace(found, tests=choose(found))
 
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
@@ -91,14 +88,9 @@ def shifts_of(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
         lacking = store.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
-        there = sum(key in journal.rows for block in lacking for key in block.keys)
-        workers = workers_of(means.jobs)
-        lasts = about((left - there) * COST[means.engine] / workers)
-        kept = f" ({there} more are there from a run that was stopped)" if there else ""
         means.progress.say(
-            f"the bank of this clutch lacks {left - there} shifts{kept}. To simulate them takes "
-            f"{lasts} with {workers} workers, once; kept in {means.bank} for this and later "
-            "diagnoses"
+            f"the bank of this clutch lacks {left} shifts; they are simulated once and kept in "
+            f"{means.bank} for this and later diagnoses"
         )
         with (
             WorkCounter(means.progress, left) as progress,
@@ -135,14 +127,9 @@ def _require_working(effects: Mapping[str, Effect], bench: Bench, means: Means) 
 
 
 def points_from(where: str | Path) -> Bench:
-    """Return the operating points and the clutch of a data set, or of a study.
+    """Read the operating points and the clutch of a data set, or of a study; times do not matter.
 
-    A plan uses no times of a data set. A study is a bench of which no shift is known yet.
-
-    Raises
-    ------
-    InputError, DataError
-        There is neither, or it cannot be read.
+    Raises InputError or DataError where there is neither, or it cannot be read.
     """
     path, root = Path(where), bundled_root() / "bench"
     if (path / "bench.toml").is_file() or (root / str(where)).is_dir():

@@ -8,10 +8,10 @@ may be larger. Designs whose dogs do not withstand the landings with the cause a
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -35,7 +35,6 @@ from dogshape.sim.versions import bundled_root
 
 ANGLES = 6  #: of each design at each operating point
 DESIGNS = 6  #: of the search, the fastest
-SURE = 2.0  #: standard errors from which a cost is significant
 LEAST = 0.01  #: probability from which a cause is simulated with a study's designs
 #: Effects of the stand: its sense of rotation, and how often it meets each relative angle.
 OF_STAND = {REVERSED, "relative_angle"}
@@ -46,25 +45,18 @@ Cause = Mapping[str, Values]  #: values of the parameters of each effect
 
 @dataclass(frozen=True)
 class Candidate:
-    """A design with its expected shift time, at the sleeve, without and with the cause.
-
-    ``landing`` and ``landing_with`` are the checks of its landings that have the least margin.
-    """
+    """A design with its times without and with the cause, and its worst landing with it."""
 
     name: str
     params: Params
     without: Expectation
     with_effect: Expectation
     landing: Check
-    landing_with: Check
 
 
 @dataclass(frozen=True)
 class Consequence:
-    """Consequence of a cause for the choice of a design.
-
-    Of the candidates the first is the prototype, the second the choice of the study.
-    """
+    """Consequence of a cause; of the candidates the second is the choice of the study."""
 
     study: str
     cause: Cause
@@ -78,7 +70,7 @@ class Consequence:
     @property
     def best(self) -> Candidate:
         """Fastest candidate with the cause, of those that withstand its landings, if any do."""
-        lasting = [one for one in self.candidates if one.landing_with.passed]
+        lasting = [one for one in self.candidates if one.landing.passed]
         return min(lasting or self.candidates, key=lambda one: one.with_effect.mean)
 
     @property
@@ -96,16 +88,13 @@ class Consequence:
     def sentence(self) -> str:
         """Consequence in words: the choice, its cost, and designs that fail at landings."""
         chosen, best = self.chosen, self.best
-        cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
+        said = f"With the cause {best.name} is best."
         if chosen is best:
             said = f"The chosen design stays the best ({chosen.name})."
-        elif not chosen.landing_with.passed:
-            said = f"With the cause the chosen design ({chosen.name}) fails; {best.name} is best."
-        elif self.regret < SURE * self.standard_error:
-            said = f"The chosen design ({chosen.name}) stays as good as {best.name} ({cost})."
-        else:
+        elif chosen.landing.passed:
+            cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
             said = f"With the cause {best.name} is best; the chosen {chosen.name} costs {cost}."
-        fail = [one.name for one in self.candidates if not one.landing_with.passed]
+        fail = [one.name for one in self.candidates if not one.landing.passed]
         return f"{said} Landings with the cause overload {', '.join(fail)}." if fail else said
 
     @property
@@ -123,9 +112,8 @@ class Consequence:
                     "without_standard_error_s": one.without.standard_error,
                     "with_s": one.with_effect.mean,
                     "with_standard_error_s": one.with_effect.standard_error,
-                    "without_landing_margin": one.landing.margin,
-                    "with_landing_margin": one.landing_with.margin,
-                    "with_landing_check": one.landing_with.name,
+                    "with_landing_margin": one.landing.margin,
+                    "with_landing_check": one.landing.name,
                 }
                 for one in self.candidates
             ],
@@ -137,34 +125,27 @@ class Consequence:
         }
 
 
-def studied(where: str | Path, count: int = DESIGNS) -> tuple[Setup, dict[str, Params]]:
-    """Read a study, and prototype and fastest feasible designs of its result by name.
+def studied(where: str | Path) -> tuple[Setup, dict[str, Params]]:
+    """Read a study or a folder of results, and its prototype and fastest feasible designs.
 
-    ``where`` is a folder of results or a study. The chosen design comes first after the prototype;
-    designs that failed at new angles are left out. Raises DataError where no result is kept,
-    StorageError where it is damaged.
+    The chosen design comes first after the prototype; designs that failed at new angles are left
+    out. Raises DataError where no result is kept, StorageError where it is damaged.
     """
     folder = StudyFolder(Path(where))
     if folder.manifest.is_file():
-        study = folder.stored_study()
-        if not folder.result.is_file():
-            raise DataError(
-                f"the study in {where} has no result; run 'dogshape study' with --resume and "
-                f"--out {where}"
-            )
-        return study, _designs(study, folder.stored_result(), count)
-    study = load_study(where)
-    own = StudyFolder(default_out(study))
-    for path in (own.result, bundled_root() / study.name / "result.json"):
-        if path.is_file():
-            return study, _designs(study, json.loads(path.read_text(encoding="utf-8")), count)
-    raise DataError(
-        f"there is no result of the study {study.name} in {own.root}; run 'dogshape study {where}' "
-        "first, or name the folder of its results"
-    )
+        study, folders = folder.stored_study(), [folder]
+        remedy = f"run 'dogshape study' with --resume and --out {where}"
+    else:
+        study = load_study(where)
+        folders = [StudyFolder(default_out(study)), StudyFolder(bundled_root() / study.name)]
+        remedy = f"run 'dogshape study {where}' first, or name the folder of its results"
+    for one in folders:
+        if one.result.is_file():
+            return study, _designs(study, one.stored_result())
+    raise DataError(f"there is no result of the study {study.name} in {folders[0].root}; {remedy}")
 
 
-def _designs(study: Setup, result: Mapping[str, Any], count: int) -> dict[str, Params]:
+def _designs(study: Setup, result: Mapping[str, Any]) -> dict[str, Params]:
     confirmation = result["confirmation"] or {"chosen": None, "designs": []}
     failed = {
         one["trial"]
@@ -179,7 +160,8 @@ def _designs(study: Setup, result: Mapping[str, Any], count: int) -> dict[str, P
     chosen = confirmation["chosen"]
     rows.sort(key=lambda row: (row["trial"] != chosen, row["expected_shift_time_s"]))
     return {"prototype": study.prototype} | {
-        f"design {row['trial']}": {key: row[key] for key in study.variables} for row in rows[:count]
+        f"design {row['trial']}": {key: row[key] for key in study.variables}
+        for row in rows[:DESIGNS]
     }
 
 
@@ -190,31 +172,24 @@ def consequence(
     effects: Mapping[str, Effect],
     run: Runner,
 ) -> Consequence:
-    """Simulate designs without and with a cause.
-
-    ``run`` simulates blocks. Values of which there is no such bench raise InputError.
-    """
-    every, seed = [], study.file.expectation.seed + 3 * NEW_ANGLES
-    for acting in ({}, cause):
-        for params in designs.values():
-            clutch = study.clutch.with_dog(study.dog_with(dict(params)))
-            for point in study.points:
-                setting = Setting(clutch, point)
-                for name, values in acting.items():
-                    setting = effects[name].apply(setting, values)
-                every.append(setting)
-    places = len(study.points)
-    rows = run(
-        [even_block(s.clutch, s.point, ANGLES, (seed, k % places)) for k, s in enumerate(every)]
-    )
-    found = [
-        _timed(study, every[k : k + places], rows[k : k + places])
-        for k in range(0, len(every), places)
-    ]
+    """Simulate designs without and with a cause; InputError for values of no bench."""
+    seed, every = study.file.expectation.seed + 3 * NEW_ANGLES, list[list[Setting]]()
+    for acting, params in product(({}, cause), designs.values()):
+        clutch = study.clutch.with_dog(study.dog_with(dict(params)))
+        settings = [Setting(clutch, point) for point in study.points]
+        for name, values in acting.items():
+            settings = [effects[name].apply(setting, values) for setting in settings]
+        every.append(settings)
+    rows = iter(run([
+        even_block(setting.clutch, setting.point, ANGLES, (seed, k))
+        for settings in every
+        for k, setting in enumerate(settings)
+    ]))  # fmt: skip
+    found = [_timed(study, settings, [next(rows) for _ in settings]) for settings in every]
     pairs = zip(designs.items(), found[: len(designs)], found[len(designs) :], strict=True)
     return Consequence(study.name, cause, tuple(
-        Candidate(name, params, before, after, landing, landing_with)
-        for (name, params), (before, landing), (after, landing_with) in pairs
+        Candidate(name, params, before, after, landing)
+        for (name, params), (before, _), (after, landing) in pairs
     ))  # fmt: skip
 
 
@@ -229,16 +204,14 @@ def _timed(
         points.append(point)
     found = expect(points)
     demand = demand_over(study, settings[0].clutch.dog, found, rows)
-    checks = demand_checks(demand, study.limits)
-    return found, min(checks, key=lambda one: one.margin)
+    return found, min(demand_checks(demand, study.limits), key=lambda one: one.margin)
 
 
 def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Consequence:
-    """Compute the consequence of the cause for the best designs of a study.
+    """Compute the consequence of the most probable cause for the best designs of a study.
 
-    The cause is the most probable set of effects but those ``OF_STAND``, at the means of its
-    parameters. Finished simulations stay in a folder below ``folder`` until all are. Raises
-    InputError where no effect is probable.
+    Effects have the means of their parameters; those ``OF_STAND`` do not count. Unfinished
+    simulations stay in ``folder``. Raises InputError where no effect is probable.
     """
     known = (h for h in found.posterior if h != UNKNOWN and set(h) - OF_STAND)
     cause = next(known, None)
@@ -253,11 +226,9 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
         for name, effect in found.effects.items()
         if name in cause and name not in OF_STAND
     }
-    count = 2 * ANGLES * len(given.points) * len(designs)
+    place = work_folder(folder, "so-what", given.config_hash)
     with (
-        WorkCounter(means.progress, count) as progress,
-        kept_shifts(
-            work_folder(folder, "so-what", given.config_hash), progress, means.jobs
-        ) as executor,
+        WorkCounter(means.progress, 2 * ANGLES * len(given.points) * len(designs)) as progress,
+        kept_shifts(place, progress, means.jobs) as executor,
     ):
         return consequence(given, designs, values, found.effects, executor.run)

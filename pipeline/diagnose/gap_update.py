@@ -1,13 +1,9 @@
 """Update of a diagnosis by new readings: its data set, both answers, and the Bayes factor.
 
-In the folder of the diagnosis stand ``gap.json`` of the last diagnosis, ``gap-0.json`` of the first
-one, ``gap-1.json`` of that after the first update, ``updates.json``, a list of all updates, and
-
-``data``         ``bench.toml``, ``shifts.csv`` and traces as they were given
-``data/asked.json``  corrections and effects of the request, and digests of joined files
-
-New readings are joined in ``joining`` beside it, which takes the place of ``data`` once the new
-diagnosis is written. So a run that is stopped leaves the folder as it was, or finished.
+The folder of a diagnosis holds ``gap.json``, that of earlier diagnoses (``gap-0.json`` and so on),
+``updates.json``, and ``data`` with the data set and ``asked.json``. New readings are joined in
+``joining``, which takes the place of ``data`` once the new diagnosis is written. So a run that is
+stopped leaves the folder as it was, or finished.
 """
 
 from __future__ import annotations
@@ -16,9 +12,8 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from difflib import SequenceMatcher
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +22,8 @@ from dogshape.diagnosis.bench.slips import examine, require_no_slip
 from dogshape.diagnosis.bench.stand_file import load_stand
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC, Sheet
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.report.wording import chance, headline
+from dogshape.diagnosis.inference.verdict import Verdict
+from dogshape.diagnosis.report.wording import chance, headline_of
 from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, plain
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, StorageError
@@ -39,16 +35,13 @@ UPDATES, RECORD, TABLE = "updates.json", "gap.json", "cells.csv"
 COPIED = 8  #: equal rows in a row, from which on they are copies
 DIFFERENT = 5  #: of these that differ from each other: a stand may repeat few values
 SHOWN = 0.001  #: probability from which a hypothesis is in the record of an update
-MOST_ODDS = 1e6  #: odds above which only that is said
+MOST_ODDS = 1e5  #: largest odds that are said
 Record = dict[str, Any]  #: gap.json
 
 
 @dataclass(frozen=True)
 class Asked:
-    """Request of a diagnosis beside its data, and the files that joined since.
-
-    ``joined`` has a digest for each, in their order.
-    """
+    """Request of a diagnosis beside its data, and digests of the files that joined since."""
 
     corrections: tuple[str, ...] = ()
     effects: str | None = None
@@ -77,18 +70,14 @@ def keep_data(bench: Bench, folder: Path, effects: Path | None) -> None:
     shutil.rmtree(fresh, ignore_errors=True)
     traces = [r.trace.path.relative_to(bench.folder) for r in bench.readings if r.trace is not None]
     for name in (Path("bench.toml"), Path("shifts.csv"), *traces):
-        (fresh / name).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copy(bench.folder / name, fresh / name)
+        _copy(bench.folder / name, fresh / name)
     where = None if effects is None else str(effects.resolve())
     Asked(bench.corrections, where).write(fresh)
     settle_data(folder)
 
 
 def asked_of(folder: Path) -> Asked:
-    """Read what the diagnosis in a folder was asked for.
-
-    Raises StorageError where the folder holds no data set of a diagnosis, or a damaged one.
-    """
+    """Read the request of the diagnosis in a folder; StorageError where it has no whole data."""
     data = folder / DATA
     if not data.is_dir() and (folder / BEFORE).is_dir():
         os.replace(folder / BEFORE, data)  # stopped between two names
@@ -98,30 +87,19 @@ def asked_of(folder: Path) -> Asked:
             f"{folder} holds no diagnosis with its data; make it with: dogshape gap BENCH_DIR "
             f"--out {folder}"
         )
-    found = _json(path)
     try:
+        found = _json(path)
         return Asked(tuple(found["corrections"]), found["effects"], tuple(found["joined"]))
     except (KeyError, TypeError) as error:
         raise _damaged(path, error) from error
 
 
 def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
-    """Join new readings to the data set of the diagnosis in a folder.
+    """Join new readings to the data of a diagnosis: the data set, not yet settled, and these alone.
 
-    Parameters
-    ----------
-    new : table with the columns of ``shifts.csv`` and in the same units; corrections of the data
-        set are made on it too.
-
-    Returns
-    -------
-    The joined data set, which waits for ``settle_data``, and the new readings.
-
-    Raises
-    ------
-    DataError
-        The table is wrong, has slips of units by itself, has joined before or repeats rows, or has
-        set values that are nearly those of the bench.
+    ``new`` has the columns and units of ``shifts.csv``; the corrections of the data set apply.
+    Raises DataError for a table that is wrong, has slips of units, has joined before, repeats rows,
+    or has set values that are nearly those of the bench.
     """
     import pandas as pd  # noqa: PLC0415  # slow to load
 
@@ -139,12 +117,12 @@ def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
     data, target = folder / DATA, folder / JOINING
     stand = load_stand(data / "bench.toml")
     sheet, corrections = corrected_sheet(stand, new, asked.corrections)
-    remedy = "write them as the data set of the diagnosis has them"
     held, _ = corrected_sheet(stand, data / "shifts.csv", asked.corrections)
     both = replace(sheet, rows=(*held.rows, *sheet.rows))
-    require_no_slip(str(new), examine(stand, sheet, corrections), remedy)
+    for one in (sheet, both):
+        remedy = "write them as the data set of the diagnosis has them"
+        require_no_slip(str(new), examine(stand, one, corrections), remedy)
     readings_of(stand, sheet, corrections)
-    require_no_slip(str(new), examine(stand, both, corrections), remedy)
     _require_no_copies(held, sheet)
     shutil.rmtree(target, ignore_errors=True)
     shutil.copytree(data, target)
@@ -155,8 +133,7 @@ def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
     )
     for row in added:
         if name := row.get("trace", ""):
-            (target / own / name).parent.mkdir(parents=True, exist_ok=True)
-            shutil.copy(new.parent / name, target / own / name)
+            _copy(new.parent / name, target / own / name)
             row["trace"] = (own / name).as_posix()
     rows = pd.DataFrame(_in_series(before, added), columns=[*COLUMNS])
     write_whole(target / "shifts.csv", rows.to_csv(index=False, lineterminator="\n"))
@@ -164,49 +141,40 @@ def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
     return load_bench(target, asked.corrections), sheet
 
 
-def _in_series(before: list[dict[str, str]], added: list[dict[str, str]]) -> list[dict[str, str]]:
-    """Put new rows behind the series of earlier ones.
+def _copy(source: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy(source, target)
 
-    Where only one of both says the places of all its shifts, neither does afterwards.
-    """
+
+def _in_series(before: list[dict[str, str]], added: list[dict[str, str]]) -> list[dict[str, str]]:
+    """Put new rows behind the series; where only some rows say their place, none does."""
     timed = [row for row in (*before, *added) if row["shift_time_s"]]
-    if all(row.get("order") for row in timed):
-        last = max((float(row["order"]) for row in before if row.get("order")), default=0.0)
-        for row in added:
-            if row.get("order"):
-                row["order"] = f"{last + float(row['order']):.9g}"
     lacking = {c: "" for c in ("order", "timestamp") if not all(row.get(c) for row in timed)}
+    if "order" not in lacking:
+        last = max(float(row["order"]) for row in before if row["order"])
+        for row in added:
+            row["order"] = row["order"] and f"{last + float(row['order']):.9g}"
     return [{**row, **lacking} for row in (*before, *added)]
 
 
 def _require_no_copies(held: Sheet, new: Sheet) -> None:
-    """Raise DataError where new rows are rows of the bench, one after the other.
-
-    Rounded times may agree by chance. Time stamps identify a shift, where all rows have one; the
-    order counts from the first shift of each table and does not.
-    """
+    """Raise DataError where a mean, or some rows in a row, are rows of the bench."""
     stamped = all(row.timestamp is not None for one in (held, new) for row in one.rows)
     ours, theirs = (
-        [(row.mismatch, row.force, row.rise, float(row.n), row.time, row.sd,
-          row.timestamp if stamped else None) for row in one.rows]
+        [(row.mismatch, row.force, row.rise, row.n, row.time, row.sd, stamped and row.timestamp)
+         for row in one.rows]
         for one in (held, new)
     )  # fmt: skip
-    found = SequenceMatcher(None, ours, theirs, autojunk=False).find_longest_match()
-    place, like, size = found.b, found.a, found.size
-    if size < COPIED or len(set(theirs[place : place + size])) < DIFFERENT:
-        # A mean that is not measured yet is no copy of one that was not.
-        means = [k for k, row in enumerate(new.rows) if row.n > 1 and row.time]
-        copies = [k for k in means if theirs[k] in ours]
-        if not copies:
-            return
-        place, like, size = copies[0], ours.index(theirs[copies[0]]), 1
-    first, last = new.rows[place].row, new.rows[place + size - 1].row
-    which = f"row {first} repeats" if size == 1 else f"rows {first} to {last} repeat"
-    raise DataError(
-        f"{new.path}: {which} rows of the bench from row {held.rows[like].row} of its table on, "
-        "and copies would count as shifts of their own; leave them out (a timestamp in each row of "
-        "bench and table distinguishes shifts with equal times)"
-    )
+    known = {tuple(ours[k : k + COPIED]) for k in range(len(ours) - COPIED + 1)}
+    for k, row in enumerate(new.rows):
+        run = tuple(theirs[k : k + COPIED])
+        copied = run in known and len(set(run)) >= DIFFERENT
+        if copied or (row.n > 1 and row.time and theirs[k] in ours):
+            raise DataError(
+                f"{new.path}: rows from row {row.row} on repeat rows of the bench, and copies "
+                "would count as shifts of their own; leave them out (a timestamp in each row of "
+                "bench and table distinguishes shifts with equal times)"
+            )
 
 
 def require_no_updates(folder: Path) -> None:
@@ -218,16 +186,10 @@ def require_no_updates(folder: Path) -> None:
         )
 
 
-def updates_of(folder: Path, count: int) -> list[Record]:
-    """Read the first updates of a folder; StorageError for a file that is damaged."""
-    path = folder / UPDATES
-    return list(_json(path))[:count] if path.is_file() else []
-
-
 def before_of(folder: Path, count: int) -> Record:
     """Read the diagnosis before an update; it is kept under the number of earlier updates."""
     for name in (TABLE, RECORD):
-        kept = folder / f"{Path(name).stem}-{count}{Path(name).suffix}"
+        kept = folder / name.replace(".", f"-{count}.")
         if not kept.is_file():
             if not (folder / name).is_file():
                 raise StorageError(
@@ -238,9 +200,12 @@ def before_of(folder: Path, count: int) -> Record:
     return dict(_json(kept))
 
 
-def write_updates(folder: Path, updates: Sequence[Record]) -> None:
-    """Write all updates of a folder."""
-    write_whole(folder / UPDATES, json.dumps(list(updates), indent=1, allow_nan=False) + "\n")
+def add_update(folder: Path, record: Record, count: int) -> dict[str, str]:
+    """Write an update after the first ``count`` ones; give the sentence of each by its name."""
+    path = folder / UPDATES
+    updates = [*(_json(path)[:count] if path.is_file() else []), record]
+    write_whole(path, json.dumps(updates, indent=1, allow_nan=False) + "\n")
+    return {f"update {one['update']}": one["sentence"] for one in updates}
 
 
 def _json(path: Path) -> Any:
@@ -257,15 +222,7 @@ def _damaged(path: Path, error: Exception) -> StorageError:
 
 
 def update_record(before: Record, found: Diagnosis, new: Sheet, count: int) -> Record:
-    """Compare a diagnosis with the one before.
-
-    Parameters
-    ----------
-    before : record of the earlier one.
-    found : with the new readings.
-    new : these alone.
-    count : updates that were made before.
-    """
+    """Compare a diagnosis with the record before new readings, made after ``count`` updates."""
     after = found.to_dict()
     return {
         "update": count + 1,
@@ -279,15 +236,11 @@ def update_record(before: Record, found: Diagnosis, new: Sheet, count: int) -> R
 
 
 def _state(record: Record, effects: Mapping[str, Effect]) -> Record:
-    credible = [tuple(h) for h in record["credible_set"]]
-    return {
-        "verdict": record["verdict"],
-        "causes": record["causes"],
-        "headline": headline(record["verdict"], record["causes"], credible, effects),
-        "probabilities": {
-            " + ".join(h) or "none": p for h, p in _chances(record).items() if p >= SHOWN
-        },
-    }
+    kind, causes = record["verdict"], record["causes"]
+    verdict = Verdict(kind, tuple(causes), tuple(map(tuple, record["credible_set"])))
+    likely = {" + ".join(h) or "none": p for h, p in _chances(record).items() if p >= SHOWN}
+    said = headline_of(verdict, effects)
+    return {"verdict": kind, "causes": causes, "headline": said, "probabilities": likely}
 
 
 def _chances(record: Record, key: str = "probability") -> dict[Hypothesis, float]:
@@ -298,23 +251,20 @@ def sentence(before: Record, after: Record, effects: Mapping[str, Effect]) -> st
     """State the change of the leading hypothesis, and the Bayes factor of the new readings."""
     old, new = _chances(before), _chances(after)
     first, now = next(iter(old)), next(iter(new))
-    if first == now:
-        name, rival = plain(now, effects), next((h for h in old if h not in (now, UNKNOWN)), now)
-        moved = f"The answer stays {name}: {chance(old[now])} before, {chance(new[now])} now"
-    else:
-        rival = first
-        sides = [
-            f"{plain(h, effects)} ({chance(old.get(h, 0.0))} before, {chance(new.get(h, 0.0))} now)"
-            for h in (first, now)
-        ]
-        moved = f"The answer moves from {sides[0]} to {sides[1]}"
+    rival = first if first != now else next((h for h in old if h not in (now, UNKNOWN)), now)
+    sides = [
+        f"{plain(h, effects)} ({chance(old.get(h, 0.0))} before, {chance(new.get(h, 0.0))} now)"
+        for h in (first, now)
+    ]
+    same = first == now
+    moved = (
+        f"The answer stays {sides[1]}" if same else f"The answer moves from {' to '.join(sides)}"
+    )
     evidence = [_chances(record, "evidence_probability") for record in (after, before)]
-    values = [record.get(h, 0.0) for record in evidence for h in (now, rival)]
-    if now == rival or UNKNOWN in (now, rival) or min(values) <= 0.0:
+    mine, theirs = ([one.get(h, 0.0) for one in evidence] for h in (now, rival))
+    if now == rival or UNKNOWN in (now, rival) or min(*mine, *theirs) <= 0.0:
         return f"{moved}."
-    odds = values[0] / values[1] * values[3] / values[2]
+    odds = mine[0] / theirs[0] * theirs[1] / mine[1]
     better, worse = (plain(h, effects) for h in ((now, rival) if odds >= 1.0 else (rival, now)))
-    odds = max(odds, 1.0 / odds)
-    said = f"{min(odds, MOST_ODDS):.2g}" if odds < 100.0 else f"{min(odds, MOST_ODDS):.0f}"
-    more = "more than " if odds > MOST_ODDS else ""
-    return f"{moved}; the new shifts alone are {more}{said} : 1 for {better} against {worse}."
+    odds = round(min(max(odds, 1.0 / odds), MOST_ODDS), 1)
+    return f"{moved}; the new shifts alone are {odds:g} : 1 for {better} against {worse}."

@@ -56,43 +56,39 @@ def clutch_tables(clutch: Clutch) -> Data:
 
 
 def study_of(bench: Bench, name: str) -> Data:
-    """Build the tables of a study file from a data set.
+    """Build the tables of a study from a data set: clutch, contact, time-out, operating points.
 
-    It has the bench's clutch, contact, time-out and operating points, all with the same weight. A
-    data set says nothing of loads, material and tolerances, which stay those of the program. The
-    rise time of a force is the mean of those that the data set has of it.
+    The rise time of a force is the mean of those that the data set has of it. Of loads, material
+    and tolerances a data set says nothing; they stay those of the program.
     """
     clutch, plain = bench.clutch, contact_set(CONTACT)
-    own = {key: getattr(clutch.contact, field) for field, key in OWN_CONTACT.items()}
+    own = {key: getattr(clutch.contact, field) for field, key in OWN_CONTACT.items()
+           if getattr(clutch.contact, field) != getattr(plain, field)}  # fmt: skip
+    points = [(rounded(c.point.mismatch / RPM), rounded(c.point.profile.force))
+              for c in bench.cells]  # fmt: skip
     rises: dict[float, set[float]] = {}
-    for cell in bench.cells:
-        profile = cell.point.profile
-        rises.setdefault(rounded(profile.force), set()).add(profile.rise)
+    for cell, (_, force) in zip(bench.cells, points, strict=True):
+        rises.setdefault(force, set()).add(cell.point.profile.rise)
     means = {force: rounded(sum(those) / len(those)) for force, those in sorted(rises.items())}
-    points = [(cell.point.mismatch / RPM, cell.point.profile.force) for cell in bench.cells]
     count, height = clutch.dog.count, clutch.dog.height / MM
     return {
         "format": FORMAT,
         "name": name,
         **clutch_tables(clutch),
-        "contact": {
-            "set": CONTACT,
-            **{OWN_CONTACT[f]: own[OWN_CONTACT[f]] for f in OWN_CONTACT
-               if own[OWN_CONTACT[f]] != getattr(plain, f)},
-        },
+        "contact": {"set": CONTACT, **own},
         "shift": {
             "timeout_s": clutch.timeout,
             "seated_tolerance_mm": rounded(clutch.seated_tolerance / MM),
             "rebound_mm": rounded(clutch.rebound / MM),
         },
         "actuation": {"force_N": list(means), "rise_s": list(means.values())},
-        "operating": operating_of([(rounded(m), rounded(force)) for m, force in points]),
+        "operating": operating_of(points),
         "variables": {
             **ANGLES,
             "height_mm": [rounded(share * height, 3) for share in SHARES],
             "count": [max(3, round(0.4 * count)), round(2.4 * count)],
         },
-    }  # fmt: skip
+    }
 
 
 def operating_of(points: Sequence[tuple[float, float]]) -> Data:
@@ -127,20 +123,13 @@ class EffectKeys:
         return found
 
     def settings(self, effect: Effect, values: Mapping[str, float]) -> dict[str, Any]:
-        """Return an effect as dotted keys of a study with their values.
-
-        Raises DogshapeError for values of which there is no such clutch.
-        """
-        touched = self.touched(effect)
-        after = effect.apply(self.base, values)
-        if any(map(_is_dog, touched)):
-            dog = {f"dog.{key}": getattr(after.clutch.dog, f) for f, key in DOG.items()
-                   if f"dog.{f}" in touched}  # fmt: skip
+        """Write an effect as dotted keys of a study; DogshapeError for values of no clutch."""
+        touched, after = self.touched(effect), effect.apply(self.base, values)
+        mine = [f for f in DOG if f"dog.{f}" in touched and f != "edge_radius"]
+        if mine:
+            dog = {f"dog.{DOG[f]}": getattr(after.clutch.dog, f) for f in mine}
             return {k: v if k == "dog.count" else rounded(from_si(k, v), 6) for k, v in dog.items()}
-        if len(values) == 1:
-            return {f"effects.{effect.name}": rounded(next(iter(values.values())), 6)}
-        return {f"effects.{effect.name}.{name}": rounded(v, 6) for name, v in values.items()}
-
-
-def _is_dog(key: str) -> bool:
-    return key != "dog.edge_radius" and key.removeprefix("dog.") in DOG and "dog." in key
+        key, *names = f"effects.{effect.name}", *values
+        if len(names) == 1:
+            return {key: rounded(values[names[0]], 6)}
+        return {f"{key}.{name}": rounded(values[name], 6) for name in names}

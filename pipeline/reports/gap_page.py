@@ -13,7 +13,6 @@ from markupsafe import Markup
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import Comparison, PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.report.phase_times import PhaseGap
 from dogshape.diagnosis.report.wording import (
     chance,
     described,
@@ -27,14 +26,13 @@ from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report, link
-from dogshape.pipeline.reports.text import axis, minus, value
+from dogshape.pipeline.reports.text import axis, value
 from dogshape.sim.files import naming
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
 
 REPORT, RECORD, TABLE = "report.html", "gap.json", "cells.csv"
 MAX_ROWS = 8  #: tests, and hypotheses, in a table
-NINETY = 1.645  #: standard errors of a 90 % interval, either side
 MIN_PROBABILITY = 0.005  #: from which a hypothesis, or an effect, is in a table
 
 
@@ -119,7 +117,6 @@ def compared_figure(compared: Comparison) -> go.Figure:
 def publish(
     found: Diagnosis,
     folder: Path,
-    phases: Sequence[PhaseGap] = (),
     consequence: Consequence | None = None,
     history: Mapping[str, str] | None = None,
 ) -> Path:
@@ -128,7 +125,7 @@ def publish(
     The folder is made where it is missing; files of these names are replaced.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_page(found, folder / REPORT, phases, consequence, history)
+    write_page(found, folder / REPORT, consequence, history)
     for name, text in ((RECORD, _record(found) + "\n"), (TABLE, _cells_csv(found))):
         with naming(folder / name):
             (folder / name).write_text(text, encoding="utf-8")
@@ -138,7 +135,6 @@ def publish(
 def write_page(
     found: Diagnosis,
     path: Path,
-    phases: Sequence[PhaseGap] = (),
     consequence: Consequence | None = None,
     history: Mapping[str, str] | None = None,
 ) -> None:
@@ -146,7 +142,6 @@ def write_page(
 
     Parameters
     ----------
-    phases : gaps along the shift, over all operating points.
     consequence : of the cause for the designs of a study.
     history : sentences on updates, by name.
     """
@@ -167,7 +162,6 @@ def write_page(
     )
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
-    page.add("Phases", duration_table(phases) if phases else None)
     readings = [
         (reading_name(one), chance(one.probability), headline_of(one.verdict, found.effects))
         for one in found.readings
@@ -247,8 +241,7 @@ def residual_table(found: Diagnosis) -> Table:
 def advice_table(found: Diagnosis) -> Table:
     """Tabulate the advised tests with the chances to settle and to mislead, and their work."""
     rows = [
-        (test.name, *(("", "", "") if test.information is None else (
-            chance(test.settles), chance(test.misleads), f"{test.information:.2f}")),
+        (test.name, chance(test.settles), chance(test.misleads), f"{test.information:.2f}",
          f"{test.hours:.2g}")
         for test in found.tests[:MAX_ROWS]
     ]  # fmt: skip
@@ -271,19 +264,6 @@ def choice_table(found: Consequence) -> Table:
     rows.append(["cost of ignoring the cause", ms(found.regret), ""])
     heads = "", "chosen without the cause", "best with the cause"
     return Table(heads, rows, {len(rows) - 1: "best"})
-
-
-def duration_table(phases: Sequence[PhaseGap]) -> Table:
-    """Tabulate the mean duration of each phase on bench and in simulation, with their gap, ms."""
-    rows = [
-        (
-            one.name, f"{1e3 * one.bench_mean:.1f}", f"{1e3 * one.simulated_mean:.1f}",
-            minus(f"{1e3 * one.gap:+.1f} ± {NINETY * 1e3 * one.standard_error:.1f}"),
-        )
-        for one in phases
-    ]  # fmt: skip
-    note = "Means over all operating points with traces; ± half of the 90 % interval."
-    return Table(("phase", "bench, ms", "simulation, ms", "gap, ms"), rows, note=note)
 
 
 def _facts(found: Diagnosis) -> dict[str, str]:

@@ -15,7 +15,6 @@ import pandas as pd
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Reading, gather
-from dogshape.diagnosis.report.phase_times import PHASES, PhaseGap
 from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.reports.gap_page import (
     cells_figure,
@@ -28,7 +27,7 @@ from tests.diagnosed import EFFECTS, POSTERIOR, STAND, diagnosis_of, reading
 
 MINUS = "\N{MINUS SIGN}"
 PARTS = [
-    "hypotheses", "next-test", "residuals", "design-choice", "phases", "data-and-settings",
+    "hypotheses", "next-test", "residuals", "design-choice", "data-and-settings",
 ]  # fmt: skip
 FIGURES = ["residuals-1"]
 
@@ -51,7 +50,7 @@ def full() -> Any:
 
 
 def _extras() -> tuple[Any, ...]:
-    """Make phases, history, and a consequence that costs 0.9 ms."""
+    """Make a consequence that costs 0.9 ms, and history."""
 
     def side(chamfer: float, without: float, within: float) -> Any:
         times = (SimpleNamespace(mean=time) for time in (without, within))
@@ -63,10 +62,7 @@ def _extras() -> tuple[Any, ...]:
         chosen=side(8.1, 0.1034, 0.1821), best=side(8.4, 0.1041, 0.1812), regret=0.0009,
         sentence="The best design hardly moves.",
     )  # fmt: skip
-    phases = tuple(
-        PhaseGap(name, 0.02 + 0.08 * (name == "before motion"), 0.021, 0.002) for name in PHASES
-    )
-    return phases, choice, {"update 1": "from <here>"}
+    return choice, {"update 1": "from <here>"}
 
 
 @pytest.fixture(scope="module")

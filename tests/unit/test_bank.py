@@ -25,7 +25,7 @@ from dogshape.diagnosis.prediction.simulations import (
 from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose.bank_diagnosis import TIMES, brought
 from dogshape.sim.effects import load
-from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.errors import StorageError
 from dogshape.sim.statistics.blocks import Block, Runner
 from dogshape.sim.statistics.shift_records import Record
 from tests.made_up import few_cells, made_up
@@ -107,13 +107,6 @@ def test_all_levels_share_the_angles_of_their_point_and_span_the_range() -> None
     assert len(values) == ALONG
 
 
-def test_what_is_only_read_is_the_baseline_with_a_delay() -> None:
-    found = _simulated(None, "actuation_delay")
-    assert found.times == pytest.approx(np.broadcast_to(found.base, found.times.shape))
-    values = np.array([level.values for level in found.levels])
-    assert found.delays == pytest.approx(np.broadcast_to(values, found.delays.shape))
-
-
 @pytest.mark.parametrize("name", ["mq200_stand", "mq200_adams"])
 @pytest.mark.parametrize("place", ["sleeve", "actuator", "unknown"])
 def test_the_bundled_bank_has_every_series_of_the_compiled_engine(name: str, place: str) -> None:
@@ -123,8 +116,3 @@ def test_the_bundled_bank_has_every_series_of_the_compiled_engine(name: str, pla
     quick = replace(bench, clutch=bench.clutch.with_engine("planar"), record=record)
     store = BankStore([brought(TIMES)])
     build_models(quick, EFFECTS, USUAL, lambda blocks: store.times(blocks, _never))
-
-
-def test_an_engine_that_is_none_is_refused() -> None:
-    with pytest.raises(InputError, match="'mujoco', which is not an engine; valid are drake, pla"):
-        BENCH.clutch.with_engine("mujoco")

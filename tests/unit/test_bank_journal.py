@@ -60,14 +60,6 @@ def test_what_the_file_of_banks_has_leaves_the_journal(tmp_path: Path, quick: Qu
     assert quick.done == done
 
 
-def test_another_operating_point_repeats_nothing(tmp_path: Path, quick: Quick) -> None:
-    _model(tmp_path / "whole", _bench(2))
-    done, quick.done = quick.done, 0
-    _model(tmp_path / "now", _bench(1))
-    _model(tmp_path / "now", _bench(2))
-    assert quick.done == done
-
-
 def test_an_unfinished_bank_stays_whole_beside_a_finished_one(tmp_path: Path, quick: Quick) -> None:
     whole = _model(tmp_path / "whole", _bench())
     done, quick.done, quick.stop = quick.done, 0, 100

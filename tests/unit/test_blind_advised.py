@@ -74,6 +74,3 @@ def test_a_test_settles_on_the_truth_or_misleads(
     found = judged_by_test(Path(), MASS, diagnosis, [("moving_mass",)])  # type: ignore[arg-type]
     assert found is not None
     assert (found.settled, found.misled, found.foreseen) == (settled, misled, 0.6)
-    silent = replace(_direct("moving_mass"), information=None)
-    diagnosis.tests = [silent]
-    assert judged_by_test(Path(), MASS, diagnosis, [("moving_mass",)]) is None  # type: ignore[arg-type]

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.stats import norm
 
 import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import load_bench
@@ -74,11 +72,14 @@ def test_another_set_of_effects_is_written_where_it_is_asked_for(tmp_path: Path)
 @pytest.mark.parametrize(
     ("causes", "words"),
     [
-        (["sleeve_friction"], "actuation_delay is part of the cause in any case; name it too"),
+        (
+            ["sleeve_friction"],
+            r"or lack a part of the cause \(actuation_delay\); name one of: actuation_delay",
+        ),
         (["actuation_delay", "sleeve_fricton"], "is no effect; did you mean 'sleeve_friction'"),
         (
             ["actuation_delay", "moving_mass", "sleeve_friction"],
-            "just these together have less than 0.1 %; name one of: actuation_delay",
+            "but just these have less than 0.1 %",
         ),
     ],
 )
@@ -124,7 +125,7 @@ def test_force_linkage_and_inertia_are_written_as_effects(
     assert (study.clutch, study.points[0]) == (there.clutch, there.point)
 
 
-def test_what_a_base_sets_itself_gives_way_and_is_told(tmp_path: Path) -> None:
+def test_what_a_base_sets_itself_gives_way(tmp_path: Path) -> None:
     base = tmp_path / "base.toml"
     text = load_study("mq200_paper").file.model_dump(exclude_none=True)
     base.write_text(toml_text({**text, "mechanism": {"delay_s": 0.5, "added_mass_kg": 0.3}}, {}))
@@ -200,20 +201,9 @@ def test_draws_of_a_dead_time_move_the_mean_by_themselves(dogshape: Call, tmp_pa
     # All draws have the same few angles, whose error comes on top.
     assert spread.error_s > 0.0
     assert spread.interval_s[0] < low < high < spread.interval_s[1]
-    alike = replace(spread, times=np.full(6, 0.1), errors=np.full(6, 0.002))
-    assert alike.interval_s == pytest.approx(0.1 + norm.ppf([0.05, 0.95]) * 0.002, abs=2e-5)
     sets = [part for text in DRAWN for part in ("--set", text)]
     asked = ("expect", "late.toml", "--draws", "late-draws.csv", "--angles", 3)
     said = dogshape(*asked, *sets, "--json")
     assert said.status == 0, said.err
     assert said.json["times_s"] == spread.times.tolist()
     assert "90 %" in dogshape(*asked, *sets).out
-    (tmp_path / "bad.csv").write_text("draw,effects.actuation_dela\n1,0.05\n")
-    for draws, more, words in (
-        ("late-draws.csv", ("--precision", 0.1), "leave out the others"),
-        ("late-draws.csv", ("--angles", 2), "angles is 2, but must be at least 3"),
-        ("none.csv", (), "there is no none.csv"),
-        ("bad.csv", (), "bad.csv, row 2: 'effects.actuation_dela' is not a known effect"),
-    ):
-        said = dogshape("expect", "late.toml", "--draws", draws, *more)
-        assert (said.status, words in said.sentence) == (2, True), said.err

@@ -56,33 +56,20 @@ def _designs(study: Setup) -> dict[str, dict[str, float]]:
 
 
 def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
-    found = consequence(
-        study, _designs(study), {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run
-    )
+    low = {**study.prototype, "height_mm": 3.0, "chamfer_deg": 5.0}
+    designs = {**_designs(study), "low": low}
+    found = consequence(study, designs, {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run)
+    # Low dogs are the fastest, but land too hard.
+    assert min(found.candidates, key=lambda one: one.with_effect.mean).name == "low"
     assert (found.chosen.name, found.best.name) == ("flat", "blunt")
     assert found.regret == pytest.approx((0.03 + 0.9) - (0.032 + 0.6))
     # The lowest dogs land on a face that takes less than that.
     margins = [one["with_landing_margin"] < 0.0 for one in found.record["candidates"]]
-    assert margins == [False, True, False]
-    assert all(one.landing.passed for one in found.candidates)
+    assert margins == [False, True, False, True]
     assert found.sentence == (
-        "With the cause the chosen design (flat) fails; blunt is best. "
-        "Landings with the cause overload flat."
+        "With the cause blunt is best. Landings with the cause overload flat, low."
     )
     assert found.record["best_with"] == "blunt"
-
-
-def test_what_lands_too_hard_is_not_the_best(study: Setup) -> None:
-    low = {**study.prototype, "height_mm": 3.0, "chamfer_deg": 5.0}
-    designs = {**_designs(study), "low": low}
-    found = consequence(study, designs, {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run)
-    fastest = min(found.candidates, key=lambda one: one.with_effect.mean)
-    assert (fastest.name, found.best.name) == ("low", "blunt")
-    # A chosen design that is quicker but does not last costs no time: it is none.
-    chosen = {"prototype": designs["prototype"], "low": low, "blunt": designs["blunt"]}
-    found = consequence(study, chosen, {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run)
-    assert (found.chosen.name, found.best.name) == ("low", "blunt")
-    assert found.sentence.startswith("With the cause the chosen design (low) fails; blunt is best.")
 
 
 def test_a_design_that_failed_at_the_new_angles_is_left_out(tmp_path: Path) -> None:
@@ -106,7 +93,9 @@ def test_a_folder_of_results_is_a_study(tmp_path: Path, monkeypatch: pytest.Monk
     folder = StudyFolder(Path("runs") / "first")
     folder.root.mkdir(parents=True)
     folder.open(own, resume=False)
-    with pytest.raises(DataError, match=r"the study in runs/first has no result; run .*--resume"):
+    with pytest.raises(
+        DataError, match=r"no result of the study truck in runs/first; run .*--resume"
+    ):
         studied(folder.root)
     shutil.copy(bundled_root() / "mq200_paper" / "result.json", folder.result)
     found, designs = studied(folder.root)

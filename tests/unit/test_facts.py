@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -14,14 +12,13 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.stand_file import Calibration, Measured, Sensor
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
-    explained,
     facts_of,
     log_density,
     log_unknown,
     require_measured,
 )
 from dogshape.sim.errors import DataError
-from tests.fits import SETTING, space_of
+from tests.fits import space_of
 from tests.toy import EFFECTS
 
 STAND = load_bench("mq200_stand")
@@ -81,37 +78,6 @@ def test_unknown_finds_nothing_or_anything_within_the_range() -> None:
     assert np.exp(log_unknown(fact, EFFECTS)) == pytest.approx(inside, rel=1e-3)
     absent = np.exp(log_unknown(replace(fact, value=0.0), {}))
     assert absent == pytest.approx(0.5 / fact.error + 0.5 * inside, rel=1e-3)
-
-
-class _Model:
-    """Mean times of 300 ms, and 10 ms more for each mm/kN at the first of two points."""
-
-    setting = SETTING
-    effects = EFFECTS
-
-    def predict(self, hypothesis: tuple[str, ...], shares: Any) -> Any:
-        """Return mean times at shares of the compliance."""
-        mean = np.full((1, 3), 0.3)
-        if hypothesis:
-            space = space_of(hypothesis)
-            mean[0, 0] += 0.01 * space.values(shares)[0, 0]
-        return SimpleNamespace(mean=mean)
-
-
-@pytest.mark.parametrize(("gap", "part"), [(0.138, 0.0), (0.04, 0.04), (-0.03, -0.04)])
-def test_a_fact_alone_explains_its_part_of_the_gap(gap: float, part: float) -> None:
-    """4 mm/kN are 40 ms at the first point: the whole gap there, or as much too much."""
-    fact = Fact("linkage_compliance", "compliance_mm_kN", 0.0, 4.0, 0.2, "")
-    first = gap if part else 0.02
-    other = 0.0 if part else gap
-    seen = SimpleNamespace(
-        mean=0.3 + np.array([first, other, 9.0]), count=np.array([10.0, 10.0, 0.0])
-    )
-    found = explained(fact, _Model(), seen)  # type: ignore[arg-type]
-    rms = np.sqrt((first**2 + other**2) / 2.0)
-    left = np.sqrt(((first - 0.04) ** 2 + other**2) / 2.0)
-    assert found == pytest.approx(rms - left)
-    assert found == pytest.approx(part / np.sqrt(2.0), abs=1e-9)
 
 
 @pytest.mark.parametrize(

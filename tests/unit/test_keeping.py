@@ -102,7 +102,7 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
     append(tmp_path / "shifts.jsonl", *Quick()(blocks[0]))
     said: list[str] = []
     models_of(bench, effects, Means(tmp_path, jobs=1, progress=Listener(said)))
-    assert f"lacks {left} shifts ({len(blocks[0].angles)} more are there" in said[0]
+    assert f"lacks {left + len(blocks[0].angles)} shifts" in said[0]
 
 
 def test_the_diagnosis_is_written_before_its_price(

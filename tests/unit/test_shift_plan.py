@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -43,16 +41,6 @@ def test_what_all_points_have_in_common_is_no_evidence_however_many_shifts() -> 
     time = field.baseline.mean[0, 0]
     many = field.distances(np.array([1e12]))[1][:, 0]
     assert many == pytest.approx(DELAYS**2 / ((0.04 * time) ** 2 + 1e-6), rel=1e-4)
-
-
-def test_a_spread_is_known_from_several_shifts() -> None:
-    """At one shift a point only means tell values apart; else ln of spreads to 1/(2 (n - 1))."""
-    field = field_at(("mismatch_speed",), POINTS[:1])
-    wide = replace(field, error=np.full(1, 1e3))
-    assert wide.distances(np.ones(1))[1][:, 0].max() < 1e-3
-    logs = field.truths[1][:, 1, 0] - np.log(field.baseline.sd[0, 0])
-    expected = logs**2 / (0.5 / 1e4 + 0.2**2)
-    assert wide.distances(np.array([1e4 + 1.0]))[1][:, 0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_half_the_distance_is_the_mean_log_bayes_factor_of_simulated_means() -> None:

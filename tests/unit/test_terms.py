@@ -8,21 +8,9 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Reading, load_bench
-from dogshape.diagnosis.bench.comparison import PointGap, compare
+from dogshape.diagnosis.bench.comparison import compare
 from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from tests.made_up import few_cells, made_up
-from tests.toy import bench_of, points_of
-
-
-def test_a_gap_is_bench_less_simulation_and_none_without_a_time() -> None:
-    cell = bench_of({}, np.random.default_rng(1), points=points_of()[:1]).cells[0]
-    time = cell.time
-    assert time is not None
-    gap = PointGap(cell, time - 0.03, 0.01)
-    assert gap.gap is not None
-    assert gap.z is not None
-    np.testing.assert_allclose([gap.gap, gap.z], [0.03, 3.0])
-    assert (replace(gap, mean=None).gap, replace(gap, mean=None).z) == (None, None)
 
 
 def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -29,13 +28,6 @@ def _tests(*terms: TestTerms) -> tuple[NextTest, ...]:
     return choose(diagnosis_of({DELAY: 0.5, DRAG: 0.5}, fits, replace(BENCH, tests=terms)))
 
 
-def test_a_test_that_cannot_be_done_is_not_advised() -> None:
-    assert {FORCE, RUN_DOWN} <= {test.name for test in _tests()}
-    assert FORCE not in {test.name for test in _tests(TestTerms(name=FORCE, possible=False))}
-    direct = _tests(TestTerms(name="more shifts", possible=False))
-    assert {test.kind for test in direct} == {"direct"}
-
-
 def test_hours_are_those_of_the_stand() -> None:
     found = _tests(TestTerms(name=FORCE, hours=7.0), TestTerms(name="more shifts", hours=3.0))
     hours = {test.name: test.hours for test in found}
@@ -55,9 +47,6 @@ def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Pat
         require_terms(bench, EFFECTS)
         return bench.tests
 
-    assert reads(f'name = "{FORCE}"\nhours = 5.0') == (
-        TestTerms(name=FORCE, hours=5.0, possible=True),
-    )
     assert reads('name = "traces"\npossible = false') == (
         TestTerms(name="traces", hours=None, possible=False),
     )
@@ -65,12 +54,9 @@ def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Pat
         reads('name = "more shift"')
     with pytest.raises(InputError, match=r"tests.0.hours is -1.0, but it must be above 0"):
         reads('name = "traces"\nhours = -1.0')
-    with pytest.raises(InputError, match="possible"):
-        reads('name = "traces"\npossible = "no"')
     none = "\n[[tests]]\n".join(
         f'name = "{name}"\npossible = false'
         for name in {"more shifts", *(effect.test.name for effect in EFFECTS.values())}
     )
     with pytest.raises(DataError, match="leaves no bench test that is possible"):
         reads(none)
-    shutil.rmtree(folder)

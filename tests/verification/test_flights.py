@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ import pytest
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS
 from dogshape.diagnosis.prediction import flights as module
 from dogshape.diagnosis.prediction.flights import Flights, fly
-from dogshape.sim.effect import Effect
-from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.engagement import engage
@@ -51,25 +48,11 @@ def test_the_force_passes_its_shares_when_the_profile_says(plain: Setting) -> No
     assert plain.point.profile.at(found) == pytest.approx(315.5 * np.array(FORCES), rel=1e-5)
 
 
-def test_friction_under_a_constant_force_takes_its_part(plain: Setting) -> None:
-    """t = sqrt(2 m x/(F - R)), half of the short rise later."""
-    setting = plain.with_point(profile=ForceProfile(100.0, 1e-4)).with_mechanism(friction=40.0)
-    exact = np.sqrt(2.0 * 0.3 * LEVELS / 60.0) + 0.5e-4
-    assert _fly(setting, 100.0)[: len(WAYS)] == pytest.approx(exact, abs=6e-5)
-
-
 def test_friction_above_the_force_holds_the_ring(plain: Setting) -> None:
     (times,), creep, (ring,) = fly([plain.with_mechanism(friction=400.0)], GAP, 315.5)
     assert creep == pytest.approx(0.0)  # no error of the release explains that nothing moves
     assert times[: len(WAYS)] == pytest.approx(plain.clutch.timeout)
     assert ring == pytest.approx(0.0)
-
-
-def test_a_slow_load_lets_the_ring_go_where_the_force_is_the_friction(plain: Setting) -> None:
-    """A stiff linkage follows the force: at the ring it changes nothing but the inertia."""
-    stiff = plain.with_mechanism(friction=60.0, compliance=1e-8)
-    rigid = plain.with_mechanism(friction=60.0)
-    assert _fly(stiff)[: len(WAYS)] == pytest.approx(_fly(rigid)[: len(WAYS)], abs=1e-4)
 
 
 def test_creep_is_of_the_order_of_what_a_smooth_law_makes_earlier(plain: Setting) -> None:
@@ -184,67 +167,9 @@ def test_a_delay_adds_to_all_marks_exactly(plain: Setting) -> None:
     assert pair.error == pytest.approx(alone.error)
 
 
-def test_what_meets_no_flight_is_not_flown(plain: Setting, monkeypatch: pytest.MonkeyPatch) -> None:
-    flights = Flights(EFFECTS, (plain,))
-    still = flights.marks((), np.zeros((1, 0)), plain.point.profile)
-    monkeypatch.setattr(module, "fly", _forbidden)
-    for name in ("contact_friction", "contact_stiffness", "drag_torque", "mismatch_speed"):
-        values, _ = _at((name,), np.full((1, len(EFFECTS[name].parameters)), 0.5))
-        same = flights.marks((name,), values, plain.point.profile)
-        assert same.times == pytest.approx(still.times)
-        assert same.error == pytest.approx(0.0)
-
-
-def _forbidden(*_: object) -> None:
-    raise AssertionError("flown")
-
-
 def test_marks_behind_the_first_touch_are_uncertain(plain: Setting) -> None:
     """With a smaller gap dogs meet before the nominal shares of it are passed."""
     flights = Flights(EFFECTS, (plain,))
     less, more = flights.marks(("axial_gap",), np.array([[-0.5], [0.3]]), plain.point.profile).error
     assert less[: len(WAYS)] == pytest.approx([0.0, 0.0, 0.0, 0.02, 0.02], abs=1e-9)
     assert more == pytest.approx(0.0, abs=1e-9)
-
-
-def test_an_effect_of_a_user_needs_no_word_about_flights(plain: Setting) -> None:
-    """A force that is lost changes the flight as a lower force does, whatever its name."""
-    scale = EFFECTS["force_scale"]
-    own = replace(scale, name="own", change=_own_change)
-    flights = Flights({**EFFECTS, "own": own}, (plain,))
-    values, profile = np.array([[0.7], [1.1]]), plain.point.profile
-    mine, known = (flights.marks((name,), values, profile) for name in ("own", "force_scale"))
-    assert mine.times == pytest.approx(known.times + 0.004)
-
-
-def _own_change(setting: Setting, values: Mapping[str, float]) -> Setting:
-    changed = EFFECTS["force_scale"].apply(setting, values)
-    return replace(changed, delay=changed.delay + 0.004)
-
-
-def test_values_of_no_bench_have_the_marks_of_the_nearest(plain: Setting) -> None:
-    lost: Effect = replace(EFFECTS["moving_mass"], change=_only_light)
-    flights = Flights({"moving_mass": lost}, (plain,))
-    marks = flights.marks(("moving_mass",), np.array([[0.5], [18.0]]), plain.point.profile)
-    assert np.isfinite(marks.times).all()
-    assert (marks.times[1, : len(WAYS)] >= marks.times[0, : len(WAYS)]).all()
-
-
-def _only_light(setting: Setting, values: Mapping[str, float]) -> Setting:
-    if values["added_mass_kg"] > 4.0:
-        raise DogshapeError("too heavy")
-    return EFFECTS["moving_mass"].apply(setting, values)
-
-
-def test_a_ring_without_an_axial_gap_passes_its_shares_at_once(plain: Setting) -> None:
-    """Marks of the force are left, which an effect moves as it does elsewhere."""
-    close = plain.with_dog(axial_gap=0.0)
-    values = np.array([[0.05], [0.2]])
-    near, far = (
-        Flights(EFFECTS, (one,)).marks(("actuation_lag",), values, plain.point.profile)
-        for one in (close, plain)
-    )
-    assert np.isfinite(near.times).all()
-    assert np.isfinite(near.error).all()
-    assert near.times[:, : len(WAYS)].max() < 1e-4
-    assert near.times[:, len(WAYS) :] == pytest.approx(far.times[:, len(WAYS) :], rel=1e-9)

@@ -17,9 +17,8 @@ from dogshape.diagnosis.likelihood.likelihood import (
     _integrated,
     _log_f,
     node_weights,
-    squared_distance,
 )
-from dogshape.diagnosis.likelihood.observed import DRIFT, Observed, _within, observe
+from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
@@ -86,21 +85,6 @@ def test_errors_in_common_integrated_equal_the_dense_density() -> None:
     assert node_weights().sum() == pytest.approx(1.0)
 
 
-def test_a_squared_distance_is_that_of_the_dense_covariance() -> None:
-    rng = np.random.default_rng(2)
-    residual, variance, columns = (
-        rng.normal(size=(3, 5)),
-        rng.uniform(0.1, 1.0, (3, 5)),
-        rng.normal(size=(3, 5, 2)),
-    )
-    found = squared_distance(residual, variance, columns)
-    exact = [
-        r @ np.linalg.solve(dense(v, c), r)
-        for r, v, c in zip(residual, variance, columns, strict=True)
-    ]
-    assert found == pytest.approx(exact, rel=1e-9)
-
-
 @pytest.mark.parametrize(("count", "hidden"), [(5.0, False), (5.0, True), (3.0, True)])
 @pytest.mark.parametrize("late", [0.01, 0.3])
 def test_the_density_of_a_mean_integrates_to_one(count: float, late: float, hidden: bool) -> None:
@@ -134,24 +118,6 @@ def test_numbers_engaged_are_beta_binomial() -> None:
     exact = [stats.betabinom(n, known * 0.8, known * 0.2).logpmf(k) for n, k in ((5, 3), (10, 9))]
     # Between the shares of its table the log probability errs by less than a thousandth.
     assert likelihood_of(seen).log_engaged(p)[0] == pytest.approx(sum(exact), abs=1e-3)
-
-
-def test_a_drift_is_that_of_generalised_least_squares() -> None:
-    """With the scatter that is estimated beside it, a Gaussian prior of the slope taken in."""
-    rng = np.random.default_rng(3)
-    parts, slope = list[tuple[Array, Array, Array]](), 0.06
-    for mean in (0.1, 0.2, 0.4):
-        place = rng.uniform(-0.5, 0.5, 40)
-        place -= place.mean()
-        time = mean * (slope * place + 0.02 * rng.normal(size=40))
-        parts.append((np.ones(40), place, (time - time.mean()) / mean))
-    found, variance = _within(parts)
-    _, x, y = (np.concatenate(part) for part in zip(*parts, strict=True))
-    scatter = ((y - found * x) ** 2).sum() / (len(y) - 3.0)
-    information = (x**2).sum() / scatter + DRIFT**-2.0
-    assert found == pytest.approx((x * y).sum() / scatter / information, rel=0.02)
-    assert variance == pytest.approx(1.0 / information, rel=0.1)
-    assert abs(found - slope) < 3.0 * variance**0.5
 
 
 def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:

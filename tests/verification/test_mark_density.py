@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 from scipy.special import logsumexp
-from scipy.stats import chi2, kstest, multivariate_t
+from scipy.stats import chi2, multivariate_t
 from scipy.stats.qmc import Sobol
 
 from dogshape.diagnosis.bench.bench_data import Bench, gather
@@ -86,15 +86,6 @@ def _p_value(seen: tuple[SeenFlight, ...], h: Hypothesis, values: Array) -> floa
     return float(chi2.sf((scores**2).sum(axis=1), len(seen))[0])
 
 
-def test_no_effect_is_none_and_can_have_made_the_traces() -> None:
-    seen = _seen(None)
-    logs = _evidence(seen)
-    assert max(logs, key=lambda h: logs[h]) == ()
-    # Half of the prior of unknown is of marks that nothing moved.
-    assert logs[()] - 1.0 < log_unknown(seen, FLIGHTS) < logs[()]
-    assert _p_value(seen, (), NOTHING) > 0.05
-
-
 def _moved(bench: Bench, offsets: Mapping[float, float]) -> Bench:
     """Return a bench whose displacement comes later by something for each force, s."""
     rows = []
@@ -117,14 +108,6 @@ def test_traces_that_no_effect_explains_raise_unknown() -> None:
     assert _p_value(seen, best, values) < 0.01
 
 
-def test_a_force_column_with_the_nominal_course_hides_no_delay() -> None:
-    """The displacement is late and the force is not: it may be the one that was asked for."""
-    late = _moved(flying_bench(None, {}), dict.fromkeys((235.2, 315.5, 469.0, 641.5), 0.02))
-    logs = _evidence(flights_of(late))
-    named = logs.pop(("actuation_delay",))
-    assert named > max(logs.values()) + 3.0
-
-
 def test_the_density_is_students_in_both_readings_of_the_force() -> None:
     seen = _seen(None)[:1]
     (one,) = seen
@@ -141,41 +124,3 @@ def test_the_density_is_students_in_both_readings_of_the_force() -> None:
         ]
         logs.append(np.logaddexp(*both) - np.log(2.0))
     assert log_flights(seen, FLIGHTS, ("actuation_delay",), values) == pytest.approx(logs)
-
-
-def test_scores_of_marks_from_the_density_are_chi_squared() -> None:
-    """With the marks of the displacement alone, both readings of the force are one."""
-    rng, scores = np.random.default_rng(5), []
-    base = [replace(one, **_ways(one)) for one in _seen(None)]
-    for _ in range(400):
-        drawn = []
-        for one in base:
-            mean = FLIGHTS.marks((), NOTHING, one.profile).times[0, one.places]
-            law = multivariate_t(mean, one.covariance, df=5.0, seed=rng)
-            drawn.append(replace(one, times=law.rvs()))
-        scores.append((flight_scores(drawn, FLIGHTS, (), NOTHING) ** 2).sum())
-    assert kstest(scores, chi2(len(base)).cdf).pvalue > 0.01
-
-
-def _ways(one: SeenFlight) -> dict[str, np.ndarray]:
-    few = one.places < len(WAYS)
-    return {
-        "places": one.places[few],
-        "times": one.times[few],
-        "covariance": one.covariance[np.ix_(few, few)],
-    }
-
-
-def test_the_marks_of_the_force_show_what_acts() -> None:
-    late = [one.times[one.places >= len(WAYS)] for one in _seen(None)]
-    for one, before in zip(_seen("actuation_delay"), late, strict=True):
-        after = one.times[one.places >= len(WAYS)]
-        count = min(before.size, after.size)
-        assert count >= 1
-        assert after[:count] - before[:count] == pytest.approx(0.02, abs=2e-3)
-
-
-def test_no_traces_have_no_density() -> None:
-    assert log_flights((), FLIGHTS, (), NOTHING) == pytest.approx(0.0)
-    assert log_unknown((), FLIGHTS) == 0.0
-    assert flight_scores((), FLIGHTS, (), NOTHING).shape == (1, 0)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.comparison import compare
 from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
@@ -18,45 +17,17 @@ from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
 from tests.benches import good_set
 from tests.diagnosed import EFFECTS, FEW, simulated_bench
 from tests.made_up import flight, mean_time
-from tests.toy import CLUTCH, bench_of, points_of
+from tests.toy import points_of
 
 POINTS = points_of()
 BOTH = Tolerance(force_percent=2.0, force_N=3.0, mismatch_percent=1.0, mismatch_rpm=0.5)
 PLAIN = np.zeros((1, 0))
-
-
-def _law(point: OperatingPoint) -> float:
-    """Return a mean time in s, linear in the free flight and in ln mismatch."""
-    flight = point.profile.free_flight_time(CLUTCH.shift_travel, CLUTCH.rings.mass)
-    return 1.7 * flight + 0.3 - 0.05 * float(np.log(abs(point.mismatch) + RPM))
-
-
-def test_validation_propagates_errors_by_the_derivatives_of_the_simulated_times() -> None:
-    """The closed form: a law of free flight and mismatch, simulated without scatter."""
-    bench = bench_of({}, np.random.default_rng(1), points=POINTS)
-
-    def law(blocks: Sequence[Block]) -> list[list[Record]]:
-        times = [_law(block.point) for block in blocks]
-        return [[{"outcome": "engaged", "shift_time_s": time}] * 8 for time in times]
-
-    for size, moved in (
-        (Tolerance(force_percent=2.0), (1.0, 1.02)),
-        (Tolerance(mismatch_percent=1.0), (1.01, 1.0)),
-    ):
-        stated = replace(bench, errors=NominalErrors(systematic=size))
-        pairs = zip(*(compare(b, law, 8).differences for b in (stated, bench)), strict=True)
-        for (with_errors, without), point in zip(pairs, POINTS, strict=True):
-            found = with_errors.standard_error**2 - without.standard_error**2
-            profile = replace(point.profile, force=point.profile.force * moved[1])
-            change = _law(OperatingPoint(point.mismatch * moved[0], profile)) - _law(point)
-            assert np.sqrt(found) == pytest.approx(abs(change), rel=0.1)
 
 
 def _smooth(blocks: Sequence[Block]) -> list[list[Record]]:
@@ -122,25 +93,14 @@ def test_a_force_within_its_tolerance_is_no_effect_and_one_beyond_it_is() -> Non
     assert loose < 0.7 * exact
 
 
-@pytest.mark.parametrize(
-    ("table", "words"),
-    [
-        ("[errors.systematic]\nforce_percent = -1\n", "errors.systematic.force_percent is -1"),
-        ("[errors.each_point]\nmismatch_rpm = 1e5\n", "errors.each_point.mismatch_rpm is 100000"),
-        ("[errors.each_point]\nforce = 1\n", "errors.each_point.force"),
-    ],
-)
-def test_the_table_of_errors_is_read_or_refused(tmp_path: Path, table: str, words: str) -> None:
-    folder = good_set(tmp_path)
-    file = folder / "bench.toml"
+def test_the_table_of_errors_is_read_or_refused(tmp_path: Path) -> None:
+    file = good_set(tmp_path) / "bench.toml"
     text = file.read_text()
-    assert not load_bench(folder).errors
     stated = "[errors.systematic]\nforce_percent = 2\nmismatch_rpm = 0.5\n"
     file.write_text(f"{text}\n{stated}[errors.each_point]\nforce_N = 3\n")
-    errors = load_bench(folder).errors
+    errors = load_bench(file.parent).errors
     assert errors.systematic == Tolerance(force_percent=2.0, mismatch_rpm=0.5)
     assert errors.each_point == Tolerance(force_N=3.0)
-    file.write_text(f"{text}\n{table}")
-    with pytest.raises(DogshapeError) as refused:
-        load_bench(folder)
-    assert words in str(refused.value)
+    file.write_text(f"{text}\n[errors.each_point]\nmismatch_rpm = 1e5\n")
+    with pytest.raises(DogshapeError, match=r"errors\.each_point\.mismatch_rpm is 100000"):
+        load_bench(file.parent)

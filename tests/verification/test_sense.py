@@ -83,14 +83,6 @@ def test_the_reversed_simulations_are_those_of_the_negated_points() -> None:
     assert (back.mean / base.mean)[0, 1:] == pytest.approx(factors, rel=0.03)
 
 
-def test_a_known_sense_costs_a_baseline_alone() -> None:
-    model = _model("known")
-    assert model.turned is not None
-    assert set(model.turned.effects) == {"actuation_delay", "relative_angle"}
-    times = model.turned.simulated
-    assert times.times == pytest.approx(np.broadcast_to(times.base, times.times.shape))
-
-
 def test_hypotheses_of_both_senses_and_their_priors() -> None:
     known, unknown = _model("known"), _model("unknown")
     for model, share in ((known, USUAL.reversed_known), (unknown, USUAL.reversed_unknown)):
@@ -127,13 +119,6 @@ def test_a_reversed_sense_is_named_and_has_no_sizes(sense: Sense) -> None:
     (first,) = [h for h in record["hypotheses"] if h["effects"] == [REVERSED]]
     assert first["parameters"] == {}
     assert not record["sizes"].get(REVERSED)
-
-
-@pytest.mark.parametrize("sense", ["known", "unknown"])
-def test_a_right_sense_is_not_accused(sense: Sense) -> None:
-    found = _found({"actuation_delay": {"delay_s": 0.08}}, sense, other=False)
-    assert found.verdict.causes == ("actuation_delay",)
-    assert found.inclusion.get(REVERSED, 0.0) < 0.05
 
 
 def test_an_unknown_sense_has_an_answer_for_either() -> None:

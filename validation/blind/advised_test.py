@@ -59,8 +59,6 @@ def judged_by_test(
     ``right`` are the hypotheses on which to settle is right. The same case gives the same outcome.
     """
     test = diagnosis.tests[0]
-    if test.information is None:
-        return None
     outcome = outcome_of(folder, case, diagnosis, test)
     after: Mapping[Names, float] = settle(diagnosis, test, outcome)
     top = max(after, key=lambda h: after[h])
