@@ -12,8 +12,7 @@ from dash import dcc, html
 
 from dogshape.check import Check, Checked
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.reports.charts import Row
-from dogshape.pipeline.reports.designs import design_name, is_measured
+from dogshape.pipeline.reports.designs import Row, design_name, is_measured
 from dogshape.pipeline.reports.text import check_name, label, minus, percent, time_text
 from dogshape.pipeline.store.result_records import CheckRow
 from dogshape.sim.strength.checks import GROUPS, smallest_margin

@@ -244,7 +244,7 @@ def test_no_room_asks_for_the_time_of_day() -> None:
 
     What a table of a bench says of its shifts' times is read, not asked for.
     """
-    provenance = ROOT / "pipeline" / "reports" / "provenance.py"
+    provenance = ROOT / "pipeline" / "reports" / "data_sheet.py"
     stamps = ROOT / "diagnosis" / "bench" / "foreign_cells.py"
     assert ".now(" not in stamps.read_text(encoding="utf-8")
     words = ("time.time(", "datetime", "time_ns(", "st_mtime")

@@ -7,20 +7,13 @@ from typing import Any
 import plotly.graph_objects as go
 import pytest
 
-from dogshape.pipeline.reports.charts import times_by_point
+from dogshape.pipeline.reports.charts import front_figure, times_by_point
 from dogshape.pipeline.reports.designs import MARGIN
-from dogshape.pipeline.reports.study_page import front_figure
-from tests.found import LENGTH, TIME, VARIABLES, Row, point
+from tests.found import LENGTH, TIME, VARIABLES, Row
 
 
 def traces(figure: go.Figure) -> dict[str, Any]:
     return {trace.name: trace for trace in figure.data}
-
-
-def told_apart(figure: go.Figure, kinds: tuple[str, ...]) -> bool:
-    """Whether kinds differ by symbol, and so without colour."""
-    found = traces(figure)
-    return len({found[kind].marker.symbol for kind in kinds}) == len(kinds)
 
 
 def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) -> None:
@@ -34,10 +27,12 @@ def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) ->
     # What lies right of and above a design is beaten by it: first right, then down.
     (border,) = [trace for trace in figure.data if trace.line.shape == "hv"]
     assert list(border.x) == pytest.approx([70.0, 80.0])
-    assert list(found["front"].text) == ["1"]
     for words in ("design 1", "80.0 ± 1.0 ms", "number of dogs N: 16"):
         assert words in found["front"].hovertext[0]
-    assert told_apart(figure, ("dominated", "fails when simulated", "front", "chosen", "prototype"))
+    assert len({found[kind].marker.symbol for kind in places}) == len(places) == 5
+    numbers = figure.layout.annotations
+    assert [(one.text, one.x) for one in numbers] == [("2", 70.0), ("1", 80.0)]
+    assert len({one.ay for one in numbers}) == 2
 
 
 def test_front_of_what_is_maximised(result: Row) -> None:
@@ -47,22 +42,17 @@ def test_front_of_what_is_maximised(result: Row) -> None:
     assert figure.layout.xaxis.title.text == "smallest margin, % (more is better)"
 
 
-def test_one_objective_is_drawn_over_the_smallest_margin(result: Row) -> None:
-    result |= {"objectives": [TIME]}
-    found = traces(front_figure(result, VARIABLES, MARGIN))
-    assert (list(found["chosen"].x), list(found["chosen"].y)) == ([70.0], [3.0])
-
-
 def test_a_line_for_each_operating_point() -> None:
-    unknown = point(100, 300.0, 0.0, 0.0) | {"mean_s": None, "standard_error_s": None}
-    ours = [point(50, 235.2, 0.110, 0.002), unknown]
-    theirs = [point(50, 235.2, 0.060, 0.002), point(5, 300.0, 0.100, 0.003)]
-    figure = times_by_point({"prototype": ours, "chosen": theirs})
+    rows = [
+        {"mismatch_rpm": 50, "force_N": 235.2, "a_s": 0.110, "a_error_s": 0.002, "b_s": 0.060},
+        {"mismatch_rpm": 100, "force_N": 300.0, "a_s": None, "a_error_s": None, "b_s": None},
+        {"mismatch_rpm": 5, "force_N": 300.0, "a_s": None, "a_error_s": None, "b_s": 0.100},
+    ]
+    figure = times_by_point(rows, {"one": ("a_s", "a_error_s"), "other": ("b_s", "")})
     names = [f"{place} 1/min, {force} N" for place, force in ((100, 300), (5, 300), (50, 235.2))]
     assert list(figure.layout.yaxis.categoryarray) == names
-    chosen = traces(figure)["chosen"]
-    assert list(chosen.y) == [names[2], names[1]]
-    assert list(chosen.x) == pytest.approx([60.0, 100.0])
-    assert list(chosen.error_x.array) == pytest.approx([1.96 * 2.0, 1.96 * 3.0])
-    assert list(traces(figure)["prototype"].y) == [names[2]]
-    assert told_apart(figure, ("prototype", "chosen"))
+    one, other = figure.data
+    assert (list(one.x), list(one.y)) == ([110.0], names[2:])
+    assert (list(other.x), list(other.y)) == ([100.0, 60.0], names[1:])
+    assert list(one.error_x.array) == pytest.approx([1.96 * 2.0])
+    assert one.marker.symbol != other.marker.symbol

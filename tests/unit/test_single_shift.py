@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import pytest
 
 import dogshape as ds
-from tests.conftest import Said
-
-Call = Callable[..., Said]
 
 COMPILED = {"solver.engine": "planar"}
 PLAY = {
@@ -26,8 +22,8 @@ TWO_SHAFTS = {
 
 @pytest.mark.parametrize(
     ("settings", "speed", "angle"),
-    [(PLAY, -249.0, 1.0), (PLAY, -601.0, 3.0), (TWO_SHAFTS, -249.0, 7.0), (COMPILED, -900.0, 7.0)],
-    ids=["play", "fast play", "two shafts", "fast"],
+    [(PLAY, -249.0, 1.0), (TWO_SHAFTS, -249.0, 7.0), (COMPILED, -900.0, 7.0)],
+    ids=["play", "two shafts", "fast"],
 )
 def test_a_shift_says_whether_finer_steps_move_it(
     settings: dict[str, Any], speed: float, angle: float
@@ -40,22 +36,10 @@ def test_a_shift_says_whether_finer_steps_move_it(
     assert solver["converged"] is found.converged
     moved = abs((found.refined.shift_time or 1.0) / (found.time_s or 1.0) - 1.0)
     assert found.converged is (moved <= 0.01)
+    assert [one for one in found.warnings if "not converged: engaged in" in one] or found.converged
     assert bool(found.warnings) is not found.converged
-
-
-def test_a_chaotic_shift_is_not_converged(dogshape: Call) -> None:
-    sets = [text for key, value in PLAY.items() for text in ("--set", f"{key}={value}")]
-    asked = ("shift", "mq200_paper", "--mismatch-rpm", -249, "--force-N", 469, *sets)
-    said = dogshape(*asked, "--relative-angle-deg", 1)
-    assert said.status == 0
-    assert "warning: not converged: engaged in" in said.out
-
-
-def test_a_calm_shift_is_simulated_once() -> None:
-    found = ds.Study("mq200_paper", COMPILED).shift(mismatch_rpm=50, force_N=469, angle_deg=10)
-    assert found.refined is None
-    assert found.to_dict()["solver"]["converged"] is True
-    assert found.to_dict()["warnings"] == []
+    calm = study.shift(mismatch_rpm=50, force_N=469, angle_deg=10)
+    assert (calm.refined is None, calm.converged, calm.warnings) == (True, True, ())
 
 
 @pytest.mark.parametrize(
@@ -73,9 +57,7 @@ def test_a_shift_beyond_the_checked_range_says_so(
     study = ds.Study("mq200_paper", COMPILED)
     found = study.shift(mismatch_rpm=speed, force_N=force, angle_deg=10, force_rise_s=0.05)
     said = [one for one in found.to_dict()["warnings"] if "beyond" in one]
-    assert len(said) == len(words)
-    for one, word in zip(said, words, strict=True):
-        assert word in one
+    assert all(word in one for one, word in zip(said, words, strict=True))
 
 
 @pytest.mark.parametrize(

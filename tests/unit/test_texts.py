@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import pandas as pd
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
@@ -26,44 +28,34 @@ SAVED: dict[str, Save] = {
     "byte-order mark": lambda t: t.encode("utf-8-sig"),
     "semicolons, decimal commas": lambda t: german(t).encode(),
     "Windows, semicolons": lambda t: german(t).replace("\n", "\r\n").encode("cp1252"),
-    "tabs, decimal commas": lambda t: german(t).replace(";", "\t").encode(),
     "UTF-16, tabs, decimal commas": lambda t: german(t).replace(";", "\t").encode("utf-16"),
-    "UTF-16, commas": lambda t: t.encode("utf-16"),
     "Excel's own line": lambda t: b"sep=;\r\n" + german(t).encode(),
-    "blanks around names": lambda t: t.replace(",", " , ").encode(),
-    "empty rows and columns": lambda t: (t.replace("\n", ",,\n") + ",,,,,,,,\n").encode(),
+    "blanks, empty rows and columns": lambda t: (
+        t.replace(",", " , ").replace("\n", ",,\n") + ",,,,,,,,\n"
+    ).encode(),
 }
 
 
 @pytest.mark.parametrize("how", SAVED)
 def test_a_data_set_is_the_same_however_it_was_saved(tmp_path: Path, how: str) -> None:
-    (tmp_path / "plain").mkdir()
-    (tmp_path / "other").mkdir()
-    plain, other = good_set(tmp_path / "plain"), good_set(tmp_path / "other")
-    for path in [other / "shifts.csv", *(other / "traces").glob("*.csv")]:
-        path.write_bytes(SAVED[how](path.read_text()))
-    one, two = load_bench(plain), load_bench(other)
-    assert [(r.point, r.n, r.time, r.engaged) for r in one.readings] == [
-        (r.point, r.n, r.time, r.engaged) for r in two.readings
-    ]
-    for mine, theirs in zip(one.readings, two.readings, strict=True):
-        assert (mine.trace is None) == (theirs.trace is None)
-        if mine.trace is not None and theirs.trace is not None:
-            assert (mine.trace.displacement == theirs.trace.displacement).all()
+    def read() -> list[Any]:
+        return [
+            (r.point, r.n, r.time, r.engaged, r.trace and r.trace.displacement.tolist())
+            for r in load_bench(folder).readings
+        ]
 
-
-@pytest.mark.parametrize("coding", ["utf-8-sig", "utf-16"])
-def test_settings_with_a_byte_order_mark(tmp_path: Path, coding: str) -> None:
-    text = (bundled_root() / "mq200_paper" / "study.toml").read_text()
-    (tmp_path / "study.toml").write_bytes(text.encode(coding))
-    assert load_study(tmp_path).config_hash == load_study("mq200_paper").config_hash
     folder = good_set(tmp_path)
-    settings = folder / "bench.toml"
-    settings.write_bytes(settings.read_text().encode(coding))
-    assert load_bench(folder).name
+    plain = read()
+    for path in [folder / "shifts.csv", *(folder / "traces").glob("*.csv")]:
+        path.write_bytes(SAVED[how](path.read_text()))
+    assert read() == plain
 
 
-def test_settings_that_are_no_text_say_how_to_save_them(tmp_path: Path) -> None:
+def test_settings_with_a_byte_order_mark(tmp_path: Path) -> None:
+    text = (bundled_root() / "mq200_paper" / "study.toml").read_text()
+    for coding in ("utf-8-sig", "utf-16"):
+        (tmp_path / "study.toml").write_bytes(text.encode(coding))
+        assert load_study(tmp_path).config_hash == load_study("mq200_paper").config_hash
     (tmp_path / "study.toml").write_bytes(b"\x00\x01\xb4\xff")
     with pytest.raises(DogshapeError, match=r"study.toml is not valid TOML: .*save it as UTF-8"):
         load_study(tmp_path)
@@ -80,7 +72,6 @@ def test_settings_that_are_no_text_say_how_to_save_them(tmp_path: Path) -> None:
         ),
         (b"a,b\n1,2,5\n", "is a decimal comma among them? write numbers with a point"),
         (b"a;b\n1,5;2.5\n", "a comma ('1,5', row 2) and with a point ('2.5', row 2), which can be"),
-        (b"\n\na;b\n\n1;2;3\n", "row 5 has 3 cells"),
     ],
 )
 def test_what_is_no_table_says_what_to_save(tmp_path: Path, raw: bytes, words: str) -> None:
@@ -107,15 +98,12 @@ def test_all_faults_of_a_head_are_told_at_once(tmp_path: Path) -> None:
     table.write_text("dn_rpm,FORCE_N,force_rise_s,n_shift,shift_time_s,force_rise_s\n")
     with pytest.raises(DataError) as refused:
         load_bench(folder)
-    first, *faults = str(refused.value).splitlines()
-    assert first.endswith("shifts.csv, row 1: 4 mistakes")
-    assert [fault.split(";")[0] for fault in faults] == [
-        "- 'dn_rpm' is not a known column",
-        "- 'n_shift' is not a known column",
-        "- the column 'mismatch_rpm' is missing",
-        "- the column 'force_rise_s' is there twice",
-    ]
-    assert "did you mean 'n_shifts'?" in faults[1]
+    said = str(refused.value)
+    for words in (
+        "row 1: 4 mistakes", "- 'dn_rpm' is not a known column", "did you mean 'n_shifts'?",
+        "- the column 'mismatch_rpm' is missing", "- the column 'force_rise_s' is there twice",
+    ):  # fmt: skip
+        assert words in said
 
 
 @pytest.mark.parametrize(
@@ -123,24 +111,19 @@ def test_all_faults_of_a_head_are_told_at_once(tmp_path: Path) -> None:
     [("235,2", "as 235.2"), ("\N{MINUS SIGN}3", "as -3"), ("n/a", "be a number;")],
 )
 def test_a_number_says_how_it_is_written(tmp_path: Path, text: str, rule: str) -> None:
-    folder = good_set(tmp_path, traces=False)
-    table = folder / "shifts.csv"
-    head, first, *rest = table.read_text().splitlines()
-    cells = first.split(",")
-    cells[1] = f'"{text}"'
-    table.write_text("\n".join([head, ",".join(cells), *rest]))
-    with pytest.raises(DataError, match=r"row 2, column force_N is") as refused:
-        load_bench(folder)
-    assert rule in str(refused.value)
+    table = good_set(tmp_path, traces=False) / "shifts.csv"
+    frame = pd.read_csv(table, dtype=str)
+    frame.loc[0, "force_N"] = text
+    frame.to_csv(table, index=False)
+    with pytest.raises(DataError, match=rf"row 2, column force_N is .*{rule}"):
+        load_bench(table.parent)
 
 
-@pytest.mark.parametrize(
-    ("name", "hint"),
-    [
+def test_near_names() -> None:
+    valid = ("force_N", "n_shifts", "shift_time_s")
+    for name, hint in (
         ("FORCE_n", "did you mean 'force_N'?"),
         ("shift", "did you mean 'n_shifts' or 'shift_time_s'?"),
         ("x", "valid are force_N, n_shifts, shift_time_s"),
-    ],
-)
-def test_near_names(name: str, hint: str) -> None:
-    assert did_you_mean(name, ("force_N", "n_shifts", "shift_time_s")) == hint
+    ):
+        assert did_you_mean(name, valid) == hint
