@@ -5,6 +5,8 @@ What a colour says, a marker says too, so that a page can be printed in grey.
 
 from __future__ import annotations
 
+import cmath
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
@@ -40,7 +42,10 @@ SIDES: tuple[Row, ...] = (
     {"color": BLUE, "size": 9, "symbol": "diamond"},
     {"color": INK, "size": 8, "symbol": "circle"},
 )
-LEADERS = (22, 42, 62)  #: lengths of the leaders to the numbers of designs, in turn, px
+PAPER = (620.0, 290.0)  #: width and height of the front on paper, px
+ROOM = 23.0  #: between numbers and marks of the front, px
+#: Leaders to the numbers of designs, the shortest first; px, y downwards.
+LEADERS = [cmath.rect(r, math.radians(a)) for r in (20, 34, 48, 62) for a in (130, 105, 155)]
 BESIDE = 3  #: panels of effects side by side
 
 
@@ -93,17 +98,25 @@ def front_figure(result: Row, variables: Sequence[str], other: str) -> go.Figure
                 customdata=[row["trial"] for row in rows], name=kind, mode="markers",
                 marker=MARKS[kind], hoverinfo="text", hovertext=texts, **bars,
             )  # fmt: skip
-    # Leaders point into the part of the figure where no design of the front can be.
-    numbered = sorted((row for row in named if not row["prototype"]), key=lead.shown)
-    for place, row in enumerate(numbered):
-        reach = LEADERS[place % len(LEADERS)]
-        figure.add_annotation(
-            x=lead.shown(row), y=second.shown(row), text=str(row["trial"]),
-            ax=-0.6 * lead.objective.sign * reach, ay=second.objective.sign * reach,
-            arrowwidth=1, arrowcolor=GREY, arrowhead=0, standoff=5, font_size=13,
-        )  # fmt: skip
-    figure.update_xaxes(title=lead.title, range=_window([lead.shown(row) for row in named]))
-    figure.update_yaxes(title=second.title, range=_window([second.shown(row) for row in named]))
+    named.sort(key=lead.shown)
+    x, y = ([goal.shown(row) for row in named] for goal in (lead, second))
+    figure.update_xaxes(title=lead.title, range=_window(x))
+    figure.update_yaxes(title=second.title, range=_window(y))
+    px = [PAPER[0] * one / ((max(x) - min(x)) or 1.0) / 1.4 for one in x]
+    py = [-PAPER[1] * one / ((max(y) - min(y)) or 1.0) / 1.4 for one in y]
+    taken = [complex(*place) for place in zip(px, py, strict=True)]
+    for row, here in zip(named, tuple(taken), strict=True):
+        # A leader points where no design of the front can be, if there is room.
+        signs = lead.objective.sign, second.objective.sign
+        ways = [complex(signs[0] * way.real, signs[1] * way.imag) for way in LEADERS]
+        room = [min(abs(here + way - other) for other in taken) for way in ways]
+        way = next((w for w, r in zip(ways, room, strict=True) if r > ROOM), ways[-1])
+        if not row["prototype"]:
+            taken.append(here + way)
+            figure.add_annotation(
+                x=lead.shown(row), y=second.shown(row), text=str(row["trial"]), ax=way.real,
+                ay=way.imag, arrowwidth=1, arrowcolor=GREY, arrowhead=0, standoff=5, font_size=13,
+            )  # fmt: skip
     return styled(figure, 480)
 
 
@@ -171,7 +184,7 @@ def effects_figure(found: Row) -> go.Figure:
     """Draw the main effect of each variable on the expected shift time, ms, with its band."""
     shown = found["variables"]
     rows, columns = -(-len(shown) // BESIDE), min(len(shown), BESIDE)
-    figure = make_subplots(rows, columns, horizontal_spacing=0.06, vertical_spacing=0.26 / rows)
+    figure = make_subplots(rows, columns, horizontal_spacing=0.06, vertical_spacing=0.32 / rows)
     for place, one in enumerate(shown):
         x, where = one["values"], {"row": place // BESIDE + 1, "col": place % BESIDE + 1}
         ends = [1e3 * v for v in (*one["high_s"], *reversed(one["low_s"]))]
@@ -189,7 +202,7 @@ def effects_figure(found: Row) -> go.Figure:
         figure.update_xaxes(title=axis(one["variable"]), **where)
     figure.update_yaxes(matches="y", showticklabels=True)
     figure.update_yaxes(title="effect, ms", col=1)
-    return styled(figure, 90 + 230 * rows)
+    return styled(figure, 90 + 250 * rows)
 
 
 def margins(checks: Sequence[Check], within: Mapping[str, Mapping[str, float]]) -> go.Figure:

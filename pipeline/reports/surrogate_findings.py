@@ -70,7 +70,6 @@ def stored_effects(folder: StudyFolder) -> Row | None:
     try:
         stored = read_json(folder.effects, "run 'dogshape report' again")
         fits = stored["surrogate"] == _identity(folder)
-        fits &= all("now_s" in row for row in stored["prices"])
         return {key: stored[key] for key in ("effects", "prices")} if fits else None
     except (StorageError, KeyError):
         return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import json
 import re
 import shutil
 from collections.abc import Callable
@@ -15,7 +14,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from dogshape.designs import write_data_sheet
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.shift_page import write_animation
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
@@ -50,7 +51,7 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_report_in_a_browser_and_on_paper(reported: Path, tmp_path: Path) -> None:
-    result = json.loads((reported / "result.json").read_text())
+    result = StudyFolder(reported).stored_result()
     with Chromium(tmp_path) as browser:
         browser.look_at_report(reported / "report.html")
         text = browser.ask("document.body.textContent")
@@ -62,7 +63,7 @@ def test_report_in_a_browser_and_on_paper(reported: Path, tmp_path: Path) -> Non
     for words in ("were not simulated", "prototype", "tip width", "versions"):
         assert words in text
     assert 4 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
-    boxes = re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed)
+    boxes = set(re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed))
     assert {tuple(round(float(side)) for side in box.split()) for box in boxes} == {
         (0, 0, 595, 842)
     }
@@ -78,6 +79,15 @@ def test_report_in_a_browser_and_on_paper(reported: Path, tmp_path: Path) -> Non
         seen = browser.look(reported / links[-1])
         assert (seen["faults"], seen["loads"], seen["high"]) == ([], 0, False)
         assert browser.ask("document.getElementById('solid').dataset.state") == "drawn"
+
+
+@pytest.mark.parametrize("name", ["mq200_paper", "mq200"])
+def test_a_data_sheet_prints_on_one_page(tmp_path: Path, name: str) -> None:
+    why = "a reason that goes on for more than one line: " + 30 * "why, "
+    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", why)
+    with Chromium(tmp_path / "profile") as browser:
+        browser.look(page)
+        assert re.findall(rb"/Count (\d+)", browser.print_pdf()) == [b"1"]
 
 
 def test_report_is_written_again_without_what_it_links(reported: Path, tmp_path: Path) -> None:

@@ -33,7 +33,6 @@ def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) 
     name = f"{folder.root}#{TRIAL}"
     said = dogshape("export", name, "--sheet", "sheet.html", "--why", WHY, "--json")
     assert said.status == 0, said.err
-    assert said.json["sheet"] == "sheet.html"
     page = Path("sheet.html").read_text()
     for words in (
         f"mq200_paper, design {TRIAL}", WHY, f"{RESULT['front'][1]['chamfer_deg']:.2f} deg",
@@ -41,7 +40,6 @@ def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) 
         content_key(RESULT), "16MnCr5", "drake 1.51",
     ):  # fmt: skip
         assert words in page
-    assert "http://" not in page.replace("http://www.w3.org", "")
     path = ds.load_result(folder.root).data_sheet(TRIAL, "sheet.json", WHY)
     sheet = json.loads(path.read_text())
     assert (sheet["design"], sheet["why"]) == (TRIAL, WHY)

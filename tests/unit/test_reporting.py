@@ -1,4 +1,4 @@
-"""Words, tables, shifts and stored parts of the report."""
+"""Words, tables, figures, shifts and stored parts of the report."""
 
 from __future__ import annotations
 
@@ -17,8 +17,9 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.record import Bad
 from dogshape.pipeline.reports import single_shifts, surrogate_findings
+from dogshape.pipeline.reports.charts import front_figure, times_by_point
 from dogshape.pipeline.reports.data_sheet import command_of
-from dogshape.pipeline.reports.designs import goals_of, of_kinds, simulated_frame
+from dogshape.pipeline.reports.designs import MARGIN, goals_of, simulated_frame
 from dogshape.pipeline.reports.report import link
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study_page import facts_of, gained, headline, write_report
@@ -28,16 +29,8 @@ from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.train.training_rows import known_surrogate
 from dogshape.surrogate.hypervolume import hypervolume
 from dogshape.surrogate.store import save
-from tests.found import TIME, VARIABLES, Row, shift
+from tests.found import LENGTH, TIME, VARIABLES, Row, shift
 from tests.kept import kept_folder
-
-
-def test_every_design_is_of_one_kind(result: Row) -> None:
-    kinds = of_kinds(result)
-    assert {k: [r["trial"] for r in rows] for k, rows in kinds.items()} == {
-        "dominated": [3], "fails when simulated": [4], "front": [1], "chosen": [2],
-        "prototype": [0],
-    }  # fmt: skip
 
 
 def test_hypervolume_in_two_and_three_dimensions() -> None:
@@ -259,3 +252,51 @@ def test_a_journal_that_is_only_read_keeps_a_line_being_written(
     assert path.read_text() == content
     assert list(ShiftJournal(path).rows) == [row["key"]]
     assert path.read_text() == content.removesuffix('{"key": "half')
+
+
+def test_front_shows_every_design_at_its_place_with_its_interval(result: Row) -> None:
+    figure = front_figure(result, VARIABLES, LENGTH)
+    found = {trace.name: trace for trace in figure.data}
+    places = {k: list(zip(found[k].x, found[k].y, strict=True)) for k in found if k}
+    assert places["chosen"] == [(pytest.approx(70.0), 7.0)]
+    assert places["prototype"] == [(pytest.approx(100.0), 8.0)]
+    assert places["fails when simulated"] == [(pytest.approx(60.0), 6.5)]
+    assert found["chosen"].error_x.array == pytest.approx([1.96])
+    # What lies right of and above a design is beaten by it: first right, then down.
+    (border,) = [trace for trace in figure.data if trace.line.shape == "hv"]
+    assert list(border.x) == pytest.approx([70.0, 80.0])
+    for words in ("design 1", "80.0 ± 1.0 ms", "number of dogs N: 16"):
+        assert words in found["front"].hovertext[0]
+    assert len({found[kind].marker.symbol for kind in places}) == len(places) == 5
+    numbers = figure.layout.annotations
+    assert [(one.text, one.x) for one in numbers] == [("2", 70.0), ("1", 80.0)]
+
+
+def test_numbers_of_near_designs_stand_apart(result: Row) -> None:
+    near = [{**result["front"][1], "trial": 10 + n, TIME: 0.08 + 1e-5 * n} for n in range(4)]
+    found = result | {"trials": [*result["trials"], *near], "front": [*result["front"], *near]}
+    places = [(n.ax, n.ay) for n in front_figure(found, VARIABLES, LENGTH).layout.annotations]
+    assert len(set(places[1:])) == 5
+
+
+def test_front_of_what_is_maximised(result: Row) -> None:
+    result |= {"objectives": [TIME, MARGIN], "leading": MARGIN}
+    figure = front_figure(result, VARIABLES, TIME)
+    assert list(next(one.x for one in figure.data if one.name == "chosen")) == pytest.approx([3.0])
+    assert figure.layout.xaxis.title.text == "smallest margin, % (more is better)"
+
+
+def test_a_line_for_each_operating_point() -> None:
+    rows = [
+        {"mismatch_rpm": 50, "force_N": 235.2, "a_s": 0.110, "a_error_s": 0.002, "b_s": 0.060},
+        {"mismatch_rpm": 100, "force_N": 300.0, "a_s": None, "a_error_s": None, "b_s": None},
+        {"mismatch_rpm": 5, "force_N": 300.0, "a_s": None, "a_error_s": None, "b_s": 0.100},
+    ]
+    figure = times_by_point(rows, {"one": ("a_s", "a_error_s"), "other": ("b_s", "")})
+    names = [f"{place} 1/min, {force} N" for place, force in ((100, 300), (5, 300), (50, 235.2))]
+    assert list(figure.layout.yaxis.categoryarray) == names
+    one, other = figure.data
+    assert (list(one.x), list(one.y)) == ([110.0], names[2:])
+    assert (list(other.x), list(other.y)) == ([100.0, 60.0], names[1:])
+    assert list(one.error_x.array) == pytest.approx([1.96 * 2.0])
+    assert one.marker.symbol != other.marker.symbol

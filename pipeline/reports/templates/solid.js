@@ -28,7 +28,7 @@ const Solid = (() => {
     const turned = new THREE.LatheGeometry(rim.map(([x, y]) => new THREE.Vector2(x, y)), 12 * data.count);
     solid(turned.rotateX(0.5 * Math.PI), colour, 40);
     group.scale.setScalar(1 / outer);  // the scene has an outer radius of one
-    return {group, touch: on => lines.color.set(on ? 0xd1242f : dark)};
+    return group;
   }
 
   function start() {
@@ -44,9 +44,9 @@ const Solid = (() => {
     viewer.renderer.toneMapping = THREE.NoToneMapping;
     const output = ring(0xc8590c, 0xf5b98a, 0x5e2a06, 1), sliding = ring(0x1f5fa8, 0x9cc3ee, 0x0e2c4e, 0.4);
     const carriage = new THREE.Group();  // turns and slides; inside it the ring lies turned over
-    sliding.group.rotation.x = Math.PI;
-    carriage.add(sliding.group);
-    viewer.set_object(["output"], output.group);
+    sliding.rotation.x = Math.PI;
+    carriage.add(sliding);
+    viewer.set_object(["output"], output);
     viewer.set_object(["sliding"], carriage);
     // Camera positions are given with y along the shaft; x points at dog 0 of the output ring.
     viewer.camera.fov = 24;
@@ -56,7 +56,6 @@ const Solid = (() => {
     return {viewer, show(now) {
       const turned = -now.relative_angle_deg * Math.PI / 180, height = data.height + data.gap - now.displacement_mm;
       carriage.rotation.z = turned; carriage.position.z = height / outer;
-      for (const one of [output, sliding]) one.touch(now.touching);
       pane.dataset.pose = [turned, height].map(v => v.toFixed(4)).join(" ");
       viewer.set_dirty();
     }};
