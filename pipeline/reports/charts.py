@@ -45,7 +45,7 @@ SIDES: tuple[Row, ...] = (
 PAPER = (620.0, 290.0)  #: width and height of the front on paper, px
 ROOM = 23.0  #: between numbers and marks of the front, px
 #: Leaders to the numbers of designs, the shortest first; px, y downwards.
-LEADERS = [cmath.rect(r, math.radians(a)) for r in (20, 34, 48, 62) for a in (130, 105, 155)]
+LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
 BESIDE = 3  #: panels of effects side by side
 
 

@@ -28,7 +28,7 @@ SHAPES = [
 
 @pytest.fixture
 def _kernel() -> None:
-    needed((find_spec("build123d") is not None), "build123d")
+    needed(find_spec("build123d") is not None, "build123d")
 
 
 def _dog(prototype: Dog, shape: tuple[float, ...]) -> tuple[Dog, float]:
