@@ -75,15 +75,6 @@ def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
     assert sheet["provenance"]["command"] == "dogshape study mq200 --set dog.chamfer_deg=12.0"
 
 
-def test_geometry_of_a_number_and_of_its_keys_typed_in_is_the_same(dogshape: Call) -> None:
-    row = ds.compare("mq200#33", "mq200#0").to_dict()["items"][0]
-    keys = ("count", "chamfer_deg", "traction_deg", "braking_deg", "height_mm")
-    typed = [part for key in keys for part in ("--set", f"dog.{key}={row[key]!r}")]
-    dogshape("export", "mq200#33", "--stl", "one.stl")
-    dogshape("export", "mq200", *typed, "--stl", "other.stl")
-    assert Path("one.stl").read_bytes()[80:] == Path("other.stl").read_bytes()[80:]
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
