@@ -35,9 +35,8 @@ from dogshape.pipeline.config.study_file import Setup, pair_of
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.reports.charts import Row, trend_figure
-from dogshape.pipeline.reports.designs import MARGIN, goals_of, is_measured
-from dogshape.pipeline.reports.study_page import front_figure
+from dogshape.pipeline.reports.charts import front_figure, trend_figure
+from dogshape.pipeline.reports.designs import MARGIN, Row, goals_of, is_measured
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import own_surrogate
 from dogshape.sim.errors import DogshapeError, InputError

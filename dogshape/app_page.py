@@ -11,7 +11,7 @@ from dash import dcc, html
 from dogshape.check import Check, Checked
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad
-from dogshape.pipeline.reports.charts import Row
+from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, label, minus, percent, time_text
 from dogshape.pipeline.store.result_records import check_table as record_table
 from dogshape.sim.strength.checks import smallest_margin

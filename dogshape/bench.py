@@ -87,9 +87,10 @@ class Comparison(Result):
 
     def plot(self) -> Figure:
         """Draw bench times beside the simulated ones with their 90 % band, a panel a force."""
-        from dogshape.pipeline.reports.gap_page import compared_figure  # noqa: PLC0415
+        from dogshape.pipeline.reports.charts import times_by_point  # noqa: PLC0415
 
-        return compared_figure(self.compared)
+        sides = {"simulation": ("simulated_s", "standard_error_s"), "bench": ("bench_s", "")}
+        return times_by_point(self.to_dict()["points"], sides)
 
 
 def validate(

@@ -9,17 +9,17 @@ from typing import Any
 
 from dogshape.check import check_design
 from dogshape.pipeline.record import Table
-from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.data_sheet import (
     NamedDesign,
     design_record,
     difference,
+    flat_keys,
     named_design,
     searched_checks,
     searched_record,
     write_sheet,
 )
-from dogshape.pipeline.reports.provenance import flat_keys
+from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import minus
 from dogshape.pipeline.simulate.design import weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets

@@ -92,7 +92,7 @@ class Expectation(Result):
 
     def plot(self) -> Figure:
         """Draw the mean time of each operating point with its 95 % interval."""
-        return times_by_point({"mean": self.to_dict()["points"]})
+        return times_by_point(self.to_dict()["points"], {"mean": ("mean_s", "standard_error_s")})
 
 
 def simulate_mean(

@@ -9,10 +9,10 @@ from typing import Any, cast
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
-from dogshape.pipeline.reports.study_page import at_own_places, front_figure, publish
-from dogshape.pipeline.reports.study_summary import headline, summary_tables
+from dogshape.pipeline.reports.study_page import headline, publish, summary_tables
 from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.result import Figure, Frame, Result
@@ -50,12 +50,11 @@ class StudyResult(Result):
 
     def to_parts(self) -> list[str | Table]:
         """Give headline, gain, alternatives, facts and front, as the report has them."""
-        record = at_own_places(self.config, self.record)
         page = self.page or "none yet, 'dogshape report' makes it"
-        parts: list[str | Table] = [headline(record)]
-        for table in summary_tables(self.config, record):
+        parts: list[str | Table] = [headline(self.record)]
+        for table in summary_tables(self.config, self.record):
             parts += ["", table]
-        for reason, count in record["failed_shifts"].items():
+        for reason, count in self.record["failed_shifts"].items():
             again = "; --resume simulates them again" if depends_on_clock(reason) else ""
             parts.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
         return [*parts, "", f"report: {page}"]

@@ -1,11 +1,10 @@
-"""Opening a page in headless Chromium, and asking it what it shows."""
+"""Headless Chromium that a test drives over its debugging pipe: what a page shows and prints."""
 
 from __future__ import annotations
 
-import html
+import base64
 import json
 import os
-import re
 import shlex
 import shutil
 import subprocess
@@ -16,111 +15,49 @@ from typing import Any
 from tests.conftest import needed
 
 CHROMIUM = shutil.which("chromium")
+#: Drawn in software with and without WebGL.
+WITH_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
+WITHOUT_WEBGL = ("--disable-3d-apis",)
 
-#: Put into a page: its errors, its loads, its overflow and what its figures drew.
-PROBE = """
-<script>
-const said = document.body.dataset;
-window.addEventListener("error", e => said.error = e.message);
-console.error = (...words) => said.error = words.join(" ");
-window.addEventListener("load", () => setTimeout(() => {
-  const figures = [...document.querySelectorAll(".js-plotly-plot")];
-  said.figures = figures.length;
-  said.drawn = figures.filter(f => f.querySelector(".trace, .hm")).length;
-  said.wide = document.documentElement.scrollWidth > window.innerWidth;
-  said.high = document.documentElement.scrollHeight > window.innerHeight;
-  const loads = performance.getEntriesByType("resource").map(r => r.name);
-  said.loads = loads.filter(name => name.startsWith("http")).length;
-  if (window.probe) probe(said);
-}, 800));
-</script>
+#: Before a page: its errors are kept.
+FAULTS = """
+window.faults = [];
+addEventListener("error", event => faults.push(event.message));
+console.error = (...words) => faults.push(words.join(" "));
 """
-
-#: Put into a report: words that its figures cut off, on the screen and as on paper, and its table.
-REPORT_PROBE = """
-<script>
-function cut() {
-  const found = [];
-  for (const figure of document.querySelectorAll(".js-plotly-plot")) {
+#: What a page shows: errors, loads, overflow, figures, and words that those cut off.
+STATE = """(() => {
+  const figures = [...document.querySelectorAll(".js-plotly-plot")], cut = [];
+  for (const figure of figures) {
     const frame = figure.querySelector(".main-svg").getBoundingClientRect();
     for (const text of figure.querySelectorAll("text")) {
       const box = text.getBoundingClientRect();
       if (box.width && (box.left < frame.left - 2 || box.right > frame.right + 2
           || box.top < frame.top - 2 || box.bottom > frame.bottom + 2))
-        found.push(figure.id + ": " + text.textContent);
+        cut.push(figure.id + ": " + text.textContent);
     }
   }
-  return found;
-}
-function probe(said) {
-  said.ids = [...document.querySelectorAll(".js-plotly-plot")].map(f => f.id).join(" ");
-  said.cut = JSON.stringify(cut());
-  said.csv = document.querySelector('a[download$=".csv"]')?.href ?? "";
-  const links = [...document.querySelectorAll('a[href^="shifts/"]')];
-  said.links = JSON.stringify(links.map(link => link.getAttribute("href")));
-  fit(true);
-  setTimeout(() => {
-    said.paper = JSON.stringify(cut());
-    said.widths = [...document.querySelectorAll(".js-plotly-plot")]
-      .map(f => f.querySelector(".main-svg").getBoundingClientRect().width).join(" ");
-  }, 500);
-}
-</script>
-"""
-
-#: Drawn in software with and without WebGL.
-WITH_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader")
-WITHOUT_WEBGL = ("--disable-3d-apis",)
-
-
-def print_pdf(page: Path, tmp_path: Path) -> bytes:
-    """Print a page as PDF without a screen and return the file."""
-    needed(CHROMIUM is not None, "chromium")
-    assert CHROMIUM is not None
-    path = tmp_path / "printed.pdf"
-    command = [
-        CHROMIUM, "--headless", "--no-sandbox", *WITHOUT_WEBGL, "--no-first-run",
-        "--disable-background-networking", f"--user-data-dir={tmp_path / 'profile'}",
-        "--virtual-time-budget=6000", "--no-pdf-header-footer", f"--print-to-pdf={path}",
-        page.as_uri(),
-    ]  # fmt: skip
-    subprocess.run(command, capture_output=True, timeout=120, check=True)
-    return path.read_bytes()
-
-
-def look(
-    page: Path,
-    tmp_path: Path,
-    probe: str = PROBE,
-    graphics: tuple[str, ...] = WITHOUT_WEBGL,
-    window: str = "1150,900",
-) -> dict[str, str]:
-    """Open a page without a network and return what the probe found."""
-    needed(CHROMIUM is not None, "chromium")
-    assert CHROMIUM is not None
-    probed = tmp_path / "probed.html"
-    probed.write_text(page.read_text().replace("<body>", f"<body>{probe}", 1))
-    command = [
-        CHROMIUM, "--headless", "--no-sandbox", *graphics, "--disable-quic",
-        "--no-first-run", "--disable-background-networking", "--disable-component-update",
-        "--disable-sync", f"--user-data-dir={tmp_path / 'profile'}", f"--window-size={window}",
-        "--hide-scrollbars", "--virtual-time-budget=6000", "--dump-dom", probed.as_uri(),
-    ]  # fmt: skip
-    dom = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True).stdout
-    body = re.search(r"<body([^>]*)>", dom)
-    assert body is not None
-    found = dict(re.findall(r'data-(\w+)="([^"]*)"', body.group(1)))
-    return {key: html.unescape(value) for key, value in found.items()} | {"dom": dom}
+  const root = document.documentElement;
+  return {
+    faults, cut, figures: figures.map(f => f.id),
+    drawn: figures.filter(f => f.querySelector(".trace, .hm")).map(f => f.id),
+    widths: figures.map(f => f.querySelector(".main-svg").getBoundingClientRect().width),
+    wide: root.scrollWidth > innerWidth, high: root.scrollHeight > innerHeight,
+    loads: performance.getEntriesByType("resource").filter(r => r.name.startsWith("http")).length,
+  };
+})()"""
 
 
 class Chromium:
-    """A browser that a test drives over its debugging pipe; use it as a context."""
+    """A browser without a network; use it as a context."""
 
-    def __init__(self, profile: Path, window: str = "1280,1000") -> None:
+    def __init__(
+        self, profile: Path, window: str = "1280,1000", graphics: tuple[str, ...] = WITHOUT_WEBGL
+    ) -> None:
         needed(CHROMIUM is not None, "chromium")
         ours, theirs = os.pipe(), os.pipe()
         command = shlex.join([
-            CHROMIUM or "", "--headless", "--no-sandbox", *WITHOUT_WEBGL, "--no-first-run",
+            CHROMIUM or "", "--headless", "--no-sandbox", *graphics, "--no-first-run",
             "--disable-background-networking", f"--user-data-dir={profile}",
             f"--window-size={window}", "--hide-scrollbars", "--remote-debugging-pipe",
         ])  # fmt: skip
@@ -164,6 +101,29 @@ class Chromium:
         while not self.ask(f"Boolean({expression})"):
             assert time.monotonic() < end, f"{expression} is not true in {seconds} s"
             time.sleep(0.05)
+
+    def look(self, page: Path) -> dict[str, Any]:
+        """Open a file; give what it shows (``STATE``) once its figures are drawn."""
+        self.call("Page.enable")
+        self.call("Page.addScriptToEvaluateOnNewDocument", source=FAULTS)
+        self.call("Page.navigate", url=page.as_uri())
+        self.wait(f"location.href === '{page.as_uri()}' && document.readyState === 'complete'")
+        return dict(self.ask(STATE))
+
+    def look_at_report(self, page: Path) -> None:
+        """Open a report; its figures must draw and fit, on the screen and as wide as A4."""
+        for paper in ("false", "true"):
+            seen = self.look(page) if paper == "false" else self.ask(f"fit({paper}) ?? {STATE}")
+            assert (seen["faults"], seen["cut"], seen["loads"]) == ([], [], 0)
+            assert seen["figures"] == seen["drawn"]
+            assert not seen["wide"]
+        # A4 less its margins of 12 mm is 703 px wide.
+        assert set(seen["widths"]) == {700.0}
+
+    def print_pdf(self) -> bytes:
+        """Print the page that is open."""
+        printed = self.call("Page.printToPDF", preferCSSPageSize=True, printBackground=True)
+        return base64.b64decode(printed["data"])
 
     def __enter__(self) -> Chromium:
         return self

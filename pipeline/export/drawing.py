@@ -1,25 +1,148 @@
-"""Drawings of the dogs as SVG: the pair meshed, and one dog with its dimensions.
+"""Drawings of the dogs as SVG: both rings before the shift, and one dog with its dimensions.
 
-Both are sections at the mean radius, unrolled.
+Both are sections at the mean radius, unrolled. Points are complex numbers x + iy in pixels, y
+downwards; every stroke is the text of an element.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Sequence
+from html import escape
 
-import numpy as np
-
-from dogshape.pipeline.export import svg
-from dogshape.pipeline.export.svg import Point
 from dogshape.sim.shift.geometry import Dog, crest_loss, section, tip_radius
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.units import DEG, MM
 
 WIDTH, HEIGHT = 980.0, 592.0  #: of the dimensioned section, px
+HEAD = 8.0  #: length of an arrow head, px
+LETTER = 7.2  #: width of a character, px; close enough for a background
+REACH = 0.775  #: of the dimensioned section either side of the dog, in pitches
+STYLE = """
+.drawing .part{fill:#dbe5f0;stroke:#1b2733;stroke-width:1.6}
+.drawing .thin{fill:none;stroke:#55626f;stroke-width:.9}
+.drawing .axis{fill:none;stroke:#55626f;stroke-width:.9;stroke-dasharray:12 3 2 3}
+.drawing .ring-a{fill:#f3ddcb;stroke:#c8590c;stroke-width:2}
+.drawing .ring-b{fill:#c9d8ea;stroke:#1f5fa8;stroke-width:2}
+.drawing .ghost{fill:none;stroke:#1b2733;stroke-width:1.2;stroke-dasharray:5 4}
+.drawing .bar{stroke:#1b2733;stroke-width:3}
+.drawing .head{fill:#1b2733;stroke:none}
+.drawing text{font:13px system-ui,sans-serif;fill:#1b2733}
+.drawing text.title{font-size:16px;font-weight:600}
+.drawing text.small{font-size:12px;fill:#55626f}
+.drawing .back{fill:#fff;fill-opacity:.85;stroke:none}
+"""
 
 
-def outline(dog: Dog, dogs: int) -> list[Point]:
+def _document(width: float, height: float, elements: Sequence[str], title: str) -> str:
+    body = "\n".join(elements)
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width:.0f} {height:.0f}" '
+        f'width="{width:.0f}" height="{height:.0f}" class="drawing" role="img" '
+        f'aria-label="{escape(title)}">\n'
+        f"<title>{escape(title)}</title>\n<style>{STYLE}</style>\n{body}\n</svg>\n"
+    )
+
+
+def _at(point: complex) -> str:
+    return f"{point.real:.2f},{point.imag:.2f}"
+
+
+def _path(commands: str, kind: str) -> str:
+    return f'<path d="{commands}" class="{kind}"/>'
+
+
+def _line(*points: complex, kind: str = "thin", closed: bool = False) -> str:
+    return _path("M" + " L".join(map(_at, points)) + (" Z" if closed else ""), kind)
+
+
+def _text(
+    at: complex, content: str, anchor: str = "middle", kind: str = "", turn: float = 0.0
+) -> str:
+    """Write a text, without a ``kind`` on a white ground, turned by ``turn`` degrees."""
+    x, y, width = at.real, at.imag, LETTER * len(content) + 4.0
+    left = {"middle": x - 0.5 * width, "start": x - 2.0, "end": x - width + 2.0}[anchor]
+    ground = f'<rect x="{left:.1f}" y="{y - 12:.1f}" width="{width:.1f}" height="16" class="back"/>'
+    turned = f' transform="rotate({turn:.1f} {x:.1f} {y:.1f})"' if turn else ""
+    return (
+        f'<g{turned}>{"" if kind else ground}<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" '
+        f'class="{kind}">{escape(content)}</text></g>'
+    )
+
+
+def _arrow(tip: complex, towards: complex) -> str:
+    """Draw an arrow head at ``tip`` that points away from ``towards``."""
+    way = (tip - towards) / (abs(tip - towards) or 1.0)
+    base = tip - HEAD * way
+    return _line(tip, base + 2.6j * way, base - 2.6j * way, kind="head", closed=True)
+
+
+def _leader(tip: complex, place: complex, content: str, anchor: str = "start") -> str:
+    """Draw a leader from the words at ``place`` to ``tip``."""
+    words = _text(place + (5.0 if anchor == "start" else -5.0) + 4.0j, content, anchor)
+    return _line(tip, place) + _arrow(tip, place) + words
+
+
+def _dimension(a: complex, b: complex, at: float, content: str, upright: bool = False) -> str:
+    """Draw a dimension from ``a`` to ``b`` with its extension lines.
+
+    The dimension line is level at height ``at``, or ``upright`` at that x. Where it is too short
+    for two arrow heads, they stand outside.
+    """
+    ends = [complex(at, p.imag) if upright else complex(p.real, at) for p in (a, b)]
+    first, last = sorted(ends, key=lambda p: (p.real, p.imag))
+    tight = abs(last - first) < 3.0 * HEAD
+    out = 2.2 * HEAD * (last - first) / (abs(last - first) or 1.0) if tight else 0.0
+    strokes = [_line(p, end) for p, end in zip((a, b), ends, strict=True)]
+    strokes += [_line(first - out, last + out), _arrow(first, first - out if tight else last)]
+    strokes.append(_arrow(last, last + out if tight else first))
+    middle = 0.5 * (first + last)
+    if upright and tight:
+        strokes.append(_text(first - out - 5.0j, content))
+    elif upright:
+        strokes.append(_text(middle - 6.0, content, turn=-90.0))
+    elif tight:
+        strokes.append(_text(last + out + 5.0 + 4.0j, content, "start"))
+    else:
+        strokes.append(_text(middle - 5.0j, content))
+    return "".join(strokes)
+
+
+def _angle(
+    corner: complex, between: tuple[float, float], radius: float, content: str, place: complex
+) -> str:
+    """Draw an angle about a corner between two directions, degrees anticlockwise from x.
+
+    A leader joins the arc's middle with the words at ``place``.
+    """
+
+    def at(degrees: float, reach: float) -> complex:
+        return corner + cmath.rect(reach, -math.radians(degrees))
+
+    start, stop = between
+    arc = f"M{_at(at(start, radius))} A{radius:.1f},{radius:.1f} 0 0 {int(stop < start)} "
+    rays = [_line(corner, at(degrees, radius * 1.15)) for degrees in between]
+    anchor = "start" if place.real > corner.real else "end"
+    middle = at(0.5 * (start + stop), radius)
+    drawn = _path(arc + _at(at(stop, radius)), "thin")
+    return "".join([*rays, drawn, _leader(middle, place, content, anchor)])
+
+
+def _rounded(points: Sequence[complex], radii: Sequence[float]) -> str:
+    """Write path commands through ``points`` with each inner corner rounded, px."""
+    commands = [f"M{_at(points[0])}"]
+    corners = zip(points[:-2], points[1:-1], points[2:], radii, strict=True)
+    for before, here, after, radius in corners:
+        u, v = ((side - here) / abs(side - here) for side in (before, after))
+        turn = cmath.phase(v / u)
+        cut = radius / math.tan(0.5 * abs(turn))
+        commands.append(f"L{_at(here + cut * u)}")
+        commands.append(f"A{radius:.2f},{radius:.2f} 0 0 {int(turn < 0.0)} {_at(here + cut * v)}")
+    return " ".join([*commands, f"L{_at(points[-1])}"])
+
+
+def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
     """Trace the profile of ``dogs`` neighbouring dogs with their slots, mm."""
     points = []
     for index in range(dogs):
@@ -28,33 +151,7 @@ def outline(dog: Dog, dogs: int) -> list[Point]:
     return points
 
 
-def section_svg(dog: Dog, title: str, span: float, width: int = 420) -> str:
-    """Draw ``span`` m of both rings at full depth, to scale; equal spans compare."""
-    half, depth = 0.5 * span / MM, dog.height / MM
-    lower = outline(dog, 2 * int(span / dog.pitch) + 3)
-    upper = [(-x + 0.5 * dog.pitch / MM, -z) for x, z in lower]
-    scale = 0.5 * width / half
-    height, bar = (depth + 2.4) * scale, 2.0 * scale
-
-    def ring(points: list[Point], floor: float, kind: str) -> str:
-        placed = [((x + half) * scale, (0.5 * depth + 1.2 - z) * scale) for x, z in points]
-        ends = [(placed[-1][0], floor), (placed[0][0], floor)]
-        return svg.path("M" + " L".join(f"{x:.1f},{y:.1f}" for x, y in placed + ends) + " Z", kind)
-
-    label = (
-        f"{title}: chamfer {dog.chamfer / DEG:.1f}°, traction {dog.traction / DEG:.1f}°, "
-        f"braking {dog.braking / DEG:.1f}°, height {depth:.2f} mm, {dog.count} dogs"
-    )
-    return (
-        f'<figure><svg viewBox="0 0 {width} {height:.0f}" width="{width}" role="img" '
-        f'aria-label="{label}">{ring(lower, height, "ring-a")}{ring(upper, 0.0, "ring-b")}'
-        f"{svg.path(f'M10,{height - 10:.1f} h{bar:.1f}', 'bar')}"
-        f'<text x="{16 + bar:.1f}" y="{height - 6:.1f}" class="note">2 mm</text>'
-        f"</svg><figcaption>{label}</figcaption></figure>"
-    )
-
-
-def open_section_svg(dog: Dog, other: Dog) -> str:
+def open_section_svg(dog: Dog, other: Dog, name: str = "the design begun with") -> str:
     """Draw both rings before the shift, dogs over slots, to scale; ``other`` is dashed below."""
     width, height = 860.0, 250.0
     gap = dog.axial_gap / MM
@@ -64,178 +161,25 @@ def open_section_svg(dog: Dog, other: Dog) -> str:
 
     def ring(one: Dog, turned: bool, edge: float | None, kind: str) -> str:
         points = outline(one, 2 * int(0.5 * width / scale / (one.pitch / MM)) + 5)
-        depth = 0.5 * one.height / MM
-        if turned:
-            half = 0.5 * one.pitch / MM
-            placed = [(-x + half, face - (gap + depth - z) * scale) for x, z in points]
-        else:
-            placed = [(x, face + (depth - z) * scale) for x, z in points]
-        line = [(0.5 * width + x * scale, y) for x, y in placed]
-        ends = [] if edge is None else [(line[-1][0], edge), (line[0][0], edge)]
-        words = " L".join(f"{x:.2f},{y:.2f}" for x, y in (*line, *ends))
-        return svg.path(f"M{words}{' Z' if ends else ''}", kind)
+        depth, half = 0.5 * one.height / MM, 0.5 * one.pitch / MM
+        line = [
+            complex(0.5 * width + (half - x) * scale, face - (gap + depth - z) * scale) if turned
+            else complex(0.5 * width + x * scale, face + (depth - z) * scale)
+            for x, z in points
+        ]  # fmt: skip
+        ends = [] if edge is None else [complex(p.real, edge) for p in (line[-1], line[0])]
+        return _line(*line, *ends, kind=kind, closed=bool(ends))
 
-    bar, y = 5.0 * scale, height - 14.0
+    words, corner = "output ring, unrolled at the mean radius; dashed: ", width - 16 + 1j * height
     elements = [
         ring(dog, True, -5.0, "ring-b"), ring(dog, False, height + 5.0, "ring-a"),
         ring(other, False, None, "ghost"),
-        svg.line((width - 16.0 - bar, y), (width - 16.0, y), "bar"),
-        svg.text((width - 24.0 - bar, y + 4.0), "5 mm", "end", "small"),
-        svg.text((10.0, 18.0), "sliding ring", "start", "small"),
-        svg.text((10.0, y + 4.0), "output ring, unrolled at the mean radius; dashed: the design "
-                 "begun with", "start", "small"),
+        _line(corner - 5.0 * scale - 14.0j, corner - 14.0j, kind="bar"),
+        _text(corner - 8.0 - 5.0 * scale - 10.0j, "5 mm", "end", "small"),
+        _text(10.0 + 18.0j, "sliding ring", "start", "small"),
+        _text(10.0 + 1j * (height - 10.0), words + name, "start", "small"),
     ]  # fmt: skip
-    return svg.document(width, height, elements, "Section of both rings")
-
-
-def rounded(points: Sequence[Point], radii: Sequence[float]) -> str:
-    """Write path commands through ``points`` with each inner corner rounded, px."""
-    places = np.array(points)
-    commands = ["M{:.2f},{:.2f}".format(*places[0])]
-    corners = zip(places[:-2], places[1:-1], places[2:], radii, strict=True)
-    for before, here, after, radius in corners:
-        u, v = ((side - here) / math.dist(side, here) for side in (before, after))
-        cut = radius / math.tan(0.5 * math.acos(np.clip(u @ v, -1.0, 1.0)))
-        sweep = int(u[0] * v[1] < u[1] * v[0])
-        commands.append("L{:.2f},{:.2f}".format(*(here + cut * u)))
-        end = "{:.2f},{:.2f}".format(*(here + cut * v))
-        commands.append(f"A{radius:.2f},{radius:.2f} 0 0 {sweep} {end}")
-    return " ".join([*commands, "L{:.2f},{:.2f}".format(*places[-1])])
-
-
-class _Sheet:
-    """Places the section on the sheet: metres to pixels, dog in the middle."""
-
-    def __init__(self, dog: Dog, limits: Limits) -> None:
-        self.dog, self.limits = dog, limits
-        self.scale = min(0.62 * WIDTH / (1.55 * dog.pitch), 0.33 * HEIGHT / dog.height)
-        self.centre = (0.5 * WIDTH, 0.5 * HEIGHT - 30.0)
-        self.underside = -0.5 * dog.height - 84.0 / self.scale
-
-    def at(self, x: float, z: float) -> Point:
-        return self.centre[0] + x * self.scale, self.centre[1] - z * self.scale
-
-    def size(self, name: str, value: float, mark: str = "") -> str:
-        """Print a length with its tolerance, mm."""
-        return f"{mark}{value / MM:.2f}{self._tolerance(name, MM, '')}"
-
-    def slope(self, name: str, word: str) -> str:
-        """Print an angle with its tolerance, degrees."""
-        value = getattr(self.dog, name) / DEG
-        return f"{word} {value:.2f}°{self._tolerance(name, DEG, '°')}"
-
-    def _tolerance(self, name: str, unit: float, sign: str) -> str:
-        tolerance = self.limits.tolerances.dimensions.get(name)
-        return f" ±{tolerance / unit:.2f}{sign}" if tolerance else ""
-
-    def part(self) -> str:
-        """Draw the dog with the slots beside it and the ends of its neighbours."""
-        dog, reach = self.dog, 0.775 * self.dog.pitch
-        points = [(x + i * dog.pitch, z) for i in (-2, -1, 0, 1, 2) for x, z in section(dog)]
-        root = self.limits.root_radius
-        radii = [root, *(2 * [tip_radius(dog, root)]), root] * 5
-        curve = rounded([self.at(*p) for p in points], [r * self.scale for r in radii[1:-1]])
-        right, left = self.at(points[-1][0], self.underside), self.at(points[0][0], self.underside)
-        closing = f"L{right[0]:.2f},{right[1]:.2f} L{left[0]:.2f},{left[1]:.2f} Z"
-        frame = (self.at(-reach, 0.0)[0], self.at(reach, 0.0)[0])
-        return svg.clipped(svg.path(f"{curve} {closing}", "part"), frame, HEIGHT)
-
-    def lengths(self) -> list[str]:
-        """Draw the dimensions of widths and heights."""
-        dog, half = self.dog, 0.5 * self.dog.height
-        root_b, edge, crest, root_t = section(dog)
-        tip_b = (crest[0] - dog.tip_width, half)
-        below = self.at(0.0, -half)[1]
-        right, left = self.at(0.775 * dog.pitch, 0.0)[0], self.at(-0.775 * dog.pitch, 0.0)[0]
-        at, next_root = self.at, (root_t[0] - dog.pitch, -half)
-        over = (dog.height - crest_loss(dog, tip_radius(dog, self.limits.root_radius))) / MM
-        level = (
-            (tip_b, crest, at(*crest)[1] - 42.0, _follows("tip", dog.tip_width)),
-            (root_b, root_t, below + 36.0, _follows("root", dog.root_width)),
-            (next_root, root_t, below + 68.0, _follows("pitch", dog.pitch, 3)),
-        )
-        height, flank = self.size("height", dog.height), dog.braking_flank_height
-        upright = [
-            (crest, (crest[0], -half), right + 40.0, "h " + height),
-            (edge, (edge[0], -half), left - 20.0, _follows("flank", flank)),
-        ]
-        if dog.edge_drop > 0.0:
-            drop = _follows("drop", dog.edge_drop)
-            upright.append(((crest[0], half), edge, left - 54.0, drop))
-        drawn = [svg.dimension(at(*a), at(*b), x, words, True) for a, b, x, words in upright]
-        rounding = right + 52.0, at(*crest)[1]
-        return [
-            svg.line(at(*edge), at(*tip_b)),
-            *(svg.dimension(at(*a), at(*b), place, words) for a, b, place, words in level),
-            drawn[0],
-            svg.text((rounding[0], rounding[1] + 4.0), f"{over:.2f} over", "start", "small"),
-            svg.text((rounding[0], rounding[1] + 18.0), "the rounding", "start", "small"),
-            *drawn[1:],
-        ]
-
-    def angles(self) -> list[str]:
-        """Draw chamfer, side angles and the root radius."""
-        dog, half = self.dog, 0.5 * self.dog.height
-        root_b, edge, crest, _ = section(dog)
-        corner, low = self.at(*crest), self.at(*edge)
-        top = self.at(0.0, half)[1] - 96.0
-        reach = 0.72 * dog.height * self.scale
-        radius = self.limits.root_radius
-        # Middle of the fillet's arc: out of the corner along its bisector.
-        opening = 0.25 * math.pi + 0.5 * dog.braking
-        way = radius * (1.0 / math.sin(opening) - 1.0)
-        fillet = self.at(root_b[0] - way * math.cos(opening), -half + way * math.sin(opening))
-        below = self.at(0.0, self.underside)[1] + 24.0
-        place = self.at(-0.775 * dog.pitch, 0.0)[0] + 60.0, below
-        chamfer = (180.0, 180.0 + dog.chamfer / DEG)
-        traction, braking = (-90.0, -90.0 + dog.traction / DEG), (-90.0 - dog.braking / DEG, -90.0)
-        radius_words = "roots and tip edges R " + self.size("root_radius", radius)
-        if dog.edge_radius > 0.0:
-            edges = f"tip edges R {dog.edge_radius / MM:.2f}"
-            radius_words = f"roots R {self.size('root_radius', radius)}, {edges}"
-        return [
-            svg.angle(corner, chamfer, 0.55 * dog.tip_width * self.scale,
-                      self.slope("chamfer", "chamfer \u03b1"), (self.centre[0] - 90.0, top)),
-            svg.angle(corner, traction, reach,
-                      self.slope("traction", "traction flank \u03b2"), (corner[0] + 70.0, top)),
-            svg.angle(low, braking, 0.8 * reach,
-                      self.slope("braking", "braking flank \u03b3"), (low[0] - 110.0, top + 34.0)),
-            svg.leader(fillet, place, radius_words, "end"),
-        ]  # fmt: skip
-
-    def words(self, title: str) -> list[str]:
-        """Write title and the numbers that the section does not show."""
-        dog, material = self.dog, self.limits.material
-        diameters = (
-            f"{self.size('outer_diameter', dog.outer_diameter, 'Ø')} / "
-            f"{self.size('inner_diameter', dog.inner_diameter, 'Ø')}"
-        )
-        lines = (
-            f"{dog.count} dogs on {diameters} mm, both rings alike, one turned over",
-            f"axial gap before the shift {self.size('axial_gap', dog.axial_gap)} mm, "
-            f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
-            f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
-            "Lengths in mm, to the intersection of faces; in brackets what follows from the "
-            "others. Widths along the circumference at the mean radius,",
-            f"{dog.mean_radius / MM:.2f} mm, where the section is unrolled. In the median plane "
-            "dog and slot are equally wide, flanks are planes through radial",
-            "lines; tips are narrower inside: "
-            f"{dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at the inner radius. General "
-            "tolerances ISO 2768-f.",
-        )
-        left = 36.0
-        return [
-            svg.text((left, 34.0), title, "start", "title"),
-            *(
-                svg.text((left, HEIGHT - 88.0 + 18.0 * i), words, "start", "small")
-                for i, words in enumerate(lines)
-            ),
-        ]
-
-
-def _follows(name: str, length: float, digits: int = 2) -> str:
-    """Return a length in brackets, mm: it follows from the others."""
-    return f"{name} ({length / MM:.{digits}f})"
+    return _document(width, height, elements, "Section of both rings")
 
 
 def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned section") -> str:
@@ -243,9 +187,98 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
 
     ``limits`` brings root radius, tolerances and material.
     """
-    sheet = _Sheet(dog, limits)
-    left, right = (sheet.at(side * 0.775 * dog.pitch, 0.0) for side in (-1.0, 1.0))
-    axis = svg.line((left[0] - 8.0, left[1]), (right[0] + 8.0, right[1]), "axis")
-    name = svg.text((right[0] + 60.0, right[1] + 4.0), "median plane", "start", "small")
-    elements = [sheet.part(), axis, name, *sheet.lengths(), *sheet.angles(), *sheet.words(title)]
-    return svg.document(WIDTH, HEIGHT, elements, title)
+    scale = min(0.62 * WIDTH / (2.0 * REACH * dog.pitch), 0.33 * HEIGHT / dog.height)
+    radius, half, top_radius = (
+        limits.root_radius,
+        0.5 * dog.height,
+        tip_radius(dog, limits.root_radius),
+    )
+
+    def at(x: float, z: float) -> complex:
+        return complex(0.5 * WIDTH + x * scale, 0.5 * HEIGHT - 30.0 - z * scale)
+
+    def within(name: str, unit: float = MM, sign: str = "") -> str:
+        tolerance = limits.tolerances.dimensions.get(name)
+        return f" ±{tolerance / unit:.2f}{sign}" if tolerance else ""
+
+    def size(name: str, length: float) -> str:
+        return f"{length / MM:.2f}{within(name)}"
+
+    def slope(name: str, words: str) -> str:
+        return f"{words} {getattr(dog, name) / DEG:.2f}°{within(name, DEG, '°')}"
+
+    # The dog with the slots beside it and the ends of its neighbours.
+    profile = [at(x + i * dog.pitch, z) for i in (-2, -1, 0, 1, 2) for x, z in section(dog)]
+    radii = [r * scale for r in 5 * [radius, top_radius, top_radius, radius]]
+    left, right = at(-REACH * dog.pitch, 0.0), at(REACH * dog.pitch, 0.0)
+    low = at(0.0, -half).imag + 84.0
+    ends = " L".join(_at(complex(p.real, low)) for p in (profile[-1], profile[0]))
+    part = _path(f"{_rounded(profile, radii[1:-1])} L{ends} Z", "part")
+    frame = f'x="{left.real:.2f}" y="0" width="{(right - left).real:.2f}" height="{HEIGHT:.0f}"'
+    root_b, edge, crest, root_t = (at(x, z) for x, z in section(dog))
+    tip_b, below, pitch = crest - dog.tip_width * scale, root_t.imag, dog.pitch * scale
+    over = (dog.height - crest_loss(dog, top_radius)) / MM
+
+    def follows(name: str, length: float, digits: int = 2) -> str:
+        return f"{name} ({length / MM:.{digits}f})"
+
+    lengths = [
+        _line(edge, tip_b),
+        _dimension(tip_b, crest, crest.imag - 42.0, follows("tip", dog.tip_width)),
+        _dimension(root_b, root_t, below + 36.0, follows("root", dog.root_width)),
+        _dimension(root_t - pitch, root_t, below + 68.0, follows("pitch", dog.pitch, 3)),
+        _dimension(crest, complex(crest.real, below), right.real + 40.0,
+                   "h " + size("height", dog.height), True),
+        _text(complex(right.real + 52.0, crest.imag + 4.0), f"{over:.2f} over", "start", "small"),
+        _text(complex(right.real + 52.0, crest.imag + 18.0), "the rounding", "start", "small"),
+        _dimension(edge, complex(edge.real, below), left.real - 20.0,
+                   follows("flank", dog.braking_flank_height), True),
+    ]  # fmt: skip
+    if dog.edge_drop > 0.0:
+        drop = follows("drop", dog.edge_drop)
+        lengths.append(_dimension(crest, edge, left.real - 54.0, drop, True))
+
+    # Middle of the fillet's arc: out of the corner along its bisector.
+    opening = 0.25 * math.pi + 0.5 * dog.braking
+    fillet = root_b - cmath.rect(radius * scale * (1.0 / math.sin(opening) - 1.0), opening)
+    edges = f"roots and tip edges R {size('root_radius', radius)}"
+    if dog.edge_radius > 0.0:
+        edges = f"roots R {size('root_radius', radius)}, tip edges R {dog.edge_radius / MM:.2f}"
+    top, reach = crest.imag - 96.0, 0.72 * dog.height * scale
+    angles = [
+        _angle(crest, (180.0, 180.0 + dog.chamfer / DEG), 0.55 * dog.tip_width * scale,
+               slope("chamfer", "chamfer \u03b1"), complex(0.5 * WIDTH - 90.0, top)),
+        _angle(crest, (-90.0, -90.0 + dog.traction / DEG), reach,
+               slope("traction", "traction flank \u03b2"), complex(crest.real + 70.0, top)),
+        _angle(edge, (-90.0 - dog.braking / DEG, -90.0), 0.8 * reach,
+               slope("braking", "braking flank \u03b3"), complex(edge.real - 110.0, top + 34.0)),
+        _leader(fillet, complex(left.real + 60.0, low + 24.0), edges, "end"),
+    ]  # fmt: skip
+    material = limits.material
+    lines = (
+        f"{dog.count} dogs on Ø{size('outer_diameter', dog.outer_diameter)} / "
+        f"Ø{size('inner_diameter', dog.inner_diameter)} mm, both rings alike, one turned over",
+        f"axial gap before the shift {size('axial_gap', dog.axial_gap)} mm, "
+        f"travel {dog.travel / MM:.2f} mm; {material.name}, surface "
+        f"{material.surface_hardness:.0f} HV, case {material.case_depth / MM:.1f} mm",
+        "Lengths in mm, to the intersection of faces; in brackets what follows from the "
+        "others. Widths along the circumference at the mean radius,",
+        f"{dog.mean_radius / MM:.2f} mm, where the section is unrolled. In the median plane "
+        "dog and slot are equally wide, flanks are planes through radial",
+        "lines; tips are narrower inside: "
+        f"{dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at the inner radius. General "
+        "tolerances ISO 2768-f.",
+    )
+    elements = [
+        f'<clipPath id="frame"><rect {frame}/></clipPath><g clip-path="url(#frame)">{part}</g>',
+        _line(left - 8.0, right + 8.0, kind="axis"),
+        _text(right + 60.0 + 4.0j, "median plane", "start", "small"),
+        *lengths,
+        *angles,
+        _text(36.0 + 34.0j, title, "start", "title"),
+        *(
+            _text(36.0 + 1j * (HEIGHT - 88.0 + 18.0 * i), words, "start", "small")
+            for i, words in enumerate(lines)
+        ),
+    ]
+    return _document(WIDTH, HEIGHT, elements, title)

@@ -1,37 +1,34 @@
-"""Charts of results, and the look of all figures.
+"""Figures of results, with one look.
 
 What a colour says, a marker says too, so that a page can be printed in grey.
 """
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.text import axis, place_name
+from dogshape.pipeline.reports.designs import Row, design_name, goals_of, is_measured, of_kinds
+from dogshape.pipeline.reports.text import axis, check_name, place_name
+from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.sim.strength.checks import GROUPS, Check
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
-
-INK = "#1b2733"
-GREY = "#9aa5b1"
-BLUE = "#1f5fa8"
-ORANGE = "#c8590c"
-GREEN = "#2e7d4f"
-RED = "#b3261e"
+INK, GREY = "#1b2733", "#9aa5b1"
+BLUE, ORANGE, GREEN, RED = "#1f5fa8", "#c8590c", "#2e7d4f", "#b3261e"
 
 #: Marks of the kinds of designs, the same in every figure.
 MARKS: dict[str, Row] = {
     "dominated": {"color": GREY, "size": 8, "symbol": "circle-open"},
     "fails when simulated": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
-    "front": {"color": BLUE, "size": 10, "symbol": "circle"},
+    "front": {"color": BLUE, "size": 9, "symbol": "circle"},
     "chosen": {
         "color": BLUE, "size": 17, "symbol": "diamond", "line": {"color": INK, "width": 1.5},
     },
@@ -45,11 +42,16 @@ SIDES: tuple[Row, ...] = (
     {"color": BLUE, "size": 9, "symbol": "diamond"},
     {"color": INK, "size": 8, "symbol": "circle"},
 )
+PAPER = (620.0, 290.0)  #: width and height of the front on paper, px
+ROOM = 23.0  #: between numbers and marks of the front, px
+#: Leaders to the numbers of designs, the shortest first; px, y downwards.
+LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
+BESIDE = 3  #: panels of effects side by side
 
 
 def styled(figure: go.Figure, height: int) -> go.Figure:
     """Give a figure the look of all pages and its height in px."""
-    figure.update_layout(
+    return figure.update_layout(
         template="simple_white",
         height=height,
         font={"family": "system-ui, sans-serif", "size": 14, "color": INK},
@@ -57,41 +59,102 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
         legend={"orientation": "h", "y": 1.0, "yref": "container", "yanchor": "top", "x": 0},
         hoverlabel={"align": "left"},
     )
-    return figure
 
 
-def window(values: Sequence[float]) -> tuple[float, float]:
-    """Return a range that shows ``values`` with room on either side."""
-    low, high = min(values), max(values)
-    room = 0.12 * (high - low) or 0.1 * abs(high) or 1.0
-    return low - room, high + room
+def front_figure(result: Row, variables: Sequence[str], other: str) -> go.Figure:
+    """Draw the leading objective against another one; designs far from the front are left out."""
+    goals = goals_of(result, SIMULATED, other)
+    lead, second = goals[0], next(goal for goal in goals if goal.name == other)
+    figure, named = go.Figure(), list[Row]()
+    if len(result["objectives"]) == 2:  # what the front dominates lies right of and above it
+        figure.add_scatter(
+            x=[lead.shown(row) for row in result["front"]],
+            y=[second.shown(row) for row in result["front"]],
+            mode="lines", line={"color": BLUE, "shape": "hv", "width": 1.5},
+            showlegend=False, hoverinfo="skip",
+        )  # fmt: skip
+    for kind, every in of_kinds(result).items():
+        rows, bars = [row for row in every if is_measured(row)], {}
+        if kind in ("front", "chosen", "prototype"):
+            named += rows
+            look = {"thickness": 1, "width": 3, "color": INK}
+            bars = {
+                f"error_{way}": {"array": [1.96 * goal.error(row) for row in rows], **look}
+                for way, goal in (("x", lead), ("y", second))
+            }
+        texts = [
+            "<br>".join([
+                f"<b>{design_name(row)}</b>",
+                *(f"{axis(name)}: {row[name]:.4g}" for name in variables),
+                *(f"{goal.label} {goal.words(goal.shown(row), goal.error(row))}"
+                  for goal in goals if row.get(goal.name) is not None),
+                *(f"fails {check_name(name)}" for name in row["failed"]),
+            ])
+            for row in rows
+        ]  # fmt: skip
+        if rows:
+            figure.add_scatter(
+                x=[lead.shown(row) for row in rows], y=[second.shown(row) for row in rows],
+                customdata=[row["trial"] for row in rows], name=kind, mode="markers",
+                marker=MARKS[kind], hoverinfo="text", hovertext=texts, **bars,
+            )  # fmt: skip
+    named.sort(key=lead.shown)
+    x, y = ([goal.shown(row) for row in named] for goal in (lead, second))
+    figure.update_xaxes(title=lead.title, range=_window(x))
+    figure.update_yaxes(title=second.title, range=_window(y))
+    px = [PAPER[0] * one / ((max(x) - min(x)) or 1.0) / 1.4 for one in x]
+    py = [-PAPER[1] * one / ((max(y) - min(y)) or 1.0) / 1.4 for one in y]
+    taken = [complex(*place) for place in zip(px, py, strict=True)]
+    for row, here in zip(named, tuple(taken), strict=True):
+        # A leader points where no design of the front can be, if there is room.
+        signs = lead.objective.sign, second.objective.sign
+        ways = [complex(signs[0] * way.real, signs[1] * way.imag) for way in LEADERS]
+        room = [min(abs(here + way - other) for other in taken) for way in ways]
+        way = next((w for w, r in zip(ways, room, strict=True) if r > ROOM), ways[-1])
+        if not row["prototype"]:
+            taken.append(here + way)
+            figure.add_annotation(
+                x=lead.shown(row), y=second.shown(row), text=str(row["trial"]), ax=way.real,
+                ay=way.imag, arrowwidth=1, arrowcolor=GREY, arrowhead=0, standoff=5, font_size=13,
+            )  # fmt: skip
+    return styled(figure, 480)
 
 
-def times_by_point(sides: Mapping[str, Sequence[Row]]) -> go.Figure:
+def _window(values: Sequence[float]) -> tuple[float, float] | None:
+    """Return a range that shows ``values`` with room on either side; None without any."""
+    if not values:
+        return None
+    room = 0.2 * (max(values) - min(values)) or 0.1 * abs(max(values)) or 1.0
+    return min(values) - room, max(values) + room
+
+
+def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) -> go.Figure:
     """Draw mean times, ms, with 95 % intervals: a line for each operating point, by force.
 
-    ``sides`` are up to three by their names, each a record for each operating point with
-    ``mismatch_rpm``, ``force_N``, ``mean_s`` and ``standard_error_s``, both s or None.
+    ``sides`` are up to three by their names, each with the keys of mean and standard error in the
+    records of the operating points, both s or None.
     """
-    places = {(p["force_N"], p["mismatch_rpm"]) for points in sides.values() for p in points}
-    names = [place_name(mismatch, force) for force, mismatch in sorted(places, reverse=True)]
+    rows = sorted(rows, key=lambda row: (row["force_N"], row["mismatch_rpm"]), reverse=True)
+    names = [place_name(row["mismatch_rpm"], row["force_N"]) for row in rows]
     figure = go.Figure()
-    for (name, points), mark in zip(sides.items(), SIDES, strict=False):
-        known = [point for point in points if point["mean_s"] is not None]
+    for (side, (mean, error)), mark in zip(sides.items(), SIDES, strict=False):
+        known = [(name, row) for name, row in zip(names, rows, strict=True)
+                 if row[mean] is not None]  # fmt: skip
         if known:
-            errors = [1.96e3 * (point["standard_error_s"] or 0.0) for point in known]
             figure.add_scatter(
-                x=[1e3 * point["mean_s"] for point in known],
-                y=[place_name(point["mismatch_rpm"], point["force_N"]) for point in known],
-                error_x={"array": errors, "thickness": 1.2}, name=name, mode="markers", marker=mark,
-                hovertemplate=f"{name}, %{{y}}: %{{x:.1f}} ± %{{error_x.array:.1f}} ms"
+                x=[1e3 * row[mean] for _, row in known], y=[name for name, _ in known],
+                error_x={"array": [1.96e3 * (row.get(error) or 0.0) for _, row in known],
+                         "thickness": 1.2},
+                name=side, mode="markers", marker=mark,
+                hovertemplate=f"{side}, %{{y}}: %{{x:.1f}} ± %{{error_x.array:.1f}} ms"
                 "<extra></extra>",
             )  # fmt: skip
     figure.update_xaxes(title="mean shift time, ms", rangemode="tozero", showgrid=True)
     figure.update_yaxes(
-        type="category", categoryorder="array", categoryarray=names, automargin=True, showgrid=True
-    )
-    return styled(figure, 130 + 24 * len(names))
+        categoryorder="array", categoryarray=names, automargin=True, showgrid=True,
+        range=[-0.7, len(names) - 0.3],
+    )  # fmt: skip
+    return styled(figure, 110 + 22 * len(names))
 
 
 def trend_figure(found: pd.DataFrame) -> go.Figure:
@@ -101,21 +164,45 @@ def trend_figure(found: pd.DataFrame) -> go.Figure:
     """
     moved = [key for key in found["moved"].unique() if key in found.columns]
     figure = make_subplots(1, len(moved), shared_yaxes=True, horizontal_spacing=0.025)
-    own = found.iloc[0]
     for column, key in enumerate(moved, start=1):
-        rows = found[found["moved"] == key]
-        figure.add_scatter(
-            x=rows[key], y=1e3 * rows["expected_shift_time_s"], mode="lines", line_color=BLUE,
-            hovertemplate="%{x:.4g}: %{y:.1f} ms<extra></extra>", row=1, col=column,
-        )  # fmt: skip
-        figure.add_scatter(
-            x=[own[key]], y=[1e3 * own["expected_shift_time_s"]], mode="markers",
-            marker={"color": ORANGE, "size": 10}, hoverinfo="skip", row=1, col=column,
-        )  # fmt: skip
+        rows, own = found[found["moved"] == key], found.iloc[:1]
+        for drawn, look in (
+            (rows, {"mode": "lines", "line_color": BLUE}),
+            (own, {"mode": "markers", "marker": {"color": ORANGE, "size": 10}}),
+        ):
+            figure.add_scatter(
+                x=drawn[key], y=1e3 * drawn[SIMULATED], row=1, col=column, **look,
+                hovertemplate="%{x:.4g}: %{y:.1f} ms<extra></extra>",
+            )  # fmt: skip
         figure.update_xaxes(title=axis(key), row=1, col=column)
     figure.update_yaxes(title="ms", col=1)
     figure = styled(figure, 230).update_layout(showlegend=False)
     return figure.update_layout(margin={"l": 50, "r": 5, "t": 10, "b": 50}, font_size=12)
+
+
+def effects_figure(found: Row) -> go.Figure:
+    """Draw the main effect of each variable on the expected shift time, ms, with its band."""
+    shown = found["variables"]
+    rows, columns = -(-len(shown) // BESIDE), min(len(shown), BESIDE)
+    figure = make_subplots(rows, columns, horizontal_spacing=0.06, vertical_spacing=0.32 / rows)
+    for place, one in enumerate(shown):
+        x, where = one["values"], {"row": place // BESIDE + 1, "col": place % BESIDE + 1}
+        ends = [1e3 * v for v in (*one["high_s"], *reversed(one["low_s"]))]
+        figure.add_scatter(
+            x=[*x, *reversed(x)], y=ends, name="95 % interval", showlegend=place == 0,
+            mode="lines", fill="toself", hoverinfo="skip", fillcolor="rgba(31, 95, 168, 0.22)",
+            line={"width": 0}, **where,
+        )  # fmt: skip
+        figure.add_scatter(
+            x=x, y=[1e3 * v for v in one["effect_s"]], name="effect on the expected shift time",
+            showlegend=place == 0, mode="lines+markers", line={"color": BLUE, "width": 2.5},
+            **where,
+        )  # fmt: skip
+        figure.add_hline(0.0, line={"color": GREY, "width": 1}, **where)
+        figure.update_xaxes(title=axis(one["variable"]), **where)
+    figure.update_yaxes(matches="y", showticklabels=True)
+    figure.update_yaxes(title="effect, ms", col=1)
+    return styled(figure, 90 + 250 * rows)
 
 
 def margins(checks: Sequence[Check], within: Mapping[str, Mapping[str, float]]) -> go.Figure:
@@ -139,9 +226,6 @@ def margins(checks: Sequence[Check], within: Mapping[str, Mapping[str, float]]) 
         x=list(worst.values()), y=list(worst), name="worst case within the tolerances",
         mode="markers", marker={"color": INK, "symbol": "line-ns-open", "size": 14},
     )  # fmt: skip
-    for name, margin in worst.items():
-        if math.isinf(margin):
-            figure.add_annotation(x=0, y=name, text="no dog left", showarrow=False, xanchor="right")
     title = "margin to the limit, % of the limit"
     figure.update_xaxes(title=title, zeroline=True, zerolinecolor=INK)
     figure.update_yaxes(categoryarray=names, autorange="reversed", automargin=True)

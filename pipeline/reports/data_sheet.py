@@ -1,4 +1,4 @@
-"""Designs by their names, their records, and the data sheet of one on an A4 page.
+"""Designs by their names, their records with provenance, and the data sheet of one on an A4 page.
 
 Times and margins of a searched design are those of the confirmation where it was confirmed, else
 of the search. A design that does not engage has no time.
@@ -7,31 +7,32 @@ of the search. A design that does not engage has no time.
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from markupsafe import Markup
 
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, find_study, load_study
+from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.record import Table, number_or_none
-from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.designs import (
+    Row,
     confirmation_of,
     engaged_shifts,
     is_measured,
-    least_margins,
     margins_of,
-    weakest_at_worst,
 )
-from dogshape.pipeline.reports.provenance import command_of, now
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
     ENGINES,
     check_name,
     label,
+    margin_cell,
     ms_with_error,
     percent,
     place_name,
@@ -41,7 +42,7 @@ from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES, design_of, m
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import DogSection
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
@@ -60,13 +61,9 @@ PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 
 @dataclass(frozen=True)
 class NamedDesign:
-    """A design with its study, and with the result that it was searched in.
+    """A design with its study, and with the result and the row in it where it was searched.
 
-    Parameters
-    ----------
-    label : its name, with the number of the design.
-    study : the study that was searched, or that holds the design as its own dog.
-    result, row : the result and the design's row in it; None where nothing was searched.
+    ``study`` is the one that was searched, or that has the design as its own dog.
     """
 
     label: str
@@ -92,14 +89,10 @@ class NamedDesign:
 def named_design(
     name: str, settings: Iterable[str] | Mapping[str, Any] | None = None, *, chosen: bool = True
 ) -> NamedDesign:
-    """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result.
+    """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result, or what ``load_study`` takes.
 
-    Parameters
-    ----------
-    name : such as ``results/mq200#43``, ``mq200#43``, or what ``load_study`` takes.
-    settings : keys of the study with their values, of a study's dog alone.
-    chosen : whether a name without ``#N`` is the chosen design of its result, where it has one;
-        else it is the study's own dog.
+    ``settings`` are keys of a study with their values. A name without ``#N`` is the chosen design
+    of its result, where it has one; unless ``chosen``, it is the study's own dog.
 
     Raises
     ------
@@ -122,7 +115,7 @@ def named_design(
             f"'{name}' must end in the number of a design after '#'; write for instance "
             "results/mq200#43"
         )
-    folder, path = StudyFolder(Path(where)), Path(where)
+    path, folder = Path(where), StudyFolder(Path(where))
     if folder.manifest.exists():
         return _searched(where, folder.stored_study(), folder.stored_result(), number)
     try:
@@ -133,30 +126,27 @@ def named_design(
             f"results/mq200 (with #N for a design), a study file, one of "
             f"{', '.join(bundled_studies())}, or contact sets ({', '.join(sorted(CONTACT_SETS))})"
         ) from error
-    study = load_study(where)
     # A result that is kept beside a study file, in a folder or of a bundled study.
     kept = (path if path.is_dir() else bundled_root() / where) / "result.json"
     if kept.is_file() and not path.is_file():
-        return _searched(where, study, read_json(kept, "take it away"), number)
+        return _searched(where, load_study(where), read_json(kept, "take it away"), number)
     if sign:
         raise InputError(
             f"'{name}' names design {number}, but '{where}' has no result; run 'dogshape study "
             f"{where}' and give the folder of its results"
         )
-    return NamedDesign(where, study)
+    return NamedDesign(where, load_study(where))
 
 
 def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign:
     rows = {row["trial"]: row for row in result["trials"]}
     own = next((row for row in result["trials"] if row["prototype"]), None)
     row = rows.get(int(number)) if number else result["best"] or own
-    if row is None and number:
-        raise InputError(
-            f"'{where}' has no design {int(number)}; it has the designs 0 (prototype) to "
-            f"{max(rows)}"
-        )
     if row is None:
-        raise InputError(f"'{where}' has no chosen design and no prototype; name one with #N")
+        raise InputError(
+            f"'{where}' has no {f'design {int(number)}' if number else 'chosen design'}; it has "
+            f"the designs 0 (prototype) to {max(rows, default=0)}"
+        )
     if row[SIMULATED] is None:
         raise InputError(
             f"design {row['trial']} of '{where}' failed {', '.join(row['failed'])} and was not "
@@ -174,14 +164,12 @@ def design_record(
 ) -> Row:
     """Record a design of a study by one set of keys, None where something is not known.
 
-    Parameters
-    ----------
-    params : the searched keys of the study, edge units; its own dog where there are none.
-    margins : margins of all checks by name.
-    worst : check with the smallest margin at worst-case tolerances, and that margin.
-    known : what else is known of the design, by the keys of the record.
+    ``params`` are its searched keys in edge units, ``margins`` those of all checks, ``worst`` is
+    the check with the smallest margin at worst-case tolerances with that margin; ``known`` is what
+    else is known, by the keys of the record.
     """
-    dog, (weakest, least) = study.dog_with(dict(params)), least_margins(margins)[0]
+    own = {name: margin for name, margin in margins.items() if name not in SUMMARIES}
+    dog, weakest = study.dog_with(dict(params)), min(own, key=lambda name: own[name])
     friction, surface = locking_friction(dog, study.limits.load)
     return {
         "study": study.name,
@@ -194,7 +182,7 @@ def design_record(
         **dict.fromkeys(SIMULATION),
         "confirmed": False,
         "passes": all(margin >= 0.0 for margin in margins.values()),
-        "smallest_margin": least,
+        "smallest_margin": own[weakest],
         "weakest_check": weakest,
         "margin_worst_case": worst and number_or_none(worst[1]),
         "weakest_check_worst_case": worst and worst[0],
@@ -215,46 +203,43 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
     """Record a design of a result; ``study`` is the one that was searched."""
     confirmed = confirmation_of(result, row)
     known = row if confirmed is None else confirmed
-    simulated: Row = {"engaged": known["engaged"], "source": "search"}
-    if confirmed is not None:
-        counts = list(engaged_shifts(confirmed))
-        simulated |= {"source": "new angles", "confirmed": True, "shifts_engaged": counts}
+    found: Row = {"engaged": known["engaged"], "source": "search"}
     if is_measured(known):
-        simulated |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
-        if confirmed is not None:
-            slow, place = max(confirmed["points"], key=lambda p: p["mean_s"]), PLACE
-            simulated["slowest_point"] = {
-                k: slow[k] for k in (*place, "mean_s", "standard_error_s")
-            }
-            own = result["confirmation"]["prototype"]
-            if not row["prototype"] and is_measured(own):
-                errors = [one["standard_error_s"] or 0.0 for one in (own, confirmed)]
-                simulated["gain_s"] = own[SIMULATED] - confirmed[SIMULATED]
-                simulated["gain_standard_error_s"] = math.hypot(*errors)
-                against = point_differences(own, confirmed)
-                worst = max(against, key=lambda one: float(one["difference_s"]), default=None)
-                simulated["worst_against_prototype"] = worst
+        found |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
+    if confirmed is not None:
+        own = result["confirmation"]["prototype"]
+        found |= {"source": "new angles", "confirmed": True}
+        found["shifts_engaged"] = list(engaged_shifts(confirmed))
+        if is_measured(known):
+            slow = max(confirmed["points"], key=lambda p: p["mean_s"])
+            found["slowest_point"] = {k: slow[k] for k in (*PLACE, "mean_s", "standard_error_s")}
+        if is_measured(known) and is_measured(own) and not row["prototype"]:
+            loss, error = difference(own, confirmed) or (0.0, 0.0)
+            found |= {"gain_s": -loss, "gain_standard_error_s": error}
+            found["worst_against_prototype"] = max(
+                point_differences(own, confirmed), key=lambda one: float(one["difference_s"])
+            )
+    worst = row["margin_worst_case"]
     return design_record(
         study,
         {name: row[name] for name in study.variables},
         margins_of(row, confirmed),
-        weakest_at_worst(row),
+        None if worst is None else (row.get("weakest_check_worst_case") or "", worst),
         design=int(row["trial"]),
         prototype=bool(row["prototype"]),
-        **simulated,
+        **found,
     )
 
 
 def point_differences(prototype: Row, chosen: Row) -> list[Row]:
-    """List the time of the chosen design less the prototype's, s, at each point confirmed of both.
+    """List the time of the chosen design less the prototype's, s, at each operating point.
 
-    The standard error is None where one of either is not known.
+    The n-th point of either is the same one of the study, which a design may move by set-point and
+    force; it is named as the prototype's. The standard error is None where one of either is.
     """
-    best = {tuple(p[key] for key in PLACE): p for p in chosen["points"]}
     found = []
-    for point in prototype["points"]:
-        other = best.get(tuple(point[key] for key in PLACE))
-        if other and None not in (point["mean_s"], other["mean_s"]):
+    for point, other in zip(prototype["points"], chosen["points"], strict=True):
+        if None not in (point["mean_s"], other["mean_s"]):
             errors = [p["standard_error_s"] for p in (point, other)]
             found.append({
                 **{key: point[key] for key in PLACE},
@@ -266,52 +251,43 @@ def point_differences(prototype: Row, chosen: Row) -> list[Row]:
 
 def difference(one: Row, other: Row) -> tuple[float, float] | None:
     """Take the second record's time less the first's, with the error of independent means, s."""
-    if None in (one["expected_shift_time_s"], other["expected_shift_time_s"]):
+    if None in (one[SIMULATED], other[SIMULATED]):
         return None
-    error = math.hypot(one["standard_error_s"], other["standard_error_s"])
-    return other["expected_shift_time_s"] - one["expected_shift_time_s"], error
+    error = math.hypot(*(record["standard_error_s"] or 0.0 for record in (one, other)))
+    return other[SIMULATED] - one[SIMULATED], error
 
 
 def words_of(one: Row) -> dict[str, str]:
     """Print times, margins and friction of a record with their errors; a dash where unknown."""
-    margin, check = one["margin_worst_case"], one["weakest_check_worst_case"]
-    surface = check_name(one["locking_surface"]).removesuffix(" release")
-    time, counts = ms_or_dash(one[SIMULATED], one["standard_error_s"]), one["shifts_engaged"]
+    time, counts = ms_with_error(one[SIMULATED], one["standard_error_s"]), one["shifts_engaged"]
     if one[SIMULATED] is None and counts:
         time = "engages in {} of {}".format(*counts)
     elif not one["confirmed"]:
         time += f" ({one['source']})"
-    engaged = "-" if one["engaged"] is None else percent(one["engaged"])
-    least = f"{percent(one['smallest_margin'])} {check_name(one['weakest_check'])}"
+
+    def at_point(point: Row | None, key: str, sign: str = "") -> str:
+        if point is None:
+            return "-"
+        place = place_name(*(point[part] for part in PLACE))
+        return f"{ms_with_error(point[key], point['standard_error_s'], sign)} at {place}"
+
+    worst, surface = one["margin_worst_case"], check_name(one["locking_surface"])
+    engaged = one["engaged"]
     return {
         "expected shift time, ms": time,
-        "gain over the prototype, ms": ms_or_dash(one["gain_s"], one["gain_standard_error_s"]),
-        "worst point against the prototype, ms": _place_words(one["worst_against_prototype"]),
-        "slowest point, ms": _place_words(one["slowest_point"]),
-        "engage at the first try, least": engaged,
-        "smallest margin, nominal size": least,
-        "at worst-case tolerances": "no dog"
-        if margin is None
-        else f"{percent(margin)} {check_name(check)}",
-        "locks above friction": f"{one['locking_friction']:.3f} ({surface})",
+        "gain over the prototype, ms": ms_with_error(one["gain_s"], one["gain_standard_error_s"]),
+        "worst point less prototype, ms":
+            at_point(one["worst_against_prototype"], "difference_s", "+"),
+        "slowest point, ms": at_point(one["slowest_point"], "mean_s"),
+        "engage at the first try, least": "-" if engaged is None else percent(engaged),
+        "smallest margin, nominal size":
+            margin_cell(one["weakest_check"], one["smallest_margin"]),
+        "at worst-case tolerances":
+            "no dog" if worst is None else margin_cell(one["weakest_check_worst_case"], worst),
+        "locks above friction":
+            f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})",
         "length, mm": f"{one['axial_length_mm']:.2f}",
     }  # fmt: skip
-
-
-def ms_or_dash(time: float | None, error: float | None, sign: str = "") -> str:
-    """Print a time and its standard error, both in s, in ms; a dash where there is none."""
-    return "-" if time is None else ms_with_error(time, error or 0.0, sign)
-
-
-def _place_words(point: Row | None) -> str:
-    """Print a time, or a difference to the prototype, with its operating point."""
-    if point is None:
-        return "-"
-    loss, side = point.get("difference_s"), ""
-    if loss is not None:
-        side = " slower" if loss > 0.0 else " faster"
-    time = ms_or_dash(abs(point["mean_s"] if loss is None else loss), point["standard_error_s"])
-    return f"{time}{side} at {place_name(*(point[key] for key in PLACE))}"
 
 
 def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
@@ -331,68 +307,50 @@ def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
 def write_sheet(one: NamedDesign, record: Row, checks: Sequence[Row], why: str, path: Path) -> None:
     """Write the data sheet of a design as a page, or as JSON by the ending of the path.
 
-    Parameters
-    ----------
-    record, checks : of the design (``design_record``), and each of its checks.
-    why : reason of a decision for the design; empty for none.
+    ``record`` and ``checks`` are those of the design; ``why`` is the reason of a decision for it.
     """
-    study = one.own_study
+    study, time = one.own_study, f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
     own = [check for check in checks if check["name"] not in SUMMARIES]
     own.sort(key=lambda check: list(GROUPS).index(check["group"]))
-    sheet = {
-        "name": one.title,
-        "time": now(),
-        "why": why or None,
-        **record,
-        "dimensions": _dimensions(study),
-        "checks": own,
-        "provenance": provenance_of(one.study, one.result),
-    }
+    dimensions, origin = _dimensions(study), provenance_of(one.study, one.result)
     if path.suffix.lower() == ".json":
+        given = {"name": one.title, "time": time, "why": why or None, **record}
+        sheet = {**given, "dimensions": dimensions, "checks": own, "provenance": origin}
         return write_json(path, sheet)
-    sizes = [
-        (
-            check_name(label(row["key"])),
-            f"{row['value']:{'.0f' if row['key'] == 'count' else '.2f'}} {row['unit']}",
-            "follows" if row["follows"] else "" if row["key"] == "count"
-            else GENERAL if row["tolerance"] is None
-            else f"± {row['tolerance']:.2f} {row['unit']}",
-        )
-        for row in sheet["dimensions"]
-    ]  # fmt: skip
-    page = Report(f"{one.title}: data sheet, {sheet['time']}", why, compact=True)
-    page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, one.title)))
-    page.add(f"Dimensions ({sheet['material']})", Table(("", "", ""), sizes))
-    facts = [pair for pair in words_of(sheet).items() if pair[1] != "-"]
-    page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))
+    sizes = []
+    for row in dimensions:
+        unit, tolerance = row["unit"], row["tolerance"]
+        size = f"{row['value']:.2f} {unit}" if unit else f"{row['value']}"
+        within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
+        sizes.append((check_name(label(row["key"])), size, within))
     columns = ("name", "value", "limit", "unit", "margin", "margin_worst_case")
     known = dict.fromkeys(CheckRow.model_fields)
-    named = [{**known, **check, "name": check_name(check["name"])} for check in own]
-    rows = [CheckRow.model_construct(**check) for check in named]
+    rows = [
+        CheckRow.model_construct(**{**known, **check, "name": check_name(check["name"])})
+        for check in own
+    ]
+    facts = [pair for pair in words_of(record).items() if pair[1] != "-"]
+    page = Report(f"{one.title}: data sheet, {time}", why, compact=True)
+    page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, one.title)))
+    page.add(f"Dimensions ({record['material']})", Table(("", "", ""), sizes))
+    page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))
     page.add("Margins to the limits", check_table(rows, *columns))
-    page.add("Provenance", Table(("", ""), list(sheet["provenance"].items())))
+    page.add("Provenance", Table(("", ""), list(origin.items())))
     return page.save(path)
 
 
 def _dimensions(study: Setup) -> list[Row]:
-    """List the dimensions with their tolerances; those that follow from others have none."""
-    dog, limits, known = study.clutch.dog, study.limits, study.limits.tolerances.dimensions
-    every = {key: getattr(dog, key.removesuffix(suffix_of(key))) for key in DogSection.model_fields}
-    given = {key: value for key, value in every.items() if value} | {
-        "root_radius_mm": limits.root_radius
-    }
-    follows = {
-        "travel_mm": dog.travel,
-        "tip_width_at_the_inner_radius_mm": dog.tip_width_at(dog.inner_radius),
-        "pitch_at_the_mean_radius_mm": dog.pitch,
-    }
-    rows = []
-    for key, value in (given | follows).items():
-        size, tolerance = to_si(key, 1.0), known.get(key.removesuffix(suffix_of(key)))
-        rows.append({
-            "key": key, "value": value / size, "unit": unit_of(key),
-            "tolerance": None if tolerance is None else tolerance / size, "follows": key in follows,
-        })  # fmt: skip
+    """List the dimensions that are given with their tolerances; others follow from them."""
+    dog, limits, rows = study.clutch.dog, study.limits, list[Row]()
+    for key in (*DogSection.model_fields, "root_radius_mm"):
+        name, size = key.removesuffix(suffix_of(key)), to_si(key, 1.0)
+        value = limits.root_radius if name == "root_radius" else getattr(dog, name)
+        tolerance = limits.tolerances.dimensions.get(name)
+        if value:
+            rows.append({
+                "key": key, "value": value / size if unit_of(key) else value, "unit": unit_of(key),
+                "tolerance": None if tolerance is None else tolerance / size,
+            })  # fmt: skip
     return rows
 
 
@@ -414,7 +372,6 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
         "simulated": simulated,
         "operating points": study.operating_text,
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
-        "material": study.limits.material.name,
         "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
         f"{contact.dynamic_friction:g} dynamic, stiffness {contact.stiffness:.3g} Pa/m, "
         f"dissipation {contact.dissipation:g} s/m",
@@ -423,3 +380,35 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
         "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{own}",
     }
     return {name: words for name, words in facts.items() if words}
+
+
+def dates_of(result: Path) -> str:
+    """Write the days on which a result was stored, by its file, and its report written."""
+    stored = datetime.fromtimestamp(result.stat().st_mtime, UTC)
+    return f"result stored {stored:%Y-%m-%d}, report written {datetime.now(UTC):%Y-%m-%d}"
+
+
+def command_of(study: Setup) -> str | None:
+    """Compose the command that runs a study like this one; None unless ``--set`` leads to it.
+
+    Checked by the hash of the configuration.
+    """
+    try:
+        bundled = flat_keys(load_study(study.name).file.model_dump())
+        wanted = flat_keys(study.file.model_dump())
+        changed = {k: v for k, v in wanted.items() if v is not None and bundled.get(k) != v}
+        overrides = [f"{key}={toml_value(value)}" for key, value in changed.items()]
+        if load_study(study.name, overrides).config_hash != study.config_hash:
+            return None
+    except DogshapeError:
+        return None
+    return f"dogshape study {study.name}" + "".join(f" --set {shlex.quote(o)}" for o in overrides)
+
+
+def flat_keys(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Flatten nested records into one, keys joined by dots."""
+    found: dict[str, Any] = {}
+    for key, value in record.items():
+        inner = flat_keys(value, f"{prefix}{key}.") if isinstance(value, Mapping) else None
+        found |= {f"{prefix}{key}": value} if inner is None else inner
+    return found

@@ -5,17 +5,18 @@ Times are shown in ms, margins and shares in percent, forces in kN.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.schema import QUANTILE
-from dogshape.pipeline.reports.charts import Row
 from dogshape.pipeline.reports.text import check_name, minus, percent, with_error
-from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, SUMMARIES, Objective
+from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
 
 if TYPE_CHECKING:
     import pandas as pd
+
+Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 
 LEAST_ENGAGED = 0.5  #: share of the shifts of an operating point from which it has a time
 MARGIN, QUANTILE_TIME = "smallest_margin", "shift_time_quantile_s"
@@ -29,27 +30,16 @@ FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}
 
 @dataclass(frozen=True)
 class Goal:
-    """An objective of a study; ``share`` is the level of a quantile."""
+    """An objective of a study as it is shown; ``label`` and ``unit`` are for people."""
 
     objective: Objective
-    share: float
+    label: str
+    unit: str
 
     @property
     def name(self) -> str:
         """Key of the objective."""
         return self.objective.name
-
-    @property
-    def label(self) -> str:
-        """Words for the objective; a quantile has its level."""
-        level = f"{100 * self.share:.4g} % " if self.name == QUANTILE_TIME else ""
-        return level + self.objective.label
-
-    @property
-    def unit(self) -> str:
-        """Unit that is shown."""
-        own = SHOWN.get(self.name, self.objective.unit)
-        return "ms" if own == "s" else own
 
     @property
     def factor(self) -> float:
@@ -85,18 +75,17 @@ class Goal:
         """Print a shown value with error and unit."""
         return f"{self.pair(shown, error)} {self.unit}".strip()
 
-    def cell(self, row: Row) -> str:
-        """Print the value of a row with its error; words where it has none."""
-        if row.get(self.name) is None or (self.unit == "ms" and not is_measured(row)):
-            return "does not engage" if row["points"] else "not simulated"
-        return self.pair(self.shown(row), self.error(row))
-
 
 def goals_of(result: Row, *more: str) -> list[Goal]:
     """List the objectives of a result, the leading one first, then ``more`` that are none."""
     names = sorted(result["objectives"], key=lambda name: name != result["leading"])
-    share = result.get("quantile", QUANTILE)
-    return [Goal(OBJECTIVES[name], share) for name in dict.fromkeys((*names, *more))]
+    level = f"{100 * result.get('quantile', QUANTILE):.4g} % "
+    found = []
+    for name in dict.fromkeys((*names, *more)):
+        one = OBJECTIVES[name]
+        unit = "ms" if one.unit == "s" else SHOWN.get(name, one.unit)
+        found.append(Goal(one, (level if name == QUANTILE_TIME else "") + one.label, unit))
+    return found
 
 
 def design_name(row: Row) -> str:
@@ -116,18 +105,16 @@ def is_measured(found: Row) -> bool:
 
 def confirmed_designs(result: Row) -> dict[int, Row]:
     """Select the records of the confirmation for designs of the front, by trial."""
-    confirmation = result["confirmation"]
-    return {} if not confirmation else {one["trial"]: one for one in confirmation["designs"]}
+    return {one["trial"]: one for one in (result["confirmation"] or {"designs": []})["designs"]}
 
 
 def confirmation_of(result: Row, row: Row) -> Row | None:
     """Select what a design was confirmed with; None where it was not."""
-    confirmation = result["confirmation"]
-    if confirmation and row["prototype"]:
-        return dict(confirmation["prototype"])
-    if confirmation and row["trial"] == confirmation.get("chosen"):
-        return dict(confirmation["best"])
-    return confirmed_designs(result).get(row["trial"])
+    confirmation: Row = result["confirmation"] or {}
+    if row["prototype"]:
+        return confirmation.get("prototype")
+    chosen = {confirmation["chosen"]: confirmation["best"]} if "chosen" in confirmation else {}
+    return (confirmed_designs(result) | chosen).get(row["trial"])
 
 
 def engaged_shifts(record: Row) -> tuple[int, int]:
@@ -138,36 +125,21 @@ def engaged_shifts(record: Row) -> tuple[int, int]:
 
 def margins_of(row: Row, record: Row | None) -> dict[str, float]:
     """Collect the margins of a design by check, those at the new angles where there are any."""
-    checks = [] if record is None else record["checks"]
-    return {
-        **(row["margins"] or {}),
-        **{c["name"]: c["margin"] for c in checks if c["margin"] is not None},
-    }
+    checks = (record or {"checks": []})["checks"]
+    own = {c["name"]: c["margin"] for c in checks if c["margin"] is not None}
+    return {**(row["margins"] or {}), **own}
 
 
-def least_margins(margins: Mapping[str, float]) -> list[tuple[str, float]]:
-    """Sort margins at nominal size, the smallest first; none that sums up others."""
-    own = [(name, margin) for name, margin in margins.items() if name not in SUMMARIES]
-    return sorted(own, key=lambda pair: pair[1])
-
-
-def weakest_at_worst(row: Row) -> tuple[str, float] | None:
-    """Name the check with the smallest margin at worst-case tolerances, and that margin."""
-    margin = row["margin_worst_case"]
-    return None if margin is None else (row.get("weakest_check_worst_case") or "", margin)
-
-
-def failed_words(confirmed: Row | None) -> str:
+def failed_words(confirmed: Row) -> str:
     """List the checks that a confirmed design fails, with their margins; empty where none."""
-    failed = [check for check in (confirmed or {"checks": []})["checks"] if not check["passed"]]
+    failed = [check for check in confirmed["checks"] if not check["passed"]]
     return ", ".join(f"{check_name(c['name'])} ({percent(c['margin'])})" for c in failed)
 
 
 def failed_at_new_angles(result: Row) -> list[Row]:
     """Select the designs that fail a check when re-simulated at new angles, in search order."""
     rows = {row["trial"]: row for row in result["trials"]}
-    confirmed = confirmed_designs(result).items()
-    return [rows[trial] for trial, one in confirmed if not all(c["passed"] for c in one["checks"])]
+    return [rows[trial] for trial, one in confirmed_designs(result).items() if failed_words(one)]
 
 
 def of_kinds(result: Row) -> dict[str, list[Row]]:
@@ -175,23 +147,19 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
 
     Confirmed ones have the values of their confirmation.
     """
-    chosen = None if result["best"] is None else result["best"]["trial"]
     front = {row["trial"]: row for row in result["front"]}
     failed = {row["trial"] for row in failed_at_new_angles(result)}
-
-    def kind(row: Row) -> str:
-        if row["trial"] == chosen:
-            return "chosen"
-        if row["prototype"]:
-            return "prototype"
-        if not row["feasible"] or row["trial"] in failed:
-            return "fails when simulated"
-        return "front" if row["trial"] in front else "dominated"
-
     kinds = ("dominated", "fails when simulated", "front", "chosen", "prototype")
     found: dict[str, list[Row]] = {name: [] for name in kinds}
-    for row in (row for row in result["trials"] if row[SIMULATED] is not None):
-        found[kind(row)].append(front.get(row["trial"], row))
+    for row in result["trials"]:
+        if row[SIMULATED] is not None:
+            kind = (
+                "chosen" if result["best"] and row["trial"] == result["best"]["trial"]
+                else "prototype" if row["prototype"]
+                else "fails when simulated" if not row["feasible"] or row["trial"] in failed
+                else "front" if row["trial"] in front else "dominated"
+            )  # fmt: skip
+            found[kind].append(front.get(row["trial"], row))
     return found
 
 
@@ -201,9 +169,9 @@ def designs_shown(result: Row) -> list[Row]:
     Values are those of the search.
     """
     rows = {row["trial"]: row for row in result["trials"]}
-    own = [trial for trial, row in rows.items() if row["prototype"]]
-    trials = [row["trial"] for row in (*result["front"], *failed_at_new_angles(result))]
-    return [rows[trial] for trial in dict.fromkeys([*own, *trials])]
+    own = [row for row in result["trials"] if row["prototype"]]
+    every = (*own, *result["front"], *failed_at_new_angles(result))
+    return [rows[trial] for trial in dict.fromkeys(row["trial"] for row in every)]
 
 
 def designs_frame(
@@ -212,9 +180,10 @@ def designs_frame(
     """Tabulate designs of a search with all that is known of them, a row each; by default all."""
     import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-    front = {row["trial"] for row in result["front"]}
-    failed = {row["trial"] for row in failed_at_new_angles(result)}
-    best = None if result["best"] is None else result["best"]["trial"]
+    front, failed = (
+        {row["trial"] for row in rows} for rows in (result["front"], failed_at_new_angles(result))
+    )
+    best = (result["best"] or {}).get("trial")
     apart = (*variables, "trial", "prototype", "failed")
     table = []
     for row in result["trials"] if rows is None else rows:

@@ -11,7 +11,6 @@ import plotly.graph_objects as go
 from markupsafe import Markup
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.comparison import Comparison, PointGap
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.wording import (
     chance,
@@ -25,8 +24,8 @@ from dogshape.diagnosis.terms import NONE, plain
 from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
-from dogshape.pipeline.reports.report import Report, link
-from dogshape.pipeline.reports.text import axis, value
+from dogshape.pipeline.reports.report import Report
+from dogshape.pipeline.reports.text import ENGINES, axis
 from dogshape.sim.files import naming
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
@@ -61,17 +60,16 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
     held_out, nearest = found.held_out, found.fits[found.leading].predicted
     spread = np.sqrt((nearest.sd**2).mean(axis=0))
     errors, named = found.fits[NONE].predicted.error.mean(axis=0), found.leading != NONE
-    rows = []
-    for k, point in enumerate(found.gaps):
-        cell = point.cell
-        rows.append(CellRow(
-            **_place(point),
-            shifts=cell.n,
-            engaged=cell.engaged,
-            failed=cell.failed,
-            unknown=cell.unknown,
-            bench_s=cell.time,
-            bench_error_s=number_or_none(spread[k] / cell.n**0.5) if cell.n else None,
+    return [
+        CellRow(
+            mismatch_rpm=point.cell.point.mismatch / RPM,
+            force_N=point.cell.point.profile.force,
+            shifts=point.cell.n,
+            engaged=point.cell.engaged,
+            failed=point.cell.failed,
+            unknown=point.cell.unknown,
+            bench_s=point.cell.time,
+            bench_error_s=number_or_none(spread[k] / point.cell.n**0.5) if point.cell.n else None,
             simulated_s=point.mean,
             simulated_error_s=None if point.mean is None else number_or_none(errors[k]),
             gap_s=point.gap,
@@ -79,39 +77,19 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
             z=number_or_none(point.z),
             predicted_s=number_or_none(held_out.mean[k]) if named else None,
             predicted_error_s=number_or_none(held_out.sd[k]) if named else None,
-        ))  # fmt: skip
-    return rows
-
-
-def _place(point: PointGap) -> dict[str, float]:
-    operating = point.cell.point
-    return {"mismatch_rpm": operating.mismatch / RPM, "force_N": operating.profile.force}
+        )
+        for k, point in enumerate(found.gaps)
+    ]
 
 
 def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
     """Draw bench times beside those without effects and of the leading hypothesis."""
-    rows = [cell.to_dict() for cell in cells]
-    sides = {"simulated": "without effects", "predicted": "leading hypothesis, point held out",
-             "bench": "bench"}  # fmt: skip
-    return times_by_point({
-        name: [{**row, "mean_s": row[f"{key}_s"], "standard_error_s": row[f"{key}_error_s"]}
-               for row in rows]
-        for key, name in sides.items()
-    })  # fmt: skip
-
-
-def compared_figure(compared: Comparison) -> go.Figure:
-    """Draw bench and simulated times of every operating point.
-
-    The intervals are of what the difference may be by chance, about the simulation.
-    """
-    points = compared.differences
-    simulated = [
-        {**_place(one), "mean_s": one.mean, "standard_error_s": number_or_none(one.standard_error)}
-        for one in points
-    ]
-    bench = [{**_place(one), "mean_s": one.cell.time, "standard_error_s": None} for one in points]
-    return times_by_point({"simulation": simulated, "bench": bench})  # fmt: skip
+    sides = {
+        "without effects": ("simulated_s", "simulated_error_s"),
+        "leading hypothesis, point held out": ("predicted_s", "predicted_error_s"),
+        "bench": ("bench_s", "bench_error_s"),
+    }
+    return times_by_point([cell.to_dict() for cell in cells], sides)
 
 
 def publish(
@@ -126,7 +104,9 @@ def publish(
     """
     folder.mkdir(parents=True, exist_ok=True)
     write_page(found, folder / REPORT, consequence, history)
-    for name, text in ((RECORD, _record(found) + "\n"), (TABLE, _cells_csv(found))):
+    record = json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n"
+    table: str = frame_of(cells_of(found)).to_csv(index=False)
+    for name, text in ((RECORD, record), (TABLE, table)):
         with naming(folder / name):
             (folder / name).write_text(text, encoding="utf-8")
     return folder / REPORT
@@ -145,7 +125,6 @@ def write_page(
     consequence : of the cause for the designs of a study.
     history : sentences on updates, by name.
     """
-    cells = cells_of(found)
     page = Report(
         f"{found.bench.name}: difference between bench and simulation",
         headline_of(found.verdict, found.effects),
@@ -156,7 +135,7 @@ def write_page(
     page.add(
         "Residuals",
         residual_table(found),
-        cells_figure(cells),
+        cells_figure(cells_of(found)),
         "Mean shift times with 95 % intervals. The leading hypothesis is fitted to all other "
         "operating points.",
     )
@@ -170,19 +149,8 @@ def write_page(
         "Data and settings",
         Table(("if", "probability", "answer"), readings, {}, (2,)) if readings else None,
         Table(("", ""), list((_facts(found) | dict(history or {})).items())),
-        link(_record(found), "application/json", RECORD, "Record with all settings (JSON)"),
-        link(_cells_csv(found), "text/csv", TABLE, "Operating points (CSV)"),
     )
     page.save(path)
-
-
-def _record(found: Diagnosis) -> str:
-    return json.dumps(found.to_dict(), indent=1, allow_nan=False)
-
-
-def _cells_csv(found: Diagnosis) -> str:
-    text: str = frame_of(cells_of(found)).to_csv(index=False)
-    return text
 
 
 def hypothesis_table(found: Diagnosis) -> Table:
@@ -252,12 +220,11 @@ def advice_table(found: Diagnosis) -> Table:
 def choice_table(found: Consequence) -> Table:
     """Tabulate the designs chosen without the cause and with it, and the cost of ignoring it."""
     sides = found.chosen, found.best
-
-    def shown(key: str, design: dict[str, float]) -> str:
-        return value(key, design[key]).split()[0] if key in design else ""
-
-    keys = dict.fromkeys([*sides[0].params, *sides[1].params])
-    rows = [[axis(key), *(shown(key, dict(one.params)) for one in sides)] for key in keys]
+    designs = [dict(one.params) for one in sides]
+    rows = [
+        [axis(key), *(f"{design[key]:.4g}" if key in design else "" for design in designs)]
+        for key in dict.fromkeys([*designs[0], *designs[1]])
+    ]
     for words, name in (("without the cause", "without"), ("with the cause", "with_effect")):
         times = (ms(getattr(side, name).mean) for side in sides)
         rows.append([f"expected shift time {words}", *times])
@@ -269,26 +236,21 @@ def choice_table(found: Consequence) -> Table:
 def _facts(found: Diagnosis) -> dict[str, str]:
     """List the facts on data set, record and run."""
     bench, record = found.bench, found.to_dict()["record"]
-    timeless = sum(not cell.n for cell in bench.cells)
+    shifts, timeless = sum(cell.n for cell in bench.cells), sum(not c.n for c in bench.cells)
     given = {
-        "data set": bench.name,
-        "source": bench.source,
-        "operating points": f"{len(bench.cells)}, {timeless} of them without a time",
-        "timed shifts": str(sum(cell.n for cell in bench.cells)),
+        "data set": f"{bench.name}; {bench.source}",
+        "operating points": f"{len(bench.cells)}, {timeless} of them without a time; {shifts} "
+        "timed shifts",
         "record": "; ".join(f"{k}: {v}".replace("_", " ") for k, v in record.items()),
         "corrections": ", ".join(bench.corrections),
         "suspicious values": "; ".join(
             f"{one.found}; this looks like {one.looks_like}" for one in bench.warnings
         ),
         "readings at rest and direct tests": "; ".join(fact.sentence for fact in found.facts),
-        "effects considered": ", ".join(
-            f"{effect.plain} ({name})" for name, effect in found.effects.items()
-        ),
-        "margin": ms(found.margin_s),
-        "Monte Carlo error": f"{found.noise:.2g} of the leading probability",
-        "engine": bench.clutch.solver.engine,
-        "programs": ", ".join(f"{name} {version}" for name, version in engine().items()),
-        "processor time": f"{found.seconds:.3g} s",
+        "effects considered": ", ".join(effect.plain for effect in found.effects.values()),
+        "practically none": f"a gap below {ms(found.margin_s)}",
+        "simulated by": ENGINES[bench.clutch.solver.engine],
+        "versions": ", ".join(f"{name} {version}" for name, version in engine().items()),
     }
     return {key: words for key, words in given.items() if words}
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -46,18 +45,14 @@ class Report:
         return self
 
     def save(self, path: Path) -> None:
-        """Write the page."""
-        parts = [part for *_, body in self.sections for part in body]
-        drawn = any("plotly-graph-div" in part for part in parts if isinstance(part, Markup))
-        more = {} if drawn else {"plotly": ""}
-        write_page(path, "report.html.j2", report=self, **more)
+        """Write the page; Plotly's code is in it where a figure is."""
+        drawn = any("plotly-graph-div" in str(part) for *_, body in self.sections for part in body)
+        plotly = script(get_plotlyjs()) if drawn else ""
+        write_page(path, "report.html.j2", report=self, plotly=plotly)
 
 
 def write_page(path: Path, template: str, **content: Any) -> None:
-    """Fill a template of the package and write the page.
-
-    Plotly's code is put in once unless the content brings it.
-    """
+    """Fill a template of the package and write the page."""
     environment = Environment(
         loader=PackageLoader("dogshape.pipeline.reports"),
         autoescape=select_autoescape(["html", "j2"]),
@@ -65,20 +60,16 @@ def write_page(path: Path, template: str, **content: Any) -> None:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.tests |= {
-        "table": lambda part: isinstance(part, Table),
-        "markup": lambda part: isinstance(part, Markup),
-        "bad": lambda text: isinstance(text, Bad),
-    }
-    content.setdefault("plotly", script(get_plotlyjs()))
+    for name, kind in (("table", Table), ("markup", Markup), ("bad", Bad)):
+        environment.tests[name] = lambda part, kind=kind: isinstance(part, kind)
     page = environment.get_template(template).render(**content)
     with naming(path):
         path.write_text(page, encoding="utf-8")
 
 
-def figure_html(figure: go.Figure, name: str, **settings: Any) -> Markup:
+def figure_html(figure: go.Figure, name: str) -> Markup:
     """Write a figure as HTML that uses the code which the page carries."""
-    settings = {"displayModeBar": False, "responsive": True} | settings
+    settings = {"displayModeBar": False, "responsive": True}
     html = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=settings)
     return Markup(html)
 
@@ -89,21 +80,6 @@ def link(text: str, kind: str, name: str, words: str) -> Markup:
     return Markup('<p class="note"><a href="{}" download="{}">{}</a></p>').format(data, name, words)
 
 
-def as_script_json(data: Any, *, allow_nan: bool = False) -> str:
-    """Write data as JSON for a script, which would end at the first "</" wherever it stands."""
-    text = json.dumps(data, separators=(",", ":"), allow_nan=allow_nan)
-    return text.replace("<", "\\u003c")
-
-
 def script(code: str) -> Markup:
     """Write a script element that holds its code."""
     return Markup(f"<script>{code}</script>")
-
-
-def script_beside(page: Path, name: str, code: str) -> Markup:
-    """Write a script beside a page where it is not there yet, and the element that loads it."""
-    path = page.with_name(name)
-    if not path.is_file() or path.read_text(encoding="utf-8") != code:
-        with naming(path):
-            path.write_text(code, encoding="utf-8")
-    return Markup('<script src="{}"></script>').format(name)

@@ -6,6 +6,7 @@ is installed, so that a page needs no network.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import plotly.graph_objects as go
-from numpy.typing import NDArray
+from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 from plotly.subplots import make_subplots
 from pydrake.common import FindResourceOrThrow
@@ -21,18 +22,11 @@ from pydrake.common import FindResourceOrThrow
 from dogshape.pipeline.export.drawing import outline
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.charts import BLUE, GREEN, GREY, INK, ORANGE, styled
-from dogshape.pipeline.reports.report import (
-    as_script_json,
-    figure_html,
-    script,
-    script_beside,
-    write_page,
-)
-from dogshape.pipeline.reports.text import ENGINES, check_name, in_ms, value
+from dogshape.pipeline.reports.report import figure_html, script, write_page
+from dogshape.pipeline.reports.text import ENGINES, check_name, in_ms, minus, value
 from dogshape.sim.files import naming
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.events import crests_cross, touching
-from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.blocks import events_record, loads_record
@@ -40,14 +34,17 @@ from dogshape.sim.units import DEG, MM, MS, RPM
 
 SAMPLES = 6000  #: most points of a series on a page; longer ones are thinned
 FORCE_CEILING = 4.0  #: end of the force axis over the largest shift force; impacts are far above
-#: Colours of a phase: its button, and behind the curves.
-TONES = {
-    "free fly": ("#c3ccd5", "#f1f4f6"),
-    "face contact": ("#eba394", "#fdeeea"),
-    "entry": ("#ecd06f", "#fdf5d6"),
-    "seating": ("#9fd0b0", "#e8f4ec"),
+#: Colours of the phases, others are grey.
+TONES = {"free fly": "#c3ccd5", "face contact": "#eba394", "entry": "#ecd06f", "seating": "#9fd0b0"}
+#: Curves by column: panel from above, and look. A contact force is the mean of the step before.
+CURVES: dict[str, tuple[int, dict[str, Any]]] = {
+    "displacement_mm": (1, {"color": BLUE}),
+    "mismatch_rpm": (2, {"color": INK, "dash": "dot", "width": 1.5}),
+    "sliding_speed_rpm": (2, {"color": BLUE, "dash": "dashdot"}),
+    "output_speed_rpm": (2, {"color": ORANGE, "dash": "dash"}),
+    "contact_force_N": (3, {"color": "#8a2c3a", "width": 1, "shape": "vh"}),
+    "force_N": (3, {"color": GREEN, "width": 2.5}),
 }
-OTHER_TONES = ("#d7dde3", "#f7f8f9")
 
 
 def write_trace(result: Engagement, path: Path) -> None:
@@ -71,6 +68,17 @@ def trace_frame(trace: Trace) -> pd.DataFrame:
     )
 
 
+def _series(trace: Trace) -> pd.DataFrame:
+    """Thin the time series to ``SAMPLES``; of impacts the largest force of an interval is kept."""
+    first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
+    found = trace_frame(trace).iloc[first]
+    return found.assign(
+        contact_force_N=np.maximum.reduceat(trace.contact_force, first),
+        touching=np.maximum.reduceat(touching(trace).astype(float), first),
+        mismatch_rpm=found["output_speed_rpm"] - found["sliding_speed_rpm"],
+    )
+
+
 def write_animation(
     result: Engagement,
     path: Path,
@@ -84,87 +92,72 @@ def write_animation(
     ``scripts_beside`` many pages in one folder share the code of their figures, megabytes each.
     """
     viewer = Path(FindResourceOrThrow("drake/geometry/meshcat.js")).read_text(encoding="utf-8")
-    codes = {"plotly": get_plotlyjs(), "meshcat": viewer}
-    scripts = {
-        name: script_beside(path, f"{name}.js", code) if scripts_beside else script(code)
-        for name, code in codes.items()
-    }
-    phases = [
-        {"name": phase_title(p.name), "start": p.start / MS, "end": p.end / MS,
-         "tone": TONES.get(p.name, OTHER_TONES)[0]}
-        for p in result.phases if p.end > p.start
-    ]  # fmt: skip
-    dog = result.clutch.dog
+    scripts = {"plotly": get_plotlyjs(), "meshcat": viewer}
+    for name, code in scripts.items():
+        beside = path.with_name(f"{name}.js")
+        if scripts_beside and not (beside.is_file() and beside.read_text("utf-8") == code):
+            with naming(beside):
+                beside.write_text(code, encoding="utf-8")
+        link = Markup('<script src="{}"></script>').format(beside.name)
+        scripts[name] = link if scripts_beside else script(code)
+    dog, point, contact = result.clutch.dog, result.point, result.clutch.contact.name
     data = {
-        # Steps can be far below a microsecond; six digits of a ms keep them apart.
-        "series": {name: np.round(v, 6).tolist() for name, v in _series(result.trace).items()},
-        "phases": phases,
+        # Steps can be far below a microsecond; nine digits of a second keep them apart.
+        "series": _series(result.trace).round(9).to_dict("list"),
+        "phases": [
+            {"name": phase_title(p.name), "start": p.start, "end": p.end, "tone": _tone(p.name)}
+            for p in result.phases if p.end > p.start
+        ],
         "pitch": dog.pitch / MM,
         "height": dog.height / MM,
         "gap": dog.axial_gap / MM,
-        "mean_radius": dog.mean_radius / MM,
+        "radii": [dog.inner_radius / MM, dog.outer_radius / MM],
+        "count": dog.count,
         "profile": outline(dog, 1),
-        "solids": solids(dog),
-    }
+        "vertices": np.round(dog_solid(dog).vertices / MM, 4).ravel().tolist(),
+        "cells": dog_solid(dog).cells.ravel().tolist(),
+    }  # fmt: skip
+    end = f"at {in_ms(float(result.trace.time[-1]))} ms"
+    outcome = result.outcome.value.replace("_", " ").capitalize()
+    where = (
+        f"at {point.mismatch / RPM:.4g} 1/min, {point.profile.force:.1f} N, relative angle "
+        f"{result.relative_angle / DEG:.2f}°"
+    )
     write_page(
         path,
         "shift.html.j2",
-        result=result,
-        mismatch=result.point.mismatch / RPM,
-        angle=result.relative_angle / DEG,
-        end=float(result.trace.time[-1]) / MS,
-        engine=ENGINES[result.clutch.solver.engine],
+        outcome=f"{outcome} {end}" if result.shift_time is None else
+        f"{outcome} in {in_ms(result.shift_time)} ms",
+        where=minus(where),
+        how=f"{dog.count} dogs, contact {contact}, by {ENGINES[result.clutch.solver.engine]}",
         facts=[*event_facts(result), *load_facts(result, torque_peak)],
-        phases=phases,
-        data=as_script_json(data, allow_nan=True),
+        phases=data["phases"],
+        data=json.dumps(data, separators=(",", ":")).replace("<", "\\u003c"),
         curves=figure_html(curves(result), "curves"),
         **scripts,
-    )
+    )  # fmt: skip
 
 
-def _series(trace: Trace) -> dict[str, NDArray[np.float64]]:
-    """Compute the series of the page over time, in its units, thinned to ``SAMPLES``.
-
-    Impacts last a step or two: of the contact force the largest value of every interval is kept.
-    """
-    first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
-    return {
-        "time": trace.time[first] / MS,
-        "displacement": trace.displacement[first] / MM,
-        "relative_angle": trace.relative_angle[first],
-        "output_speed": trace.output_speed[first] / RPM,
-        "sliding_speed": trace.sliding_speed[first] / RPM,
-        "mismatch": (trace.output_speed - trace.sliding_speed)[first] / RPM,
-        "shift_force": trace.shift_force[first],
-        "contact_force": np.maximum.reduceat(trace.contact_force, first),
-        "touching": np.maximum.reduceat(touching(trace).astype(float), first),
-    }
+def _tone(phase: str) -> str:
+    return TONES.get(phase, "#d7dde3")
 
 
 def curves(result: Engagement) -> go.Figure:
     """Draw displacement, speeds and forces over time, with the phases behind them."""
     series = _series(result.trace)
+    time = 1e3 * series["t_s"]
     figure = make_subplots(3, 1, shared_xaxes=True, vertical_spacing=0.05)
-    lines: list[tuple[int, str, dict[str, Any]]] = [
-        (1, "displacement", {"color": BLUE}),
-        (2, "mismatch", {"color": INK, "dash": "dot", "width": 1.5}),
-        (2, "sliding_speed", {"color": BLUE, "dash": "dashdot"}),
-        (2, "output_speed", {"color": ORANGE, "dash": "dash"}),
-        # A contact force is the mean of the step that ends at its time.
-        (3, "contact_force", {"color": "#8a2c3a", "width": 1, "shape": "vh"}),
-        (3, "shift_force", {"color": GREEN, "width": 2.5}),
-    ]
-    for row, name, line in lines:
+    for name, (row, line) in CURVES.items():
+        title = "shift force" if name == "force_N" else " ".join(name.split("_")[:-1])
         figure.add_scatter(
-            x=series["time"], y=series[name], mode="lines", line={"width": 2, **line},
-            name=name.replace("_", " "), hoverinfo="none", row=row, col=1,
+            x=time, y=series[name], mode="lines", line={"width": 2, **line}, name=title,
+            hoverinfo="none", row=row, col=1,
         )  # fmt: skip
     for phase in result.phases:
         if phase.end > phase.start:
-            tone = TONES.get(phase.name, OTHER_TONES)[1]
             figure.add_vrect(
-                phase.start / MS, phase.end / MS, fillcolor=tone, opacity=1, line_width=0,
-                layer="below",
+                phase.start / MS, phase.end / MS, fillcolor=_tone(phase.name), opacity=0.25,
+                line_width=0, layer="below",
             )  # fmt: skip
     for text, level, where in (
         ("crests meet", result.clutch.dog.axial_gap, "top left"),
@@ -178,7 +171,7 @@ def curves(result: Engagement) -> go.Figure:
         figure.update_yaxes(title={"text": unit, "standoff": 8}, nticks=5, row=row)
     ceiling = FORCE_CEILING * max(1.0, float(result.trace.shift_force.max()))
     figure.update_yaxes(range=[0.0, ceiling], row=3)
-    figure.update_xaxes(range=[0.0, float(series["time"][-1])])
+    figure.update_xaxes(range=[0.0, float(time.iloc[-1])])
     figure.update_xaxes(ticksuffix=" ms", row=3)
     styled(figure, 380).update_layout(font_size=12, hovermode="x")
     return figure.update_layout(margin={"l": 72, "r": 24, "t": 28, "b": 26})
@@ -215,19 +208,3 @@ def load_facts(result: Engagement, torque_peak: float | None) -> list[str]:
 def _words(record: Mapping[str, Any]) -> list[str]:
     numbers = {key: one for key, one in record.items() if type(one) in (int, float)}
     return [f"{check_name(key)} {value(key, number)}" for key, number in numbers.items()]
-
-
-def solids(dog: Dog) -> dict[str, Any]:
-    """Return one dog of a ring, mm, and the ring about it, as the page wants them.
-
-    The triangles of the dog come in the order traction flank, face, braking flank (two each), then
-    what cannot touch.
-    """
-    mesh = dog_solid(dog)
-    return {
-        "vertices": np.round(mesh.vertices / MM, 4).ravel().tolist(),
-        "cells": mesh.cells.ravel().tolist(),
-        "count": dog.count,
-        "inner": dog.inner_radius / MM,
-        "outer": dog.outer_radius / MM,
-    }

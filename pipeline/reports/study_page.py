@@ -1,46 +1,77 @@
-"""The report of a study: sections of tables and figures, and the files that it is written with."""
+"""The report of a study: sections of tables and figures, and the files that it is written with.
+
+Page one has headline, gain, alternatives to the chosen design, and facts, those against it marked.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
-import plotly.graph_objects as go
 from markupsafe import Markup
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.export.drawing import dimensioned_svg, section_svg
+from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.record import Bad, Table
-from dogshape.pipeline.reports.charts import BLUE, INK, MARKS, Row, styled, times_by_point, window
-from dogshape.pipeline.reports.data_sheet import ms_or_dash, provenance_of
+from dogshape.pipeline.reports.charts import effects_figure, front_figure, times_by_point
+from dogshape.pipeline.reports.data_sheet import (
+    dates_of,
+    difference,
+    point_differences,
+    provenance_of,
+    searched_record,
+    words_of,
+)
 from dogshape.pipeline.reports.designs import (
     MARGIN,
+    Goal,
+    Row,
+    confirmation_of,
+    confirmed_designs,
     design_name,
     designs_shown,
+    engaged_shifts,
+    failed_at_new_angles,
+    failed_words,
     goals_of,
     is_measured,
-    of_kinds,
+    margins_of,
     simulated_frame,
 )
-from dogshape.pipeline.reports.prices import prices_table
-from dogshape.pipeline.reports.provenance import dates_of
-from dogshape.pipeline.reports.report import Report, link
-from dogshape.pipeline.reports.single_shifts import Shifts, read_shifts, replays_of, write_replays
-from dogshape.pipeline.reports.study_summary import headline, margin_cell, summary_tables
-from dogshape.pipeline.reports.text import axis, check_name, percent, time_text
-from dogshape.pipeline.reports.variable_effects import effects_figure, learn_effects, stored_effects
-from dogshape.pipeline.simulate.design import SIMULATED
+from dogshape.pipeline.reports.report import Part, Report, link
+from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
+from dogshape.pipeline.reports.surrogate_findings import learn_effects, prices_table, stored_effects
+from dogshape.pipeline.reports.text import (
+    axis,
+    check_name,
+    in_ms,
+    label,
+    margin_cell,
+    minus,
+    ms_with_error,
+    percent,
+    place_name,
+    time_text,
+    value,
+)
+from dogshape.pipeline.search.confirmation import EngineAgreement
+from dogshape.pipeline.simulate.design import SIMULATED, WORST, failing_words
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.sim.files import naming
 from dogshape.surrogate.validation_figures import Validation
 
-Say = Callable[[str], None]
 BESIDE = 10  #: designs beside each other in the table of margins
-NAMED = ("front", "chosen", "prototype")  #: kinds of designs that have a name and error bars
+END = 0.01  #: share of a search range within which a value lies at its end
+LANDING = "_impact"  #: end of the names of the checks of a landing
+TIME = "expected shift time, ms"
+#: Columns of the alternatives, of the words of a record.
+COLUMNS = ("smallest margin, nominal size", "at worst-case tolerances", "locks above friction")
+Pair = tuple[float, float]
 
 
-def publish(folder: StudyFolder, say: Say) -> Path:
+def publish(folder: StudyFolder, say: Callable[[str], None]) -> Path:
     """Make what the report lacks, then write it; return its path.
 
     Effects from the surrogate take a minute, the page of a shift half a second each.
@@ -48,181 +79,302 @@ def publish(folder: StudyFolder, say: Say) -> Path:
     study, result = folder.stored_study(), folder.stored_result()
     require_targets({"the report": folder.report})
     learn_effects(folder, say)
-    shifts = read_shifts(folder, study)
-    pairs = replays_of(shifts, designs_shown(result) if result["best"] else [])
-    write_replays(folder, shifts, [one for pair in pairs for one in pair], say)
-    return write_report(folder, shifts)
+    shown = designs_shown(result) if result["best"] else []
+    write_replays(folder, study, replays_of(folder, study, shown), say)
+    return write_report(folder)
 
 
-def write_report(folder: StudyFolder, shifts: Shifts | None = None) -> Path:
+def write_report(folder: StudyFolder) -> Path:
     """Write ``report.html`` and ``designs.csv`` from what the study stored; return the report."""
     study, result = folder.stored_study(), folder.stored_result()
-    shifts = shifts or read_shifts(folder, study)
+    table = simulated_frame(result, list(study.variables)).to_csv(index=False)
     with naming(folder.designs):
-        simulated_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
-    report_of(folder, study, result, shifts).save(folder.report)
+        folder.designs.write_text(table, encoding="utf-8")
+    page = Report(f"{study.name}: shape of the dogs", headline(result))
+    best, effects = result["best"], stored_effects(folder)
+    if best is not None:
+        dog = study.dog_with({name: best[name] for name in study.variables})
+        title = f"{design_name(best).capitalize()}, dimensioned section"
+        section = Markup(open_section_svg(dog, study.clutch.dog, "prototype"))
+        page.add("", *summary_tables(study, result), section)
+        page.add("Front", *front_parts(study, result, table))
+        if effects is not None:
+            page.add("Variables", *effect_parts(effects["effects"]))
+            page.add("Limits", prices_table(effects["prices"]))
+        page.add("Operating points", *point_parts(result))
+        page.add("Single shifts", *shift_parts(folder, study, result))
+        page.add("Life", *([life_table(result["life"])] if result.get("life") else []))
+        page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
+    file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
+    run = json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
+    page.add("Provenance", provenance_table(folder, study, result), file.format(run))
+    page.save(folder.report)
     return folder.report
 
 
-def report_of(folder: StudyFolder, study: Setup, result: Row, shifts: Shifts) -> Report:
-    """Build the report of a study."""
-    result = at_own_places(study, result)
-    page = Report(f"{study.name}: shape of the dogs", headline(result))
-    best, confirmation = result["best"], result["confirmation"]
-    page.add("", *summary_tables(study, result), _sections(study, best))
-    if best is not None:
-        _add_front(page, study, result)
-        _add_limits(page, folder)
-        if confirmation and not best["prototype"]:
-            sides = {"prototype": confirmation["prototype"]["points"],
-                     "chosen": confirmation["best"]["points"]}  # fmt: skip
-            page.add(
-                "Operating points",
-                times_by_point(sides),
-                "At the new angles, retries included; bars are 95 % intervals.",
-            )
-        page.add(
-            "Single shifts",
-            _replay_table(folder, shifts, result),
-            "Each link opens an animation with its curves, in shifts beside this report.",
-        )
-        page.add("Life", life_table(result["life"]) if result.get("life") else None)
-        dog = study.dog_with({name: best[name] for name in study.variables})
-        title = f"{design_name(best).capitalize()}, dimensioned section"
-        page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
-    file = Markup("<details><summary>Study file as it was run</summary><pre>{}</pre></details>")
-    facts = _provenance(folder, study, result)
-    run = json.dumps(study.file.model_dump(exclude_none=True), indent=1, ensure_ascii=False)
-    page.add("Search and provenance", Table(("", ""), facts), file.format(run))
-    return page
+def headline(result: Row) -> str:
+    """Compose the result of a study in one sentence."""
+    best, c = result["best"], result["confirmation"]
+    if best is None:
+        how = _most_failed(result)
+        return f"No design of this search passes every check{f': {how}' if how else ''}."
+    name, lead, gains = design_name(best), goals_of(result)[0], gained(result)
+    if not c:
+        words = lead.words(lead.shown(best), lead.error(best)) if is_measured(best) else "no time"
+        return f"Best so far, not confirmed: {name}, {lead.label} {words}."
+    failed = failed_words(c["best"])
+    fails = f", but fails {failed} at the new angles" if failed else ""
+    if best["prototype"]:
+        return f"No design of this search is chosen before the prototype{fails}."
+    words = " engages in {} of {} shifts".format(*engaged_shifts(c["best"]))
+    if gains and gains[0][0] == lead:
+        _, before, after, _ = gains[0]
+        words = f": {lead.label} {lead.words(*after)} instead of {lead.words(*before)}"
+    return f"{name.capitalize()}{words}{fails}."
 
 
-def _add_front(page: Report, study: Setup, result: Row) -> None:
+def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
+    """Compare the simulated objectives of prototype and chosen design, as shown, with errors.
+
+    The gain is positive where the chosen design is better. Empty before the confirmation; without
+    times where one of both does not engage.
+    """
+    c, best = result["confirmation"], result["best"]
+    if not c or best is None or best["prototype"]:
+        return []
+    own, timed = c["prototype"], is_measured(c["prototype"]) and is_measured(c["best"])
+    gains = {
+        goal: (goal.factor * one["value"], goal.factor * (one["standard_error"] or 0.0))
+        for goal in goals_of(result, SIMULATED) if (one := c["gains"].get(goal.name))
+    }  # fmt: skip
+    return [
+        (goal, goal.estimate(own), goal.estimate(c["best"]), gain)
+        for goal, gain in gains.items() if timed or goal.unit != "ms"
+    ]  # fmt: skip
+
+
+def summary_tables(study: Setup, result: Row) -> list[Table]:
+    """Tabulate the designs worth a choice, and the facts about the chosen one."""
+    if result["best"] is None:
+        return []
+    facts = list(facts_of(study, result)) if result["confirmation"] else []
+    return [alternatives_table(study, result), *([Table(("", ""), facts)] if facts else [])]
+
+
+def alternatives_table(study: Setup, result: Row) -> Table:
+    """Tabulate the chosen design, others of the front that pass every check, and the prototype.
+
+    Costs are differences to the chosen design, ± one standard error.
+    """
+    best, confirmed = result["best"], bool(result["confirmation"])
+    goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in (SIMULATED, MARGIN)]
+    own = [row for row in result["trials"] if row["prototype"]]
+    rows = {row["trial"]: row for row in (best, *result["front"], *own)}
+    known = {trial: searched_record(study, result, row) for trial, row in rows.items()}
+    chosen, cells = known[best["trial"]], []
+
+    def place(trial: int) -> tuple[bool, bool, float]:
+        one = known[trial]
+        return one is not chosen, one["prototype"], one[SIMULATED] or math.inf
+
+    for trial in sorted(known, key=place):
+        row, one = rows[trial], known[trial]
+        passes = one["passes"] and one["confirmed"] == confirmed and not best["prototype"]
+        if not passes and one is not chosen and not one["prototype"]:
+            continue
+        words, cost = words_of(one), difference(chosen, one)
+        worst = one["worst_against_prototype"] or {"difference_s": None, "standard_error_s": None}
+        repeated = (confirmation_of(result, row) or {}).get("estimates", {})
+        cells.append([
+            "prototype" if one["prototype"] else str(trial),
+            *(f"{row[name]:.4g}" for name in study.variables), words[TIME],
+            *("-" if row.get(goal.name) is None
+              else goal.pair(*goal.estimate({"estimates": repeated})) if goal.name in repeated
+              else goal.pair(goal.shown(row), goal.error(row)) for goal in goals),
+            ms_with_error(worst["difference_s"], worst["standard_error_s"], "+"),
+            *(words[column] for column in COLUMNS),
+            "" if one is chosen else "-" if cost is None else ms_with_error(*cost, "+"),
+        ])  # fmt: skip
+    heads = (
+        *("design", *map(axis, study.variables), TIME, *(goal.title for goal in goals)),
+        *("worst point less prototype, ms", *COLUMNS, "costs, ms"),
+    )
+    looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
+    texts = [heads.index(column) for column in COLUMNS]
+    note = "Designs of the front that pass every check at the new angles; ± one standard error."
+    return Table(heads, cells, looks, texts, note)
+
+
+def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+    """List the facts of a confirmed design; what speaks against it is marked as bad."""
+    c, best = result["confirmation"], result["best"]
+    if not best["prototype"]:
+        yield from _gain_facts(study, result)
+    elif how := _most_failed(result):
+        yield "designs that fail", how
+    landing = [one for one in margins_of(best, c["best"]).items() if one[0].endswith(LANDING)]
+    if landing:
+        yield "hardest landing at the new angles", margin_cell(*min(landing, key=lambda m: m[1]))
+    if words := failed_words(c["best"]):
+        yield "fails at the new angles", Bad(words)
+    yield from _confirmation_facts(result)
+    engines = {"chosen design in Drake": c["best"].get("drake"), "audit": result.get("audit")}
+    for name, found in engines.items():
+        if found is not None:
+            words = minus(EngineAgreement(**found).text)
+            yield name, words if found["agrees"] else Bad(words)
+
+
+def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:
+    """List the facts of the other designs that were confirmed, or not."""
+    best, confirmed = result["best"], confirmed_designs(result)
+    failed = [row["trial"] for row in failed_at_new_angles(result)]
+    if out := [f"{n}: {failed_words(confirmed[n])}" for n in failed if n != best["trial"]]:
+        yield "designs out, failed at the new angles", "; ".join(out)
+    for trial, one in confirmed.items():
+        if one.get("agrees") is False:
+            words = f"{one['errors_apart']:.1f} standard errors apart"
+            yield f"search and new angles of design {trial}", Bad(words)
+    if left := result["confirmation"].get("left_out"):
+        yield "designs not confirmed", f"{', '.join(map(str, left))}; raise search.confirm_designs"
+
+
+def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
+    """List the facts of a chosen design beside the prototype."""
+    c, best = result["confirmation"], result["best"]
+    for goal, (before, _), _, (gain, error) in gained(result):
+        words = goal.words(gain, error)
+        words += minus(f" ({100 * gain / abs(before):.0f} %)") if before else ""
+        words += " (not clear)" if abs(gain) < 2.0 * error else ""
+        yield f"gain in the {goal.label}", Bad(words) if gain < 0.0 else words
+    if gains := [
+        f"{one['contact']}: {ms_with_error(one['gain_s'], one['gain_standard_error_s'])} ms"
+        for one in c.get("gains_by_contact", ()) if one["gain_s"] is not None
+    ]:  # fmt: skip
+        yield "gain with another contact", "; ".join(gains)
+    if is_measured(c["best"]) and is_measured(c["prototype"]):
+        found = point_differences(c["prototype"], c["best"])
+        most = max(found, key=lambda one: float(one["difference_s"]))
+        slower = [one for one in found if one["difference_s"] > 0.0]
+        clear = [one for one in slower
+                 if one["difference_s"] >= 2.0 * (one["standard_error_s"] or math.inf)]  # fmt: skip
+        words = f"{len(slower)} of {len(found)}"
+        if slower:
+            loss = ms_with_error(most["difference_s"], most["standard_error_s"])
+            at = place_name(most["mismatch_rpm"], most["force_N"])
+            words += f" ({len(clear)} clearly), most by {loss} ms at {at}"
+        yield "operating points slower than the prototype", Bad(words) if clear else words
+    (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
+    words = f"{own} of {n} shifts; prototype {other} of {m}"
+    yield "engaged at the first try", Bad(words) if own < n else words
+    if within := best["time_within_tolerances"]:
+        yield "shift time within tolerances", f"± {in_ms(within['root_sum_square_s'])} ms"
+    ends = [
+        f"{label(name)} {value(name, best[name])}"
+        for name, (low, high) in study.variables.items()
+        if min(best[name] - low, high - best[name]) <= (name != "count") * END * (high - low)
+    ]
+    if ends:
+        yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
+
+
+def _most_failed(result: Row) -> str:
+    """Name the checks that most designs fail, and by how much the nearest of them does.
+
+    Of the smallest margin within the tolerances the check behind it is named.
+    """
+    every = []
+    for row in result["trials"]:
+        behind = check_name(row.get("weakest_check_worst_case") or WORST)
+        names = {WORST: f"{behind} at worst-case tolerances"}
+        every.append({names.get(n, check_name(n)): m for n, m in row["margins"].items()})
+    return failing_words(every)
+
+
+def front_parts(study: Setup, result: Row, table: str) -> list[Part]:
+    """Build the figures of the front, the table of all designs and that of every margin."""
     variables, trials = list(study.variables), result["trials"]
     others = [goal.name for goal in goals_of(result)[1:]] or [MARGIN]
     barred = sum(row[SIMULATED] is None for row in trials)
-    page.add(
-        "Front",
+    count = result["n_simulated_designs"]
+    return [
         *(front_figure(result, variables, name) for name in others),
         "No design beats one of the front, named by its number, in every objective. Bars are 95 % "
-        "intervals. Point at a mark to read its design; designs far off lie outside the axes.",
-        link(
-            simulated_frame(result, variables).to_csv(index=False), "text/csv",
-            f"{study.name}-designs.csv",
-            f"All {result['n_simulated_designs']} simulated designs with every column (CSV)",
-        ),
+        "intervals. Point at a mark to read its design; designs far off lie outside the axes. "
         f"{barred} of {len(trials)} proposed designs failed a check and were not simulated.",
+        link(table, "text/csv", f"{study.name}-designs.csv",
+             f"All {count} simulated designs with every column (CSV)"),
         margin_table(result),
-    )  # fmt: skip
-
-
-def front_figure(result: Row, variables: list[str], other: str) -> go.Figure:
-    """Draw the leading objective against another one; designs far from the front are left out."""
-    kinds, goals = of_kinds(result), goals_of(result, SIMULATED, other)
-    lead, second = goals[0], next(goal for goal in goals if goal.name == other)
-    drawn = {kind: [row for row in rows if is_measured(row)] for kind, rows in kinds.items()}
-    figure, near = go.Figure(), [row for kind in NAMED for row in drawn[kind]]
-    if len(result["objectives"]) == 2:  # what the front dominates lies right of and above it
-        figure.add_scatter(
-            x=[lead.shown(row) for row in result["front"]],
-            y=[second.shown(row) for row in result["front"]],
-            mode="lines", line={"color": BLUE, "shape": "hv", "width": 1.5},
-            showlegend=False, hoverinfo="skip",
-        )  # fmt: skip
-    ends = [window([goal.shown(row) for row in near]) if near else None for goal in (lead, second)]
-    for kind, rows in drawn.items():
-        if not rows:
-            continue
-        trace = go.Scatter(
-            x=[lead.shown(row) for row in rows], y=[second.shown(row) for row in rows],
-            customdata=[row["trial"] for row in rows], name=kind, mode="markers",
-            marker=MARKS[kind], hoverinfo="text",
-            hovertext=[
-                "<br>".join([
-                    f"<b>{design_name(row)}</b>",
-                    *(f"{axis(name)}: {row[name]:.4g}" for name in variables),
-                    *(f"{goal.label} {goal.words(goal.shown(row), goal.error(row))}"
-                      for goal in goals if row.get(goal.name) is not None),
-                    *(f"fails {check_name(name)}" for name in row["failed"]),
-                ])
-                for row in rows
-            ],
-        )  # fmt: skip
-        if kind in NAMED:
-            look = {"thickness": 1.2, "width": 3, "color": INK}
-            names = [f"<b>{kind}</b>" if kind != "front" else str(row["trial"]) for row in rows]
-            left = [ends[0] and lead.shown(row) > sum(ends[0]) / 2 for row in rows]
-            trace.update(
-                mode="markers+text", text=names,
-                textposition=["top left" if one else "top right" for one in left],
-                error_x={"array": [1.96 * lead.error(row) for row in rows], **look},
-                error_y={"array": [1.96 * second.error(row) for row in rows], **look},
-            )  # fmt: skip
-        figure.add_trace(trace)
-    figure.update_xaxes(title=lead.title, range=ends[0])
-    figure.update_yaxes(title=second.title, range=ends[1])
-    return styled(figure, 480)
-
-
-def _short_name(row: Row) -> str:
-    return "prototype" if row["prototype"] else str(row["trial"])
+    ]  # fmt: skip
 
 
 def margin_table(result: Row) -> Table:
     """Tabulate every margin of the prototype and the first designs of the front, by the search."""
-    every = designs_shown(result)
-    shown = every[:BESIDE]
+    shown = designs_shown(result)[:BESIDE]
     names = dict.fromkeys(name for row in shown for name in row["margins"])
-    margins = [[row["margins"].get(name) for row in shown] for name in names]
     rows = [
-        [check_name(name),
-         *("" if m is None else Bad(percent(m)) if m < 0.0 else percent(m) for m in of_check)]
-        for name, of_check in zip(names, margins, strict=True)
-    ]  # fmt: skip
-    note = "Distance to the limit over the limit, at nominal size, by the search."
-    note += f" The first {BESIDE} designs; the CSV has all." if len(every) > BESIDE else ""
-    return Table(("margin", *map(_short_name, shown)), rows, note=note)
+        [check_name(name), *(margin_cell("", row["margins"].get(name)) for row in shown)]
+        for name in names
+    ]
+    heads = ["prototype" if row["prototype"] else str(row["trial"]) for row in shown]
+    note = f"Distance to the limit over the limit, at nominal size, by the search; {BESIDE} designs"
+    return Table(("margin", *heads), rows, note=f"{note} at most, the CSV has all.")
 
 
-def _add_limits(page: Report, folder: StudyFolder) -> None:
-    known = stored_effects(folder)
-    if known is None:
-        return
-    effects = known["effects"]
-    if effects["outside_trained_range"] <= 0.5:
-        page.add(
-            "Variables",
-            effects_figure(effects),
-            f"Accumulated local effects over {effects['designs']} designs that pass every check, "
-            f"{percent(effects['outside_trained_range'])} of them outside the trained range; zero "
-            f"is their mean, {time_text(effects['mean_expected_shift_time_s'])}. Bands hold 95 %.",
-        )
-    page.add("Limits", prices_table(known["prices"]))
+def effect_parts(effects: Row) -> list[Part]:
+    """Build the figure of the variables; empty where most of it would be extrapolated."""
+    if effects["outside_trained_range"] > 0.5:
+        return []
+    outside = percent(effects["outside_trained_range"])
+    return [
+        effects_figure(effects),
+        f"Accumulated local effects over {effects['designs']} designs that pass every check, "
+        f"{outside} of them outside the trained range; zero is their mean, "
+        f"{time_text(effects['mean_expected_shift_time_s'])}. Bands hold 95 %.",
+    ]
 
 
-def _replay_table(folder: StudyFolder, shifts: Shifts, result: Row) -> Table | None:
+def point_parts(result: Row) -> list[Part]:
+    """Build the figure of the operating points; empty before the confirmation.
+
+    Points of a design that is operated in its own way are named as those of the prototype.
+    """
+    c = result["confirmation"]
+    if not c or result["best"]["prototype"]:
+        return []
     rows = [
-        [pair[0].design, *(
-            Markup('<a href="{}">{}</a>').format(one.path, one.words)
-            if (folder.root / one.path).is_file() else one.words for one in pair
-        )]
-        for pair in replays_of(shifts, designs_shown(result))
-    ]  # fmt: skip
-    return Table(("design", "fastest shift", "slowest shift"), rows, {}, (1, 2)) if rows else None
+        own | {"chosen_s": one["mean_s"], "chosen_error_s": one["standard_error_s"]}
+        for own, one in zip(c["prototype"]["points"], c["best"]["points"], strict=True)
+    ]
+    sides = {"prototype": ("mean_s", "standard_error_s"), "chosen": ("chosen_s", "chosen_error_s")}
+    caption = "At the new angles, retries included; bars are 95 % intervals."
+    return [times_by_point(rows, sides), caption]
+
+
+def shift_parts(folder: StudyFolder, study: Setup, result: Row) -> list[Part]:
+    """Build the table of the fastest and slowest shifts, linked where their pages are."""
+    cells: dict[str, list[str]] = {}
+    for one in replays_of(folder, study, designs_shown(result)):
+        there = (folder.root / one.path).is_file()
+        linked = Markup('<a href="{}">{}</a>').format(one.path, one.words)
+        cells.setdefault(one.design, [one.design]).append(linked if there else one.words)
+    note = "Each link opens an animation with its curves, in shifts beside this report."
+    heads = ("design", "fastest shift", "slowest shift")
+    return [Table(heads, list(cells.values()), {}, (1, 2), note)] if cells else []
 
 
 def life_table(stages: list[Row]) -> Table:
     """Tabulate the drift of the chosen design over its life."""
     heads = (
         "share of the life", "crest loss, µm", "chamfer left, °", "edge radius, mm",
-        "expected shift time, ms", "engaged", "smallest margin",
+        TIME, "engaged", "smallest margin",
     )  # fmt: skip
     rows = [
         [
             percent(one["life"]), f"{1e3 * one['crest_loss_mm']:.3g}", f"{one['chamfer_deg']:.4g}",
             f"{one.get('edge_radius_mm', 0.0):.3g}",
-            ms_or_dash(one["expected_shift_time_s"], one["standard_error_s"]),
-            f"{one['engaged']:.1%}", margin_cell((one["weakest_check"], one["smallest_margin"])),
+            ms_with_error(one[SIMULATED], one["standard_error_s"]), f"{one['engaged']:.1%}",
+            margin_cell(one["weakest_check"], one["smallest_margin"]),
         ]
         for one in stages
     ]  # fmt: skip
@@ -230,18 +382,9 @@ def life_table(stages: list[Row]) -> Table:
     return Table(heads, rows, note=note)
 
 
-def _sections(study: Setup, best: Row | None) -> Markup:
-    """Draw prototype and chosen design to one scale."""
-    span = 2.4 * study.clutch.dog.pitch
-    drawn = section_svg(study.clutch.dog, "Prototype", span)
-    if best is not None and not best["prototype"]:
-        dog = study.dog_with({name: best[name] for name in study.variables})
-        drawn += section_svg(dog, f"Design {best['trial']}", span)
-    return Markup('<div class="drawings">{}</div>').format(Markup(drawn))
-
-
-def _provenance(folder: StudyFolder, study: Setup, result: Row) -> list[tuple[str, str]]:
-    fitted, c, search = result["surrogate"], result["confirmation"] or {}, study.file.search
+def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
+    """Tabulate command, dates, numerical error, surrogate and versions."""
+    fitted, numerical = result["surrogate"], None
     judged = "none: it needs a finished search with at least ten simulated designs"
     if fitted:
         judged = (
@@ -250,36 +393,12 @@ def _provenance(folder: StudyFolder, study: Setup, result: Row) -> list[tuple[st
             f"({fitted['source']})"
         )
         judged = judged if Validation.from_dict(fitted).useful else Bad(f"{judged}: useless")
-    solver, numerical = study.clutch.solver, (c.get("best") or {}).get("numerical_error_s")
+    if result["confirmation"]:
+        numerical = result["confirmation"]["best"].get("numerical_error_s")
     facts = {
         **provenance_of(study, result),
-        "dates": dates_of(folder.result),
-        "search": f"{search.sampler}, {len(result['trials'])} designs, seed {search.seed}, "
-        f"{study.file.expectation.angles} angles",
-        "angles in Drake too": str(c.get("drake_angles") or ""),
+        "dates (UTC)": dates_of(folder.result),
         "numerical error": "" if numerical is None else f"{1e3 * numerical:.2g} ms",
         "surrogate": judged,
-        "uncertain": "; ".join(
-            f"{name.replace('_', ' ')} {text}"
-            for name, text in (study.uncertainty.source if study.uncertainty else ())
-        ),
-        "solver": f"{solver.scheme}, accuracy {solver.accuracy}, steps up to "
-        f"{1e3 * solver.max_step} ms",
-        "retry": f"time-out {study.clutch.timeout} s and retraction {study.retraction} s",
     }
-    return [pair for pair in facts.items() if pair[1]]
-
-
-def at_own_places(study: Setup, result: Row) -> Row:
-    """Name the points of a design that is operated in its own way as those of the prototype.
-
-    The n-th point of either is the same one of the study, moved by set-point and force.
-    """
-    confirmation = result["confirmation"]
-    if not study.searches_operation or confirmation is None:
-        return result
-    keys = ("mismatch_rpm", "force_N")
-    named = [{key: p[key] for key in keys} for p in confirmation["prototype"]["points"]]
-    best = confirmation["best"]
-    points = [{**p, **own} for p, own in zip(best["points"], named, strict=True)]
-    return {**result, "confirmation": {**confirmation, "best": {**best, "points": points}}}
+    return Table(("", ""), [pair for pair in facts.items() if pair[1]])

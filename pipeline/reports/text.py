@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dogshape.pipeline.record import MINUS
+from dogshape.pipeline.record import MINUS, Bad
 from dogshape.sim.units import suffix_of, unit_of
 
 LABELS = {
@@ -49,15 +49,21 @@ def with_error(shown: float, error: float, sign: str = "") -> str:
     return minus(f"{shown:{sign}.{places}f} ± {error:.{places}f}")
 
 
-def ms_with_error(seconds: float, error: float, sign: str = "") -> str:
-    """Print a time and its standard error, both in s, in ms without the unit."""
-    return with_error(1e3 * seconds, 1e3 * error, sign)
+def ms_with_error(time: float | None, error: float | None, sign: str = "") -> str:
+    """Print a time and its standard error, both in s, in ms; a dash where there is none."""
+    return "-" if time is None else with_error(1e3 * time, 1e3 * (error or 0.0), sign)
 
 
 def percent(margin: float) -> str:
     """Print a margin in percent, with decimals where it is small."""
     digits = 2 if 0.0 < abs(margin) < 0.001 else (1 if abs(margin) < 0.05 else 0)
     return minus(f"{100 * margin:.{digits}f} %")
+
+
+def margin_cell(name: str, margin: float | None) -> str:
+    """Print a margin with its check; below zero it is marked as bad; empty where there is none."""
+    text = "" if margin is None else f"{percent(margin)} {check_name(name)}".strip()
+    return Bad(text) if (margin or 0.0) < 0.0 else text
 
 
 def place_name(mismatch_rpm: float, force_N: float) -> str:

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import io
-import json
 import re
 import shutil
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import unquote
 
@@ -15,47 +14,31 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from dogshape.designs import write_data_sheet
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.shift_page import write_animation
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, MS
-from tests.browser import PROBE, REPORT_PROBE, WITH_WEBGL, WITHOUT_WEBGL, look, print_pdf
+from tests.browser import WITH_WEBGL, WITHOUT_WEBGL, Chromium
 from tests.conftest import SMALL
 
-#: Put into the page of a shift: what slider, choice of a phase and playing change.
-SHIFT_PROBE = """
-<script>
-function seen() {
+#: What the page of a shift shows.
+SEEN = """(() => {
   const solid = document.getElementById("solid"), pictures = [document.getElementById("section")];
   if (Solid.viewer) { Solid.viewer.render(); pictures.push(Solid.viewer.renderer.domElement); }
   const hash = text => [...text].reduce((h, c) => (31 * h + c.charCodeAt()) | 0, 0);
   const axis = document.getElementById("curves")._fullLayout.xaxis;
   return {now: document.getElementById("now").textContent, pose: solid.dataset.pose,
-          shot: pictures.map(picture => hash(picture.toDataURL())),
+          shot: pictures.map(picture => hash(picture.toDataURL())), range: axis.range,
           left: axis.p2l(parseFloat(document.getElementById("cursor").style.left) - axis._offset)};
-}
-function probe(said) {
-  const scrub = document.getElementById("scrub");
-  said.state = document.getElementById("solid").dataset.state;
-  const steps = [seen()];
-  scrub.value = 0.5 * scrub.max; scrub.dispatchEvent(new Event("input")); steps.push(seen());
-  document.querySelectorAll(".phase")[1].click(); steps.push(seen());
-  said.range = JSON.stringify(document.getElementById("curves").layout.xaxis.range);
-  said.steps = JSON.stringify(steps);
-  // Without a screen there are no pictures to wait for: let a timer ask for them.
-  let at = 0;
-  window.requestAnimationFrame = draw => setTimeout(() => draw(at += 16), 16);
-  document.getElementById("play").click();
-  setTimeout(() => said.played = JSON.stringify(seen()), 1000);
-}
-</script>
-"""
+})()"""
+MIDDLE = "scrub.value = 0.5 * scrub.max; scrub.dispatchEvent(new Event('input'))"
 
 
 @pytest.fixture(scope="module")
@@ -67,63 +50,44 @@ def reported(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture(scope="module")
-def seen_wide(reported: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What a wide window shows of the report."""
-    folder = tmp_path_factory.mktemp("wide")
-    return look(reported / "report.html", folder, PROBE + REPORT_PROBE, window="1280,900")
-
-
-def test_report_in_a_browser(seen_wide: dict[str, str]) -> None:
-    seen = seen_wide
-    assert "error" not in seen
-    assert seen["figures"] == seen["drawn"]
-    assert seen["ids"].split() == ["front-0", "operating-points-0"]
-    assert seen["wide"] == "false"
-    assert seen["loads"] == "0"
-    assert json.loads(seen["cut"]) == json.loads(seen["paper"]) == []
-    # A4 less its margins of 12 mm is 703 px wide.
-    assert {float(one) for one in seen["widths"].split()} == {700.0}
+def test_report_in_a_browser_and_on_paper(reported: Path, tmp_path: Path) -> None:
+    result = StudyFolder(reported).stored_result()
+    with Chromium(tmp_path) as browser:
+        browser.look_at_report(reported / "report.html")
+        text = browser.ask("document.body.textContent")
+        csv = browser.ask("document.querySelector('a[download$=\".csv\"]').href")
+        links = browser.ask(
+            "[...document.querySelectorAll('a[href^=shifts]')].map(a => a.getAttribute('href'))"
+        )
+        printed = browser.print_pdf()
     for words in ("were not simulated", "prototype", "tip width", "versions"):
-        assert words in seen["dom"]
-
-
-def test_report_brings_its_designs_as_a_table(reported: Path, seen_wide: dict[str, str]) -> None:
-    kind, _, data = seen_wide["csv"].partition(",")
-    assert kind.startswith("data:text/csv")
-    table = pd.read_csv(io.StringIO(unquote(data)))
-    trials = json.loads((reported / "result.json").read_text())["trials"]
-    simulated = [row for row in trials if row["expected_shift_time_s"] is not None]
-    assert table["trial"].tolist() == [row["trial"] for row in simulated]
-    for name in ("chamfer_deg", "expected_shift_time_s", "axial_length_mm", "smallest_margin"):
-        assert table[name].tolist() == pytest.approx([row[name] for row in simulated])
-    assert pd.read_csv(reported / "designs.csv").equals(table)
-
-
-def test_report_links_pages_of_shifts_that_are_there(
-    reported: Path, seen_wide: dict[str, str], tmp_path: Path
-) -> None:
-    links = json.loads(seen_wide["links"])
-    result = json.loads((reported / "result.json").read_text())
-    assert len(links) == 2 * len({0} | {row["trial"] for row in result["front"]})
-    assert all((reported / link).is_file() for link in links)
-    assert (reported / links[-1]).stat().st_size < 1_500_000
-    # A copy of a page beside its code opens as any other.
-    for name in ("plotly.js", "meshcat.js"):
-        shutil.copy(reported / "shifts" / name, tmp_path)
-    shown = look(reported / links[-1], tmp_path, PROBE + SHIFT_PROBE, WITH_WEBGL, "1400,900")
-    assert "error" not in shown
-    assert shown["state"] == "drawn"
-    assert (shown["loads"], shown["high"]) == ("0", "false")
-
-
-def test_report_prints_on_a_few_pages(reported: Path, tmp_path: Path) -> None:
-    printed = print_pdf(reported / "report.html", tmp_path)
+        assert words in text
     assert 4 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
-    boxes = re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed)
+    boxes = set(re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed))
     assert {tuple(round(float(side)) for side in box.split()) for box in boxes} == {
         (0, 0, 595, 842)
     }
+    # All designs, and pages of shifts that are there.
+    table = pd.read_csv(io.StringIO(unquote(csv.partition(",")[2])))
+    simulated = [row for row in result["trials"] if row["expected_shift_time_s"] is not None]
+    for name in ("trial", "chamfer_deg", "expected_shift_time_s", "smallest_margin"):
+        assert table[name].tolist() == pytest.approx([row[name] for row in simulated])
+    assert pd.read_csv(reported / "designs.csv").equals(table)
+    assert len(links) == 2 * len({0} | {row["trial"] for row in result["front"]})
+    assert all((reported / link).stat().st_size < 1_500_000 for link in links)
+    with Chromium(tmp_path, "1400,900", WITH_WEBGL) as browser:
+        seen = browser.look(reported / links[-1])
+        assert (seen["faults"], seen["loads"], seen["high"]) == ([], 0, False)
+        assert browser.ask("document.getElementById('solid').dataset.state") == "drawn"
+
+
+@pytest.mark.parametrize("name", ["mq200_paper", "mq200"])
+def test_a_data_sheet_prints_on_one_page(tmp_path: Path, name: str) -> None:
+    why = "a reason that goes on for more than one line: " + 30 * "why, "
+    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", why)
+    with Chromium(tmp_path / "profile") as browser:
+        browser.look(page)
+        assert re.findall(rb"/Count (\d+)", browser.print_pdf()) == [b"1"]
 
 
 def test_report_is_written_again_without_what_it_links(reported: Path, tmp_path: Path) -> None:
@@ -145,63 +109,48 @@ def test_report_before_the_first_design_passes(tmp_path: Path) -> None:
     assert "No design of this search passes every check" in page
 
 
-@dataclass(frozen=True)
-class Asked:
-    """A shift in 1/min, N and degrees, and whether the browser has WebGL."""
-
-    mismatch: float
-    force: float
-    angle: float
-    chamfer: float
-    webgl: bool
-
-
 @pytest.mark.parametrize(
     "asked",
     [
-        pytest.param(Asked(50.0, 469.0, 10.0, 8.0, True), id="engaged"),
-        pytest.param(Asked(-50.0, 315.5, 8.0, 8.0, False), id="negative mismatch, no WebGL"),
-        pytest.param(Asked(0.0, 641.5, 0.0, 4.5, True), id="blocked"),
+        pytest.param((50.0, 469.0, 10.0, 8.0, True), id="engaged"),
+        pytest.param((-50.0, 315.5, 8.0, 8.0, False), id="negative mismatch, no WebGL"),
+        pytest.param((0.0, 641.5, 0.0, 4.5, True), id="blocked"),
     ],
 )
 def test_shift_in_a_browser(
-    clutch: Clutch,
-    point: Callable[[float, float], OperatingPoint],
-    tmp_path: Path,
-    asked: Asked,
-) -> None:
-    page = tmp_path / "shift.html"
-    plant = ClutchPlant(clutch.with_dog(replace(clutch.dog, chamfer=asked.chamfer * DEG)))
-    result = engage(plant, point(asked.mismatch, asked.force), asked.angle * DEG)
+    clutch: Clutch, point: Callable[[float, float], OperatingPoint], tmp_path: Path,
+    asked: tuple[float, float, float, float, bool],
+) -> None:  # fmt: skip
+    """Slider, phase and playing each move the cursor, the views and the numbers shown."""
+    page, (mismatch, force, angle, chamfer, webgl) = tmp_path / "shift.html", asked
+    plant = ClutchPlant(clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG)))
+    result = engage(plant, point(mismatch, force), angle * DEG)
     write_animation(result, page)
-    graphics = WITH_WEBGL if asked.webgl else WITHOUT_WEBGL
     # What a screen of 1400 by 900 shows below the browser's own bars: all of the page.
-    seen = look(page, tmp_path, PROBE + SHIFT_PROBE, graphics, "1400,900")
-    assert "error" not in seen
-    assert seen["figures"] == seen["drawn"] == "1"
-    assert seen["loads"] == "0"
-    assert (seen["wide"], seen["high"]) == ("false", "false")
-    assert seen["state"] == ("drawn" if asked.webgl else "missing")
-    _assert_follows(result, seen)
-
-
-def _assert_follows(result: Engagement, seen: dict[str, str]) -> None:
-    """Slider and phase each move the cursor, the views and the numbers shown."""
-    start, middle, phase = json.loads(seen["steps"])
+    with Chromium(tmp_path, "1400,900", WITH_WEBGL if webgl else WITHOUT_WEBGL) as browser:
+        seen = browser.look(page)
+        assert (seen["faults"], seen["loads"], seen["wide"], seen["high"]) == ([], 0, False, False)
+        assert seen["figures"] == seen["drawn"] == ["curves"]
+        start = browser.ask(SEEN)
+        middle = browser.ask(f"{MIDDLE}; {SEEN}")
+        browser.ask("document.querySelectorAll('.phase')[1].click()")
+        phase = browser.ask(SEEN)
+        browser.ask("play.click()")
+        browser.wait(f"{SEEN}.left > {phase['left']}")
     end, trace = result.trace.time[-1], result.trace
     for step, share in ((start, 0.0), (middle, 0.5)):
         assert step["left"] == pytest.approx(1e3 * share * end, abs=0.2)
-        if seen["state"] == "drawn":
+        if webgl:
             turned, height = (float(value) for value in step["pose"].split())
             at = np.interp(share * end, trace.time, trace.relative_angle)
             way = np.interp(share * end, trace.time, trace.displacement)
             assert turned == pytest.approx(-at, abs=1e-3)
             assert height == pytest.approx((result.clutch.dog.travel - way) / MM, abs=1e-2)
     # The section and, where there is one, the view of the solids.
+    assert len(start["shot"]) == 1 + webgl
     assert all(a != b for a, b in zip(start["shot"], middle["shot"], strict=True))
     assert middle["now"].startswith(f"{500 * end:.2f} ms")
     # The second phase that took any time now fills the width, and holds the cursor.
     shown = [p for p in result.phases if p.end > p.start][1]
-    assert json.loads(seen["range"]) == pytest.approx([shown.start / MS, shown.end / MS])
+    assert phase["range"] == pytest.approx([shown.start / MS, shown.end / MS])
     assert shown.name in phase["now"]
-    assert json.loads(seen["played"])["left"] > phase["left"]

@@ -11,8 +11,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.data_sheet import searched_record
-from dogshape.pipeline.reports.study_page import write_report
-from dogshape.pipeline.reports.study_summary import alternatives_table
+from dogshape.pipeline.reports.study_page import alternatives_table, write_report
 from dogshape.sim.strength.locking import locking_checks, locking_friction
 from dogshape.sim.versions import bundled_root
 from tests.kept import kept_folder, let_land_too_hard

@@ -31,9 +31,7 @@ def folder(tmp_path: Path) -> StudyFolder:
 
 def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) -> None:
     name = f"{folder.root}#{TRIAL}"
-    said = dogshape("export", name, "--sheet", "sheet.html", "--why", WHY, "--json")
-    assert said.status == 0, said.err
-    assert said.json["sheet"] == "sheet.html"
+    assert dogshape("export", name, "--sheet", "sheet.html", "--why", WHY).status == 0
     page = Path("sheet.html").read_text()
     for words in (
         f"mq200_paper, design {TRIAL}", WHY, f"{RESULT['front'][1]['chamfer_deg']:.2f} deg",
@@ -41,21 +39,16 @@ def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) 
         content_key(RESULT), "16MnCr5", "drake 1.51",
     ):  # fmt: skip
         assert words in page
-    assert "http://" not in page.replace("http://www.w3.org", "")
-
-
-def test_the_json_has_every_check_and_dimension(dogshape: Call, folder: StudyFolder) -> None:
-    said = dogshape("export", f"{folder.root}#{TRIAL}", "--sheet", "sheet.json", "--why", WHY)
-    assert said.status == 0, said.err
-    sheet = json.loads(Path("sheet.json").read_text())
+    path = ds.load_result(folder.root).data_sheet(TRIAL, "sheet.json", WHY)
+    sheet = json.loads(path.read_text())
     assert (sheet["design"], sheet["why"]) == (TRIAL, WHY)
     assert sheet["expected_shift_time_s"] == CONFIRMED["expected_shift_time_s"]
     checks = {check["name"]: check for check in sheet["checks"]}
     for check in CONFIRMED["checks"]:
         assert checks[check["name"]]["value"] == pytest.approx(check["value"])
     assert checks["root_fatigue"]["margin_worst_case"] < checks["root_fatigue"]["margin"]
-    by_name = {row["key"]: row for row in sheet["dimensions"]}
-    assert by_name["height_mm"]["value"] == pytest.approx(sheet["height_mm"])
+    sizes = {row["key"]: row["value"] for row in sheet["dimensions"]}
+    assert sizes["height_mm"] == pytest.approx(sheet["height_mm"])
 
 
 def test_a_design_that_was_not_confirmed_has_the_time_of_the_search(folder: StudyFolder) -> None:
@@ -72,8 +65,6 @@ def test_a_design_that_was_not_confirmed_has_the_time_of_the_search(folder: Stud
 def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
     keys = ("--set", "dog.chamfer_deg=12")
     assert dogshape("export", "mq200", *keys, "--sheet", "sheet.json").status == 0
-    ds.Study("mq200", chamfer_deg=12).data_sheet("sheet.html")
-    assert "12.00 deg" in Path("sheet.html").read_text()
     sheet = json.loads(Path("sheet.json").read_text())
     found = check_design(load_study("mq200", ["dog.chamfer_deg=12"]))
     assert (sheet["name"], sheet["chamfer_deg"]) == ("mq200", 12)
@@ -84,27 +75,13 @@ def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
     assert sheet["provenance"]["command"] == "dogshape study mq200 --set dog.chamfer_deg=12.0"
 
 
-def test_a_design_is_drawn_and_printed_by_its_number(dogshape: Call) -> None:
-    """Geometry of a number and of its keys typed in is the same."""
-    row = ds.compare("mq200#33", "mq200#0").to_dict()["items"][0]
-    keys = ("count", "chamfer_deg", "traction_deg", "braking_deg", "height_mm")
-    typed = [part for key in keys for part in ("--set", f"dog.{key}={row[key]!r}")]
-    one = dogshape("export", "mq200#33", "--stl", "one.stl", "--json").json
-    other = dogshape("export", "mq200", *typed, "--stl", "other.stl", "--json").json
-    assert one["ring_volume_mm3"] == other["ring_volume_mm3"]
-    assert Path("one.stl").read_bytes()[80:] == Path("other.stl").read_bytes()[80:]
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (("mq200_paper#480", "--sheet", "a.html"), "has no design 480"),
-        (
-            ("mq200_paper#{TRIAL}", "--set", "dog.count=20", "--sheet", "a.html"),
-            "--set would change",
-        ),
-        ((f"mq200_paper#{TRIAL}", "--svg", "a.svg", "--why", "x"), "--why is for the data sheet"),
-        ((f"mq200_paper#{TRIAL}", "--sheet", "a.pdf"), "must end in .html"),
+        (("mq200_paper#1", "--set", "dog.count=20", "--sheet", "a.html"), "--set would change"),
+        (("mq200_paper#1", "--svg", "a.svg", "--why", "x"), "--why is for the data sheet"),
+        (("mq200_paper#1", "--sheet", "a.pdf"), "must end in .html"),
     ],
 )
 def test_what_has_no_sheet_is_refused(

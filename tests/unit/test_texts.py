@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.errors import DataError
+from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.texts import read_table
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set
@@ -26,41 +27,37 @@ SAVED: dict[str, Save] = {
     "byte-order mark": lambda t: t.encode("utf-8-sig"),
     "semicolons, decimal commas": lambda t: german(t).encode(),
     "Windows, semicolons": lambda t: german(t).replace("\n", "\r\n").encode("cp1252"),
-    "tabs, decimal commas": lambda t: german(t).replace(";", "\t").encode(),
     "UTF-16, tabs, decimal commas": lambda t: german(t).replace(";", "\t").encode("utf-16"),
-    "UTF-16, commas": lambda t: t.encode("utf-16"),
     "Excel's own line": lambda t: b"sep=;\r\n" + german(t).encode(),
-    "blanks around names": lambda t: t.replace(",", " , ").encode(),
-    "empty rows and columns": lambda t: (t.replace("\n", ",,\n") + ",,,,,,,,\n").encode(),
+    "blanks, empty rows and columns": lambda t: (
+        t.replace(",", " , ").replace("\n", ",,\n") + ",,,,,,,,\n"
+    ).encode(),
 }
 
 
 @pytest.mark.parametrize("how", SAVED)
 def test_a_data_set_is_the_same_however_it_was_saved(tmp_path: Path, how: str) -> None:
-    (tmp_path / "plain").mkdir()
-    (tmp_path / "other").mkdir()
-    plain, other = good_set(tmp_path / "plain"), good_set(tmp_path / "other")
-    for path in [other / "shifts.csv", *(other / "traces").glob("*.csv")]:
-        path.write_bytes(SAVED[how](path.read_text()))
-    one, two = load_bench(plain), load_bench(other)
-    assert [(r.point, r.n, r.time, r.engaged) for r in one.readings] == [
-        (r.point, r.n, r.time, r.engaged) for r in two.readings
-    ]
-    for mine, theirs in zip(one.readings, two.readings, strict=True):
-        assert (mine.trace is None) == (theirs.trace is None)
-        if mine.trace is not None and theirs.trace is not None:
-            assert (mine.trace.displacement == theirs.trace.displacement).all()
+    def read() -> list[Any]:
+        return [
+            (r.point, r.n, r.time, r.engaged, r.trace and r.trace.displacement.tolist())
+            for r in load_bench(folder).readings
+        ]
 
-
-@pytest.mark.parametrize("coding", ["utf-8-sig", "utf-16"])
-def test_settings_with_a_byte_order_mark(tmp_path: Path, coding: str) -> None:
-    text = (bundled_root() / "mq200_paper" / "study.toml").read_text()
-    (tmp_path / "study.toml").write_bytes(text.encode(coding))
-    assert load_study(tmp_path).config_hash == load_study("mq200_paper").config_hash
     folder = good_set(tmp_path)
-    settings = folder / "bench.toml"
-    settings.write_bytes(settings.read_text().encode(coding))
-    assert load_bench(folder).name
+    plain = read()
+    for path in [folder / "shifts.csv", *(folder / "traces").glob("*.csv")]:
+        path.write_bytes(SAVED[how](path.read_text()))
+    assert read() == plain
+
+
+def test_settings_with_a_byte_order_mark(tmp_path: Path) -> None:
+    text = (bundled_root() / "mq200_paper" / "study.toml").read_text()
+    for coding in ("utf-8-sig", "utf-16"):
+        (tmp_path / "study.toml").write_bytes(text.encode(coding))
+        assert load_study(tmp_path).config_hash == load_study("mq200_paper").config_hash
+    (tmp_path / "study.toml").write_bytes(b"\x00\x01\xb4\xff")
+    with pytest.raises(InputError, match=r"study.toml is not valid TOML: .*save it as UTF-8"):
+        load_study(tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -73,7 +70,6 @@ def test_settings_with_a_byte_order_mark(tmp_path: Path, coding: str) -> None:
             "row 2 has 3 cells for 2 columns: 'x' stands beyond the last column, 'b'",
         ),
         (b"a;b\n1,5;2.5\n", "a comma ('1,5', row 2) and with a point ('2.5', row 2), which can be"),
-        (b"\n\na;b\n\n1;2;3\n", "row 5 has 3 cells"),
     ],
 )
 def test_what_is_no_table_says_what_to_save(tmp_path: Path, raw: bytes, words: str) -> None:

@@ -1,0 +1,221 @@
+"""What the surrogate of a study says: effects of its variables and prices of its limits.
+
+Both are computed once and stored beside the surrogate. For prices, designs that fill the space,
+and more about the best of them under each limit, are checked by closed forms and predicted. Where
+an upper bound L becomes f L a design passes with a margin of 1 - f, where a lower one does with
+f - 1: so one pool of designs answers for all limits. Landing and other simulated limits are left
+out. Where a study bounds the smallest margin at worst-case tolerances, margins are taken there.
+Tolerances are a limit too: f times as large they take f times as much from each margin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+from scipy.stats import qmc
+
+from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.record import Table
+from dogshape.pipeline.reports.designs import Row
+from dogshape.pipeline.reports.text import check_name, in_ms
+from dogshape.pipeline.simulate.design import WORST, design_of
+from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
+from dogshape.pipeline.train.filling import filling_designs
+from dogshape.sim.errors import DogshapeError, StorageError
+from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.dog_strength import margin_losses
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.model import Surrogate
+from dogshape.surrogate.query import in_range, require_same_physics
+from dogshape.surrogate.sensitivity import effects
+from dogshape.surrogate.store import load
+
+DESIGNS = 150  #: feasible designs that an effect is the mean over
+APART = 70_000  #: added to the seed of the surrogate's data, so that none of these is among them
+FACTORS = {"less_s": 0.9, "now_s": 1.0, "more_s": 1.1}  #: on a limit, by the key of the best time
+WITHOUT = "without_s"  #: key of the best time without a limit
+FILLING = 13  #: power of two of designs that fill the space
+ABOUT = 16  #: more designs about each of the best, in each round
+NEAR = (0.08, 0.04, 0.02, 0.01, 0.005)  #: shares of the ranges about it, one for each round
+CLEAR = 2e-4  #: s for a tenth of a limit from which it has a price
+#: Natural step of a limit by its unit, for what a step costs.
+STEPS = {"mm": 0.1, "N": 1000.0, "MPa": 100.0, "deg": 1.0, "": 0.01, "s": 0.001, "%": 10.0}
+TOLERANCES = "tolerances at their worst"  #: row of all tolerances together, in % of what they are
+
+
+def learn_effects(folder: StudyFolder, say: Callable[[str], None]) -> None:
+    """Store effects and prices of the folder's surrogate unless they are there (a minute).
+
+    A folder without a surrogate has none; a surrogate that cannot be used is said.
+    """
+    if not folder.surrogate.is_file() or stored_effects(folder) is not None:
+        return
+    study = folder.stored_study()
+    try:
+        surrogate = load(folder.surrogate).surrogate
+        require_same_physics(surrogate.data, study.physics)
+    except DogshapeError as error:
+        say(f"no effects in the report: {error}")
+        return
+    say("what each variable does and each limit costs, from the surrogate (a minute)")
+    found = {"effects": _effects_record(study, surrogate), "prices": prices(study, surrogate)}
+    write_json(folder.effects, {"surrogate": _identity(folder), **found})
+
+
+def stored_effects(folder: StudyFolder) -> Row | None:
+    """Read what the folder's surrogate as it is now was found to say; None without it."""
+    try:
+        stored = read_json(folder.effects, "run 'dogshape report' again")
+        fits = stored["surrogate"] == _identity(folder)
+        return {key: stored[key] for key in ("effects", "prices")} if fits else None
+    except (StorageError, KeyError):
+        return None
+
+
+def _identity(folder: StudyFolder) -> str:
+    return str(read_json(folder.surrogate, "run 'dogshape report' again").get("hash"))
+
+
+def _effects_record(study: Setup, surrogate: Surrogate) -> Row:
+    seed = study.file.surrogate.seed + APART
+    x = study.rows(islice(filling_designs(study, seed, border=False), DESIGNS))
+    return {
+        "designs": len(x),
+        "outside_trained_range": 1.0 - float(in_range(surrogate, x).mean()),
+        "mean_expected_shift_time_s": float(surrogate.predict(x)[0].mean()),
+        "variables": [
+            {"variable": one.variable, **{
+                key: [float(f"{number:.6g}") for number in values]
+                for key, values in (("values", one.values), ("effect_s", one.effect),
+                                    ("low_s", one.low), ("high_s", one.high))
+            }}
+            for one in effects(surrogate, surrogate.data.variables, x)
+        ],
+    }  # fmt: skip
+
+
+def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
+    """Compute what each limit of a study costs, in the order of its checks.
+
+    Each row has the check's ``name``, ``key``, ``unit``, ``limit`` and ``at_most``, and the best
+    times in s with a tenth less of the limit, the limit as it is, a tenth more of it, and
+    ``without_s`` it; None where no design passes. Limits that are zero have no price.
+    """
+    checks = _checks(study, study.prototype)
+    if not checks or not study.variables:
+        return []
+    rows: list[Row] = [
+        {"name": c.name, "key": c.rule.key, "unit": c.unit, "limit": c.limit,
+         "at_most": c.rule.at_most} for c in checks
+    ]  # fmt: skip
+    rows.append({"name": TOLERANCES, "key": "[tolerance]", "unit": "%", "limit": 100.0,
+                 "at_most": True})  # fmt: skip
+    # A case is the margin that each check needs, and the factor on what tolerances take of it.
+    cases: dict[tuple[int, str], tuple[Array, float]] = {}
+    for place, row in enumerate(rows):
+        for key, factor in (FACTORS | {WITHOUT: 0.0}).items():
+            needed = np.zeros(len(checks))
+            if row["name"] != TOLERANCES:
+                more = 1.0 - factor if row["at_most"] else factor - 1.0
+                needed[place] = -np.inf if key == WITHOUT else more
+            cases[place, key] = needed, factor if row["name"] == TOLERANCES else 1.0
+    best, lose = _best_times(study, times, list(cases.values()), seed)
+    for (place, key), time in zip(cases, best, strict=True):
+        rows[place][key] = time
+    return [row for row in rows if row["limit"] > 0.0 and (lose or row["name"] != TOLERANCES)]
+
+
+def prices_table(rows: list[Row]) -> Table:
+    """Tabulate the limits that have a price, the dearest first."""
+    lines = []
+    for row in rows:
+        less, more, limit = row["less_s"], row["more_s"], row["limit"]
+        price = None if less is None or more is None else 0.5 * abs(less - more)
+        worth = max(price or 0.0, (row["now_s"] or 0.0) - (row[WITHOUT] or 0.0))
+        step, words = STEPS.get(row["unit"]), ""
+        if price is not None and step is not None:
+            words = f"{1e4 * price * step / limit:.2g} ms per {step:g} {row['unit']}".strip()
+        line = [
+            f"{check_name(row['name'])} {row['key']}",
+            f"{'≤' if row['at_most'] else '≥'} {limit:.4g} {row['unit']}",
+            *("no design" if row[key] is None else in_ms(row[key]) for key in (*FACTORS, WITHOUT)),
+            words,
+        ]
+        if price is None or worth >= CLEAR:
+            lines.append((-worth, line))
+    heads = "limit", "as it is", "a tenth less, ms", "as it is, ms", "a tenth more, ms"
+    note = (
+        "Best expected shift time that the surrogate predicts of any design which keeps all other "
+        "limits, if one were another. Limits that are not listed cost nothing. Without landing and "
+        "other simulated limits, and without the surrogate's error."
+    )
+    lines.sort(key=lambda one: one[0])
+    return Table((*heads, "without it, ms", "price"), [line for _, line in lines], note=note)
+
+
+def _checks(study: Setup, params: dict[str, float]) -> tuple[Check, ...]:
+    """Work out the checks of a design that need no simulation; none of what is no dog."""
+    try:
+        checks = design_of(study, params).checks
+    except DogshapeError:
+        return ()
+    return tuple(check for check in checks if check.name != WORST)
+
+
+def _margins(study: Setup, designs: Array, count: int) -> tuple[Array, Array]:
+    """Compute margins of exact designs, and what tolerances take of them; of no dog none."""
+    rows, losses = np.full((len(designs), count), -np.inf), np.zeros((len(designs), count))
+    worst = WORST in (study.file.search.limits or {})
+    exact = replace(study.limits, tolerances=study.limits.tolerances.without_sizes())
+    bare = replace(study, limits=exact)
+    for place, row in enumerate(designs.tolist()):
+        params = study.named(row)
+        if not (checks := _checks(bare, params)):
+            continue
+        rows[place] = [check.margin for check in checks]
+        if (rows[place] < 0.0).sum() <= 1:
+            losses[place] = rows[place] - [check.margin for check in _checks(study, params)]
+            if worst:
+                lost = margin_losses(study.dog_with(params), study.limits)
+                losses[place] += [lost[c.name].worst_case if c.name in lost else 0 for c in checks]
+    return rows, losses
+
+
+def _best_times(
+    study: Setup, times: Surrogate, cases: list[tuple[Array, float]], seed: int
+) -> tuple[list[float | None], bool]:
+    """Find the least time under each case, s, and whether tolerances take anything.
+
+    Fills the space, then looks about the best design under each case.
+    """
+    bounds = np.array(list(study.variables.values()))
+    whole = np.array([name == "count" for name in study.variables])
+    rng = np.random.default_rng(seed)
+
+    def pooled(shares: Array) -> tuple[Array, ...]:
+        designs = bounds[:, 0] + np.clip(shares, 0.0, 1.0) * np.ptp(bounds, axis=1)
+        designs = np.where(whole, np.rint(designs), designs)
+        margins, losses = _margins(study, designs, len(cases[0][0]))
+        # What breaks two limits or one by far can be the best under none of the cases.
+        near = (margins < 0.0).sum(axis=1) <= 1
+        found = times.predict(designs[near])[0] if near.any() else np.zeros(0)
+        return designs[near], found, margins[near], losses[near]
+
+    def best(pool: tuple[Array, ...], case: tuple[Array, float]) -> int | None:
+        _, found, margins, losses = pool
+        fit = np.flatnonzero((margins - case[1] * losses >= case[0]).all(axis=1))
+        return int(fit[np.argmin(found[fit])]) if fit.size else None
+
+    pool = pooled(qmc.Sobol(len(bounds), seed=rng).random_base2(FILLING))
+    for near in NEAR:
+        elite = sorted({place for case in cases if (place := best(pool, case)) is not None})
+        if not elite:
+            break
+        about = np.repeat((pool[0][elite] - bounds[:, 0]) / np.ptp(bounds, axis=1), ABOUT, 0)
+        more = pooled(about + rng.normal(0.0, near, about.shape))
+        pool = tuple(np.concatenate(both) for both in zip(pool, more, strict=True))
+    places = [best(pool, case) for case in cases]
+    return [None if k is None else float(pool[1][k]) for k in places], bool(pool[3].any())
