@@ -1,4 +1,4 @@
-"""What the surrogate of a study says: effects of its variables and prices of its limits.
+"""Findings of a study's surrogate: effects of its variables and prices of its limits.
 
 Both are computed once and stored beside the surrogate. For prices, designs that fill the space,
 and more about the best of them under each limit, are checked by closed forms and predicted. Where
