@@ -10,7 +10,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -42,83 +41,64 @@ def is_number(cell: str) -> bool:
     return bool(_NUMBER.fullmatch(plain(cell)))
 
 
-def _shown_sign(cell: str) -> tuple[str | None, bool]:
-    """Give the decimal sign that a number shows, and whether it may part thousands as well."""
-    text = plain(cell)
-    marks = re.findall("[.,]", text)
-    if not marks or not _NUMBER.fullmatch(text):
-        return None, False
-    if marks.count(marks[-1]) > 1:
-        return OTHER[marks[-1]], False
-    return marks[-1], bool(_EITHER.fullmatch(text))
+def numbers_of(cells: Sequence[str], sign: str | None = None) -> Array:
+    """Convert cells with a decimal sign, None for any, (cells,); NaN where one is no number."""
 
-
-@dataclass(frozen=True)
-class Decimals:
-    """Decimal sign of a file, None where no number has one, and questions on undecided columns."""
-
-    sign: str | None
-    questions: tuple[str, ...] = ()
-
-    def values(self, cells: Sequence[str]) -> Array:
-        """Convert cells, NaN where one is no number, (cells,)."""
-        return np.array([self._value(plain(cell)) for cell in cells], dtype=float)
-
-    def _value(self, text: str) -> float:
+    def value(text: str) -> float:
         if not _NUMBER.fullmatch(text):
             return math.nan
-        sign = self.sign or ("," if "," in text and "." not in text else ".")
-        return float(re.sub(f"[ '{OTHER[sign]}]", "", text).replace(sign, "."))
+        own = sign or ("," if "," in text and "." not in text else ".")
+        return float(re.sub(f"[ '{OTHER[own]}]", "", text).replace(own, "."))
 
-    def step(self, cell: str) -> float:
-        """Give the value of the last digit of a number."""
-        return float(10.0 ** -len(re.split("[eE]", plain(cell))[0].partition(self.sign or ".")[2]))
-
-    def named(self, cells: Sequence[str]) -> str | None:
-        """Name the decimal sign of cells, None where none of them has one."""
-        return NAMES[self.sign] if self.sign and any(self.sign in c for c in cells) else None
+    return np.array([value(plain(cell)) for cell in cells], dtype=float)
 
 
-def decimals_of(
+def _shown_sign(cell: str) -> str:
+    """Give the decimal sign that a number shows, twice where it may part thousands as well."""
+    marks = re.findall("[.,]", cell) if is_number(cell) else []
+    if not marks:
+        return ""
+    if marks.count(marks[-1]) > 1:
+        return OTHER[marks[-1]]
+    return str(marks[-1] * 2 if _EITHER.fullmatch(plain(cell)) else marks[-1])
+
+
+def decimal_sign(
     columns: Mapping[str, Sequence[str]], rows: Sequence[int], stated: str | None, separator: str
-) -> Decimals:
-    """Decide on the decimal sign of a file from the cells of columns.
+) -> tuple[str | None, list[str]]:
+    """Decide on the decimal sign of a file; also list questions on undecided columns.
 
     ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both.
     """
     shown = {head: [_shown_sign(cell) for cell in cells] for head, cells in columns.items()}
     sure: dict[str, str] = {}
     for head, signs in shown.items():
-        for (sign, open_), cell, row in zip(signs, columns[head], rows, strict=True):
-            if sign and not open_ and sign not in sure:
-                sure[sign] = f"a {NAMES[sign]} ('{cell}', row {row})"
+        for mark, cell, row in zip(signs, columns[head], rows, strict=True):
+            if len(mark) == 1:
+                sure.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
     if len(sure) > 1 or (stated and OTHER[stated] in sure):
         both = " and with ".join(sure[mark] for mark in sorted(sure))
         says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
         raise DataError(
             f"numbers with {both}{says}, which can be read in two ways; save it with one sign"
         )
-    if stated:
-        return Decimals(stated)
-    sign, asked = next(iter(sure), None), []
+    sign, asked = stated or next(iter(sure), None), []
     for head, signs in shown.items():
-        marks = {mark for mark, open_ in signs if mark and open_}
-        if not marks or (len(marks) == 1 and sign and sign not in marks):
-            continue  # thousands, as the other sign is that of decimals
-        if sign in marks and (sign, False) in signs:
+        marks = {mark[0] for mark in signs if len(mark) == 2}
+        if stated or not marks or sign in signs or (sign and marks == {OTHER[sign]}):
+            continue  # the other sign than that of decimals parts thousands
+        place = next(k for k, mark in enumerate(signs) if len(mark) == 2)
+        mark, bare = signs[place][0], any(re.fullmatch(r"0*[1-9]\d*", c) for c in columns[head])
+        if marks == {mark} and not bare and (sign == mark or (separator == "," and mark == ".")):
+            sign = mark
             continue
-        cells, place = columns[head], next(k for k, (_, open_) in enumerate(signs) if open_)
-        one, bare = min(marks), any(re.fullmatch(r"0*[1-9]\d*", plain(cell)) for cell in cells)
-        if len(marks) == 1 and not bare and (sign == one or (separator == "," and one == ".")):
-            sign = one
-            continue
-        cell, mark = plain(cells[place]), str(signs[place][0])
+        cell = plain(columns[head][place])
         asked.append(
             f"column '{head}', row {rows[place]}: '{cell}' can be read as "
             f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
             f"{cell.replace(mark, '.')}, --decimal {mark}"
         )
-    return Decimals(sign, tuple(asked))
+    return sign, asked
 
 
 SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"
@@ -188,76 +168,38 @@ def split_head(text: str) -> tuple[str, Unit | None, str | None]:
     return text, None, None
 
 
-DATES = ("d/m/y", "m/d/y")  #: words in place of a unit, for dates that two readings have
-SAMPLE = 200  #: cells by which a column is known as dates
-_ORDER = re.compile(r"^(\d{1,2})([./-])(\d{1,2})[./-]\d{2,4}")
-_MONTH = r"(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"
-_DAY = re.compile(rf"(?i)\d[./-]\d{{1,2}}[./-]\d|\d[. -]*{_MONTH}|{_MONTH}[. -]+\d")
-_CLOCK = re.compile(r"\b\d{1,2}:\d{2}")
-_WORDS = re.compile(rf"(?i){_MONTH}|[ap]\.?m\.?|utc")
-
-
-def seconds_of(text: str) -> float:
-    """Convert a time stamp to s: ISO 8601 (UTC without a zone), or seconds.
-
-    Raises ValueError for a text that is neither.
-    """
-    if is_plain(text):
-        return float(text)
-    moment = datetime.fromisoformat(text)
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def is_plain(text: str) -> bool:
-    """Test that a text is a number as programs write it."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def has_day(cells: Sequence[str]) -> bool:
-    """Test that cells have a date."""
-    return any(_DAY.search(cell) for cell in cells[:SAMPLE])
+#: Dates and clocks that are read without a statement; Python's directives, or pandas' ISO 8601.
+FORMS = ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d.%m.%Y",
+         "%H:%M:%S.%f", "%H:%M:%S", "%H:%M")  # fmt: skip
+_DATED = re.compile(r"\d[./-]\d{1,2}[./-]\d|\d-[A-Za-z]{3}-\d|\b\d{1,2}:\d{2}")
 
 
 def is_dated(cells: Sequence[str]) -> bool:
-    """Test that most cells are dates or clocks, with no words but months and zones."""
-    known = [cell for cell in cells[:SAMPLE] if cell]
-    dated = [(_CLOCK.search(cell) or _DAY.search(cell))
-             and not re.search(r"[A-Za-z]{2}", _WORDS.sub("", cell)) for cell in known]  # fmt: skip
-    return 2 * sum(map(bool, dated)) > len(known)
+    """Test that most cells are dates or clocks."""
+    known = [cell for cell in cells if cell]
+    return 2 * sum(bool(_DATED.search(cell)) for cell in known) > len(known)
 
 
-def stamps_of(cells: Sequence[str], option: str) -> tuple[list[str], str]:
-    """Convert dates to ISO 8601, and clocks without a date to s; also tell how they are read.
+def stamps_of(cells: Sequence[str], form: str) -> tuple[list[str], str]:
+    """Convert dates to ISO 8601, and clocks without a date to s; also tell the form they have.
 
-    ``option`` is one of ``DATES`` or empty. Raises DataError for other cells, and for those that
-    can be read in two ways.
+    ``form`` has directives such as ``%d/%m/%Y``; empty finds one of ``FORMS``. Raises DataError for
+    other cells.
     """
     import pandas as pd  # noqa: PLC0415  # slow to load, and most tables have no dates
 
-    if len(days := {bool(_DAY.search(cell)) for cell in cells}) > 1:
-        raise DataError("has a date in some cells and none in others")
-    orders = [found for cell in cells if (found := _ORDER.match(cell))]
-    day, month = (any(int(found[k]) > 12 for found in orders) for k in (1, 3))
-    first = any(found[2] == "." for found in orders) or option == "d/m/y"
-    if len({found[0] for found in orders}) > 1 and not (first or option or day or month):
+    whole = pd.Series(cells, dtype=object).str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
+    tried = {way: pd.to_datetime(whole, format=way, errors="coerce", utc=True)
+             for way in ((form,) if form else FORMS)}  # fmt: skip
+    way, found = min(tried.items(), key=lambda one: one[1].isna().sum())
+    if (wrong := found.isna()).any():
         raise DataError(
-            f"may have its day or its month first ('{cells[0]}'); say which behind the column: "
-            "--column timestamp=COLUMN:d/m/y or COLUMN:m/d/y"
+            f"has '{cells[int(wrong.argmax())]}', which is no date and time as "
+            f"{form or '2024-05-31 14:05:09 or 31.05.2024 14:05:09'}; say its form behind the "
+            "column: --column timestamp='COLUMN:%d/%m/%Y %H:%M:%S'"
         )
-    first = first or (option != "m/d/y" and not month)
-    whole = pd.Series(cells).str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
-    whole = whole if True in days else "2000-01-01 " + whole
-    try:
-        found = pd.to_datetime(whole, format="mixed", dayfirst=first and bool(orders), utc=True)
-    except (ValueError, OverflowError) as error:
-        raise DataError(f"has cells that are no dates ({str(error).splitlines()[0]})") from error
-    if True in days:
-        way = f", {'day' if first else 'month'} first" if orders else ""
-        return [one.isoformat() for one in found], f"dates{way}"
+    if way == FORMS[0] or "%d" in way:
+        return [one.isoformat() for one in found], f"dates as {way}"
     seconds = (found - found.dt.normalize()).dt.total_seconds()
     seconds += 86_400.0 * (seconds.diff() < -43_200.0).cumsum()  # after midnight
     return [f"{one:.12g}" for one in seconds], "clock without a date"
@@ -274,10 +216,10 @@ ANSWERS = {**dict.fromkeys(NOTHING), "unknown": None, **dict.fromkeys(YES, True)
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that is looked for: name, kind, words for it and against it, parted by strokes.
+    """A quantity that is looked for: name, dimension of its units, and words, parted by strokes.
 
-    ``loose`` words may also mean something else; ``needed`` says that a table is of no use without
-    the quantity. ``also`` is a kind that its numbers may have though it needs none.
+    ``words`` name it, ``loose`` ones may also mean something else, and with those ``against`` a
+    column is another. ``needed`` says that a table is of no use without the quantity.
     """
 
     name: str
@@ -286,7 +228,6 @@ class Quantity:
     loose: str = ""
     against: str = ""
     needed: bool = False
-    also: str | None = None
 
     @property
     def units(self) -> str:
@@ -340,8 +281,8 @@ SHIFTS = (
         "order|run order|reihenfolge|lfd nr|lfd|laufende nummer|laufnummer|sequence|sequenz|"
         "run number|run no|versuchsnummer|shift number",
     ),
-    Quantity("timestamp", None,
-             "timestamp|time stamp|zeitstempel|datum|date|date time|datum uhrzeit", also=TIME),
+    Quantity("timestamp", TIME,
+             "timestamp|time stamp|zeitstempel|datum|date|date time|datum uhrzeit"),
 )  # fmt: skip
 TRACE = (
     Quantity("t_s", TIME, "", "t|time|zeit", needed=True),

@@ -25,7 +25,7 @@ from dogshape.diagnosis.bench.corrections import (
     corrected,
 )
 from dogshape.diagnosis.bench.stand_file import Stand
-from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_points
+from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_groups
 from dogshape.diagnosis.bench.trace_slips import (
     DURATION,
     FORCE,
@@ -232,14 +232,17 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
 
 def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
     """Find rows whose set values are nearly, but not just, those of others."""
-    if near := near_points(sheet.rows):
+    values, groups = near_groups(sheet.rows)
+    lead = np.unique(groups, return_index=True)[1][groups]
+    near = np.flatnonzero((values != values[lead]).any(axis=1))
+    if near.size:
         one, other = (
             f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
-            for row in (sheet.rows[place] for place in min(near.items()))
+            for row in (sheet.rows[near[0]], sheet.rows[lead[near[0]]])
         )
+        many = f"{near.size} rows have" if near.size > 1 else "a row has"
         found = (
-            f"{f'{len(near)} rows have' if len(near) > 1 else 'a row has'} nearly the set values "
-            f"of others: {one} and {other} differ by at most {NEAR:.0%}"
+            f"{many} nearly the set values of others: {one} and {other} differ by about {NEAR:.0%}"
         )
         looks = "measured in place of set values, each of which would be an operating point of its"
         looks += " own, with errors of its own"

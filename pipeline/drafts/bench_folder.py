@@ -15,11 +15,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_cells import SHIFTS, TRACE
 from dogshape.diagnosis.bench.foreign_columns import NONE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
-from dogshape.diagnosis.bench.table import COLUMNS, set_values
+from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.bench.trace_files import SUFFIXES
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.sources import PUBLISHED, Source, draft_folder, source_of
@@ -29,6 +31,7 @@ from dogshape.sim.versions import bundled_root
 
 Row = dict[str, Any]  #: a table of a TOML file
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
+SCATTER = 0.2  #: of a set value, up to which measured values lie off it
 TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
 
 
@@ -128,6 +131,14 @@ def _fault_of(text: str, folder: Path, out: Path, rows: list[Row]) -> str:
 
     text = re.sub(rf"{re.escape(str(folder / 'shifts.csv'))}, row (\d+)", given, text)
     text = re.sub(r"--correct (\S+)", r"""--set 'corrections=["\1"]'""", text)
+    text = (
+        text.replace(
+            "; correct the data set",
+            "; name with --from a study or bench that has the set values, correct the data set",
+        )
+        if "set values of others" in text
+        else text
+    )
     longer = ", or say --set timeout_s=... where the stand gives up later"
     text += longer if "at most the time-out" in text else ""
     return text.replace(str(folder), str(out))
@@ -157,7 +168,7 @@ def _read_tables(draft: BenchDraft, report: Report) -> list[Row]:
         except DataError as error:
             report.faults.append(str(error))
             continue
-        rows += _table_rows(TableReader.of(table, SHIFTS, said, draft.decimal, report))
+        rows += _table_rows(TableReader(table, SHIFTS, said, draft.decimal, report))
     return rows
 
 
@@ -195,9 +206,8 @@ def _table_rows(reader: TableReader) -> list[Row]:
         row["shift_time_s"] = None if row["engaged"] is False else row["shift_time_s"]
         if row["n_shifts"] < 2 or row["shift_time_s"] is None:
             row["shift_time_sd_s"] = None
-    timed = [row["order"] for row in rows if row["shift_time_s"] is not None]
-    placed = [place for place in timed if place is not None]
-    if len(set(placed)) < len(placed):
+    placed = Counter(row["order"] for row in rows if row["shift_time_s"] and row["order"])
+    if max(placed.values(), default=0) > 1:
         report.faults.append(
             f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "
             f"the whole series; --column order={NONE} leaves it out"
@@ -224,29 +234,38 @@ def _places(rows: list[Row]) -> str:
 
 
 def _group_set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> Row:
-    """Group measured set values, and give the scatter of mismatches and forces as errors."""
+    """Give measured values the set values of the origin, and their scatter as errors.
+
+    Measured values hardly recur, are not round, and lie around few set values.
+    """
     if any(text.startswith("points=") for text in draft.values.get("corrections", ())):
         return {}
     errors: Row = {}
     both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
-    for name, key, known in (
-        ("mismatch_rpm", "mismatch_rpm", both), ("force_N", "force_percent", source.forces),
-        ("force_rise_s", "", []),
-    ):  # fmt: skip
-        measured = [row[name] for row in rows if row[name] is not None]
-        found = set_values(measured, known) if len(measured) == len(rows) else None
-        if found is None:
+    for name, known in (("mismatch_rpm", both), ("force_N", source.forces)):
+        values = np.array([row[name] for row in rows], dtype=float)
+        levels = np.array(known)[abs(values[:, None] - np.array(known)).argmin(axis=1)]
+        distinct, count = set(values.tolist()), len(set(levels.tolist()))
+        share = values / levels - 1.0
+        if (
+            min(len(distinct), len(rows) / 2) < 2 * count
+            or 2 * len(distinct) < len(rows)
+            or abs(share).max() > SCATTER
+            or all(v == float(f"{v:.2g}") or v % 5.0 == 0.0 for v in distinct)
+        ):
             continue
-        values, size, share = found
-        for row, value in zip(rows, values.tolist(), strict=True):
+        key, off = ("mismatch_rpm", values - levels) if known is both else (
+            "force_percent", 100.0 * share)  # fmt: skip
+        error = f"errors.each_point.{key}"
+        errors[error] = float(f"{np.sqrt((off**2).sum() / (len(rows) - count)):.2g}")
+        for row, value in zip(rows, levels.tolist(), strict=True):
             row[name] = value
-        levels = ", ".join(map(number, sorted(set(values.tolist()))))
-        said = f"{name.partition('_')[0]} is measured: {len(rows)} values are grouped at {levels}"
-        if key:
-            error = f"errors.each_point.{key}"
-            errors[error] = float(f"{size if key == name else 100.0 * share:.2g}")
-            said += f", with their scatter as {error} = {errors[error]:g}"
-        report.assumed.append(f"{said}; --set 'corrections=[\"points=given\"]' keeps each")
+        report.assumed.append(
+            f"{name.partition('_')[0]} is measured: {len(rows)} values are grouped at "
+            f"{', '.join(map(number, sorted(set(levels.tolist()))))}, the set values of "
+            f"'{source.name}', with their scatter as {error} = {errors[error]:g}; --set "
+            "'corrections=[\"points=given\"]' keeps each"
+        )
     return errors
 
 
@@ -277,18 +296,20 @@ def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: 
 
 
 def _fill_rises(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
-    lacking = [row for row in rows if row["force_rise_s"] is None and row["force_N"] is not None]
+    lacking = [row for row in rows if row["force_rise_s"] is None]
     for row in lacking:
         own = round(source.rise(row["force_N"]), 6)
         row["force_rise_s"] = own if draft.rise_s is None else draft.rise_s
-    times = [row["force_rise_s"] for row in lacking]
+    times = [
+        number(row["force_rise_s"]) for row in sorted(lacking, key=lambda r: r["force_rise_s"])
+    ]
     if lacking and draft.rise_s is not None:
-        report.assumed.append(f"the force rises in {number(draft.rise_s)} s where no row says it")
+        report.assumed.append(f"the force rises in {times[0]} s where no row says it")
     elif lacking:
         report.assumed.append(
-            f"the force rises in {number(min(times))} to {number(max(times))} s, by its size as in "
-            f"'{source.name}' ({number(source.forces[0])} to {number(source.forces[-1])} N); "
-            "--rise-s says another time"
+            f"the force rises in {times[0]} to {times[-1]} s, by its size as in '{source.name}' "
+            f"({number(source.forces[0])} to {number(source.forces[-1])} N); --rise-s says another "
+            "time"
         )
 
 
@@ -316,8 +337,8 @@ def _copy_trace(row: Row, draft: BenchDraft, report: Report, target: Path) -> No
     except DataError as error:
         report.faults.append(str(error))
         return
-    reader = TableReader.of(table, TRACE, said, draft.decimal, own)
-    columns = pd.DataFrame({name: reader.values(match) for name, match in reader.matches.items()})
+    reader = TableReader(table, TRACE, said, draft.decimal, own)
+    columns = pd.DataFrame({name: reader.numbers(name) for name in reader.matches}, dtype=float)
     columns.to_csv(target / f"{path.stem}.csv", index=False, float_format="%.15g")
     report.faults += own.faults
     report.assumed += [f"traces: {line}" for line in own.assumed]

@@ -477,7 +477,7 @@ def test_spread_order_and_time_stamps_of_a_foreign_table_come_along(dogshape: Ca
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ("31.05.2024 14:07:30", "14:07", "has a date in some cells and none in others"),
+        ("31.05.2024 14:07:30", "14:07", "has '14:07', which is no date and time as"),
         ("31.05.2024 14:07:30", "", "column timestamp is '', but it must be filled"),
         ("31.05.2024 14:07:30", "5", "timestamp=- to leave it out"),
         ("\n3;", "\n2;", "has a number twice, so it is no place in the whole series"),
