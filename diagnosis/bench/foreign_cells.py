@@ -53,52 +53,42 @@ def numbers_of(cells: Sequence[str], sign: str | None = None) -> Array:
     return np.array([value(plain(cell)) for cell in cells], dtype=float)
 
 
-def _shown_sign(cell: str) -> str:
-    """Give the decimal sign that a number shows, twice where it may part thousands as well."""
-    marks = re.findall("[.,]", cell) if is_number(cell) else []
-    if not marks:
-        return ""
-    if marks.count(marks[-1]) > 1:
-        return OTHER[marks[-1]]
-    return str(marks[-1] * 2 if _EITHER.fullmatch(plain(cell)) else marks[-1])
-
-
 def decimal_sign(
     columns: Mapping[str, Sequence[str]], rows: Sequence[int], stated: str | None, separator: str
-) -> tuple[str | None, list[str]]:
-    """Decide on the decimal sign of a file; also list questions on undecided columns.
+) -> str | None:
+    """Decide on the decimal sign of a file, None where no number has one.
 
-    ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both.
+    ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both
+    signs, and for those that can be read in two ways.
     """
-    shown = {head: [_shown_sign(cell) for cell in cells] for head, cells in columns.items()}
     sure: dict[str, str] = {}
-    for head, signs in shown.items():
-        for mark, cell, row in zip(signs, columns[head], rows, strict=True):
-            if len(mark) == 1:
-                sure.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
+    asked: dict[str, str] = {}
+    for head, cells in columns.items():
+        for cell, row in zip(map(plain, cells), rows, strict=True):
+            if is_number(cell) and (marks := re.findall("[.,]", cell)):
+                mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER[marks[-1]]
+                if not _EITHER.fullmatch(cell):
+                    sure.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
+                    continue
+                asked.setdefault(
+                    mark, f"column '{head}', row {row}: '{cell}' can be read as "
+                    f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
+                    f"{cell.replace(mark, '.')}, --decimal {mark}",
+                )  # fmt: skip
     if len(sure) > 1 or (stated and OTHER[stated] in sure):
         both = " and with ".join(sure[mark] for mark in sorted(sure))
         says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
         raise DataError(
             f"numbers with {both}{says}, which can be read in two ways; save it with one sign"
         )
-    sign, asked = stated or next(iter(sure), None), []
-    for head, signs in shown.items():
-        marks = {mark[0] for mark in signs if len(mark) == 2}
-        if stated or not marks or sign in signs or (sign and marks == {OTHER[sign]}):
-            continue  # the other sign than that of decimals parts thousands
-        place = next(k for k, mark in enumerate(signs) if len(mark) == 2)
-        mark, bare = signs[place][0], any(re.fullmatch(r"0*[1-9]\d*", c) for c in columns[head])
-        if marks == {mark} and not bare and (sign == mark or (separator == "," and mark == ".")):
-            sign = mark
-            continue
-        cell = plain(columns[head][place])
-        asked.append(
-            f"column '{head}', row {rows[place]}: '{cell}' can be read as "
-            f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
-            f"{cell.replace(mark, '.')}, --decimal {mark}"
-        )
-    return sign, asked
+    sign = stated or next(iter(sure), None)
+    if sign or not asked:
+        return sign
+    mixed = [cells for cells in columns.values() if any(map(_EITHER.fullmatch, cells))]
+    whole = any(re.fullmatch(r"0*[1-9]\d*", cell) for cells in mixed for cell in cells)
+    if separator == "," and set(asked) == {"."} and not whole:
+        return "."
+    raise DataError("; ".join(asked.values()))
 
 
 SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"
@@ -210,13 +200,13 @@ YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engage
        "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔")  # fmt: skip
 NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
       "non", "ne", "nie", "✗", "✘")  # fmt: skip
-ANSWERS = {**dict.fromkeys(NOTHING), "unknown": None, **dict.fromkeys(YES, True),
+ANSWERS = {**dict.fromkeys((*NOTHING, "empty", "unknown")), **dict.fromkeys(YES, True),
            **dict.fromkeys(NO, False)}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that is looked for: name, dimension of its units, and words, parted by strokes.
+    """A quantity that is looked for: name, dimension of its units, and patterns of whole words.
 
     ``words`` name it, ``loose`` ones may also mean something else, and with those ``against`` a
     column is another. ``needed`` says that a table is of no use without the quantity.
@@ -225,8 +215,8 @@ class Quantity:
     name: str
     dimension: str | None
     words: str
-    loose: str = ""
-    against: str = ""
+    loose: str = "-"
+    against: str = "-"
     needed: bool = False
 
     @property
@@ -235,71 +225,55 @@ class Quantity:
         return ", ".join(text for text, one in UNITS.items() if one.dimension == self.dimension)
 
 
-_SPREAD = "|std|sd|sigma|streuung|abweichung|min|max|deviation|stdev"
-_FORCE = (
-    "shift force|schaltkraft|stellkraft|aktorkraft|axialkraft|f shift|f axial|f act|f schalt|f ax"
-)
+_SPREAD = r"\w*std\w*|sd|sigma|streuung|\w*abweichung|min|max|\w*deviation"
+_RISE = r"\w*rise|\w*anstieg\w*|ramp\w*"
+_FORCE = "shift force|(schalt|stell|aktor|axial)kraft|f (shift|axial|act|schalt|ax)"
 SHIFTS = (
     Quantity(
         "mismatch_rpm", SPEED,
-        "mismatch|drehzahldifferenz|differenzdrehzahl|relativdrehzahl|delta n|delta omega|dn|d n|"
-        "n diff|diff n|speed difference|relative speed|schlupfdrehzahl|delta speed|delta rpm",
-        "slip|schlupf|rpm|drehzahl|n",
-        "output|abtrieb|antrieb|input|in|out|shaft|welle" + _SPREAD, needed=True,
+        r"\w*mismatch|(\w*differenz|relativ|schlupf)drehzahl|drehzahldifferenz|d n|dn|delta \w+"
+        "|n diff|diff n|(speed|rpm) difference|relative speed",
+        r"slip|schlupf|rpm|\w*drehzahl|n",
+        "output|abtrieb|antrieb|input|in|out|shaft|welle|" + _SPREAD, needed=True,
     ),
-    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", "rise|anstieg|time|zeit" + _SPREAD,
-             needed=True),
+    Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f",
+             f"time|zeit|{_RISE}|{_SPREAD}", needed=True),
+    Quantity("force_rise_s", TIME,
+             r"(force )?rise( time)?|anstiegszeit|kraftanstieg|t (rise|anstieg|ramp|an|anst)",
+             _RISE, _SPREAD),
+    Quantity("n_shifts", None, "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
+             r"shifts|count|anzahl|number|schaltungen|samples|n"),
     Quantity(
-        "force_rise_s", TIME,
-        "force rise|rise time|anstiegszeit|kraftanstieg|t rise|t anstieg|t ramp|t an|t anst",
-        "rise|anstieg|ramp|rampe", _SPREAD[1:],
-    ),
-    Quantity("n_shifts", None,
-             "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
-             "shifts|count|anzahl|number|schaltungen|samples|n"),
-    Quantity(
-        "shift_time_s", TIME,
-        "shift time|schaltzeit|schaltdauer|t shift|t schalt|mean shift time|mittlere schaltzeit",
-        "mean time|t mean|time|zeit|dauer|duration|t",
-        "rise|anstieg|ramp|rampe|stamp|stempel|timeout|datum|delay" + _SPREAD, needed=True,
+        "shift_time_s", TIME, r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
+        r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+",
+        f"stamp|zeitstempel|timeout|datum|date|delay|{_RISE}|{_SPREAD}", needed=True,
     ),
     Quantity(
         "engaged", None, "engaged|eingelegt|geschaltet|eingerueckt|eingespurt",
         "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status",
-        "not|nicht|no|n|fail|failed|failure|fehler|error",
+        r"not|nicht|no|n|fail\w*|fehler|error",
     ),
-    Quantity("trace", None, "trace|trace file|messdatei|measurement file",
+    Quantity("trace", None, "trace( file)?|messdatei|measurement file",
              "file|datei|dateiname|filename"),
-    Quantity(
-        "shift_time_sd_s", TIME,
-        "std|sd|stdev|stddev|sigma|streuung|standardabweichung|standard deviation|"
-        "standard abweichung|std dev",
-        "", "f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error",
-    ),
-    Quantity(
-        "order", None,
-        "order|run order|reihenfolge|lfd nr|lfd|laufende nummer|laufnummer|sequence|sequenz|"
-        "run number|run no|versuchsnummer|shift number",
-    ),
+    Quantity("shift_time_sd_s", TIME, _SPREAD.replace("|min|max", ""),
+             against=r"f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error"),
+    Quantity("order", None,
+             r"(run )?order|reihenfolge|lfd( nr)?|laufende nummer|laufnummer|sequence|sequenz"
+             "|run (number|no)|versuchsnummer|shift number"),
     Quantity("timestamp", TIME,
-             "timestamp|time stamp|zeitstempel|datum|date|date time|datum uhrzeit"),
+             "time ?stamp|zeitstempel|(datum|date|date time|datum uhrzeit)"),
 )  # fmt: skip
 TRACE = (
-    Quantity("t_s", TIME, "", "t|time|zeit", needed=True),
-    Quantity("displacement_mm", LENGTH,
-             "displacement|schaltweg|s sleeve|sleeve position|muffenweg", "weg|travel|position|x|s",
-             needed=True),
-    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", needed=True),
-    Quantity(
-        "sliding_speed_rpm", SPEED,
-        "sliding speed|speed sliding|n sleeve|n muffe|drehzahl muffe|sleeve speed|muffendrehzahl|"
-        "n sliding",
-        "n antrieb|antriebsdrehzahl|input speed|n in", needed=True,
-    ),
-    Quantity(
-        "output_speed_rpm", SPEED,
-        "output speed|speed output|n rad|n gear|drehzahl rad|gear speed|raddrehzahl|n output|"
-        "n abtrieb|abtriebsdrehzahl",
-        "n out", needed=True,
-    ),
+    Quantity("t_s", TIME, "-", "t|time|zeit", needed=True),
+    Quantity("displacement_mm", LENGTH, "displacement|(schalt|muffen)weg|s sleeve|sleeve position",
+             r"\w*weg|travel|position|x|s", needed=True),
+    Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f", needed=True),
+    Quantity("sliding_speed_rpm", SPEED,
+             r"speed sliding|(sliding|sleeve) speed|n (sleeve|muffe|sliding)"
+             "|drehzahl muffe|muffendrehzahl",
+             "n antrieb|antriebsdrehzahl|input speed|n in", needed=True),
+    Quantity("output_speed_rpm", SPEED,
+             r"speed output|(output|gear) speed|n (rad|gear|output|abtrieb)"
+             "|drehzahl rad|(rad|abtriebs)drehzahl",
+             "n out", needed=True),
 )  # fmt: skip

@@ -79,35 +79,26 @@ def plain_words(name: str) -> str:
     return " ".join(re.sub(r"[^a-z0-9]+", " ", bare.lower()).split())
 
 
-def _has(phrases: str, name: str) -> bool:
-    """Test that a name has all words of a phrase, or one of five letters within a word."""
-    words = set(name.split())
-    return any(
-        set(phrase.split()) <= words or (len(phrase) > 4 and " " not in phrase and phrase in name)
-        for phrase in filter(None, phrases.split("|"))
-    )
-
-
 def score(quantity: Quantity, column: Column) -> float:
     """Score a column for a quantity; zero where its unit, a word or its cells speak against it."""
+
+    def has(pattern: str) -> bool:
+        return bool(re.search(rf"\b({pattern})\b", name))
+
     name, dated = plain_words(column.name), is_dated(column.cells)
-    kind = None if column.unit is None else column.unit.dimension
-    fits = FITS if kind is not None else 0.0
-    short = "|".join(phrase for phrase in quantity.words.split("|") if len(phrase) < 3)
-    named = name in quantity.words.split("|")
-    worded = _has(quantity.words, name) and not _has(short, name)
+    fits = 0.0 if column.unit is None else FITS
     if (
-        _has(quantity.against, name)
-        or kind not in (None, quantity.dimension)
+        has(quantity.against)
+        or (column.unit and column.unit.dimension != quantity.dimension)
         or (dated and quantity.dimension and quantity.name != "timestamp")
         or (quantity.needed and any(column.cells) and not np.isfinite(column.values).any())
-        or (quantity.name == "shift_time_s" and not (named or worded) and _is_clock(column))
+        or (quantity.name == "shift_time_s" and not has(quantity.words) and _is_clock(column))
     ):
         return 0.0
-    if named or (dated and quantity.name == "timestamp" and not fits):
+    if re.fullmatch(quantity.words, name) or (dated and quantity.name == "timestamp"):
         return NAME + fits
-    if worded or _has(f"{quantity.loose}|{short}", name):
-        return (WORD if worded else LOOSE) + fits
+    if has(quantity.words) or has(quantity.loose):
+        return (WORD if has(quantity.words) else LOOSE) + fits
     # A unit alone says nothing of what a table may lack.
     return UNIT + fits if fits and quantity.needed else 0.0
 
@@ -282,8 +273,7 @@ class TableReader:
         cells = {c.head: c.cells for c in used.values() if not is_dated(c.cells)}
         try:
             stated = decimal or table.stated
-            self.sign, asked = decimal_sign(cells, table.rows, stated, table.separator)
-            faults += asked
+            self.sign = decimal_sign(cells, table.rows, stated, table.separator)
         except DataError as error:
             faults.append(str(error))
         file = str(table.path)
@@ -415,23 +405,16 @@ class TableReader:
         match = self.matches.get("engaged")
         if match is None:
             return [None] * len(self.table.rows)
-        option = f"--column engaged='{match.head}:"
         cells = ["empty" if c.lower() in NOTHING else c.lower() for c in match.terms[0][0].cells]
         said = dict(pair.lower().split("=", 1) for pair in match.option.split(",") if "=" in pair)
         often = Counter(cells)
-        words = {word: said.get(word, "" if word == "empty" else word) for word in often}
-        values = {word: ANSWERS[other] for word, other in words.items() if other in ANSWERS}
+        values = {w: ANSWERS[said.get(w, w)] for w in often if said.get(w, w) in ANSWERS}
         if strange := [word for word in often if word not in values]:
             bad = self._rows(cells, [cell in strange for cell in cells])
             self._fault(
                 match, f"must be yes, no or empty, but {bad}; write true or false, or say "
-                f"{option}{strange[0]}=yes', or --column engaged={NONE} to leave it out",
-            )  # fmt: skip
-        if "empty" not in said and set(values.values()) == {True, None}:
-            self._fault(
-                match, f"has only {', '.join(w for w in values if values[w])} and {often['empty']} "
-                "empty cells, which may be shifts that did not engage, or nothing noted; say "
-                f"{option}empty=no' or {option}empty=unknown'",
+                f"--column engaged='{match.head}:{strange[0]}=yes,empty=no', or "
+                f"--column engaged={NONE} to leave it out",
             )  # fmt: skip
         names = {True: "yes", False: "no", None: "not said"}
         read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in often.items())

@@ -1,8 +1,8 @@
 """Layout of a table that a stand has written: dialect, head, units, rows of shifts, rows left out.
 
 Rows that begin with the name of a statistic are left out, at the foot also rows with another word
-in place of a number, and rows without a word that are sum, mean or standard deviation of all rows
-above. Elsewhere a word or nothing in place of a number is a question.
+in place of a number, and sums or means of all rows above without a word. Elsewhere a word or
+nothing in place of a number is a question.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from dogshape.diagnosis.bench.foreign_cells import (
     Unit,
     is_number,
     numbers_of,
-    plain,
     split_head,
     unit_named,
 )
@@ -29,6 +28,7 @@ from dogshape.sim.texts import parted, read_lines
 
 Cells = Sequence[str]
 Reasons = list[tuple[int, str]]  #: rows of the file that are left out, and why
+ROUNDED = 2e-3  #: share by which a rounded sum or mean is off
 HEADS = 4  #: rows of names and units above the numbers, at most
 MARKS = "#%!"  #: at the beginning of comments
 _LABVIEW = re.compile(
@@ -190,19 +190,15 @@ def _divided(
 def _head(grid: _Grid, first: int) -> tuple[list[str], list[str], list[int]]:
     """Read names and units above the first row of numbers, with the places of their rows.
 
-    Comments are names where nothing else is. An empty name is that of the line above.
+    Comments are names where nothing else is.
     """
     near = [k for k in range(max(0, first - HEADS), first) if grid.filled[k].sum() > 1]
     zone = [k for k in near if not grid.data[k] and not grid.comment[k]] or near
     rows = [[cell.lstrip(MARKS + " ") or cell for cell in grid.cells[k]] for k in zone]
-    used, units = zone[-1:], [""] * grid.filled.shape[1]
-    if len(rows) > 1 and _are_units(rows[-1], rows[-2]):
-        units, used = rows.pop(), zone[-2:]
-    names = rows.pop() if rows else units[:0] or [""] * len(units)
-    if rows and not all(names):
-        more = [b or a for a, b in zip(rows[-1], names, strict=True)]
-        used = [zone[len(rows) - 1], *used] if more != names else used
-        names = more
+    blank = [""] * grid.filled.shape[1]
+    below = len(rows) > 1 and _are_units(rows[-1], rows[-2])
+    units, used = (rows.pop(), zone[-2:]) if below else (blank, zone[-1:])
+    names = rows[-1] if rows else blank
     width = 1 + int(np.flatnonzero(grid.filled[[*used, first]].any(axis=0))[-1])
     return names[:width], units[:width], used
 
@@ -220,31 +216,23 @@ def _summaries(grid: _Grid, body: list[int], questions: Reasons) -> Reasons:
     named = [k for k, word in firsts.items() if _STATISTIC.fullmatch(word)]
     found = [(grid.rows[k], f"statistic of the rows above ('{firsts[k]}')") for k in named]
     body = [k for k in body if k not in named]
-    numeric = grid.numeric[body]
-    if not body:
-        return found
-    values = np.stack([numbers_of(grid.cells[k]) for k in body])
+    values = np.ma.masked_invalid([numbers_of(grid.cells[k]) for k in body])
     for size in (2, 1):  # a sum and a mean, or one of them
-        foot, above = body[-size:], values[:-size]
-        names = [_statistic(above, numbers_of(grid.cells[k]), grid.cells[k]) for k in foot]
-        if all(names):
-            found += [(grid.rows[k], f"{name} of the rows above")
-                      for k, name in zip(foot, names, strict=True)]  # fmt: skip
-            body, numeric = body[:-size], numeric[:-size]
+        if len(body) > size + 2 and all(_is_statistic(values[:-size], v) for v in values[-size:]):
+            found += [(grid.rows[k], "sum or mean of the rows above") for k in body[-size:]]
+            body = body[:-size]
             break
-    place = int(grid.filled[body].any(axis=0).argmax())
-    if all(
-        2 * part[:, place].sum() <= len(part) for part in (numeric, numeric[: len(body) // 2 + 1])
-    ):
+    place = int(grid.filled[body].any(axis=0).argmax()) if body else 0
+    number = grid.numeric[body][:, place] if body else np.zeros(0)
+    if all(2 * part.sum() <= len(part) for part in (number, number[: len(body) // 2 + 1])):
         return found  # words or codes name the rows
-    last = max(k for k, number in zip(body, numeric[:, place], strict=True) if number)
     for k in body:
         word = grid.cells[k][place]
-        if grid.numeric[k, place] or (k < last and re.search(r"\d", word)):
-            continue  # a code such as 2b
-        if k > last and word:
+        if grid.numeric[k, place]:
+            continue
+        if word and k > body[int(np.flatnonzero(number)[-1])]:
             found.append((grid.rows[k], f"word where other rows have a number ('{word}')"))
-        else:
+        elif not re.search(r"\d", word):  # a code such as 2b
             questions.append((
                 place + 1, f"row {grid.rows[k]} has '{word}' where other rows have a number; "
                 "correct it, or name the rows of shifts with --rows, such as 2-41",
@@ -252,21 +240,9 @@ def _summaries(grid: _Grid, body: list[int], questions: Reasons) -> Reasons:
     return found
 
 
-def _statistic(above: Array, values: Array, row: Cells) -> str:
-    """Name the statistic that a row is of those above it in all columns, two of them not constant.
-
-    Empty where it is of none.
-    """
-    import pandas as pd  # noqa: PLC0415  # slow to load
-
-    known = np.isfinite(values)
-    frame = pd.DataFrame(above[:, known])
-    if len(frame) < 3 or (frame.nunique() > 1).sum() < 2:
-        return ""
-    # Half of the last digit of each cell.
-    step = [0.51 * 10.0 ** -len(re.split("[.,]", plain(cell) + ".")[1]) for cell in row]
-    least = np.array(step)[known] + 1e-9 * abs(values[known])
-    for name, own in {"mean": frame.mean(), "sum": frame.sum(), "spread": frame.std()}.items():
-        if (abs(own - values[known]) <= least).all():
-            return name
-    return ""
+def _is_statistic(above: np.ma.MaskedArray, row: np.ma.MaskedArray) -> bool:
+    """Test that a row is sum or mean of those above it, in two columns that are not constant."""
+    known = ~np.ma.getmaskarray(row)
+    means = above[:, known].mean(axis=0), above[:, known].sum(axis=0)
+    same = any(np.ma.allclose(own, row[known], rtol=ROUNDED, atol=0.0) for own in means)
+    return bool(same and (np.ma.ptp(above[:, known], axis=0) > 0.0).sum() > 1)

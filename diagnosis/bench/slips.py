@@ -361,8 +361,9 @@ def table_clock(stand: Stand, sheet: Sheet) -> Findings:
     off = [one for one in single if step and abs(one[1] / step - round(one[1] / step)) > OFF]
     if off:
         found = (
-            f"errors.clock_step_ms is {number(step / MS)} ms, but {len(off)} of {len(single)} times "
-            f"of single shifts are no multiples of it (row {off[0][0].row}: {number(off[0][1])} s)"
+            f"errors.clock_step_ms is {number(step / MS)} ms, but {len(off)} of {len(single)} "
+            f"times of single shifts are no multiples of it (row {off[0][0].row}: "
+            f"{number(off[0][1])} s)"
         )
         remedy = "state the step of the clock in milliseconds, 0 for none"
         looks = "another clock, or a step in another unit"
