@@ -92,7 +92,7 @@ def score(quantity: Quantity, column: Column) -> float:
         or (column.unit and column.unit.dimension != quantity.dimension)
         or (dated and quantity.dimension and quantity.name != "timestamp")
         or (quantity.needed and any(column.cells) and not np.isfinite(column.values).any())
-        or (quantity.name == "shift_time_s" and not has(quantity.words) and _is_clock(column))
+        or (quantity.name == "shift_time_s" and not has(quantity.words) and grows(column))
     ):
         return 0.0
     if re.fullmatch(quantity.words, name) or (dated and quantity.name == "timestamp"):
@@ -103,7 +103,8 @@ def score(quantity: Quantity, column: Column) -> float:
     return UNIT + fits if fits and quantity.needed else 0.0
 
 
-def _is_clock(column: Column) -> bool:
+def grows(column: Column) -> bool:
+    """Test that numbers of a column grow from row to row, as a clock does."""
     steps = np.diff(column.values[np.isfinite(column.values)])
     return bool(steps.size >= 3 and (steps > 0).mean() >= 0.9)
 
@@ -126,36 +127,32 @@ def matched(
     """
     found: list[Match] = []
     faults: list[str] = []
+    missing: list[Quantity] = []
     for name, text in said.items():
         try:
             found += [said_match(columns, quantities, name, text)] if text != NONE else []
         except InputError as error:
             faults.append(str(error))
-    taken = {column.place for one in found for column, _ in one.terms}
-    scores = {q: {c.place: score(q, c) for c in columns} for q in quantities if q.name not in said}
-    missing = []
+    left = [c for c in columns if c not in {term for one in found for term, _ in one.terms}]
+    scores = {q: {c: score(q, c) for c in left} for q in quantities if q.name not in said}
     for quantity, own in sorted(scores.items(), key=lambda one: -max(one[1].values(), default=0.0)):
-        rivals = [c for c in columns if c.place not in taken and own[c.place] > 0.0]
-        if not rivals:
-            missing += [quantity] if quantity.needed else []
-            continue
-        best = max(own[c.place] for c in rivals)
+        best = max((own[c] for c in left), default=0.0)
         loose = quantity.name in UNDECIDED and best < WORD
-        equal = [c for c in rivals if loose or own[c.place] == best]
-        column = equal[0]
-        if len(equal) > 1:
+        equal = [c for c in left if own[c] > 0.0 and (loose or own[c] == best)]
+        if not equal:
+            missing += [quantity] if quantity.needed else []
+        elif len(equal) > 1:
             faults.append(_which(quantity.name, equal))
-        elif quantity.name == "n_shifts" and counts_up(column):
+        elif quantity.name == "n_shifts" and counts_up(equal[0]):
+            head = equal[0].head
             faults.append(
-                f"'{column.head}' numbers the rows and is no count of shifts; say --column order="
-                f"'{column.head}', or --column n_shifts='{column.head}' where each row is the mean "
-                "of so many shifts"
+                f"'{head}' numbers the rows and is no count of shifts; say --column order='{head}'"
+                f", or --column n_shifts='{head}' where each row is the mean of so many shifts"
             )
         else:
-            taken.add(column.place)
-            why = "name and unit" if column.unit else "name"
-            found.append(Match(quantity, ((column, column.unit),), why))
-    left = [c for c in columns if c.place not in taken]
+            left.remove(equal[0])
+            why = "name and unit" if equal[0].unit else "name"
+            found.append(Match(quantity, ((equal[0], equal[0].unit),), why))
     return found, faults + [_missing(one, left) for one in missing]
 
 
@@ -181,7 +178,7 @@ def _missing(quantity: Quantity, left: Sequence[Column]) -> str:
         f"no column looks like {quantity.name}; say which one it is: --column {quantity.name}="
         f"COLUMN or COLUMN:UNIT (columns left: {', '.join(repr(c.head) for c in left) or 'none'})"
     )
-    clocks = [c.head for c in left if c.unit and c.unit.dimension == TIME and _is_clock(c)]
+    clocks = [c.head for c in left if c.unit and c.unit.dimension == TIME and grows(c)]
     if quantity.name == "shift_time_s" and clocks:
         said += f"; '{clocks[0]}' grows from row to row as a clock does"
     return said
@@ -266,11 +263,11 @@ class TableReader:
         self.table, self.report, self.sign = table, report, decimal
         found, faults = matched(table.columns, quantities, said)
         self.matches = {m.quantity.name: m for m in found}
-        used = {c.place: c for m in found for c, _ in m.terms}
+        used = {c: m.quantity.name for m in found for c, _ in m.terms}
         # A word among numbers that are read anyway is a fault of their column.
-        read = {c.place for m in found for c, _ in m.terms if m.quantity.name != "order"}
+        read = {c.place for c, name in used.items() if name != "order"}
         faults = [text for place, text in table.questions if place not in read] + faults
-        cells = {c.head: c.cells for c in used.values() if not is_dated(c.cells)}
+        cells = {c.head: c.cells for c in used if not is_dated(c.cells)}
         try:
             stated = decimal or table.stated
             self.sign = decimal_sign(cells, table.rows, stated, table.separator)
@@ -280,7 +277,7 @@ class TableReader:
         report.faults += [f"{file}: {fault}" for fault in faults]
         report.left_out += [{"file": file, "row": n, "reason": why} for n, why in table.left_out]
         report.left_out += [{"file": file, "column": c.head, "reason": _reason(c)}
-                            for c in table.columns if c.place not in used]  # fmt: skip
+                            for c in table.columns if c not in used]  # fmt: skip
 
     def _fault(self, match: Match, text: str) -> None:
         where = f"{self.table.path}, column '{match.head}' ({match.quantity.name})"
@@ -289,19 +286,17 @@ class TableReader:
     def _rows(self, cells: Sequence[Any], wrong: Sequence[bool]) -> str:
         bad = [f"row {n}: '{cell}'" for n, cell, off in
                zip(self.table.rows, cells, wrong, strict=True) if off]  # fmt: skip
-        more = f" and {len(bad) - MOST} more" if len(bad) > MOST else ""
-        return ", ".join(bad[:MOST]) + more
+        return ", ".join(bad[:MOST]) + (f" and {len(bad) - MOST} more" if len(bad) > MOST else "")
 
-    def _record(self, match: Match, values: Values, why: str, unit: str | None = None) -> None:
+    def _record(self, match: Match, values: Values, why: str, unit: str = "") -> None:
         numbers = [v for v in values if isinstance(v, float)]
-        signed = (
-            numbers and self.sign and any(self.sign in x for c, _ in match.terms for x in c.cells)
-        )
+        cells = [cell for column, _ in match.terms for cell in column.cells] if numbers else []
+        signed = self.sign and any(self.sign in cell for cell in cells)
         self.report.readings.append({
             "file": str(self.table.path), "quantity": match.quantity.name, "column": match.head,
-            "unit": unit, "decimals": NAMES[str(self.sign)] if signed else None,
+            "unit": unit or None, "decimals": NAMES[str(self.sign)] if signed else None,
             "first": next(iter(values), None), "least": min(numbers, default=None),
-            "largest": max(numbers, default=None), "why": why,
+            "largest": max(numbers, default=None), "why": f"{match.why}; {why}".rstrip("; "),
         })  # fmt: skip
 
     def numbers(self, name: str, *, needed: bool = False) -> Values:
@@ -314,67 +309,55 @@ class TableReader:
         match = self.matches.get(name)
         if match is None:
             return [None] * len(self.table.rows)
-        frame, units, whys = pd.DataFrame(index=self.table.rows), [], [match.why]
-        for place, (column, _) in enumerate(match.terms):
-            values = self._cells(match, column.cells, needed)
-            unit, why = self._unit(match, place, values[np.isfinite(values)])
-            frame[f"c{place}"] = values * (1.0 if unit is None else unit.factor)
-            units += [unit.text] if unit else []
-            whys += [why] if why else []
+        terms = [self._term(match, column, unit, needed) for column, unit in match.terms]
+        frame, why = pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)}), ""
         try:
             values = pd.to_numeric(frame.eval(match.formula)).replace([np.inf, -np.inf], np.nan)
         except (SyntaxError, TypeError, ValueError, NameError, AttributeError) as error:
-            values = np.nan * frame["c0"]
-            whys.append(str(error))
+            values, why = np.nan * frame["c0"], f": {error}"
+        if match.formula != "c0" and not values.notna().any():
+            self._fault(match, f"is no formula of its columns ({match.why}{why}); write for "
+                        "instance 'n_out - n_in'")  # fmt: skip
         # A factor such as 1e-3 adds a last digit to that of the cell.
         done = [float(f"{v:.15g}") if math.isfinite(v) else None for v in values]
-        if match.formula != "c0" and not values.notna().any():
-            self._fault(
-                match, f"is no formula of its columns ({'; '.join(whys)}); write for instance "
-                "'n_out - n_in'",
-            )  # fmt: skip
+        units = ", ".join(dict.fromkeys(unit.text for _, unit in terms if unit))
+        sized = units and not all(unit for _, unit in match.terms)
         known = [v for v in done if v is not None]
-        self._record(match, known, "; ".join(whys), ", ".join(dict.fromkeys(units)) or None)
+        self._record(match, known, f"{units} by its size" if sized else "", units)
         return done
 
-    def _cells(self, match: Match, cells: Sequence[str], needed: bool) -> Array:
-        """Read the numbers of a column, NaN where there is none, (rows,)."""
-        values = numbers_of(cells, self.sign)
-        empty = np.array([cell.lower() in NOTHING for cell in cells])
+    def _term(
+        self, match: Match, column: Column, unit: Unit | None, needed: bool
+    ) -> tuple[Array, Unit | None]:
+        """Read a column in the project's unit, NaN where there is no number, (rows,)."""
+        values, quantity = numbers_of(column.cells, self.sign), match.quantity
+        empty = np.array([cell.lower() in NOTHING for cell in column.cells])
         if (bad := np.isnan(values) & ~empty).any():
-            listed = self._rows(cells, bad.tolist())
+            listed = self._rows(column.cells, bad.tolist())
             self._fault(match, f"must hold numbers, but {listed}; correct or empty the cells")
         if empty.any() and needed:
             rows = ", ".join(map(str, np.array(self.table.rows)[empty][:MOST]))
             self._fault(match, f"is empty in row {rows}; fill the cells or remove the rows")
-        return values
-
-    def _unit(self, match: Match, place: int, values: Array) -> tuple[Unit | None, str]:
-        """Give the unit of a column, and the reason where its head has none, or ask for it."""
-        quantity, (column, unit) = match.quantity, match.terms[place]
+        known = values[np.isfinite(values)]
+        if quantity.dimension is None or not known.size:
+            return values, unit
         option = f"--column {quantity.name}='{column.head}:"
-        if (unit is not None and not np.isnan(unit.factor)) or quantity.dimension is None:
-            return unit, ""
-        angular = quantity.dimension == SPEED and re.search(
-            "omega|angular|winkel", plain_words(column.name)
-        )
-        if unit or angular or column.strange:
+        angular = re.search("omega|angular|winkel", plain_words(column.name))
+        if (unit and np.isnan(unit.factor)) or (not unit and (column.strange or angular)):
             text = f"the unit '{unit.text if unit else column.strange or ''}', which is"
-            self._fault(
-                match, f"has {text} unknown, or revolutions as well as radians; say {option}UNIT' "
-                f"with one of {quantity.units}",
-            )  # fmt: skip
-        elif values.size:
+            self._fault(match, f"has {text} unknown, or revolutions as well as radians; say "
+                        f"{option}UNIT' with one of {quantity.units}")  # fmt: skip
+        elif unit is None:
             # A recorder's clock may begin anywhere: the length of a trace decides.
-            middle = np.median(abs(values - (values.min() if quantity.name == "t_s" else 0.0)))
+            middle = np.median(abs(known - (known.min() if quantity.name == "t_s" else 0.0)))
             text = {TIME: "ms" if middle > 5.0 else "s", FORCE: "kN" if middle < 5.0 else "N",
                     SPEED: "1/min"}.get(quantity.dimension, "mm")  # fmt: skip
             self.report.assumed.append(
                 f"{self.table.path}: '{column.head}' ({quantity.name}) has no unit and is taken as "
                 f"{text} by its size; {option}UNIT' says another"
             )
-            return unit_named(text), f"{text} by its size"
-        return None, ""
+            unit = unit_named(text)
+        return values * (unit.factor if unit else 1.0), unit
 
     def counts(self) -> list[int]:
         """Read the number of shifts of each row, a whole number of at least 1; 1 where none is."""
@@ -389,12 +372,12 @@ class TableReader:
         return [max(1, round(value or 1)) for value in values]
 
     def texts(self, name: str) -> list[str]:
-        """Read a column as it stands."""
+        """Read a column as it stands, empty where there is none."""
         match = self.matches.get(name)
         if match is None:
             return [""] * len(self.table.rows)
         cells = match.terms[0][0].cells
-        self._record(match, list(filter(None, cells)), match.why)
+        self._record(match, list(filter(None, cells)), "")
         return list(cells)
 
     def answers(self) -> list[bool | None]:
@@ -411,15 +394,13 @@ class TableReader:
         values = {w: ANSWERS[said.get(w, w)] for w in often if said.get(w, w) in ANSWERS}
         if strange := [word for word in often if word not in values]:
             bad = self._rows(cells, [cell in strange for cell in cells])
-            self._fault(
-                match, f"must be yes, no or empty, but {bad}; write true or false, or say "
-                f"--column engaged='{match.head}:{strange[0]}=yes,empty=no', or "
-                f"--column engaged={NONE} to leave it out",
-            )  # fmt: skip
+            self._fault(match, f"must be yes, no or empty, but {bad}; write true or false, or say "
+                        f"--column engaged='{match.head}:{strange[0]}=yes,empty=no', or "
+                        f"--column engaged={NONE} to leave it out")  # fmt: skip
         names = {True: "yes", False: "no", None: "not said"}
         read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in often.items())
         done = [values.get(cell) for cell in cells]
-        self._record(match, [v for v in done if v is not None], f"{match.why}; {read}")
+        self._record(match, [v for v in done if v is not None], read)
         return done
 
     def stamps(self) -> Values:
@@ -437,12 +418,10 @@ class TableReader:
             else:
                 found, way = stamps_of(cells, "" if unit else match.option)
         except DataError as error:
-            self._fault(
-                match, f"{error}, or say --column timestamp='{match.head}:s' for numbers of "
-                f"seconds, or --column timestamp={NONE} to leave it out",
-            )  # fmt: skip
+            self._fault(match, f"{error}, or say --column timestamp='{match.head}:s' for numbers "
+                        f"of seconds, or --column timestamp={NONE} to leave it out")  # fmt: skip
             return [None] * len(column.cells)
-        self._record(match, list(found), f"{match.why}; {way}", unit.text if unit else None)
+        self._record(match, list(found), way, unit.text if unit else "")
         return [dict(zip(known, found, strict=True)).get(k) for k in range(len(column.cells))]
 
 
@@ -450,7 +429,6 @@ def _reason(column: Column) -> str:
     """Give the reason for which a column is no quantity."""
     if counts_up(column):
         return f"numbers the rows; --column order='{column.head}' takes it as order of the shifts"
-    clock = column.unit and column.unit.dimension == TIME and _is_clock(column)
-    if clock or is_dated(column.cells):
+    if is_dated(column.cells) or (column.unit and column.unit.dimension == TIME and grows(column)):
         return f"clock; --column timestamp='{column.head}' takes it as times of the shifts"
     return "no quantity of this name" if any(column.cells) else "empty"
