@@ -12,6 +12,7 @@ on average, one that rounds down early.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from math import gcd, log10
@@ -138,14 +139,12 @@ def _span(values: Array) -> str:
 
 def axes_by_rise(_: Stand, sheet: Sheet) -> Findings:
     """Find swapped axes where the rise time goes with the mismatch instead of the force."""
-    rises: dict[str, dict[float, set[float]]] = {"force": {}, "mismatch": {}}
-    for row in sheet.rows:
-        for name, by in rises.items():
-            by.setdefault(getattr(row, name), set()).add(row.rise)
-    mixed, several = (sum(len(some) > 1 for some in by.values()) for by in rises.values())
+    rises = [Counter(value for value, _ in {(getattr(row, name), row.rise) for row in sheet.rows})
+             for name in ("force", "mismatch")]  # fmt: skip
+    mixed, several = (sum(n > 1 for n in by.values()) for by in rises)
     if mixed >= 2 and not several:
         found = (
-            f"force_rise_s goes with mismatch_rpm: {mixed} of {len(rises['force'])} forces have "
+            f"force_rise_s goes with mismatch_rpm: {mixed} of {len(rises[0])} forces have "
             "several rise times, and each mismatch has one"
         )
         yield Finding("axes", found, SWAPPED, "swapped", certain=True)
@@ -294,25 +293,22 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
     Times of single shifts are rounded and may be equal by chance, so that of these half must be
     repeats; of means and of traces one is enough.
     """
-    first: dict[object, int] = {}
-    copies: list[tuple[int, int, bool]] = []
     timed = [row for row in sheet.rows if row.time is not None]
-    for row in timed:
-        numbers = (row.mismatch, row.force, row.rise, row.n, row.time)
-        what = row.trace.path if row.trace else numbers
-        if what in first:
-            copies.append((row.row, first[what], row.n == 1 and row.trace is None))
-        first.setdefault(what, row.row)
-    lone = sum(row.n == 1 and row.trace is None for row in timed)
-    if 2 * sum(single for *_, single in copies) < max(4, lone):
-        copies = [one for one in copies if not one[2]]
+    numbers = [(row.mismatch, row.force, row.rise, row.n, row.time) for row in timed]
+    keys = [row.trace.path if row.trace else own for row, own in zip(timed, numbers, strict=True)]
+    first = {key: row.row for key, row in zip(keys[::-1], timed[::-1], strict=True)}
+    copies = [(row, first[key]) for key, row in zip(keys, timed, strict=True)
+              if first[key] != row.row]  # fmt: skip
+    lone = [row.row for row in timed if row.n == 1 and row.trace is None]
+    if 2 * sum(row.row in lone for row, _ in copies) < max(4, len(lone)):
+        copies = [one for one in copies if one[0].row not in lone]
     if copies:
         many = f"{len(copies)} rows repeat earlier ones"
         many = many if len(copies) > 1 else "a row is there twice"
         looks = (
             "a table that was copied below itself: copies make the data seem surer than they are"
         )
-        said = f"{many}: row {copies[0][0]} is row {copies[0][1]} again"
+        said = f"{many}: row {copies[0][0].row} is row {copies[0][1]} again"
         yield Finding("rows", said, looks, arguable=False)
 
 

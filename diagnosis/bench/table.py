@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dogshape.diagnosis.bench.trace_files import read_trace
+from dogshape.diagnosis.bench.trace_files import is_plain, read_trace
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, number_rule
@@ -84,15 +84,6 @@ def load_sheet(path: Path) -> Sheet:
     if len(kinds) > 1:
         raise kinds[True].bad("timestamp", "a date and time as in the other rows")
     return Sheet(path, rows)
-
-
-def is_plain(text: str) -> bool:
-    """Test that a text is a number as programs write it."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 @dataclass(frozen=True)
@@ -201,18 +192,14 @@ def near_groups(rows: Sequence[Row]) -> tuple[Array, np.ndarray]:
 
 
 def joined_rows(rows: Sequence[Row]) -> tuple[Row, ...]:
-    """Give rows with nearly the same set values the mean of their shifts.
-
-    Points with nearly the same means are one point as well.
-    """
-    weights, before = np.array([row.n for row in rows], dtype=float), 0
+    """Give rows with nearly the same set values the mean of their shifts."""
+    weights = np.array([row.n for row in rows], dtype=float)
     values, groups = near_groups(rows)
-    while (count := int(groups.max()) + 1) != before:
-        for group in range(count):
-            mine = groups == group
-            if (values[mine] != values[mine][0]).any():
-                values[mine] = np.average(values[mine], axis=0, weights=weights[mine])
-        rows = [replace(row, mismatch=n, force=force, rise=rise)
-                for row, (n, force, rise) in zip(rows, values.tolist(), strict=True)]  # fmt: skip
-        before, (values, groups) = count, near_groups(rows)
-    return tuple(rows)
+    for group in range(groups.max() + 1):
+        mine = groups == group
+        if (values[mine] != values[mine][0]).any():
+            values[mine] = np.average(values[mine], axis=0, weights=weights[mine])
+    return tuple(
+        replace(row, mismatch=n, force=force, rise=rise)
+        for row, (n, force, rise) in zip(rows, values.tolist(), strict=True)
+    )
