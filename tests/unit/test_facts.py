@@ -11,16 +11,14 @@ import pytest
 from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.stand_file import Calibration, Measured, Sensor
+from dogshape.diagnosis.bench.stand_file import Calibration, Sensor
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
     explained,
     facts_of,
     log_density,
     log_unknown,
-    require_measured,
 )
-from dogshape.sim.errors import DataError
 from tests.fits import SETTING, space_of
 from tests.toy import EFFECTS
 
@@ -112,25 +110,3 @@ def test_a_fact_alone_explains_its_part_of_the_gap(gap: float, part: float) -> N
     left = np.sqrt(((first - 0.04) ** 2 + other**2) / 2.0)
     assert found == pytest.approx(rms - left)
     assert found == pytest.approx(part / np.sqrt(2.0), abs=1e-9)
-
-
-@pytest.mark.parametrize(
-    ("measured", "words"),
-    [
-        (
-            Measured(effect="drag", value=1.0, standard_error=0.1),
-            "'drag' in .* is no effect; did you mean 'drag_torque'",
-        ),
-        (
-            Measured(effect="contact_friction", value=0.2, standard_error=0.1),
-            "is left out, but must be one of: static_",
-        ),
-        (
-            Measured(effect="drag_torque", parameter="drag", value=0.2, standard_error=0.1),
-            "is 'drag', but must be one of: ",
-        ),
-    ],
-)
-def test_a_result_of_no_effect_or_parameter_is_a_sentence(measured: Measured, words: str) -> None:
-    with pytest.raises(DataError, match=words):
-        require_measured(replace(STAND, measured=(measured,)), EFFECTS)

@@ -45,21 +45,13 @@ def _places(folder: Path) -> list[float | None]:
     return [reading.place for reading in load_bench(folder).readings]
 
 
-def test_an_order_is_a_place_in_the_series(write: Write) -> None:
-    rows = ["50,469,0.1766,1,0.05,2", "100,469,0.1766,1,0.06,1", "100,469,0.1766,1,,"]
-    assert _places(write("order", rows)) == [2.0, 1.0, None]
-
-
-def test_time_stamps_are_seconds_and_an_order_goes_before_them(write: Write) -> None:
-    stamps = "2024-05-31T14:05:09", "2024-05-31 16:05:10+02:00", "2024-06-01T14:05:09Z"
-    row = "50,469,0.1766,1,0.05"
-    first, second, third = _places(write("timestamp", [f"{row},{s}" for s in stamps]))
-    assert first is not None
-    assert second is not None
-    assert third is not None
-    assert (second - first, third - first) == (1.0, 86400.0)
+def test_places_are_an_order_or_else_time_stamps(write: Write) -> None:
+    row, stamps = "50,469,0.1766,1,0.05", ("2024-05-31T14:05:09", "2024-05-31 16:05:10+02:00")
+    assert _places(write("order", [f"{row},2", f"{row},1", "9,469,0.1766,1,,"])) == [2.0, 1.0, None]
+    first, second = _places(write("timestamp", [f"{row},{s}" for s in stamps]))
+    assert (second or 0.0) - (first or 0.0) == 1.0
     assert _places(write("timestamp", [f"{row},{s}" for s in (7, 8.5)])) == [7.0, 8.5]
-    both = [f"{row},3,2024-05-31T14:05:09", f"{row},1,2024-05-31T14:05:10"]
+    both = [f"{row},{k},{stamp}" for k, stamp in zip((3, 1), stamps, strict=True)]
     assert _places(write("order,timestamp", both)) == [3.0, 1.0]
 
 
