@@ -209,7 +209,8 @@ class Quantity:
     """A quantity that is looked for: name, dimension of its units, and patterns of whole words.
 
     ``words`` name it, ``loose`` ones may also mean something else, and with those ``against`` a
-    column is another. ``needed`` says that a table is of no use without the quantity.
+    column is another. ``needed`` says that a table is of no use without the quantity, ``filled``
+    that each row has to have it.
     """
 
     name: str
@@ -218,6 +219,7 @@ class Quantity:
     loose: str = "-"
     against: str = "-"
     needed: bool = False
+    filled: bool = False
 
     @property
     def units(self) -> str:
@@ -234,10 +236,10 @@ SHIFTS = (
         r"\w*mismatch|(\w*differenz|relativ|schlupf)drehzahl|drehzahldifferenz|d n|dn|delta \w+"
         "|n diff|diff n|(speed|rpm) difference|relative speed",
         r"slip|schlupf|rpm|\w*drehzahl|n",
-        "output|abtrieb|antrieb|input|in|out|shaft|welle|" + _SPREAD, needed=True,
+        "output|abtrieb|antrieb|input|in|out|shaft|welle|" + _SPREAD, needed=True, filled=True,
     ),
     Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f",
-             f"time|zeit|{_RISE}|{_SPREAD}", needed=True),
+             f"time|zeit|{_RISE}|{_SPREAD}", needed=True, filled=True),
     Quantity("force_rise_s", TIME,
              r"(force )?rise( time)?|anstiegszeit|kraftanstieg|t (rise|anstieg|ramp|an|anst)",
              _RISE, _SPREAD),

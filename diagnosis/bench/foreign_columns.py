@@ -260,7 +260,8 @@ class TableReader:
         decimal: str | None, report: Report,
     ) -> None:  # fmt: skip
         """Match the columns and decide on the decimal sign; ``decimal`` is that of the user."""
-        self.table, self.report, self.sign = table, report, decimal
+        self.table, self.quantities, self.report = table, quantities, report
+        self.sign = decimal
         found, faults = matched(table.columns, quantities, said)
         self.matches = {m.quantity.name: m for m in found}
         used = {c: m.quantity.name for m in found for c, _ in m.terms}
@@ -299,17 +300,24 @@ class TableReader:
             "largest": max(numbers, default=None), "why": f"{match.why}; {why}".rstrip("; "),
         })  # fmt: skip
 
-    def numbers(self, name: str, *, needed: bool = False) -> Values:
-        """Convert a column, or a formula of columns, to the project's unit; None for empty cells.
+    def read(self) -> dict[str, Values]:
+        """Read all quantities, None where a column does not say them or is not there.
 
-        Cells without a number are a fault, empty cells of a ``needed`` column too.
+        Numbers are in the project's unit; cells that cannot be read are a fault.
         """
+        ways = {"n_shifts": self._counts, "engaged": self._answers, "timestamp": self._stamps,
+                "trace": self._texts}  # fmt: skip
+        nothing: Values = [None] * len(self.table.rows)
+        return {
+            name: ways.get(name, self._numbers)(match) if match else nothing
+            for name, match in {q.name: self.matches.get(q.name) for q in self.quantities}.items()
+        }
+
+    def _numbers(self, match: Match) -> Values:
+        """Convert a column, or a formula of columns; None for empty cells."""
         import pandas as pd  # noqa: PLC0415  # slow to load
 
-        match = self.matches.get(name)
-        if match is None:
-            return [None] * len(self.table.rows)
-        terms = [self._term(match, column, unit, needed) for column, unit in match.terms]
+        terms = [self._term(match, column, unit) for column, unit in match.terms]
         frame, why = pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)}), ""
         try:
             values = pd.to_numeric(frame.eval(match.formula)).replace([np.inf, -np.inf], np.nan)
@@ -326,16 +334,14 @@ class TableReader:
         self._record(match, known, f"{units} by its size" if sized else "", units)
         return done
 
-    def _term(
-        self, match: Match, column: Column, unit: Unit | None, needed: bool
-    ) -> tuple[Array, Unit | None]:
+    def _term(self, match: Match, column: Column, unit: Unit | None) -> tuple[Array, Unit | None]:
         """Read a column in the project's unit, NaN where there is no number, (rows,)."""
         values, quantity = numbers_of(column.cells, self.sign), match.quantity
         empty = np.array([cell.lower() in NOTHING for cell in column.cells])
         if (bad := np.isnan(values) & ~empty).any():
             listed = self._rows(column.cells, bad.tolist())
             self._fault(match, f"must hold numbers, but {listed}; correct or empty the cells")
-        if empty.any() and needed:
+        if empty.any() and quantity.filled:
             rows = ", ".join(map(str, np.array(self.table.rows)[empty][:MOST]))
             self._fault(match, f"is empty in row {rows}; fill the cells or remove the rows")
         known = values[np.isfinite(values)]
@@ -359,35 +365,21 @@ class TableReader:
             unit = unit_named(text)
         return values * (unit.factor if unit else 1.0), unit
 
-    def counts(self) -> list[int]:
-        """Read the number of shifts of each row, a whole number of at least 1; 1 where none is."""
-        match, values = self.matches.get("n_shifts"), self.numbers("n_shifts")
-        if match is None:
-            self.report.assumed.append(
-                f"{self.table.path}: each row is one shift, as no column counts them"
-            )
-        elif any(wrong := [v is not None and (v < 1 or v % 1 > 0) for v in values]):
+    def _counts(self, match: Match) -> Values:
+        """Read the number of shifts of each row, a whole number of at least 1."""
+        values = self._numbers(match)
+        if any(wrong := [v is not None and (v < 1 or v % 1 > 0) for v in values]):
             bad = self._rows([v and number(v) for v in values], wrong).replace("'", "")
             self._fault(match, f"must be whole numbers of at least 1, but {bad}; correct them")
-        return [max(1, round(value or 1)) for value in values]
+        return [None if v is None else max(1, round(v)) for v in values]
 
-    def texts(self, name: str) -> list[str]:
-        """Read a column as it stands, empty where there is none."""
-        match = self.matches.get(name)
-        if match is None:
-            return [""] * len(self.table.rows)
-        cells = match.terms[0][0].cells
+    def _texts(self, match: Match) -> Values:
+        cells = [cell or None for cell in match.terms[0][0].cells]
         self._record(match, list(filter(None, cells)), "")
-        return list(cells)
+        return cells
 
-    def answers(self) -> list[bool | None]:
-        """Read a column of yes and no, None where it does not say.
-
-        An option such as ``gut=yes,empty=no`` goes first.
-        """
-        match = self.matches.get("engaged")
-        if match is None:
-            return [None] * len(self.table.rows)
+    def _answers(self, match: Match) -> Values:
+        """Read yes and no; an option such as ``gut=yes,empty=no`` goes first."""
         cells = ["empty" if c.lower() in NOTHING else c.lower() for c in match.terms[0][0].cells]
         said = dict(pair.lower().split("=", 1) for pair in match.option.split(",") if "=" in pair)
         often = Counter(cells)
@@ -403,11 +395,8 @@ class TableReader:
         self._record(match, [v for v in done if v is not None], read)
         return done
 
-    def stamps(self) -> Values:
-        """Read time stamps: numbers with a unit in s, dates as ISO 8601; others are a fault."""
-        match = self.matches.get("timestamp")
-        if match is None:
-            return [None] * len(self.table.rows)
+    def _stamps(self, match: Match) -> Values:
+        """Read numbers with a unit in s, and dates as ISO 8601."""
         column, unit = match.terms[0]
         known = {k: c for k, c in enumerate(column.cells) if c.lower() not in NOTHING}
         cells = list(known.values())

@@ -187,22 +187,18 @@ def _empty_rows(source: Source, report: Report) -> list[Row]:
 
 def _table_rows(reader: TableReader) -> list[Row]:
     """Convert the rows of a table, as far as its columns are known."""
-    path, report = reader.table.path, reader.report
-    names = ("mismatch_rpm", "force_N", "force_rise_s", "shift_time_s", "shift_time_sd_s", "order")
-    columns = {
-        "row": reader.table.rows,
-        **{name: reader.numbers(name, needed=name in names[:2]) for name in names},
-        "n_shifts": reader.counts(), "engaged": reader.answers(), "trace": reader.texts("trace"),
-        "timestamp": reader.stamps(),
-    }  # fmt: skip
-    rows = [{"file": str(path), **dict(zip(columns, values, strict=True))}
-            for values in zip(*columns.values(), strict=True)]  # fmt: skip
+    path, report, columns = reader.table.path, reader.report, reader.read()
+    rows = [{"file": str(path), "row": n, **dict(zip(columns, values, strict=True))}
+            for n, *values in zip(reader.table.rows, *columns.values(), strict=True)]  # fmt: skip
+    if "n_shifts" not in reader.matches:
+        report.assumed.append(f"{path}: each row is one shift, as no column counts them")
     late = [row for row in rows if row["engaged"] is False and row["shift_time_s"] is not None]
     if late:
         report.assumed.append(
             f"{path}: times of shifts that did not engage are left out (row {_places(late)})"
         )
     for row in rows:
+        row["n_shifts"] = row["n_shifts"] or 1
         row["shift_time_s"] = None if row["engaged"] is False else row["shift_time_s"]
         if row["n_shifts"] < 2 or row["shift_time_s"] is None:
             row["shift_time_sd_s"] = None
@@ -338,7 +334,7 @@ def _copy_trace(row: Row, draft: BenchDraft, report: Report, target: Path) -> No
         report.faults.append(str(error))
         return
     reader = TableReader(table, TRACE, said, draft.decimal, own)
-    columns = pd.DataFrame({name: reader.numbers(name) for name in reader.matches}, dtype=float)
+    columns = pd.DataFrame(reader.read(), dtype=float)
     columns.to_csv(target / f"{path.stem}.csv", index=False, float_format="%.15g")
     report.faults += own.faults
     report.assumed += [f"traces: {line}" for line in own.assumed]
