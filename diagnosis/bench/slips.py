@@ -30,12 +30,17 @@ from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_groups
 from dogshape.diagnosis.bench.trace_slips import (
     TracedRow,
+    force_ratio,
     median_of,
+    settled_force_ratio,
     short,
     short_traces,
+    speed_ratio,
+    time_ratio,
     trace_clock,
     trace_notes,
     trace_rest,
+    travel_ratio,
 )
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
@@ -227,9 +232,8 @@ class Range:
 
     def __call__(self, stand: Stand, sheet: Sheet) -> Findings:
         """Find a ratio out of the range."""
-        measure, travel = median_of(self.ratio), stand.clutch.dog.travel / MM
+        middle, travel = median_of(self.ratio, stand, sheet), stand.clutch.dog.travel / MM
         high = self.high * (self.soft if stand.record.displacement_at == "actuator" else 1.0)
-        middle = measure(stand, sheet)
         if self.low <= middle <= high:
             return
         found = self.found.format(short(middle), number(travel), short(middle * travel))
@@ -238,7 +242,7 @@ class Range:
                 other = corrected(sheet, correction, stand.sensor)
             except InputError:  # the stand does not say by how much
                 continue
-            if self.low <= measure(stand, other) <= high:
+            if self.low <= median_of(self.ratio, stand, other) <= high:
                 quantity, _, way = correction.partition("=")
                 text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
                 yield Finding(quantity, found, text, way, True, self.arguable)
@@ -250,13 +254,13 @@ class Range:
 FORCE = "force_N of the traces ends at {0} of what force_N of the table makes it"
 DURATION, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE = (
     Range(
-        "trace_time", TracedRow.duration, 0.0, 100.0,
+        "trace_time", time_ratio, 0.0, 100.0,
         "by t_s the travel of the traces takes {0} times the time of the shift",
         (("trace_time=ms", "milliseconds"),),
         "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False,
     ),
     Range(
-        "displacement", TracedRow.travel, 0.9, 1.15,
+        "displacement", travel_ratio, 0.9, 1.15,
         "displacement_mm of finished shifts ends at {2}, but the sleeve's travel is {1} mm",
         (("displacement=m", "metres"),
          ("displacement=arm", "the robot arm's, {} times the sleeve's")),
@@ -266,7 +270,7 @@ DURATION, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE = (
         soft=1.8 / 1.15,
     ),
     Range(
-        "mismatch", TracedRow.speed, 1.0 / SAME, SAME,
+        "mismatch", speed_ratio, 1.0 / SAME, SAME,
         "the traces begin with {0} times the mismatch_rpm of their rows "
         "(output_speed_rpm less sliding_speed_rpm)",
         (("mismatch=rad_s", "mismatch_rpm in radians a second"),
@@ -275,11 +279,11 @@ DURATION, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE = (
         "another speed than the nominal one",
     ),
     Range(
-        "trace_force", TracedRow.last_force, 0.01, np.inf, FORCE,
+        "trace_force", force_ratio, 0.01, np.inf, FORCE,
         (("trace_force=kN", "kilonewtons"),), "a sensor with a wrong scale",
     ),
     Range(
-        "trace_force", TracedRow.settled_force, 0.5, 1.5, FORCE,
+        "trace_force", settled_force_ratio, 0.5, 1.5, FORCE,
         (("force=arm", "the force at the robot arm in the table"),
          ("trace_force=arm", "the force at the robot arm in the traces")),
         "a sensor with a wrong scale",
@@ -299,7 +303,7 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
     first = {key: row.row for key, row in zip(keys[::-1], timed[::-1], strict=True)}
     copies = [(row, first[key]) for key, row in zip(keys, timed, strict=True)
               if first[key] != row.row]  # fmt: skip
-    lone = [row.row for row in timed if row.n == 1 and row.trace is None]
+    lone = {row.row for row in timed if row.n == 1 and row.trace is None}
     if 2 * sum(row.row in lone for row, _ in copies) < max(4, len(lone)):
         copies = [one for one in copies if one[0].row not in lone]
     if copies:

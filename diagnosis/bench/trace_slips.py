@@ -66,60 +66,15 @@ class TracedRow:
         """Displacement at rest, m; zero where the record begins after the force."""
         if self.moving or (self.start and self.start.time < self.trace.time[0]):
             return 0.0
-        return self.start.displacement if self.start else float(
-            np.median(self.trace.displacement[:FIRST]))  # fmt: skip
+        first = float(np.median(self.trace.displacement[:FIRST]))
+        return self.start.displacement if self.start else first
 
     @property
     def short(self) -> bool:
         """Whether the trace ends before its shift."""
-        trace = self.trace
-        if self.row.time is None or trace.time[-1] >= self.row.time - 2.0 * trace.step:
-            return False
-        return bool(trace.displacement.max() < self.stand.clutch.shift_travel)
-
-    @property
-    def clock(self) -> tuple[float, float, float]:
-        """Start of the force, end of travel and least time that is seen, s; NaN for not shown."""
-        start, travel = None if self.moving else self.start, self.stand.clutch.shift_travel
-        way = np.maximum.accumulate(smoothed(self.trace.displacement) - self.rest)
-        end = float(np.interp(travel, way, self.trace.time)) if way[-1] >= travel else np.nan
-        least = max(CLOCK, 3.0 * self.trace.step, 4.0 * (start.error if start else 0.0))
-        return (start.time if start else np.nan), end, least
-
-    def speed(self) -> float | None:
-        """Relative speed at the beginning over that of the row."""
-        first = self.trace.relative_speed[: max(FIRST, self.trace.time.size // 32)]
-        return float(np.median(first)) / RPM / self.row.mismatch if self.row.mismatch else None
-
-    def travel(self) -> float | None:
-        """Largest displacement of a whole shift over the travel of the sleeve."""
-        most = self.trace.displacement.max() - self.rest
-        whole = self.row.time and not self.short
-        return float(most / self.stand.clutch.dog.travel) if whole else None
-
-    def duration(self) -> float:
-        """Time of nine tenths of the travel over the shift's, where it is beyond the time-out."""
-        way, timeout = self.trace.displacement - self.rest, self.stand.clutch.timeout
-        end = self.trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
-        took = float(end - (self.start.time if self.start else self.trace.time[0]))
-        return took / (self.row.time or timeout) if took >= timeout else 1.0
-
-    def last_force(self) -> float | None:
-        """Last force over the nominal one at that time."""
-        try:
-            profile = ForceProfile(self.row.force, self.row.rise)
-        except InputError:
-            return None
-        last = float(self.trace.time[-1])
-        nominal = profile.at(last - self.start.time) if self.start else 0.0
-        if not self.start or not nominal:
-            return None
-        return (float(np.median(self.trace.force[-5:])) - self.start.force) / nominal
-
-    def settled_force(self) -> float | None:
-        """Last force over the nominal one where any delay of the force is over."""
-        settled = self.trace.time[-1] > self.row.rise + SETTLED
-        return self.last_force() if settled else None
+        trace, time = self.trace, self.row.time
+        early = time is not None and trace.time[-1] < time - 2.0 * trace.step
+        return bool(early and trace.displacement.max() < self.stand.clutch.shift_travel)
 
 
 def traced(stand: Stand, sheet: Sheet) -> list[TracedRow]:
@@ -127,14 +82,46 @@ def traced(stand: Stand, sheet: Sheet) -> list[TracedRow]:
     return [TracedRow(stand, row, row.trace) for row in sheet.rows if row.trace is not None]
 
 
-def median_of(ratio: Callable[[TracedRow], float | None]) -> Callable[[Stand, Sheet], float]:
-    """Make a measure: the median of a ratio over the traces that have one, 1 without any."""
+def speed_ratio(one: TracedRow) -> float | None:
+    """Compute the relative speed at the beginning over that of the row."""
+    first = one.trace.relative_speed[: max(FIRST, one.trace.time.size // 32)]
+    return float(np.median(first)) / RPM / one.row.mismatch if one.row.mismatch else None
 
-    def measure(stand: Stand, sheet: Sheet) -> float:
-        known = [found for one in traced(stand, sheet) if (found := ratio(one)) is not None]
-        return float(np.median(known)) if known else 1.0
 
-    return measure
+def travel_ratio(one: TracedRow) -> float | None:
+    """Compute the largest displacement of a whole shift over the travel of the sleeve."""
+    most = one.trace.displacement.max() - one.rest
+    return float(most / one.stand.clutch.dog.travel) if one.row.time and not one.short else None
+
+
+def time_ratio(one: TracedRow) -> float:
+    """Compute the time of the travel over the shift's, where it is beyond the time-out."""
+    way, timeout = one.trace.displacement - one.rest, one.stand.clutch.timeout
+    end = one.trace.time[int(np.argmax(smoothed(way) >= 0.9 * way.max()))]
+    took = float(end - (one.start.time if one.start else one.trace.time[0]))
+    return took / (one.row.time or timeout) if took >= timeout else 1.0
+
+
+def force_ratio(one: TracedRow) -> float | None:
+    """Compute the last force over the nominal one at that time."""
+    try:
+        profile = ForceProfile(one.row.force, one.row.rise)
+    except InputError:
+        return None
+    if not one.start or not (nominal := profile.at(float(one.trace.time[-1]) - one.start.time)):
+        return None
+    return (float(np.median(one.trace.force[-5:])) - one.start.force) / nominal
+
+
+def settled_force_ratio(one: TracedRow) -> float | None:
+    """Compute the same where any delay of the force is over."""
+    return force_ratio(one) if one.trace.time[-1] > one.row.rise + SETTLED else None
+
+
+def median_of(ratio: Callable[[TracedRow], float | None], stand: Stand, sheet: Sheet) -> float:
+    """Compute the median of a ratio over the traces that have one, 1 without any."""
+    known = [found for one in traced(stand, sheet) if (found := ratio(one)) is not None]
+    return float(np.median(known)) if known else 1.0
 
 
 def short(values: float | list[float]) -> str:
@@ -180,7 +167,7 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
     """Find traces of another time zero than the table has, or of another end."""
     if not (rows := traced(stand, sheet)):
         return
-    start, end, least = np.array([one.clock for one in rows]).T
+    start, end, least = np.array([_clock(one) for one in rows]).T
     took = np.array([one.row.time or np.nan for one in rows])
     late = end - took
     # Times of the table, and the travel at which a stand ends a shift, scatter as well.
@@ -215,6 +202,15 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
         dead = stand.record.time_zero == "command" and middle < 0.0
         looks = "a dead time between command and force" if dead else ANOTHER
         yield Finding("trace_time", _ends(middle), f"{looks}, or to another travel")
+
+
+def _clock(one: TracedRow) -> tuple[float, float, float]:
+    """Give start of the force, end of travel, and least time that is seen, s; NaN for not shown."""
+    start, travel = None if one.moving else one.start, one.stand.clutch.shift_travel
+    way = np.maximum.accumulate(smoothed(one.trace.displacement) - one.rest)
+    end = float(np.interp(travel, way, one.trace.time)) if way[-1] >= travel else np.nan
+    least = max(CLOCK, 3.0 * one.trace.step, 4.0 * (start.error if start else 0.0))
+    return (start.time if start else np.nan), end, least
 
 
 def _ends(late: float) -> str:
