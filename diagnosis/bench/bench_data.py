@@ -130,15 +130,9 @@ class Bench(Stand):
 def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
     """Read a data set, a folder or a bundled name.
 
-    ``corrections`` are made beside those that ``bench.toml`` asks for, such as ``time=ms``.
-
-    Raises
-    ------
-    DataError
-        For every mistake, with file, row and column; for data that cannot be true as they
-        stand, with the correction that would explain them.
-    InputError
-        For corrections that are unknown or contradict each other.
+    ``corrections`` are made beside those that ``bench.toml`` asks for, such as ``time=ms``. Every
+    mistake raises DataError with file, row and column, and data that cannot be true as they stand
+    with the correction that would explain them; InputError is for corrections that are wrong.
     """
     folder, root = Path(where), bundled_root() / "bench"
     if not folder.is_dir():

@@ -38,9 +38,8 @@ from dogshape.sim.errors import DataError, InputError, did_you_mean, number
 from dogshape.sim.texts import listed
 
 NONE = "-"  #: column option of a quantity that is not to be read
-#: How well a column fits a quantity: by its unit alone, a loose word, one of its words, its name.
-UNIT, LOOSE, WORD, NAME = 1.0, 2.0, 3.0, 4.0
-FITS = 0.5  #: what a unit of the right dimension adds
+#: Scores of a column: its unit alone, a loose word, one of its words, its name; a unit beside them.
+UNIT, LOOSE, WORD, NAME, FITS = 1.0, 2.0, 3.0, 4.0, 0.5
 #: Quantities of which loose words settle nothing between columns of the right kind.
 UNDECIDED = ("mismatch_rpm", "shift_time_s")
 #: Quantities with an option of words in place of a unit.
@@ -53,8 +52,7 @@ Values = list[Any]  #: a value for each row, None where there is none
 class Match:
     """Columns that are taken for a quantity, each with its unit, and the reason.
 
-    ``formula`` joins the columns as ``c0``, ``c1`` and so on. ``option`` is what stands behind the
-    colon of a column option.
+    ``formula`` joins them as ``c0``, ``c1`` ...; ``option`` stands behind the colon of an option.
     """
 
     quantity: Quantity

@@ -44,10 +44,7 @@ _STATISTIC = re.compile(
 
 @dataclass(frozen=True)
 class Column:
-    """A column: its place from 1, head, name without unit, unit, and cells.
-
-    ``strange`` stands in the place of a unit and is none that is known.
-    """
+    """A column: its place from 1, head, name without unit, unit, an unknown unit, and cells."""
 
     place: int
     head: str
@@ -73,7 +70,7 @@ class Column:
 
 @dataclass(frozen=True)
 class ForeignTable:
-    """A table as it stands: columns, the numbers of its rows in the file, and what was left out.
+    """A table as it stands: columns, numbers of its rows, and rows left out with their reasons.
 
     ``questions`` are pairs of a column's place and a question on one of its words. ``stated`` is
     the decimal sign that the file says.
