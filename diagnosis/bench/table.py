@@ -10,7 +10,7 @@ independent ones.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -71,106 +71,87 @@ def load_sheet(path: Path) -> Sheet:
     table.require(NEEDED, COLUMNS)
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
-    cells = [_Cells(path, row, dict(zip(table.head, those, strict=True)))
-             for row, those in table.rows]  # fmt: skip
-    rows = tuple(map(_read_row, cells))
-    timed = [one for one in cells if one.text("shift_time_s")]
-    for column in ("order", "timestamp"):
-        empty = [one for one in timed if not one.text(column)]
-        if empty and len(empty) < len(timed):
-            rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"
-            raise empty[0].bad(column, rule)
-    kinds = {is_plain(text): one for one in cells if (text := one.text("timestamp"))}
-    if len(kinds) > 1:
-        raise kinds[True].bad("timestamp", "a date and time as in the other rows")
-    return Sheet(path, rows)
-
-
-@dataclass(frozen=True)
-class _Cells:
-    """Cells of a row by the names of their columns."""
-
-    path: Path
-    row: int
-    cells: dict[str, str]
-
-    def text(self, column: str) -> str:
-        return self.cells.get(column, "")
-
-    def bad(self, column: str, rule: str) -> DataError:
-        return bad_cell(self.path, self.row, column, self.text(column), rule)
-
-    def number(self, column: str) -> float:
-        """Read a finite number."""
-        text = self.text(column)
-        if not is_plain(text):
-            raise self.bad(column, number_rule(text))
-        if not np.isfinite(float(text)):
-            raise self.bad(column, "a finite number")
-        return float(text)
-
-    def maybe(self, column: str) -> float | None:
-        """Read a finite number, None for an empty cell."""
-        return self.number(column) if self.text(column) else None
-
-    def stamp(self) -> float | None:
-        """Read a time stamp in s: ISO 8601 (UTC without a zone), or seconds."""
-        text = self.text("timestamp")
-        if not text or is_plain(text):
-            return self.maybe("timestamp")
-        try:
-            moment = datetime.fromisoformat(text)
-        except ValueError:
-            rule = "a date and time such as 2024-05-31T14:05:09, or seconds"
-            raise self.bad("timestamp", rule) from None
-        return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def _read_row(cells: _Cells) -> Row:
-    """Read a row; a mistake raises DataError."""
-    mismatch, force, rise = (cells.number(column) for column in COLUMNS[:3])
-    count = float(cells.text("n_shifts")) if is_plain(cells.text("n_shifts")) else 0.0
-    if not 1 <= count < np.inf or count != int(count):
-        rule = "a whole number of at least 1, the shifts that its time is the mean of: 1 for a "
-        raise cells.bad("n_shifts", f"{rule}single shift")
-    if count > MOST:
-        rule = f"at most {MOST}: shifts that a stand has made, not a count of samples"
-        raise cells.bad("n_shifts", rule)
-    said = cells.text("engaged").lower()
-    if said not in ENGAGED:
-        raise cells.bad("engaged", "true, false or empty")
-    engaged, time, sd = ENGAGED[said], cells.maybe("shift_time_s"), cells.maybe("shift_time_sd_s")
-    if time is not None and engaged is False:
-        raise cells.bad(
-            "engaged", "true where shift_time_s has a time, or else that cell must be empty"
+    rows, nothing = [row for row, _ in table.rows], [""] * len(table.rows)
+    cells = {name: table.column(name) if name in table.head else nothing for name in COLUMNS}
+    cells["engaged"] = [cell.lower() for cell in cells["engaged"]]
+    values = {name: np.array([float(c) if is_plain(c) else np.nan for c in cells[name]])
+              for name in NUMERIC}  # fmt: skip
+    values["timestamp"] = np.array([_seconds(cell) for cell in cells["timestamp"]])
+    for column, bad, rule in _faults(cells, values):
+        if (wrong := np.asarray(bad, dtype=bool)).any():
+            place = int(wrong.argmax())
+            raise bad_cell(path, rows[place], column, cells[column][place], rule)
+    found = []
+    for k, row in enumerate(rows):
+        mismatch, force, rise, n, time, sd, order, stamp = (
+            None if np.isnan(v := values[name][k]) else float(v) for name in NUMERIC
         )
-    if sd is not None and (count < 2 or time is None):
-        rule = "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"
-        raise cells.bad("shift_time_sd_s", rule)
+        engaged = True if time is not None else ENGAGED[cells["engaged"][k]]
+        trace = _trace(path, row, cells["trace"][k])
+        place = stamp if order is None else order
+        found.append(
+            Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
+        )
+    return Sheet(path, tuple(found))
+
+
+def _faults(
+    cells: Mapping[str, Sequence[str]], values: Mapping[str, Array]
+) -> Iterator[tuple[str, Sequence[bool] | Array, str]]:
+    """Yield columns, marks of their wrong cells, and the rule that these break."""
+    for name in NUMERIC[:-1]:
+        given = [bool(c) or name in COLUMNS[:3] for c in cells[name]]
+        bad = given & ~np.isfinite(values[name]) & (name != "n_shifts")
+        first = cells[name][int(bad.argmax())]
+        yield name, bad, "a finite number" if is_plain(first) else number_rule(first)
+    count, time, sd, stamps = (values[name] for name in NUMERIC[3:] if name != "order")
+    count = np.clip(np.nan_to_num(count), 0.0, 1e300)
+    timed, spread, texts = ~np.isnan(time), ~np.isnan(sd), cells["timestamp"]
+    plain, stamped = np.array(list(map(is_plain, texts))), np.array(list(map(bool, texts)))
+    traced, engaged = np.array(list(map(bool, cells["trace"]))), np.array(cells["engaged"])
+    outside = [Path(c).is_absolute() or ".." in Path(c).parts for c in cells["trace"]]
     # So large is a spread where one shift took all the time and the others none.
-    most = (time or 0.0) * count**0.5
-    if sd is not None and not 0.0 <= sd <= most:
-        rule = f"between 0 and {most:.4g}: times above 0 of this mean cannot scatter by more"
-        raise cells.bad("shift_time_sd_s", rule)
-    order, stamp = cells.maybe("order"), cells.stamp()
-    return Row(
-        cells.row, mismatch, force, rise, int(count), time, True if time is not None else engaged,
-        _trace(cells, int(count)), sd, stamp if order is None else order, stamp,
+    wide = spread & ~((sd >= 0.0) & (sd <= time * count**0.5))
+    yield from (
+        ("n_shifts", ~((count >= 1) & (count % 1 == 0)), "a whole number of at least 1, the shifts "
+         "that its time is the mean of: 1 for a single shift"),
+        ("n_shifts", count > MOST,
+         f"at most {MOST}: shifts that a stand has made, not a count of samples"),
+        ("engaged", [one not in ENGAGED for one in cells["engaged"]], "true, false or empty"),
+        ("engaged", timed & (engaged == "false"),
+         "true where shift_time_s has a time, or else that cell must be empty"),
+        ("shift_time_sd_s", spread & ((count < 2) | ~timed),
+         "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"),
+        ("shift_time_sd_s", wide, "between 0 and the mean times the root of n_shifts: times above "
+         "0 of this mean cannot scatter by more"),
+        ("timestamp", stamped & ~np.isfinite(stamps),
+         "a date and time such as 2024-05-31T14:05:09, or seconds"),
+        ("timestamp", plain & (stamped & ~plain).any(), "a date and time as in the other rows"),
+        ("trace", traced & (count != 1), "empty where n_shifts is not 1: it is one shift's"),
+        ("trace", outside, "a path inside the folder of the data set"),
     )  # fmt: skip
+    for name in ("order", "timestamp"):
+        empty = timed & [not cell for cell in cells[name]]
+        rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"
+        yield name, empty & (empty.sum() < timed.sum()), rule
 
 
-def _trace(cells: _Cells, count: int) -> BenchTrace | None:
-    given = Path(cells.text("trace"))
-    if not cells.text("trace"):
-        return None
-    if count != 1:
-        raise cells.bad("trace", "empty where n_shifts is not 1: it is one shift's")
-    if given.is_absolute() or ".." in given.parts:
-        raise cells.bad("trace", "a path inside the folder of the data set")
+def _seconds(text: str) -> float:
+    """Read a time stamp in s: ISO 8601 (UTC without a zone), or seconds; NaN for others."""
+    if is_plain(text):
+        return float(text)
     try:
-        return read_trace(cells.path.parent / given)
+        moment = datetime.fromisoformat(text)
+    except ValueError:
+        return np.nan
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
+
+
+def _trace(path: Path, row: int, cell: str) -> BenchTrace | None:
+    try:
+        return read_trace(path.parent / cell) if cell else None
     except DataError as error:
-        raise DataError(f"{cells.path}, row {cells.row}, column trace: {error}") from error
+        raise DataError(f"{path}, row {row}, column trace: {error}") from error
 
 
 def bad_cell(path: Path, row: int, column: str, value: str, rule: str) -> DataError:
