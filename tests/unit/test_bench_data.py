@@ -80,12 +80,10 @@ def test_broken_settings(folder: Path, old: str, new: str, words: str) -> None:
 def test_missing_sets_and_files(folder: Path) -> None:
     with pytest.raises(DogshapeError, match=r"there is no data set at.*mq200_adams, mq200_stand"):
         load_bench("nowhere")
-    (folder / "shifts.csv").unlink()
-    with pytest.raises(DogshapeError, match=r"there is no .*shifts.csv"):
-        load_bench(folder)
-    (folder / "bench.toml").unlink()
-    with pytest.raises(DogshapeError, match=r"there is no .*bench.toml"):
-        load_bench(folder)
+    for name in ("shifts.csv", "bench.toml"):
+        (folder / name).unlink()
+        with pytest.raises(DogshapeError, match=f"there is no .*{name}"):
+            load_bench(folder)
 
 
 def test_a_set_without_times_gets_no_verdict_and_its_shares_compared(

@@ -128,15 +128,12 @@ def _shifts(bench: Bench, scatter: float, count: int = 12, seed: int = 3) -> Ben
     return replace(bench, cells=gather([replace(r, row=k) for k, r in enumerate(rows, 2)]))
 
 
-def _summed(bench: Bench, *, spreads: bool) -> Bench:
-    """Put the single shifts of each point into one mean, with their spread or without."""
+def _summed(bench: Bench) -> Bench:
+    """Put the single shifts of each point into one mean with their spread."""
     rows = [
-        Reading(
-            k, cell.point, cell.n, cell.time, True,
-            sd=float(cell.times.std(ddof=1)) if spreads else None,
-        )
+        Reading(k, cell.point, cell.n, cell.time, True, sd=float(cell.times.std(ddof=1)))
         for k, cell in enumerate(bench.cells, start=2)
-    ]  # fmt: skip
+    ]
     return replace(bench, cells=gather(rows))
 
 
@@ -157,7 +154,7 @@ def test_spreads_beside_means_are_pooled_with_those_of_single_shifts(write: Writ
 def test_a_mean_with_its_spread_has_the_likelihood_of_its_shifts() -> None:
     """Mean and standard deviation are all that counts of single shifts without late ones."""
     single = _shifts(simulated_bench({}), 0.004)
-    mean = _summed(single, spreads=True)
+    mean = _summed(single)
     # Each point may be odd in the mean as in the shifts; what is left is the share of late ones.
     assert _log(mean, 0.004) == pytest.approx(_log(single, 0.004), abs=1e-3)
 
