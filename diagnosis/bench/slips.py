@@ -34,7 +34,6 @@ from dogshape.diagnosis.bench.trace_slips import (
     median_of,
     settled_force_ratio,
     short,
-    short_traces,
     speed_ratio,
     time_ratio,
     trace_clock,
@@ -372,7 +371,7 @@ def table_clock(stand: Stand, sheet: Sheet) -> Findings:
 
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Callable[[Stand, Sheet], Findings], ...] = (
-    axes_by_rise, physical_ranges, force_by_calibration, early_times, trace_notes, DURATION,
+    axes_by_rise, physical_ranges, force_by_calibration, early_times, DURATION,
     trace_clock, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE, trace_rest,
-    repeated_rows, nearly_same_points, short_traces, table_clock,
+    repeated_rows, nearly_same_points, trace_notes, table_clock,
 )  # fmt: skip

@@ -129,32 +129,21 @@ def short(values: float | list[float]) -> str:
     return number(float(f"{np.median(values):.3g}"))
 
 
-def short_traces(stand: Stand, sheet: Sheet) -> Findings:
-    """Find traces that end before their shift, and say how many end before the first touch."""
-    if not (ending := [one for one in traced(stand, sheet) if one.short]):
-        return
-    row, trace = ending[0].row, ending[0].trace
-    many = f"{len(ending)} traces end" if len(ending) > 1 else "a trace ends"
-    found = (
-        f"{many} before the shift is over: that of row {row.row} by "
-        f"{((row.time or 0.0) - trace.time[-1]) / MS:.3g} ms, so that it is used up to there"
-    )
-    gap = stand.clutch.dog.axial_gap
-    if flying := sum(one.trace.displacement.max() < gap for one in ending):
-        found += (
-            f"; {flying} of {len(ending)} end before the first touch and tell its beginning only, "
-            "if they are of these shifts at all"
-        )
-    yield Finding("traces", found, "a recording that was stopped early", arguable=False)
-
-
 def trace_notes(stand: Stand, sheet: Sheet) -> Findings:
-    """Find traces with channels that were interpolated, cut, or have samples lost."""
-    if noted := [one.trace for one in traced(stand, sheet) if one.trace.notes]:
+    """Find traces with channels that were interpolated or cut, samples lost, or an early end."""
+    noted = []
+    for one in traced(stand, sheet):
+        notes, trace = list(one.trace.notes), one.trace
+        if one.short:
+            early = number(float(f"{((one.row.time or 0.0) - trace.time[-1]) / MS:.3g}"))
+            flying = trace.displacement.max() < stand.clutch.dog.axial_gap
+            before = " and before the first touch, if it is of this shift at all" if flying else ""
+            notes.append(f"ends {early} ms before the shift of row {one.row.row} is over{before}")
+        noted += [f"{trace.path.name}: {'; '.join(notes)}"] if notes else []
+    if noted:
         more = f", and {len(noted) - 1} more traces alike" if len(noted) > 1 else ""
-        found = f"{noted[0].path.name}: {'; '.join(noted[0].notes)}{more}"
-        looks = "channels with start times or rates of their own, or with lost samples"
-        yield Finding("traces", found, looks, arguable=False)
+        looks = "a recording that was stopped early, or channels with times of their own"
+        yield Finding("traces", f"{noted[0]}{more}", looks, arguable=False)
 
 
 def _median(values: Array) -> float:

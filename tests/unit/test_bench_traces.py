@@ -273,8 +273,8 @@ def test_of_a_trace_that_ends_early_the_beginning_counts(folder: Path) -> None:
     path.write_text("\n".join(path.read_text().splitlines()[:21]))
     bench = load_bench(folder)
     (warning,) = [one for one in bench.warnings if one.quantity == "traces"]
-    assert "a trace ends before the shift is over: that of row 2 by" in warning.sentence
-    assert "1 of 1 end before the first touch and tell its beginning only" in warning.sentence
+    assert "0041.csv: ends " in warning.sentence
+    assert "before the shift of row 2 is over and before the first touch, if" in warning.sentence
     after = bench.readings[0]
     assert after.trace is not None
     assert before.trace is not None
