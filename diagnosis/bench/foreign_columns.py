@@ -319,7 +319,7 @@ class TableReader:
         frame, why = pd.DataFrame({f"c{k}": values for k, (values, _) in enumerate(terms)}), ""
         try:
             values = pd.to_numeric(frame.eval(match.formula)).replace([np.inf, -np.inf], np.nan)
-        except (SyntaxError, TypeError, ValueError, NameError, AttributeError) as error:
+        except Exception as error:  # what it raises depends on the text
             values, why = np.nan * frame["c0"], f": {error}"
         if match.formula != "c0" and not values.notna().any():
             self._fault(match, f"is no formula of its columns ({match.why}{why}); write for "

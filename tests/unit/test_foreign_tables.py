@@ -296,7 +296,7 @@ def test_two_speeds_are_a_mismatch_by_formula(bench: Bench) -> None:
     (said,) = (c for c in bench.json["columns"] if c["quantity"] == "mismatch_rpm")
     assert "sign is that of the formula" in said["why"]
     bench.refused(text, "--column", "mismatch_rpm=n2 - n3", words=["no such column"])
-    for wrong in ("n_in -", "n_in / 0", "n_in(n-out)", "n_out2 - n_in"):
+    for wrong in ("n_in -", "n_in / 0", "n_in(n-out)", "n_out2 - n_in", "n_in if n_in else 0"):
         bench.refused(text, "--column", f"mismatch_rpm={wrong}", words=["is no formula"])
 
 
