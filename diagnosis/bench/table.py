@@ -14,6 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -79,25 +80,23 @@ def load_sheet(path: Path) -> Sheet:
     values["timestamp"] = np.array([_seconds(cell) for cell in cells["timestamp"]])
     for column, bad, rule in _faults(cells, values):
         if (wrong := np.asarray(bad, dtype=bool)).any():
-            place = int(wrong.argmax())
-            raise bad_cell(path, rows[place], column, cells[column][place], rule)
+            at = int(wrong.argmax())
+            raise bad_cell(path, rows[at], column, cells[column][at], rule)
     found = []
     for k, row in enumerate(rows):
-        mismatch, force, rise, n, time, sd, order, stamp = (
-            None if np.isnan(v := values[name][k]) else float(v) for name in NUMERIC
-        )
+        numbers = [values[name][k].item() for name in NUMERIC]
+        known: list[Any] = [None if np.isnan(value) else value for value in numbers]
+        mismatch, force, rise, n, time, sd, order, stamp = known
         engaged = True if time is not None else ENGAGED[cells["engaged"][k]]
-        trace = _trace(path, row, cells["trace"][k])
-        place = stamp if order is None else order
-        found.append(
-            Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
-        )
+        trace, place = _trace(path, row, cells["trace"][k]), stamp if order is None else order
+        one = Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
+        found.append(one)
     return Sheet(path, tuple(found))
 
 
 def _faults(
     cells: Mapping[str, Sequence[str]], values: Mapping[str, Array]
-) -> Iterator[tuple[str, Sequence[bool] | Array, str]]:
+) -> Iterator[tuple[str, Any, str]]:
     """Yield columns, marks of their wrong cells, and the rule that these break."""
     for name in NUMERIC[:-1]:
         given = [bool(c) or name in COLUMNS[:3] for c in cells[name]]
