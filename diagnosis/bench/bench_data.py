@@ -31,11 +31,9 @@ from dogshape.sim.versions import bundled_root
 class Reading:
     """One row: a shift, or ``n`` shifts at one operating point, 0 where none was made.
 
-    ``time`` is the (mean) shift time in s, None where there is none. ``engaged`` is None
-    where the source does not say; a time says that it engaged. ``row`` counts the lines of
-    ``shifts.csv`` from 1. ``sd`` is the standard deviation of the ``n`` times of a mean, s.
-    ``place`` is that in the series of all shifts, an order or a time in s; None where the source
-    does not say.
+    ``row`` counts the lines of ``shifts.csv`` from 1; ``time`` is the (mean) shift time and ``sd``
+    its standard deviation, s; ``place`` is that in the series of all shifts. A source may not say
+    whether shifts ``engaged``; a time says that they did.
     """
 
     row: int
@@ -59,9 +57,6 @@ class Cell:
     point: OperatingPoint
     readings: tuple[Reading, ...]
 
-    def _count(self, engaged: bool | None) -> int:
-        return sum(r.n for r in self.readings if r.engaged is engaged)
-
     @property
     def n(self) -> int:
         """Number of shifts that have a time, alone or within a mean."""
@@ -82,17 +77,17 @@ class Cell:
     @property
     def engaged(self) -> int:
         """Number of shifts known to have engaged."""
-        return self._count(True)
+        return sum(r.n for r in self.readings if r.engaged)
 
     @property
     def failed(self) -> int:
         """Number of shifts that were tried and did not engage."""
-        return self._count(False)
+        return sum(r.n for r in self.readings if r.engaged is False)
 
     @property
     def unknown(self) -> int:
         """Number of shifts of which nothing is known: not tried, or not engaged."""
-        return self._count(None)
+        return sum(r.n for r in self.readings if r.engaged is None)
 
     @property
     def tried(self) -> int:
@@ -135,15 +130,9 @@ class Bench(Stand):
 def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
     """Read a data set, a folder or a bundled name.
 
-    ``corrections`` are made beside those that ``bench.toml`` asks for, such as ``time=ms``.
-
-    Raises
-    ------
-    DataError
-        For every mistake, with file, row and column; for data that cannot be true as they
-        stand, with the correction that would explain them.
-    InputError
-        For corrections that are unknown or contradict each other.
+    ``corrections`` are made beside those that ``bench.toml`` asks for, such as ``time=ms``. Every
+    mistake raises DataError with file, row and column, and data that cannot be true as they stand
+    with the correction that would explain them; InputError is for corrections that are wrong.
     """
     folder, root = Path(where), bundled_root() / "bench"
     if not folder.is_dir():

@@ -62,10 +62,7 @@ class Difference(PointGap):
 
 @dataclass(frozen=True)
 class Comparison:
-    """All operating points of a data set.
-
-    ``numerical_error`` in s is that of the mean over all of them, None if not asked for.
-    """
+    """All operating points of a data set, and the numerical error of their mean in s, if known."""
 
     bench: Bench
     differences: tuple[Difference, ...]
@@ -85,10 +82,9 @@ class Comparison:
     @property
     def engaged(self) -> tuple[int, int, float]:
         """Bench shifts that engaged, of how many tried, and the simulated share at their points."""
-        cells = [(d.cell, d.simulated) for d in self.differences if d.cell.tried]
-        tried = sum(cell.tried for cell, _ in cells)
-        expected = sum(cell.tried * simulated.engaged for cell, simulated in cells)
-        return sum(cell.engaged for cell, _ in cells), tried, expected / max(1, tried)
+        tried = sum(d.cell.tried for d in self.differences)
+        expected = sum(d.cell.tried * d.simulated.engaged for d in self.differences)
+        return sum(d.cell.engaged for d in self.differences), tried, expected / max(1, tried)
 
 
 def _rms(values: list[float]) -> float | None:
@@ -105,13 +101,9 @@ def compare(
 ) -> Comparison:
     """Simulate every operating point of a data set.
 
-    Parameters
-    ----------
-    run : simulates blocks of shifts.
-    angles : relative angles in rad, or how many evenly spaced ones, at least three;
-        by default those of the data set, or sixteen.
-    seed : of where the angles begin.
-    checked : whether to repeat an eighth of the shifts for the numerical error.
+    ``angles`` are relative angles in rad, or how many evenly spaced ones; by default those of the
+    data set, or sixteen. ``seed`` is that of where they begin. ``checked`` asks for the numerical
+    error, by an eighth of the shifts again.
     """
     given = angles if isinstance(angles, tuple) else None
     if angles is None:

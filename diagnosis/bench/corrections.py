@@ -136,11 +136,9 @@ def corrected(sheet: Sheet, correction: str, sensor: Sensor) -> Sheet:
 class Finding:
     """Probable slip in bench data.
 
-    ``found`` says what the data have and what speaks against it, ``looks_like`` what explains
-    it. ``way`` is the correction of ``quantity`` that would make it right, None where there is
-    none. A ``certain`` one cannot be true as it stands and is refused; ``arguable`` tells
-    whether a user may say that it is right nevertheless. ``remedy`` is what to do where neither
-    a correction nor the data set is.
+    ``way`` is the correction of ``quantity`` that would make it right. A ``certain`` one cannot be
+    true as it stands and is refused; ``arguable`` tells whether a user may say that it is right.
+    ``remedy`` is what to do where neither a correction nor the data set is.
     """
 
     quantity: str

@@ -49,13 +49,8 @@ class Mark:
 class SeenFlight:
     """Marks of the flight that a bench shows under one force profile.
 
-    Parameters
-    ----------
-    cells : places of the operating points that have traces of it.
-    places : which of the ``SIZE`` marks it has, (k,).
-    times : s, (k,).
-    covariance : s^2, (k, k).
-    traces : how many traces are behind it.
+    ``cells`` are the places of its operating points with ``traces``, ``places`` which of the
+    ``SIZE`` marks it has, (k,), ``times`` in s, (k,), ``covariance`` in s^2, (k, k).
     """
 
     profile: ForceProfile
@@ -143,12 +138,9 @@ def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> list[Ma
 
 
 def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Mark | None:
-    """Find the time at which rising samples pass a level.
+    """Find the time at which rising samples (n,) pass a level.
 
-    Parameters
-    ----------
-    time, values : samples (n,), all of which may count.
-    around : parts of the level between which samples are fitted.
+    Samples between the parts ``around`` of the level are fitted.
     """
     noise = scatter(values)
     smooth = smoothed(values) if values.size else values

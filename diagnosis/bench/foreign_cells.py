@@ -10,7 +10,6 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -42,83 +41,54 @@ def is_number(cell: str) -> bool:
     return bool(_NUMBER.fullmatch(plain(cell)))
 
 
-def _shown_sign(cell: str) -> tuple[str | None, bool]:
-    """Give the decimal sign that a number shows, and whether it may part thousands as well."""
-    text = plain(cell)
-    marks = re.findall("[.,]", text)
-    if not marks or not _NUMBER.fullmatch(text):
-        return None, False
-    if marks.count(marks[-1]) > 1:
-        return OTHER[marks[-1]], False
-    return marks[-1], bool(_EITHER.fullmatch(text))
+def numbers_of(cells: Sequence[str], sign: str | None = None) -> Array:
+    """Convert cells with a decimal sign, None for any, (cells,); NaN where one is no number."""
 
-
-@dataclass(frozen=True)
-class Decimals:
-    """Decimal sign of a file, None where no number has one, and questions on undecided columns."""
-
-    sign: str | None
-    questions: tuple[str, ...] = ()
-
-    def values(self, cells: Sequence[str]) -> Array:
-        """Convert cells, NaN where one is no number, (cells,)."""
-        return np.array([self._value(plain(cell)) for cell in cells], dtype=float)
-
-    def _value(self, text: str) -> float:
+    def value(text: str) -> float:
         if not _NUMBER.fullmatch(text):
             return math.nan
-        sign = self.sign or ("," if "," in text and "." not in text else ".")
-        return float(re.sub(f"[ '{OTHER[sign]}]", "", text).replace(sign, "."))
+        own = sign or ("," if "," in text and "." not in text else ".")
+        return float(re.sub(f"[ '{OTHER[own]}]", "", text).replace(own, "."))
 
-    def step(self, cell: str) -> float:
-        """Give the value of the last digit of a number."""
-        return float(10.0 ** -len(re.split("[eE]", plain(cell))[0].partition(self.sign or ".")[2]))
-
-    def named(self, cells: Sequence[str]) -> str | None:
-        """Name the decimal sign of cells, None where none of them has one."""
-        return NAMES[self.sign] if self.sign and any(self.sign in c for c in cells) else None
+    return np.array([value(plain(cell)) for cell in cells], dtype=float)
 
 
-def decimals_of(
+def decimal_sign(
     columns: Mapping[str, Sequence[str]], rows: Sequence[int], stated: str | None, separator: str
-) -> Decimals:
-    """Decide on the decimal sign of a file from the cells of columns.
+) -> str | None:
+    """Decide on the decimal sign of a file, None where no number has one.
 
-    ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both.
+    ``stated`` is the sign that the file or the user says. Raises DataError for numbers with both
+    signs, and for those that can be read in two ways.
     """
-    shown = {head: [_shown_sign(cell) for cell in cells] for head, cells in columns.items()}
     sure: dict[str, str] = {}
-    for head, signs in shown.items():
-        for (sign, open_), cell, row in zip(signs, columns[head], rows, strict=True):
-            if sign and not open_ and sign not in sure:
-                sure[sign] = f"a {NAMES[sign]} ('{cell}', row {row})"
+    asked: dict[str, str] = {}
+    for head, cells in columns.items():
+        for cell, row in zip(map(plain, cells), rows, strict=True):
+            if is_number(cell) and (marks := re.findall("[.,]", cell)):
+                mark = marks[-1] if marks.count(marks[-1]) == 1 else OTHER[marks[-1]]
+                if not _EITHER.fullmatch(cell):
+                    sure.setdefault(mark, f"a {NAMES[mark]} ('{cell}', row {row})")
+                    continue
+                asked.setdefault(
+                    mark, f"column '{head}', row {row}: '{cell}' can be read as "
+                    f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
+                    f"{cell.replace(mark, '.')}, --decimal {mark}",
+                )  # fmt: skip
     if len(sure) > 1 or (stated and OTHER[stated] in sure):
         both = " and with ".join(sure[mark] for mark in sorted(sure))
         says = f", but {NAMES[stated]} is said to be the decimal sign" if stated else ""
         raise DataError(
             f"numbers with {both}{says}, which can be read in two ways; save it with one sign"
         )
-    if stated:
-        return Decimals(stated)
-    sign, asked = next(iter(sure), None), []
-    for head, signs in shown.items():
-        marks = {mark for mark, open_ in signs if mark and open_}
-        if not marks or (len(marks) == 1 and sign and sign not in marks):
-            continue  # thousands, as the other sign is that of decimals
-        if sign in marks and (sign, False) in signs:
-            continue
-        cells, place = columns[head], next(k for k, (_, open_) in enumerate(signs) if open_)
-        one, bare = min(marks), any(re.fullmatch(r"0*[1-9]\d*", plain(cell)) for cell in cells)
-        if len(marks) == 1 and not bare and (sign == one or (separator == "," and one == ".")):
-            sign = one
-            continue
-        cell, mark = plain(cells[place]), str(signs[place][0])
-        asked.append(
-            f"column '{head}', row {rows[place]}: '{cell}' can be read as "
-            f"{cell.replace(mark, '')}, --decimal {OTHER[mark]}, or as "
-            f"{cell.replace(mark, '.')}, --decimal {mark}"
-        )
-    return Decimals(sign, tuple(asked))
+    sign = stated or next(iter(sure), None)
+    if sign or not asked:
+        return sign
+    mixed = [cells for cells in columns.values() if any(map(_EITHER.fullmatch, cells))]
+    whole = any(re.fullmatch(r"0*[1-9]\d*", cell) for cells in mixed for cell in cells)
+    if separator == "," and set(asked) == {"."} and not whole:
+        return "."
+    raise DataError("; ".join(asked.values()))
 
 
 SPEED, FORCE, TIME, LENGTH, MISC = "speed", "force", "time", "length", "other"
@@ -188,76 +158,38 @@ def split_head(text: str) -> tuple[str, Unit | None, str | None]:
     return text, None, None
 
 
-DATES = ("d/m/y", "m/d/y")  #: words in place of a unit, for dates that two readings have
-SAMPLE = 200  #: cells by which a column is known as dates
-_ORDER = re.compile(r"^(\d{1,2})([./-])(\d{1,2})[./-]\d{2,4}")
-_MONTH = r"(?:jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"
-_DAY = re.compile(rf"(?i)\d[./-]\d{{1,2}}[./-]\d|\d[. -]*{_MONTH}|{_MONTH}[. -]+\d")
-_CLOCK = re.compile(r"\b\d{1,2}:\d{2}")
-_WORDS = re.compile(rf"(?i){_MONTH}|[ap]\.?m\.?|utc")
-
-
-def seconds_of(text: str) -> float:
-    """Convert a time stamp to s: ISO 8601 (UTC without a zone), or seconds.
-
-    Raises ValueError for a text that is neither.
-    """
-    if is_plain(text):
-        return float(text)
-    moment = datetime.fromisoformat(text)
-    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def is_plain(text: str) -> bool:
-    """Test that a text is a number as programs write it."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def has_day(cells: Sequence[str]) -> bool:
-    """Test that cells have a date."""
-    return any(_DAY.search(cell) for cell in cells[:SAMPLE])
+#: Dates and clocks that are read without a statement; Python's directives, or pandas' ISO 8601.
+FORMS = ("ISO8601", "%d.%m.%Y %H:%M:%S.%f", "%d.%m.%Y %H:%M:%S", "%d.%m.%Y %H:%M", "%d.%m.%Y",
+         "%H:%M:%S.%f", "%H:%M:%S", "%H:%M")  # fmt: skip
+_DATED = re.compile(r"\d[./-]\d{1,2}[./-]\d|\d-[A-Za-z]{3}-\d|\b\d{1,2}:\d{2}")
 
 
 def is_dated(cells: Sequence[str]) -> bool:
-    """Test that most cells are dates or clocks, with no words but months and zones."""
-    known = [cell for cell in cells[:SAMPLE] if cell]
-    dated = [(_CLOCK.search(cell) or _DAY.search(cell))
-             and not re.search(r"[A-Za-z]{2}", _WORDS.sub("", cell)) for cell in known]  # fmt: skip
-    return 2 * sum(map(bool, dated)) > len(known)
+    """Test that most cells are dates or clocks."""
+    known = [cell for cell in cells if cell]
+    return 2 * sum(bool(_DATED.search(cell)) for cell in known) > len(known)
 
 
-def stamps_of(cells: Sequence[str], option: str) -> tuple[list[str], str]:
-    """Convert dates to ISO 8601, and clocks without a date to s; also tell how they are read.
+def stamps_of(cells: Sequence[str], form: str) -> tuple[list[str], str]:
+    """Convert dates to ISO 8601, and clocks without a date to s; also tell the form they have.
 
-    ``option`` is one of ``DATES`` or empty. Raises DataError for other cells, and for those that
-    can be read in two ways.
+    ``form`` has directives such as ``%d/%m/%Y``; empty finds one of ``FORMS``. Raises DataError for
+    other cells.
     """
     import pandas as pd  # noqa: PLC0415  # slow to load, and most tables have no dates
 
-    if len(days := {bool(_DAY.search(cell)) for cell in cells}) > 1:
-        raise DataError("has a date in some cells and none in others")
-    orders = [found for cell in cells if (found := _ORDER.match(cell))]
-    day, month = (any(int(found[k]) > 12 for found in orders) for k in (1, 3))
-    first = any(found[2] == "." for found in orders) or option == "d/m/y"
-    if len({found[0] for found in orders}) > 1 and not (first or option or day or month):
+    whole = pd.Series(cells, dtype=object).str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
+    tried = {way: pd.to_datetime(whole, format=way, errors="coerce", utc=True)
+             for way in ((form,) if form else FORMS)}  # fmt: skip
+    way, found = min(tried.items(), key=lambda one: one[1].isna().sum())
+    if (wrong := found.isna()).any():
         raise DataError(
-            f"may have its day or its month first ('{cells[0]}'); say which behind the column: "
-            "--column timestamp=COLUMN:d/m/y or COLUMN:m/d/y"
+            f"has '{cells[int(wrong.argmax())]}', which is no date and time as "
+            f"{form or '2024-05-31 14:05:09 or 31.05.2024 14:05:09'}; say its form behind the "
+            "column: --column timestamp='COLUMN:%d/%m/%Y %H:%M:%S'"
         )
-    first = first or (option != "m/d/y" and not month)
-    whole = pd.Series(cells).str.replace(r"(?<=:\d\d),(?=\d)", ".", regex=True)
-    whole = whole if True in days else "2000-01-01 " + whole
-    try:
-        found = pd.to_datetime(whole, format="mixed", dayfirst=first and bool(orders), utc=True)
-    except (ValueError, OverflowError) as error:
-        raise DataError(f"has cells that are no dates ({str(error).splitlines()[0]})") from error
-    if True in days:
-        way = f", {'day' if first else 'month'} first" if orders else ""
-        return [one.isoformat() for one in found], f"dates{way}"
+    if way == FORMS[0] or "%d" in way:
+        return [one.isoformat() for one in found], f"dates as {way}"
     seconds = (found - found.dt.normalize()).dt.total_seconds()
     seconds += 86_400.0 * (seconds.diff() < -43_200.0).cumsum()  # after midnight
     return [f"{one:.12g}" for one in seconds], "clock without a date"
@@ -268,25 +200,26 @@ YES = ("true", "yes", "ja", "1", "ok", "i.o.", "io", "i.o", "wahr", "x", "engage
        "si", "sí", "ano", "tak", "pass", "passed", "✓", "✔")  # fmt: skip
 NO = ("false", "no", "nein", "0", "nok", "n.i.o.", "nio", "n.i.o", "falsch", "failed", "fail", "n",
       "non", "ne", "nie", "✗", "✘")  # fmt: skip
-ANSWERS = {**dict.fromkeys(NOTHING), "unknown": None, **dict.fromkeys(YES, True),
+ANSWERS = {**dict.fromkeys((*NOTHING, "empty", "unknown")), **dict.fromkeys(YES, True),
            **dict.fromkeys(NO, False)}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A quantity that is looked for: name, kind, words for it and against it, parted by strokes.
+    """A quantity that is looked for: name, dimension of its units, and patterns of whole words.
 
-    ``loose`` words may also mean something else; ``needed`` says that a table is of no use without
-    the quantity. ``also`` is a kind that its numbers may have though it needs none.
+    ``words`` name it, ``loose`` ones may also mean something else, and with those ``against`` a
+    column is another. ``needed`` says that a table is of no use without the quantity, ``filled``
+    that each row has to have it.
     """
 
     name: str
     dimension: str | None
     words: str
-    loose: str = ""
-    against: str = ""
+    loose: str = "-"
+    against: str = "-"
     needed: bool = False
-    also: str | None = None
+    filled: bool = False
 
     @property
     def units(self) -> str:
@@ -294,71 +227,55 @@ class Quantity:
         return ", ".join(text for text, one in UNITS.items() if one.dimension == self.dimension)
 
 
-_SPREAD = "|std|sd|sigma|streuung|abweichung|min|max|deviation|stdev"
-_FORCE = (
-    "shift force|schaltkraft|stellkraft|aktorkraft|axialkraft|f shift|f axial|f act|f schalt|f ax"
-)
+_SPREAD = r"\w*std\w*|sd|sigma|streuung|\w*abweichung|min|max|\w*deviation"
+_RISE = r"\w*rise|\w*anstieg\w*|ramp\w*"
+_FORCE = "shift force|(schalt|stell|aktor|axial)kraft|f (shift|axial|act|schalt|ax)"
 SHIFTS = (
     Quantity(
         "mismatch_rpm", SPEED,
-        "mismatch|drehzahldifferenz|differenzdrehzahl|relativdrehzahl|delta n|delta omega|dn|d n|"
-        "n diff|diff n|speed difference|relative speed|schlupfdrehzahl|delta speed|delta rpm",
-        "slip|schlupf|rpm|drehzahl|n",
-        "output|abtrieb|antrieb|input|in|out|shaft|welle" + _SPREAD, needed=True,
+        r"\w*mismatch|(\w*differenz|relativ|schlupf)drehzahl|drehzahldifferenz|d n|dn|delta \w+"
+        "|n diff|diff n|(speed|rpm) difference|relative speed",
+        r"slip|schlupf|rpm|\w*drehzahl|n",
+        "output|abtrieb|antrieb|input|in|out|shaft|welle|" + _SPREAD, needed=True, filled=True,
     ),
-    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", "rise|anstieg|time|zeit" + _SPREAD,
-             needed=True),
+    Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f",
+             f"time|zeit|{_RISE}|{_SPREAD}", needed=True, filled=True),
+    Quantity("force_rise_s", TIME,
+             r"(force )?rise( time)?|anstiegszeit|kraftanstieg|t (rise|anstieg|ramp|an|anst)",
+             _RISE, _SPREAD),
+    Quantity("n_shifts", None, "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
+             r"shifts|count|anzahl|number|schaltungen|samples|n"),
     Quantity(
-        "force_rise_s", TIME,
-        "force rise|rise time|anstiegszeit|kraftanstieg|t rise|t anstieg|t ramp|t an|t anst",
-        "rise|anstieg|ramp|rampe", _SPREAD[1:],
-    ),
-    Quantity("n_shifts", None,
-             "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
-             "shifts|count|anzahl|number|schaltungen|samples|n"),
-    Quantity(
-        "shift_time_s", TIME,
-        "shift time|schaltzeit|schaltdauer|t shift|t schalt|mean shift time|mittlere schaltzeit",
-        "mean time|t mean|time|zeit|dauer|duration|t",
-        "rise|anstieg|ramp|rampe|stamp|stempel|timeout|datum|delay" + _SPREAD, needed=True,
+        "shift_time_s", TIME, r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
+        r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+",
+        f"stamp|zeitstempel|timeout|datum|date|delay|{_RISE}|{_SPREAD}", needed=True,
     ),
     Quantity(
         "engaged", None, "engaged|eingelegt|geschaltet|eingerueckt|eingespurt",
         "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status",
-        "not|nicht|no|n|fail|failed|failure|fehler|error",
+        r"not|nicht|no|n|fail\w*|fehler|error",
     ),
-    Quantity("trace", None, "trace|trace file|messdatei|measurement file",
+    Quantity("trace", None, "trace( file)?|messdatei|measurement file",
              "file|datei|dateiname|filename"),
-    Quantity(
-        "shift_time_sd_s", TIME,
-        "std|sd|stdev|stddev|sigma|streuung|standardabweichung|standard deviation|"
-        "standard abweichung|std dev",
-        "", "f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error",
-    ),
-    Quantity(
-        "order", None,
-        "order|run order|reihenfolge|lfd nr|lfd|laufende nummer|laufnummer|sequence|sequenz|"
-        "run number|run no|versuchsnummer|shift number",
-    ),
-    Quantity("timestamp", None,
-             "timestamp|time stamp|zeitstempel|datum|date|date time|datum uhrzeit", also=TIME),
+    Quantity("shift_time_sd_s", TIME, _SPREAD.replace("|min|max", ""),
+             against=r"f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error"),
+    Quantity("order", None,
+             r"(run )?order|reihenfolge|lfd( nr)?|laufende nummer|laufnummer|sequence|sequenz"
+             "|run (number|no)|versuchsnummer|shift number"),
+    Quantity("timestamp", TIME,
+             "time ?stamp|zeitstempel|(datum|date|date time|datum uhrzeit)"),
 )  # fmt: skip
 TRACE = (
-    Quantity("t_s", TIME, "", "t|time|zeit", needed=True),
-    Quantity("displacement_mm", LENGTH,
-             "displacement|schaltweg|s sleeve|sleeve position|muffenweg", "weg|travel|position|x|s",
-             needed=True),
-    Quantity("force_N", FORCE, _FORCE, "force|kraft|f", needed=True),
-    Quantity(
-        "sliding_speed_rpm", SPEED,
-        "sliding speed|speed sliding|n sleeve|n muffe|drehzahl muffe|sleeve speed|muffendrehzahl|"
-        "n sliding",
-        "n antrieb|antriebsdrehzahl|input speed|n in", needed=True,
-    ),
-    Quantity(
-        "output_speed_rpm", SPEED,
-        "output speed|speed output|n rad|n gear|drehzahl rad|gear speed|raddrehzahl|n output|"
-        "n abtrieb|abtriebsdrehzahl",
-        "n out", needed=True,
-    ),
+    Quantity("t_s", TIME, "-", "t|time|zeit", needed=True),
+    Quantity("displacement_mm", LENGTH, "displacement|(schalt|muffen)weg|s sleeve|sleeve position",
+             r"\w*weg|travel|position|x|s", needed=True),
+    Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f", needed=True),
+    Quantity("sliding_speed_rpm", SPEED,
+             r"speed sliding|(sliding|sleeve) speed|n (sleeve|muffe|sliding)"
+             "|drehzahl muffe|muffendrehzahl",
+             "n antrieb|antriebsdrehzahl|input speed|n in", needed=True),
+    Quantity("output_speed_rpm", SPEED,
+             r"speed output|(output|gear) speed|n (rad|gear|output|abtrieb)"
+             "|drehzahl rad|(rad|abtriebs)drehzahl",
+             "n out", needed=True),
 )  # fmt: skip

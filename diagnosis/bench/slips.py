@@ -12,7 +12,9 @@ on average, one that rounds down early.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from math import gcd, log10
 
 import numpy as np
@@ -25,25 +27,28 @@ from dogshape.diagnosis.bench.corrections import (
     corrected,
 )
 from dogshape.diagnosis.bench.stand_file import Stand
-from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_points
+from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_groups
 from dogshape.diagnosis.bench.trace_slips import (
-    DURATION,
-    FORCE,
-    SETTLED_FORCE,
-    SPEED,
-    short_traces,
+    TracedRow,
+    force_ratio,
+    median_of,
+    settled_force_ratio,
+    short,
+    speed_ratio,
+    time_ratio,
     trace_clock,
     trace_notes,
     trace_rest,
-    trace_travel,
+    travel_ratio,
 )
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.units import MS
+from dogshape.sim.units import MM, MS
 
 SURE = 0.5  #: share of the free flight below which no force, mass or time zero off nominal reaches
 ODD = 0.9  #: share below which a time is odd
+SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
 CLOSE = 0.01  #: relative difference within which two values are the same one
 WRITTEN = 1e-3  #: s, resolution that times are written with where no clock is coarser
 #: Least step in written resolutions: half of it is half the least margin of a diagnosis, 2 ms.
@@ -51,15 +56,6 @@ COARSE = 2
 #: Decades of improbability from which common multiples are a clock: by chance once in 10^4.
 DECADES = 4.0
 OFF = 0.25  #: share of a stated step by which no rounded time misses a multiple
-#: Columns whose size may show another unit: name, unit in words, correction, and the rule.
-SCALED = {
-    "time": ("shift_time_s", "milliseconds", "ms", "a shift that has a time ends after its free "
-             "flight and before the time-out of {} s"),
-    "rise": ("force_rise_s", "milliseconds", "ms", "so slow a force could not have ended shifts in "
-             "their times"),
-    "force": ("force_N", "kilonewtons", "kN", "so small a force could not have ended shifts in "
-              "their times"),
-}  # fmt: skip
 SWAPPED = "the columns mismatch_rpm and force_N swapped"
 LEAST_FORCE = 100.0  #: N, median of forces below which they may be kilonewtons
 
@@ -120,18 +116,24 @@ def _too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
     return row.time is not None and row.time < share * _free_flight(stand, row)
 
 
-def _are_impossible(stand: Stand, sheet: Sheet) -> bool:
+def _share_impossible(stand: Stand, sheet: Sheet) -> float:
+    """Compute the number of rows that cannot be true over that of times."""
+    limit = stand.clutch.timeout
     count = sum(
-        np.isinf(free := _free_flight(stand, row))
-        or (row.time is not None and not max(0.0, SURE * free) <= row.time <= stand.clutch.timeout)
-        for row in sheet.rows
-    )
-    return bool(2 * count >= max(1, _column(sheet, "time").size))
+        np.isinf(_free_flight(stand, row)) or _too_early(stand, row)
+        or (row.time is not None and not 0.0 <= row.time <= limit) for row in sheet.rows
+    )  # fmt: skip
+    return float(count / max(1, _column(sheet, "time").size, 1))
 
 
 def _column(sheet: Sheet, name: str) -> Array:
     values = np.array([getattr(row, name) for row in sheet.rows], dtype=float)
     return np.sort(values[np.isfinite(values)])
+
+
+def _middle(sheet: Sheet, name: str) -> float:
+    values = abs(_column(sheet, name))
+    return float(np.median(values)) if values.size else np.nan
 
 
 def _span(values: Array) -> str:
@@ -141,17 +143,30 @@ def _span(values: Array) -> str:
 
 def axes_by_rise(_: Stand, sheet: Sheet) -> Findings:
     """Find swapped axes where the rise time goes with the mismatch instead of the force."""
-    rises: dict[str, dict[float, set[float]]] = {"force": {}, "mismatch": {}}
-    for row in sheet.rows:
-        for name, by in rises.items():
-            by.setdefault(getattr(row, name), set()).add(row.rise)
-    mixed, several = (sum(len(some) > 1 for some in by.values()) for by in rises.values())
+    rises = [Counter(value for value, _ in {(getattr(row, name), row.rise) for row in sheet.rows})
+             for name in ("force", "mismatch")]  # fmt: skip
+    mixed, several = (sum(n > 1 for n in by.values()) for by in rises)
     if mixed >= 2 and not several:
         found = (
-            f"force_rise_s goes with mismatch_rpm: {mixed} of {len(rises['force'])} forces have "
+            f"force_rise_s goes with mismatch_rpm: {mixed} of {len(rises[0])} forces have "
             "several rise times, and each mismatch has one"
         )
         yield Finding("axes", found, SWAPPED, "swapped", certain=True)
+
+
+#: Columns whose size may show a slip: name, correction, test, unit in words, and what is found.
+SIZES: tuple[tuple[str, str, Callable[[Stand, Sheet], bool], str, str], ...] = (
+    ("time", "time=ms", lambda s, t: _middle(t, "time") > s.clutch.timeout, "milliseconds",
+     "shift_time_s {}, but a shift that has a time ends after its free flight and before the "
+     "time-out of {} s"),
+    ("rise", "rise=ms", lambda s, t: _middle(t, "rise") > s.clutch.timeout, "milliseconds",
+     "force_rise_s {}, but so slow a force could not have ended shifts in their times"),
+    ("force", "force=kN", lambda _, t: _middle(t, "force") < LEAST_FORCE, "kilonewtons",
+     "force_N {}, but so small a force could not have ended shifts in their times"),
+    ("force", "axes=swapped",
+     lambda _, t: _middle(t, "mismatch") >= 2.0 * _middle(t, "force"), SWAPPED,
+     "force_N {}, which could not have ended shifts in their times"),
+)  # fmt: skip
 
 
 def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
@@ -159,28 +174,19 @@ def physical_ranges(stand: Stand, sheet: Sheet) -> Findings:
 
     Half of the rows have to be impossible; single cells are refused one by one.
     """
-    limit = stand.clutch.timeout
-    for name, (column, unit, way, rule) in SCALED.items():
-        values = _column(sheet, name)
-        middle = np.median(abs(values)) if values.size else np.nan
-        off = middle < LEAST_FORCE if name == "force" else middle > limit
-        if off and _are_impossible(stand, sheet):
-            found = f"{column} {_span(values)}, but {rule.format(number(limit))}"
-            yield Finding(name, found, unit, way, certain=True, arguable=False)
-            sheet = corrected(sheet, f"{name}={way}", stand.sensor)
-    forces, speeds = _column(sheet, "force"), abs(_column(sheet, "mismatch"))
-    if np.median(speeds) >= 2.0 * np.median(forces) and _are_impossible(stand, sheet):
-        found = f"force_N {_span(forces)}, which could not have ended shifts in their times"
-        yield Finding("axes", found, SWAPPED, "swapped", certain=True)
+    for name, correction, off, looks, found in SIZES:
+        if off(stand, sheet) and _share_impossible(stand, sheet) >= 0.5:
+            said = found.format(_span(_column(sheet, name)), number(stand.clutch.timeout))
+            quantity, _, way = correction.partition("=")
+            yield Finding(quantity, said, looks, way, True, arguable=quantity == "axes")
+            sheet = corrected(sheet, correction, stand.sensor)
 
 
 def force_by_calibration(stand: Stand, sheet: Sheet) -> Findings:
     """Find forces that are the arm's of the calibration and not the sleeve's."""
     both = np.array([(c.arm_force_N, c.sleeve_force_N) for c in stand.calibration
-                     if c.arm_force_N and c.sleeve_force_N])  # fmt: skip
+                     if c.arm_force_N and c.sleeve_force_N]).reshape(-1, 2)  # fmt: skip
     forces, factor = _column(sheet, "force"), stand.sensor.force_factor
-    if not both.size:
-        return
     near = abs(forces[:, None, None] / both - 1.0) < CLOSE
     if near.any(axis=1).all(axis=0).tolist() == [True, False]:
         found = (
@@ -202,48 +208,133 @@ def early_times(stand: Stand, sheet: Sheet) -> Findings:
         yield Finding("time", found, looks)
 
 
+@dataclass(frozen=True)
+class Range:
+    """Range of a ratio of traces to their rows.
+
+    ``found`` is a sentence with the ratio as {0}, travel and ratio in mm as {1} and {2}. Of
+    ``ways`` (correction, unit in words) the first that brings the median ratio into the range is
+    the slip, which is refused. Without one the cause is ``other``, which is refused beyond
+    ``possible``. Of a sensor at the actuator the range ends at ``soft`` times ``high``.
+    """
+
+    quantity: str
+    ratio: Callable[[TracedRow], float | None]
+    low: float
+    high: float
+    found: str
+    ways: tuple[tuple[str, str], ...]
+    other: str
+    possible: tuple[float, float] = (-np.inf, np.inf)
+    arguable: bool = True
+    soft: float = 1.0
+
+    def __call__(self, stand: Stand, sheet: Sheet) -> Findings:
+        """Find a ratio out of the range."""
+        middle, travel = median_of(self.ratio, stand, sheet), stand.clutch.dog.travel / MM
+        high = self.high * (self.soft if stand.record.displacement_at == "actuator" else 1.0)
+        if self.low <= middle <= high:
+            return
+        found = self.found.format(short(middle), number(travel), short(middle * travel))
+        for correction, looks in self.ways:
+            try:
+                other = corrected(sheet, correction, stand.sensor)
+            except InputError:  # the stand does not say by how much
+                continue
+            if self.low <= median_of(self.ratio, stand, other) <= high:
+                quantity, _, way = correction.partition("=")
+                text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
+                yield Finding(quantity, found, text, way, True, self.arguable)
+                return
+        certain = not self.possible[0] < middle < self.possible[1]
+        yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
+
+
+FORCE = "force_N of the traces ends at {0} of what force_N of the table makes it"
+DURATION, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE = (
+    Range(
+        "trace_time", time_ratio, 0.0, 100.0,
+        "by t_s the travel of the traces takes {0} times the time of the shift",
+        (("trace_time=ms", "milliseconds"),),
+        "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False,
+    ),
+    Range(
+        "displacement", travel_ratio, 0.9, 1.15,
+        "displacement_mm of finished shifts ends at {2}, but the sleeve's travel is {1} mm",
+        (("displacement=m", "metres"),
+         ("displacement=arm", "the robot arm's, {} times the sleeve's")),
+        "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in "
+        "the table [sensor])", possible=(0.5, 2.0),
+        # Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
+        soft=1.8 / 1.15,
+    ),
+    Range(
+        "mismatch", speed_ratio, 1.0 / SAME, SAME,
+        "the traces begin with {0} times the mismatch_rpm of their rows "
+        "(output_speed_rpm less sliding_speed_rpm)",
+        (("mismatch=rad_s", "mismatch_rpm in radians a second"),
+         ("speeds=rad_s", "the speeds of the traces in radians a second"),
+         ("mismatch=reversed", "a mismatch_rpm of sliding less output speed")),
+        "another speed than the nominal one",
+    ),
+    Range(
+        "trace_force", force_ratio, 0.01, np.inf, FORCE,
+        (("trace_force=kN", "kilonewtons"),), "a sensor with a wrong scale",
+    ),
+    Range(
+        "trace_force", settled_force_ratio, 0.5, 1.5, FORCE,
+        (("force=arm", "the force at the robot arm in the table"),
+         ("trace_force=arm", "the force at the robot arm in the traces")),
+        "a sensor with a wrong scale",
+    ),
+)  # fmt: skip
+
+
 def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
     """Find rows with a time that repeat earlier rows.
 
     Times of single shifts are rounded and may be equal by chance, so that of these half must be
     repeats; of means and of traces one is enough.
     """
-    first: dict[object, int] = {}
-    copies: list[tuple[int, int, bool]] = []
     timed = [row for row in sheet.rows if row.time is not None]
-    for row in timed:
-        numbers = (row.mismatch, row.force, row.rise, row.n, row.time)
-        what = row.trace.path if row.trace else numbers
-        if what in first:
-            copies.append((row.row, first[what], row.n == 1 and row.trace is None))
-        first.setdefault(what, row.row)
-    lone = sum(row.n == 1 and row.trace is None for row in timed)
-    if 2 * sum(single for *_, single in copies) < max(4, lone):
-        copies = [one for one in copies if not one[2]]
+    numbers = [(row.mismatch, row.force, row.rise, row.n, row.time) for row in timed]
+    keys = [row.trace.path if row.trace else own for row, own in zip(timed, numbers, strict=True)]
+    first = {key: row.row for key, row in zip(keys[::-1], timed[::-1], strict=True)}
+    copies = [(row, first[key]) for key, row in zip(keys, timed, strict=True)
+              if first[key] != row.row]  # fmt: skip
+    lone = {row.row for row in timed if row.n == 1 and row.trace is None}
+    if 2 * sum(row.row in lone for row, _ in copies) < max(4, len(lone)):
+        copies = [one for one in copies if one[0].row not in lone]
     if copies:
         many = f"{len(copies)} rows repeat earlier ones"
         many = many if len(copies) > 1 else "a row is there twice"
         looks = (
             "a table that was copied below itself: copies make the data seem surer than they are"
         )
-        said = f"{many}: row {copies[0][0]} is row {copies[0][1]} again"
+        said = f"{many}: row {copies[0][0].row} is row {copies[0][1]} again"
         yield Finding("rows", said, looks, arguable=False)
 
 
 def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
     """Find rows whose set values are nearly, but not just, those of others."""
-    if near := near_points(sheet.rows):
+    values, groups = near_groups(sheet.rows)
+    lead = np.unique(groups, return_index=True)[1][groups]
+    near = np.flatnonzero((values != values[lead]).any(axis=1))
+    if near.size:
         one, other = (
             f"row {row.row} ({row.mismatch:.6g} 1/min, {row.force:.6g} N, {row.rise:.4g} s)"
-            for row in (sheet.rows[place] for place in min(near.items()))
+            for row in (sheet.rows[near[0]], sheet.rows[lead[near[0]]])
         )
-        found = (
-            f"{f'{len(near)} rows have' if len(near) > 1 else 'a row has'} nearly the set values "
-            f"of others: {one} and {other} differ by at most {NEAR:.0%}"
-        )
+        many = f"{near.size} rows have" if near.size > 1 else "a row has"
+        found = f"{many} nearly the set values of others: {one} and {other} differ by "
+        found += f"about {NEAR:.0%}"
         looks = "measured in place of set values, each of which would be an operating point of its"
         looks += " own, with errors of its own"
         yield Finding("points", found, looks, "joined", certain=True)
+
+
+def _single(sheet: Sheet) -> list[tuple[Row, float]]:
+    return [(row, row.time) for row in sheet.rows if row.n == 1 and row.time is not None]
 
 
 def found_step(sheet: Sheet) -> float:
@@ -251,37 +342,27 @@ def found_step(sheet: Sheet) -> float:
 
     Of n times written in 1 ms, all are multiples of k ms by chance with the probability k^-n.
     """
-    times = [round(1e6 * row.time) for row in _single(sheet) if row.time is not None]
+    times = [round(1e6 * time) for _, time in _single(sheet)]
     many = gcd(*times) * 1e-6 / WRITTEN
-    if many < COARSE or len(times) * log10(many) < DECADES:
-        return 0.0
-    return many * WRITTEN
-
-
-def rows_off(sheet: Sheet, step: float) -> list[Row]:
-    """List the single shifts whose time is no multiple of a step in s; none for a step of zero."""
-    counts = [(row, (row.time or 0.0) / step if step else 0.0) for row in _single(sheet)]
-    return [row for row, count in counts if abs(count - round(count)) > OFF]
-
-
-def _single(sheet: Sheet) -> list[Row]:
-    return [row for row in sheet.rows if row.n == 1 and row.time is not None]
+    return many * WRITTEN if many >= COARSE and len(times) * log10(many) >= DECADES else 0.0
 
 
 def table_clock(stand: Stand, sheet: Sheet) -> Findings:
     """Find a step of the clock that nothing states, or a stated one that the times do not have."""
-    single = _single(sheet)
-    if stand.clock_step is None:
+    single, step = _single(sheet), stand.clock_step
+    if step is None:
         if step := found_step(sheet):
             found = f"all {len(single)} times of single shifts are multiples of "
             looks = "the cycle of a controller, and counts as errors.clock_step_ms of bench.toml"
             remedy = "state that key, with 0 where the clock is finer"
             yield Finding("clock", f"{found}{number(step / MS)} ms", looks, remedy=remedy)
-    elif off := rows_off(sheet, stand.clock_step):
+        return
+    off = [one for one in single if step and abs(one[1] / step - round(one[1] / step)) > OFF]
+    if off:
         found = (
-            f"errors.clock_step_ms is {number(stand.clock_step / MS)} ms, but {len(off)} of "
-            f"{len(single)} times of single shifts are no multiples of it (row {off[0].row}: "
-            f"{number(off[0].time or 0.0)} s)"
+            f"errors.clock_step_ms is {number(step / MS)} ms, but {len(off)} of {len(single)} "
+            f"times of single shifts are no multiples of it (row {off[0][0].row}: "
+            f"{number(off[0][1])} s)"
         )
         remedy = "state the step of the clock in milliseconds, 0 for none"
         looks = "another clock, or a step in another unit"
@@ -290,7 +371,7 @@ def table_clock(stand: Stand, sheet: Sheet) -> Findings:
 
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Callable[[Stand, Sheet], Findings], ...] = (
-    axes_by_rise, physical_ranges, force_by_calibration, early_times, trace_notes, DURATION.check,
-    trace_clock, trace_travel, SPEED.check, FORCE.check, SETTLED_FORCE.check, trace_rest,
-    repeated_rows, nearly_same_points, short_traces, table_clock,
+    axes_by_rise, physical_ranges, force_by_calibration, early_times, DURATION,
+    trace_clock, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE, trace_rest,
+    repeated_rows, nearly_same_points, trace_notes, table_clock,
 )  # fmt: skip

@@ -44,13 +44,9 @@ Finite = Annotated[float, Field(gt=-np.inf, lt=np.inf)]
 class BenchRecord(Section):
     """Conventions by which a stand recorded its shifts.
 
-    Parameters
-    ----------
-    time_zero : start of the shift times and of the traces: the command, which a dead time follows,
-        or the first force, which no dead time follows.
-    displacement_at : place of the displacement sensor.
-    empty_cells : shifts of rows with neither a time nor ``engaged``: not made, or tried and failed.
-    sense : sign of the mismatch, known or never noted (``docs/mismatch.md``).
+    ``time_zero`` is the start of shift times and traces (a dead time follows the command, none the
+    first force), ``displacement_at`` the place of the sensor, ``empty_cells`` the meaning of rows
+    with neither a time nor ``engaged``, ``sense`` the sign of the mismatch (``docs/mismatch.md``).
     """
 
     time_zero: TimeZero = "unknown"
@@ -63,10 +59,7 @@ UNSAID = BenchRecord()
 
 
 class TestTerms(Section):
-    """Terms of a bench test at this stand: hours of work, None for the usual, and possible or not.
-
-    ``name`` is that of the test on the menu.
-    """
+    """Hours of a bench test of the menu at this stand, None for the usual, and possible or not."""
 
     __test__ = False  # no test of the test runner's
 
@@ -76,10 +69,7 @@ class TestTerms(Section):
 
 
 class Measured(Section):
-    """Result of a direct test: a parameter of an effect with its standard error, in its unit.
-
-    ``parameter`` is None where the effect has just one.
-    """
+    """Result of a direct test in the parameter's unit; None where the effect has just one."""
 
     effect: str
     parameter: str | None = None
@@ -99,21 +89,16 @@ class _Contact(Section):
 
 
 class Sensor(Section):
-    """Linkage of the stand's sensors to the sleeve.
-
-    ``linkage_ratio`` is actuator travel over sleeve travel, ``linkage_efficiency`` the share
-    of its force that arrives; None where the data set does not say.
-    """
+    """Linkage of the sensors: actuator over sleeve travel, and share of its force that arrives."""
 
     linkage_ratio: Annotated[float, Field(ge=0.01, le=100.0)] | None = None
     linkage_efficiency: Annotated[float, Field(ge=0.01, le=1.0)] | None = None
 
     @property
     def force_factor(self) -> float | None:
-        """Force at the sleeve over force at the robot arm, None where that is not known."""
-        if self.linkage_ratio is None or self.linkage_efficiency is None:
-            return None
-        return self.linkage_ratio * self.linkage_efficiency
+        """Force at the sleeve over that at the robot arm, None where that is not known."""
+        ratio, efficiency = self.linkage_ratio, self.linkage_efficiency
+        return None if ratio is None or efficiency is None else ratio * efficiency
 
 
 DIRECT = Sensor()
@@ -143,7 +128,6 @@ class Tolerance(Section):
     mismatch_rpm: Speed = 0.0
 
     def __bool__(self) -> bool:
-        """Test that any of them is stated and not zero."""
         return any(value for _, value in self)
 
     @property
@@ -171,7 +155,6 @@ class NominalErrors(Section):
     clock_step_ms: Annotated[float, Field(ge=0.0, le=100.0)] | None = None
 
     def __bool__(self) -> bool:
-        """Test that any uncertainty is stated and not zero."""
         return bool(self.systematic) or bool(self.each_point)
 
 
@@ -201,13 +184,7 @@ class _BenchFile(Section):
 
 @dataclass(frozen=True)
 class Margin:
-    """Gap of a mean shift time below which nothing needs doing.
-
-    Parameters
-    ----------
-    share : of the simulated mean time.
-    least : s, where that share is less.
-    """
+    """Gap of a mean shift time below which nothing needs doing: a share of it, and least s."""
 
     share: float = 0.05
     least: float = 2e-3
@@ -225,11 +202,8 @@ USUAL_MARGIN = Margin()
 class Stand:
     """A data set without its shifts: the clutch as the bench knows it, and what is stated of it.
 
-    ``relative_angles`` are those of the bench in rad, where it says them, and ``corrections`` those
-    to make, such as ``time=ms``. ``tests`` has what tests cost at this stand, and which it cannot
-    do, ``margin`` the gap that needs nothing done, ``errors`` those of nominal force and mismatch,
-    ``measured`` results of direct tests. ``clock_step`` is the step in s of which all times are
-    multiples, 0 where there is none, None where nothing is stated.
+    ``relative_angles`` are in rad, ``corrections`` such as ``time=ms``. ``clock_step`` is the step
+    in s of which all times are multiples, 0 where there is none, None where nothing is stated.
     """
 
     name: str
@@ -252,11 +226,11 @@ def load_stand(path: Path) -> Stand:
     try:
         data = read_toml(path)
     except FileNotFoundError as error:
+        study = (path.parent / "study.toml").is_file()
         hint = (
             f"; {path.parent} is a study, from which 'dogshape init bench TABLE --from "
-            f"{path.parent}' makes a data set of measured times"
-        )
-        hint = hint if (path.parent / "study.toml").is_file() else ""
+            f"{path.parent}' makes a data set of measured times" if study else ""
+        )  # fmt: skip
         raise DataError(f"there is no {path}; a data set needs bench.toml{hint}") from error
     except OSError as error:
         raise DataError(

@@ -130,30 +130,32 @@ def _require_samples(path: Path, name: str, channel: Channel) -> None:
         )
 
 
+def is_plain(text: str) -> bool:
+    """Test that a text is a number as programs write it."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def _read_csv(path: Path) -> dict[str, Channel]:
     """Read the columns of a CSV trace; a row without a value is no sample of that channel."""
     table = read_table(path, COLUMNS, COLUMNS)
     table.require(COLUMNS)
-    lines = [row for row, _ in table.rows]
-
-    def value(name: str, cell: str, row: int) -> float:
-        try:
-            return float(cell)
-        except ValueError:
-            raise DataError(
-                f"{path}, row {row}, column {name} is '{cell}', but it must "
-                f"be {number_rule(cell)}; correct the cell"
-            ) from None
-
-    columns = {name: table.column(name) for name in COLUMNS}
-
-    def numbers(name: str, places: Sequence[int]) -> Series:
-        return np.array([value(name, columns[name][k], lines[k]) for k in places], dtype=float)
-
-    time, found = numbers(TIME, range(len(lines))), {}
-    for name in COLUMNS[1:]:
-        places = [place for place, cell in enumerate(columns[name]) if cell]
-        found[name] = Channel(time[places], numbers(name, places), [lines[k] for k in places])
+    lines, columns = [row for row, _ in table.rows], {name: table.column(name) for name in COLUMNS}
+    for name, cells in columns.items():
+        for row, cell in zip(lines, cells, strict=True):
+            if not is_plain(cell) and (cell or name == TIME):
+                raise DataError(
+                    f"{path}, row {row}, column {name} is '{cell}', but it must "
+                    f"be {number_rule(cell)}; correct the cell"
+                )
+    time, found = np.array(columns.pop(TIME), dtype=float), {}
+    for name, cells in columns.items():
+        places = [place for place, cell in enumerate(cells) if cell]
+        values = np.array([cells[k] for k in places], dtype=float)
+        found[name] = Channel(time[places], values, [lines[k] for k in places])
     return found
 
 
@@ -217,26 +219,22 @@ def _read_mdf(path: Path) -> dict[str, Channel]:
 
 
 def _read_tdms(path: Path) -> dict[str, Channel]:
-    """Read the channels of a TDMS file."""
     file = _open(path, "nptdms", "TdmsFile.read", "a TDMS")
     known = [channel.name for group in file.groups() for channel in group.channels()]
     groups = {
         name: _only(path, name, [group for group in file.groups() if name in group], known)
         for name in COLUMNS[1:]
     }
-    found = {}
+    found, lead = {}, groups[LEAD]
     for name, group in groups.items():
-        lead = groups[LEAD]
         if (TIME in group) != (TIME in lead):
             raise DataError(
                 f"{path} has a channel {TIME} in one of the groups '{lead.name}' and "
                 f"'{group.name}' only, so that their clocks cannot be compared; write it in both"
             )
         values = _as_numbers(path, name, group[name][:])
-        if TIME in group:
-            time = _as_numbers(path, TIME, group[TIME][:])
-        else:
-            time = _waveform(path, group[name], lead[LEAD])
+        time = _waveform(path, group[name], lead[LEAD]) if TIME not in group else _as_numbers(
+            path, TIME, group[TIME][:])  # fmt: skip
         if time.size != values.size:
             raise DataError(
                 f"{path}, channel {name} has {values.size} samples and its time {time.size}, but "
@@ -248,14 +246,14 @@ def _read_tdms(path: Path) -> dict[str, Channel]:
 
 def _waveform(path: Path, channel: Any, lead: Any) -> Series:
     """Return the times of a channel after the start time of the displacement, s, (n,)."""
-    starts = [one.properties.get("wf_start_time") for one in (channel, lead)]
-    if (starts[0] is None) != (starts[1] is None):
+    start, first = (one.properties.get("wf_start_time") for one in (channel, lead))
+    if (start is None) != (first is None):
         raise DataError(
             f"{path} has wf_start_time on one of the channels {channel.name} and {LEAD} only, so "
             "that their times cannot be compared; write it on both"
         )
     try:
-        late = 0.0 if starts[0] is None else (starts[0] - starts[1]) / np.timedelta64(1, "s")
+        late = 0.0 if start is None else (start - first) / np.timedelta64(1, "s")
         return late + np.asarray(channel.time_track(), dtype=float)
     except KeyError as error:
         raise DataError(

@@ -30,11 +30,10 @@ Series = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class BenchTrace:
-    """Time series of one bench shift, each (n,), SI units.
+    """Time series of one bench shift, each (n,), SI units, referred to the sleeve.
 
-    ``displacement`` and ``force`` are referred to the sleeve, wherever they are measured. ``notes``
-    say what was interpolated, cut or lost; ``start_error`` is the standard error of time zero where
-    it was found from the force, s.
+    ``notes`` say what was interpolated, cut or lost; ``start_error`` is the standard error of time
+    zero where it was found from the force, s.
     """
 
     path: Path
@@ -92,13 +91,7 @@ GRID, PASSES = 24, 4  #: starts that are tried at a time, each time closer to ea
 
 @dataclass(frozen=True)
 class ForceStart:
-    """Start of the force in a trace, and what its sensors read before.
-
-    Parameters
-    ----------
-    time, error : s, the error being a standard error.
-    force, displacement : at rest, in N and m.
-    """
+    """Start of the force, s, its standard error, and readings at rest, N and m."""
 
     time: float
     error: float

@@ -9,17 +9,18 @@ from __future__ import annotations
 import hashlib
 import re
 import shutil
-from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_cells import SHIFTS, TRACE
 from dogshape.diagnosis.bench.foreign_columns import NONE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
-from dogshape.diagnosis.bench.table import COLUMNS, set_values
+from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
 from dogshape.diagnosis.bench.trace_files import SUFFIXES
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.sources import PUBLISHED, Source, draft_folder, source_of
@@ -27,8 +28,12 @@ from dogshape.sim.errors import DataError, DogshapeError, InputError, number
 from dogshape.sim.texts import text_of
 from dogshape.sim.versions import bundled_root
 
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
 Row = dict[str, Any]  #: a table of a TOML file
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
+SCATTER = 0.2  #: of a set value, up to which measured values lie off it
 TEMPLATE = Path("bench") / "template.toml"  #: the commented ``bench.toml``, among bundled files
 
 
@@ -70,7 +75,7 @@ def guessed(draft: BenchDraft) -> Row:
     ``empty`` counts the rows with neither a time nor an outcome.
     """
     report = Report()
-    empty = _empty(_read_tables(draft, report))
+    empty = int(_silent(_read_tables(draft, report)).sum())
     return {"columns": report.readings, "left_out": report.left_out, "faults": report.faults,
             "empty": empty}  # fmt: skip
 
@@ -78,31 +83,24 @@ def guessed(draft: BenchDraft) -> Row:
 def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
     """Write a bench folder that ``validate`` and ``gap`` take as it is; record all assumptions.
 
-    Raises
-    ------
-    DataError
-        For all faults of tables and traces at once, or for what cannot be true in their rows.
-    StorageError
-        For a folder that holds files, without ``force``.
+    Raises DataError for all faults of tables and traces at once, or for what cannot be true in
+    their rows; StorageError for a folder that holds files, without ``force``.
     """
-    import pandas as pd  # noqa: PLC0415  # slow to load
-
     source, report = source_of(draft.origin), Report()
     where = ", ".join(map(str, draft.tables)) or str(out)
     with draft_folder(out, force) as folder:
         rows = _read_tables(draft, report) if draft.tables else _empty_rows(source, report)
-        for row in rows:
-            if row["trace"]:
-                _copy_trace(row, draft, report, folder / "traces")
+        for place in rows.index[rows["trace"].notna()]:
+            rows.loc[place, "trace"] = _copy_trace(rows.loc[place], draft, report, folder)
         report.require(where)
         values = _values(draft, source, rows, out, report)
         report.require(where)
         text = with_values(text_of(bundled_root() / TEMPLATE), values)
         (folder / "bench.toml").write_text(text, encoding="utf-8")
-        cells = [[_cell(row.get(name)) for name in COLUMNS] for row in rows]
-        table = pd.DataFrame(cells, columns=[*COLUMNS], dtype=object)
-        empty = [name for name in COLUMNS[7:] if table[name].isna().all()]
-        table.drop(columns=empty).to_csv(folder / "shifts.csv", index=False, lineterminator="\n")
+        empty = [name for name in COLUMNS[7:] if rows[name].isna().all()]
+        table = rows[[*COLUMNS]].drop(columns=empty)
+        table["engaged"] = table["engaged"].map({True: "true", False: "false"})
+        table.to_csv(folder / "shifts.csv", index=False, lineterminator="\n", float_format="%.9g")
         try:
             bench = load_bench(folder)
         except DogshapeError as error:
@@ -111,37 +109,34 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
     return {
-        "folder": str(out), "rows": len(rows), "shifts": sum(row["n_shifts"] for row in rows),
-        "with_time": sum(row["n_shifts"] for row in rows if row["shift_time_s"] is not None),
+        "folder": str(out), "rows": len(rows), "shifts": int(rows["n_shifts"].sum()),
+        "with_time": int(rows["n_shifts"][rows["shift_time_s"].notna()].sum()),
         "columns": report.readings, "left_out": report.left_out,
         "assumed": list(dict.fromkeys(report.assumed)),
         "warnings": [finding.sentence for finding in bench.warnings],
     }  # fmt: skip
 
 
-def _fault_of(text: str, folder: Path, out: Path, rows: list[Row]) -> str:
+def _fault_of(text: str, folder: Path, out: Path, rows: DataFrame) -> str:
     """Write a fault with the rows of the tables and the options of the verb."""
 
     def given(found: re.Match[str]) -> str:
-        row = rows[int(found[1]) - 2]
-        return f"{row['file']}, row {row['row']}"
+        return "{file}, row {row}".format(**rows.iloc[int(found[1]) - 2])
 
     text = re.sub(rf"{re.escape(str(folder / 'shifts.csv'))}, row (\d+)", given, text)
     text = re.sub(r"--correct (\S+)", r"""--set 'corrections=["\1"]'""", text)
+    if "set values of others" in text:
+        sets = "; name with --from a study or bench that has the set values, correct"
+        text = text.replace("; correct", sets)
     longer = ", or say --set timeout_s=... where the stand gives up later"
     text += longer if "at most the time-out" in text else ""
     return text.replace(str(folder), str(out))
 
 
-def _cell(value: Any) -> Any:
-    """Write a cell of ``shifts.csv``."""
-    if isinstance(value, bool):
-        return str(value).lower()
-    return f"{value:.9g}" if isinstance(value, int | float) else value
+def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
+    """Read the rows of all tables, with their file and row beside the columns of ``shifts.csv``."""
+    import pandas as pd  # noqa: PLC0415  # slow to load
 
-
-def _read_tables(draft: BenchDraft, report: Report) -> list[Row]:
-    """Read the rows of all tables."""
     if len({path.name for path in draft.tables}) < len(draft.tables):
         raise InputError(
             "two of the tables have the same file name, but both are kept beside each other; "
@@ -150,54 +145,36 @@ def _read_tables(draft: BenchDraft, report: Report) -> list[Row]:
     if draft.decimal not in (None, ".", ","):
         raise InputError(f"--decimal is '{draft.decimal}', but must be a point or a comma: . or ,")
     said = {k: v for k, v in draft.columns.items() if not k.startswith(OF_TRACES)}
-    rows: list[Row] = []
+    found = [pd.DataFrame(columns=["file", "row", *COLUMNS])]
     for path in draft.tables:
         try:
             table = read_foreign(path, draft.ranges)
         except DataError as error:
             report.faults.append(str(error))
             continue
-        rows += _table_rows(TableReader.of(table, SHIFTS, said, draft.decimal, report))
-    return rows
+        reader = TableReader(table, SHIFTS, said, draft.decimal, report)
+        own = {"file": str(path), "row": table.rows, **reader.read()}
+        found.append(_completed(pd.DataFrame(own), reader))
+    return pd.concat(found[len(found) > 1 :], ignore_index=True)
 
 
-def _empty_rows(source: Source, report: Report) -> list[Row]:
-    report.assumed.append(
-        "shifts.csv has the operating points of the origin, to be filled in: one row for each "
-        "shift or mean"
-    )
-    empty = {"file": "", "row": 0, "n_shifts": 10, "shift_time_s": None, "engaged": None,
-             "trace": ""}  # fmt: skip
-    return [
-        {**empty, "mismatch_rpm": m, "force_N": f, "force_rise_s": source.rise(f)}
-        for m in source.mismatches for f in source.forces
-    ]  # fmt: skip
-
-
-def _table_rows(reader: TableReader) -> list[Row]:
-    """Convert the rows of a table, as far as its columns are known."""
+def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
+    """Complete the rows of a table by what its columns say of each other."""
     path, report = reader.table.path, reader.report
-    names = ("mismatch_rpm", "force_N", "force_rise_s", "shift_time_s", "shift_time_sd_s", "order")
-    columns = {
-        "row": reader.table.rows,
-        **{name: reader.numbers(name, needed=name in names[:2]) for name in names},
-        "n_shifts": reader.counts(), "engaged": reader.answers(), "trace": reader.texts("trace"),
-        "timestamp": reader.stamps(),
-    }  # fmt: skip
-    rows = [{"file": str(path), **dict(zip(columns, values, strict=True))}
-            for values in zip(*columns.values(), strict=True)]  # fmt: skip
-    late = [row for row in rows if row["engaged"] is False and row["shift_time_s"] is not None]
-    if late:
+    numbers = [name for name in NUMERIC if name not in ("n_shifts", "timestamp")]
+    rows[numbers] = rows[numbers].astype(float)
+    rows["n_shifts"] = rows["n_shifts"].astype(float).fillna(1.0).astype(int)
+    if "n_shifts" not in reader.matches:
+        report.assumed.append(f"{path}: each row is one shift, as no column counts them")
+    failed = rows["engaged"].eq(False)
+    if (late := failed & rows["shift_time_s"].notna()).any():
         report.assumed.append(
-            f"{path}: times of shifts that did not engage are left out (row {_places(late)})"
+            f"{path}: times of shifts that did not engage are left out (row {_places(rows[late])})"
         )
-    for row in rows:
-        row["shift_time_s"] = None if row["engaged"] is False else row["shift_time_s"]
-        if row["n_shifts"] < 2 or row["shift_time_s"] is None:
-            row["shift_time_sd_s"] = None
-    timed = [row["order"] for row in rows if row["shift_time_s"] is not None]
-    placed = [place for place in timed if place is not None]
-    if len(set(placed)) < len(placed):
+    rows.loc[failed, "shift_time_s"] = np.nan
+    single = (rows["n_shifts"] < 2) | rows["shift_time_s"].isna()
+    rows.loc[single, "shift_time_sd_s"] = np.nan
+    if rows["order"][rows["shift_time_s"].notna()].dropna().duplicated().any():
         report.faults.append(
             f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "
             f"the whole series; --column order={NONE} leaves it out"
@@ -207,7 +184,7 @@ def _table_rows(reader: TableReader) -> list[Row]:
             f"{path}: '{reader.matches[name].head}' is the order of the shifts, so a diagnosis "
             f"looks for a drift; --column {name}={NONE} leaves it out"
         )
-    if silent := _empty(rows):
+    if silent := _silent(rows).sum():
         report.assumed.append(
             f"{path}: nothing is known of rows without a time ({silent}); record.empty_cells says "
             "whether they were tried, or a column engaged of each with yes and no"
@@ -215,60 +192,81 @@ def _table_rows(reader: TableReader) -> list[Row]:
     return rows
 
 
-def _empty(rows: list[Row]) -> int:
-    return sum(row["shift_time_s"] is None and row["engaged"] is None for row in rows)
+def _empty_rows(source: Source, report: Report) -> DataFrame:
+    import pandas as pd  # noqa: PLC0415  # slow to load
+
+    report.assumed.append(
+        "shifts.csv has the operating points of the origin, to be filled in: one row for each "
+        "shift or mean"
+    )
+    points = [(m, f, source.rise(f), 10) for m in source.mismatches for f in source.forces]
+    return pd.DataFrame(points, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS])
 
 
-def _places(rows: list[Row]) -> str:
-    return ", ".join(str(row["row"]) for row in rows)
+def _silent(rows: DataFrame) -> Any:
+    """Mark the rows with neither a time nor an outcome."""
+    return rows["shift_time_s"].isna() & rows["engaged"].isna()
 
 
-def _group_set_points(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> Row:
-    """Group measured set values, and give the scatter of mismatches and forces as errors."""
+def _places(rows: DataFrame) -> str:
+    return ", ".join(map(str, rows["row"]))
+
+
+def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> Row:
+    """Give measured values the set values of the origin, and their scatter as errors.
+
+    Measured values hardly recur, are not round, and lie around few set values.
+    """
     if any(text.startswith("points=") for text in draft.values.get("corrections", ())):
         return {}
     errors: Row = {}
     both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
-    for name, key, known in (
-        ("mismatch_rpm", "mismatch_rpm", both), ("force_N", "force_percent", source.forces),
-        ("force_rise_s", "", []),
-    ):  # fmt: skip
-        measured = [row[name] for row in rows if row[name] is not None]
-        found = set_values(measured, known) if len(measured) == len(rows) else None
-        if found is None:
+    for name, known in (("mismatch_rpm", both), ("force_N", source.forces)):
+        values = rows[name].to_numpy()
+        levels = np.array(known)[abs(values[:, None] - np.array(known)).argmin(axis=1)]
+        distinct, sets = set(values.tolist()), sorted(set(levels.tolist()))
+        share = values / levels - 1.0
+        if (
+            min(len(distinct), len(rows) / 2) < 2 * len(sets)
+            or 2 * len(distinct) < len(rows)
+            or abs(share).max() > SCATTER
+            or all(v == float(f"{v:.2g}") or v % 5.0 == 0.0 for v in distinct)
+        ):
             continue
-        values, size, share = found
-        for row, value in zip(rows, values.tolist(), strict=True):
-            row[name] = value
-        levels = ", ".join(map(number, sorted(set(values.tolist()))))
-        said = f"{name.partition('_')[0]} is measured: {len(rows)} values are grouped at {levels}"
-        if key:
-            error = f"errors.each_point.{key}"
-            errors[error] = float(f"{size if key == name else 100.0 * share:.2g}")
-            said += f", with their scatter as {error} = {errors[error]:g}"
-        report.assumed.append(f"{said}; --set 'corrections=[\"points=given\"]' keeps each")
+        key, off = "force_percent", 100.0 * share
+        if known is both:
+            key, off = "mismatch_rpm", values - levels
+        error = f"errors.each_point.{key}"
+        errors[error] = float(f"{np.sqrt((off**2).sum() / (len(rows) - len(sets))):.2g}")
+        rows[name] = levels
+        report.assumed.append(
+            f"{name.partition('_')[0]} is measured: {len(rows)} values are grouped at "
+            f"{', '.join(map(number, sets))}, the set values of '{source.name}', with their "
+            f"scatter as {error} = {errors[error]:g}; --set 'corrections=[\"points=given\"]' keeps "
+            "each"
+        )
     return errors
 
 
-def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
+def _mark_time_outs(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> None:
     """Take times at the stated time-out as shifts that did not engage; ask where none is stated."""
-    open_ = [row for row in rows if row["shift_time_s"] is not None and row["engaged"] is None]
+    times = rows["shift_time_s"][rows["engaged"].isna()].dropna()
     stated = draft.values.get("timeout_s")
     if isinstance(stated, int | float):
-        late = [row for row in open_ if 0.999 <= row["shift_time_s"] / stated <= 1.02]
-        for row in late:
-            row |= {"shift_time_s": None, "engaged": False}
-        if late:
+        late = times.index[(times / stated).between(0.999, 1.02)]
+        rows.loc[late, "shift_time_s"] = np.nan
+        rows.loc[late, "engaged"] = False
+        if late.size:
             report.assumed.append(
                 f"times at the time-out of {number(stated)} s are shifts that did not engage (row "
-                f"{_places(late)})"
+                f"{_places(rows.loc[late])})"
             )
         return
-    often = Counter(row["shift_time_s"] for row in open_)
-    most = max(often, default=0.0)
-    piled = often[most] > max((n for time, n in often.items() if time < most), default=often[most])
+    often = times.value_counts()
+    most = times.max()
+    piled = len(often) > 1 and often[most] > often.drop(most).max()
     if piled or abs(most / source.clutch.timeout - 1.0) < 1e-6:
-        row = next(row["row"] for row in open_ if row["shift_time_s"] == most)
+        row = rows["row"][times.idxmax()]
         report.faults.append(
             f"the largest time, {number(most)} s, is there {often[most]} times (row {row}), as "
             f"where a stand gives up; say --set timeout_s={number(most)} where these shifts did "
@@ -276,55 +274,54 @@ def _mark_time_outs(rows: list[Row], draft: BenchDraft, source: Source, report: 
         )
 
 
-def _fill_rises(rows: list[Row], draft: BenchDraft, source: Source, report: Report) -> None:
-    lacking = [row for row in rows if row["force_rise_s"] is None and row["force_N"] is not None]
-    for row in lacking:
-        own = round(source.rise(row["force_N"]), 6)
-        row["force_rise_s"] = own if draft.rise_s is None else draft.rise_s
-    times = [row["force_rise_s"] for row in lacking]
-    if lacking and draft.rise_s is not None:
-        report.assumed.append(f"the force rises in {number(draft.rise_s)} s where no row says it")
-    elif lacking:
-        report.assumed.append(
-            f"the force rises in {number(min(times))} to {number(max(times))} s, by its size as in "
-            f"'{source.name}' ({number(source.forces[0])} to {number(source.forces[-1])} N); "
-            "--rise-s says another time"
-        )
+def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Report) -> None:
+    lacking = rows["force_rise_s"].isna()
+    if not lacking.any():
+        return
+    own = rows["force_N"].map(lambda force: round(source.rise(force), 6))
+    rows.loc[lacking, "force_rise_s"] = own if draft.rise_s is None else draft.rise_s
+    low, high = (number(one) for one in rows["force_rise_s"][lacking].agg(["min", "max"]))
+    report.assumed.append(
+        f"the force rises in {low} s where no row says it" if draft.rise_s is not None else
+        f"the force rises in {low} to {high} s, by its size as in '{source.name}' "
+        f"({number(source.forces[0])} to {number(source.forces[-1])} N); --rise-s says another "
+        "time"
+    )  # fmt: skip
 
 
-def _copy_trace(row: Row, draft: BenchDraft, report: Report, target: Path) -> None:
-    """Write the trace of a row in the project's units; other files than CSV as they are."""
+def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> str:
+    """Write the trace of a row in the project's units, other files than CSV as they are.
+
+    Returns its path in the folder.
+    """
     import pandas as pd  # noqa: PLC0415  # slow to load
 
-    path = Path(row["file"]).parent / row["trace"].replace("\\", "/")
+    path, target = Path(row["file"]).parent / row["trace"].replace("\\", "/"), folder / "traces"
     if not path.is_file():
         report.faults.append(
             f"{row['file']}, row {row['row']}: there is no trace {path}; add the file, or empty "
             "the cell"
         )
-        return
+        return ""
     target.mkdir(exist_ok=True)
     if path.suffix.lower() in (".tdms", *SUFFIXES):
-        row["trace"] = f"traces/{path.name}"
         shutil.copyfile(path, target / path.name)
-        return
-    row["trace"] = f"traces/{path.stem}.csv"
+        return f"traces/{path.name}"
     said = {k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if OF_TRACES in k}
     own = Report()
     try:
-        table = read_foreign(path, sums=False)
+        reader = TableReader(read_foreign(path, sums=False), TRACE, said, draft.decimal, own)
+        columns = pd.DataFrame(reader.read(), dtype=float)
+        columns.to_csv(target / f"{path.stem}.csv", index=False, float_format="%.15g")
     except DataError as error:
         report.faults.append(str(error))
-        return
-    reader = TableReader.of(table, TRACE, said, draft.decimal, own)
-    columns = pd.DataFrame({name: reader.values(match) for name, match in reader.matches.items()})
-    columns.to_csv(target / f"{path.stem}.csv", index=False, float_format="%.15g")
     report.faults += own.faults
     report.assumed += [f"traces: {line}" for line in own.assumed]
     report.left_out += [one for one in own.left_out if "row" in one]
+    return f"traces/{path.stem}.csv"
 
 
-def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, report: Report) -> Row:
+def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: Report) -> Row:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
     values: Row = {"name": out.resolve().name, **source.bench_values, "source": "not measured yet"}
     given, said = dict(draft.values), report.assumed
@@ -335,7 +332,7 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
         digests = [(p.name, hashlib.sha256(p.read_bytes()).hexdigest()) for p in draft.tables]
         files = ", ".join(f"{name} (SHA-256 {digest[:16]})" for name, digest in digests)
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
-    if any(row["trace"] for row in rows):
+    if rows["trace"].notna().any():
         said.append("the traces' displacement and force are referred to the sleeve")
     for key, what, ways in (
         ("time_zero", "the event at which the times start", "command, or force"),
@@ -351,7 +348,7 @@ def _values(draft: BenchDraft, source: Source, rows: list[Row], out: Path, repor
     if "timeout_s" not in given:
         said.append(f"the stand gives up after {number(values['timeout_s'])} s")
     if "record.sense" not in given:
-        signed = any(float(row["mismatch_rpm"]) < 0.0 for row in rows)
+        signed = bool((rows["mismatch_rpm"] < 0.0).any())
         values["record.sense"] = "known" if signed else "unknown"
         said.append(
             "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"

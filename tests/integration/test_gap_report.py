@@ -48,9 +48,7 @@ def page(full: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_every_part_is_there_in_its_order(page: Path) -> None:
     text = page.read_text()
     parts = re.findall(r'<section id="([^"]+)"', text)
-    assert " ".join(parts) == (
-        "hypotheses next-test residuals design-choice data-and-settings"
-    )
+    assert " ".join(parts) == ("hypotheses next-test residuals design-choice data-and-settings")
     assert re.findall(r'href="#([^"]+)"', text) == parts
     for words in (
         "Part of the cause: dead time of the actuation", "The best design hardly moves.", "0.9 ms",

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.sim.errors import DogshapeError
 from tests.benches import good_set
 
@@ -29,42 +28,18 @@ def times(folder: Path, *values: float, n: int = 1) -> None:
     (folder / "shifts.csv").write_text(HEAD + rows)
 
 
-def test_a_stated_record_is_kept(folder: Path) -> None:
-    state(folder, '[record]\ntime_zero = "command"\ndisplacement_at = "actuator"\n'
-                  'empty_cells = "failed"\nsense = "unknown"')  # fmt: skip
-    bench = load_bench(folder)
-    assert bench.record == BenchRecord(
-        time_zero="command", displacement_at="actuator", empty_cells="failed", sense="unknown"
-    )
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (
-            '[record]\ntime_zero = "trigger"',
-            "record.time_zero is 'trigger', but it must be one of",
-        ),
-        ('[record]\nempty = "failed"', "empty_cells"),
-        (
-            '[sensor]\ndisplacement_at = "actuator"',
-            "did you mean 'record.displacement_at'?",
-        ),
-        (
-            "[errors]\nclock_step_ms = -1.0",
-            "clock_step_ms is -1.0, but it must be at least 0",
-        ),
-        (
-            "[errors]\nclock_step_ms = 101.0",
-            "clock_step_ms is 101.0, but it must be at most 100",
-        ),
+        ('[record]\ntime_zero = "trigger"', "time_zero is 'trigger', but it must be one of"),
+        ('[sensor]\ndisplacement_at = "actuator"', "did you mean 'record.displacement_at'?"),
+        ("[errors]\nclock_step_ms = 101.0", "is 101.0, but it must be at most 100"),
     ],
 )
 def test_a_wrong_key_is_refused_with_its_rule(folder: Path, text: str, words: str) -> None:
     state(folder, text)
-    with pytest.raises(DogshapeError) as refused:
+    with pytest.raises(DogshapeError, match=words.replace("?", r"\?")):
         load_bench(folder)
-    assert words in str(refused.value)
 
 
 @pytest.mark.parametrize(
@@ -114,20 +89,16 @@ def test_finer_or_few_times_show_none(folder: Path, values: tuple[float, ...]) -
     assert (bench.clock_step, bench.warnings) == (0.0, ())
 
 
-def test_a_stated_step_is_taken_without_a_word(folder: Path) -> None:
+@pytest.mark.parametrize("step", [5.0, 0.0])
+def test_a_stated_step_is_taken_without_a_word(folder: Path, step: float) -> None:
     times(folder, *CYCLES)
-    state(folder, "[errors]\nclock_step_ms = 5.0")
-    assert (load_bench(folder).clock_step, load_bench(folder).warnings) == (5e-3, ())
-    state(folder, "")
-    path = folder / "bench.toml"
-    path.write_text(path.read_text().replace("clock_step_ms = 5.0", "clock_step_ms = 0.0"))
-    assert (load_bench(folder).clock_step, load_bench(folder).warnings) == (0.0, ())
+    state(folder, f"[errors]\nclock_step_ms = {step}")
+    assert (load_bench(folder).clock_step, load_bench(folder).warnings) == (1e-3 * step, ())
 
 
 def test_a_step_that_the_times_do_not_have_is_refused(folder: Path) -> None:
     times(folder, *CYCLES, 0.1234)
     state(folder, "[errors]\nclock_step_ms = 10.0")
-    with pytest.raises(DogshapeError) as refused:
+    words = r"10 ms, but 1 of 6 times of single shifts .* of it \(row 7: 0.1234 s\)"
+    with pytest.raises(DogshapeError, match=words):
         load_bench(folder)
-    assert "10 ms, but 1 of 6 times of single shifts are no multiples of it" in str(refused.value)
-    assert "(row 7: 0.1234 s)" in str(refused.value)

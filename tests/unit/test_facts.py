@@ -9,16 +9,15 @@ import pytest
 from scipy.stats import norm
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.stand_file import Calibration, Measured, Sensor
+from dogshape.diagnosis.bench.stand_file import Calibration, Sensor
 from dogshape.diagnosis.inference.static_readings import (
     Fact,
+    explained,
     facts_of,
     log_density,
     log_unknown,
-    require_measured,
 )
-from dogshape.sim.errors import DataError
-from tests.fits import space_of
+from tests.fits import SETTING, space_of
 from tests.toy import EFFECTS
 
 STAND = load_bench("mq200_stand")
@@ -80,23 +79,32 @@ def test_unknown_finds_nothing_or_anything_within_the_range() -> None:
     assert absent == pytest.approx(0.5 / fact.error + 0.5 * inside, rel=1e-3)
 
 
-@pytest.mark.parametrize(
-    ("measured", "words"),
-    [
-        (
-            Measured(effect="drag", value=1.0, standard_error=0.1),
-            "'drag' in .* is no effect; did you mean 'drag_torque'",
-        ),
-        (
-            Measured(effect="contact_friction", value=0.2, standard_error=0.1),
-            "is left out, but must be one of: static_",
-        ),
-        (
-            Measured(effect="drag_torque", parameter="drag", value=0.2, standard_error=0.1),
-            "is 'drag', but must be one of: ",
-        ),
-    ],
-)
-def test_a_result_of_no_effect_or_parameter_is_a_sentence(measured: Measured, words: str) -> None:
-    with pytest.raises(DataError, match=words):
-        require_measured(replace(STAND, measured=(measured,)), EFFECTS)
+class _Model:
+    """Mean times of 300 ms, and 10 ms more for each mm/kN at the first of two points."""
+
+    setting = SETTING
+    effects = EFFECTS
+
+    def predict(self, hypothesis: tuple[str, ...], shares: Any) -> Any:
+        """Return mean times at shares of the compliance."""
+        mean = np.full((1, 3), 0.3)
+        if hypothesis:
+            space = space_of(hypothesis)
+            mean[0, 0] += 0.01 * space.values(shares)[0, 0]
+        return SimpleNamespace(mean=mean)
+
+
+@pytest.mark.parametrize(("gap", "part"), [(0.138, 0.0), (0.04, 0.04), (-0.03, -0.04)])
+def test_a_fact_alone_explains_its_part_of_the_gap(gap: float, part: float) -> None:
+    """4 mm/kN are 40 ms at the first point: the whole gap there, or as much too much."""
+    fact = Fact("linkage_compliance", "compliance_mm_kN", 0.0, 4.0, 0.2, "")
+    first = gap if part else 0.02
+    other = 0.0 if part else gap
+    seen = SimpleNamespace(
+        mean=0.3 + np.array([first, other, 9.0]), count=np.array([10.0, 10.0, 0.0])
+    )
+    found = explained(fact, _Model(), seen)  # type: ignore[arg-type]
+    rms = np.sqrt((first**2 + other**2) / 2.0)
+    left = np.sqrt(((first - 0.04) ** 2 + other**2) / 2.0)
+    assert found == pytest.approx(rms - left)
+    assert found == pytest.approx(part / np.sqrt(2.0), abs=1e-9)

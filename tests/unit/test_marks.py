@@ -80,33 +80,21 @@ def test_marks_of_a_noisy_trace_come_back_within_their_errors(
         assert abs(np.median(apart)) < 1.5e-4 + 0.3 * np.median(errors)
 
 
-def test_enough_marks_are_found(setting: Setting, drawn: Drawn) -> None:
-    marks = trace_marks(drawn(1e-3, 1.0, 1)[0], setting.point.profile, GAP)
-    found = [place for place, mark in enumerate(marks) if mark is not None]
-    assert {2, 3, 4} <= set(found)  # 0.3, 0.6 and 0.9 of the gap
-    assert len(WAYS) in found  # a tenth of the force
-
-
-def test_what_scatter_hides_has_no_mark(setting: Setting, drawn: Drawn) -> None:
-    quiet, loud = (trace_marks(drawn(1e-3, f, 1)[0], setting.point.profile, GAP) for f in (0.1, 5))
-    assert quiet[0] is not None
-    assert loud[0] is None
-
-
-def test_a_force_that_stays_or_is_there_at_once_has_no_mark() -> None:
-    time = np.linspace(0.0, 0.1, 101)
-    around = (0.75, 1.3)
-    assert mark_of(time, np.zeros(101), 50.0, around) is None
-    assert mark_of(time, np.full(101, 100.0), 50.0, around) is None
-    assert mark_of(time, 100.0 * time, 50.0, around) is None
-
-
-def test_a_straight_rise_is_marked_exactly() -> None:
-    time = np.linspace(0.0, 0.1, 101)
-    mark = mark_of(time, 2000.0 * time, 50.5, (0.75, 1.3))
+def test_marks_of_straight_rises_are_exact_and_few_have_none(
+    setting: Setting, drawn: Drawn
+) -> None:
+    time, around = np.linspace(0.0, 0.1, 101), (0.75, 1.3)
+    mark = mark_of(time, 2000.0 * time, 50.5, around)
     assert mark is not None
-    assert mark.time == pytest.approx(0.02525)
-    assert mark.reach == pytest.approx(0.02525)
+    assert (mark.time, mark.reach) == pytest.approx((0.02525, 0.02525))
+    for values in (np.zeros(101), np.full(101, 100.0), 100.0 * time):
+        assert mark_of(time, values, 50.0, around) is None
+    quiet, usual, loud = (
+        trace_marks(drawn(1e-3, f, 1)[0], setting.point.profile, GAP) for f in (0.1, 1.0, 5)
+    )
+    # 0.3, 0.6 and 0.9 of the gap, and a tenth of the force.
+    assert all(usual[place] is not None for place in (2, 3, 4, len(WAYS)))
+    assert (quiet[0] is None, loud[0] is None) == (False, True)
 
 
 def _early(trace: BenchTrace) -> BenchTrace:
@@ -132,12 +120,6 @@ def test_traces_of_one_profile_are_averaged_and_odd_ones_left_out(
         assert abs(apart[seen.places < len(WAYS)]).max() < 3e-4
         assert np.sqrt(np.diag(seen.covariance)).min() > 2e-4
         assert np.linalg.eigvalsh(seen.covariance).min() > 0.0
-
-
-def test_a_bench_without_traces_has_no_flight(setting: Setting) -> None:
-    rows = [Reading(2, setting.point, 1, 0.1, True)]
-    bench = replace(flying_bench(None, {}, shifts=0), cells=gather(rows))
-    assert flights_of(bench) == ()
 
 
 def test_the_shares_are_those_of_the_nominal_force() -> None:

@@ -44,21 +44,13 @@ def _places(folder: Path) -> list[float | None]:
     return [reading.place for reading in load_bench(folder).readings]
 
 
-def test_an_order_is_a_place_in_the_series(write: Write) -> None:
-    rows = ["50,469,0.1766,1,0.05,2", "100,469,0.1766,1,0.06,1", "100,469,0.1766,1,,"]
-    assert _places(write("order", rows)) == [2.0, 1.0, None]
-
-
-def test_time_stamps_are_seconds_and_an_order_goes_before_them(write: Write) -> None:
-    stamps = "2024-05-31T14:05:09", "2024-05-31 16:05:10+02:00", "2024-06-01T14:05:09Z"
-    row = "50,469,0.1766,1,0.05"
-    first, second, third = _places(write("timestamp", [f"{row},{s}" for s in stamps]))
-    assert first is not None
-    assert second is not None
-    assert third is not None
-    assert (second - first, third - first) == (1.0, 86400.0)
+def test_places_are_an_order_or_else_time_stamps(write: Write) -> None:
+    row, stamps = "50,469,0.1766,1,0.05", ("2024-05-31T14:05:09", "2024-05-31 16:05:10+02:00")
+    assert _places(write("order", [f"{row},2", f"{row},1", "9,469,0.1766,1,,"])) == [2.0, 1.0, None]
+    first, second = _places(write("timestamp", [f"{row},{s}" for s in stamps]))
+    assert (second or 0.0) - (first or 0.0) == 1.0
     assert _places(write("timestamp", [f"{row},{s}" for s in (7, 8.5)])) == [7.0, 8.5]
-    both = [f"{row},3,2024-05-31T14:05:09", f"{row},1,2024-05-31T14:05:10"]
+    both = [f"{row},{k},{stamp}" for k, stamp in zip((3, 1), stamps, strict=True)]
     assert _places(write("order,timestamp", both)) == [3.0, 1.0]
 
 
@@ -135,15 +127,12 @@ def _shifts(bench: Bench, scatter: float, count: int = 12, seed: int = 3) -> Ben
     return replace(bench, cells=gather([replace(r, row=k) for k, r in enumerate(rows, 2)]))
 
 
-def _summed(bench: Bench, *, spreads: bool) -> Bench:
-    """Put the single shifts of each point into one mean, with their spread or without."""
+def _summed(bench: Bench) -> Bench:
+    """Put the single shifts of each point into one mean with their spread."""
     rows = [
-        Reading(
-            k, cell.point, cell.n, cell.time, True,
-            sd=float(cell.times.std(ddof=1)) if spreads else None,
-        )
+        Reading(k, cell.point, cell.n, cell.time, True, sd=float(cell.times.std(ddof=1)))
         for k, cell in enumerate(bench.cells, start=2)
-    ]  # fmt: skip
+    ]
     return replace(bench, cells=gather(rows))
 
 
@@ -164,7 +153,7 @@ def test_spreads_beside_means_are_pooled_with_those_of_single_shifts(write: Writ
 def test_a_mean_with_its_spread_has_the_likelihood_of_its_shifts() -> None:
     """Mean and standard deviation are all that counts of single shifts without late ones."""
     single = _shifts(simulated_bench({}), 0.004)
-    mean = _summed(single, spreads=True)
+    mean = _summed(single)
     # Each point may be odd in the mean as in the shifts; what is left is the share of late ones.
     assert _log(mean, 0.004) == pytest.approx(_log(single, 0.004), abs=1e-3)
 

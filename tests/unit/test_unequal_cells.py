@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE
-from dogshape.sim.errors import DataError
-from dogshape.sim.versions import bundled_root
 from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 from tests.made_up import made_up
 
@@ -78,22 +74,3 @@ def test_an_error_of_the_simulation_does_not_average_out() -> None:
         assert own > (USUAL.model_error * p.mean[0, 0]) ** 2 * (1.0 - 1e-9)
         logs.append(float(one.terms(p).log[0]))
     assert logs[1] == pytest.approx(logs[2], abs=0.1)
-
-
-@pytest.mark.parametrize("count", ["", "2.5", "many", "-3"])
-def test_a_row_without_a_number_is_refused(tmp_path: Path, count: str) -> None:
-    target = tmp_path / "set"
-    shutil.copytree(bundled_root() / "bench" / "mq200_stand", target)
-    table = target / "shifts.csv"
-    lines = table.read_text().splitlines()
-    cells = lines[2].split(",")
-    cells[3] = count
-    lines[2] = ",".join(cells)
-    table.write_text("\n".join(lines))
-    with pytest.raises(DataError) as refused:
-        load_bench(target)
-    said = str(refused.value)
-    assert (
-        f"row 3, column n_shifts is '{count}', but it must be a whole number of at least 1" in said
-    )
-    assert "1 for a single shift" in said

@@ -88,6 +88,7 @@ def test_results_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: P
         (drag.replace("value", 'parameter = "drag"\nvalue'), "must be one of: drag_Nm"),
         (drag.replace("drag_torque", "detent_force"), "must be one of: detent_N, position_mm"),
         (drag.replace("drag_torque", "reversed_mismatch"), "none to measure"),
+        (drag.replace("drag_torque", "contact_friction"), "is left out, but must be one of"),
     ):
         with pytest.raises(DogshapeError, match=words):
             reads(given)
