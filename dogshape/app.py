@@ -159,7 +159,7 @@ def _numbers(config: Setup) -> list[Number]:
     ranges = {key: config.variables.get(key, (0.8 * dog[key], 1.2 * dog[key])) for key in dog}
     order = sorted(dog, key=[*config.variables, *dog].index)
     middle, ends = sorted(points)[len(points) // 2], zip(*points, strict=True)
-    friction = {f"contact.{k}": v for k, v in vars(config.file.contact.contact).items()}
+    friction = {f"contact.{k}": v for k, v in vars(config.file.contact.value).items()}
     friction |= {f"load.{k}": v for k, v in config.file.load}
     turn = round(360.0 / config.clutch.dog.count, 2)
     return [

@@ -43,7 +43,6 @@ RULES: Mapping[str, str] = {
     "string_too_long": "not longer than {max_length} characters",
     "string_too_short": "not empty",
     "string_type": "a text in quotation marks",
-    "too_large": "at most {most}, {why}",
     "too_long": "a list of at most {max_length} values",
     "too_short": "a list of at least {min_length} values",
 }

@@ -52,24 +52,14 @@ SMALL = [
 @pytest.fixture(scope="session")
 def prototype() -> Dog:
     """The MQ200 prototype (thesis table 5)."""
-    return Dog(
-        count=15,
-        chamfer=8 * DEG,
-        traction=12 * DEG,
-        braking=22 * DEG,
-        height=3.7e-3,
-        outer_diameter=52e-3,
-        inner_diameter=44e-3,
-        axial_gap=1e-3,
-    )
+    return Dog(15, 8 * DEG, 12 * DEG, 22 * DEG, 3.7e-3, 52e-3, 44e-3, axial_gap=1e-3)
 
 
 @pytest.fixture(scope="session")
 def clutch(prototype: Dog) -> Clutch:
     """The prototype with the inertias of thesis table 6 and the design contact set."""
-    rings = Rings(mass=0.3, sliding_inertia=0.01, output_inertia=0.6048)
     contact = contact_set("lubricated_steel")
-    return Clutch(prototype, rings, contact, solver_for(contact))
+    return Clutch(prototype, Rings(0.3, 0.01, 0.6048), contact, solver_for(contact))
 
 
 @pytest.fixture(scope="session")
@@ -82,10 +72,7 @@ def plant(clutch: Clutch) -> ClutchPlant:
 def point() -> Callable[[float, float], OperatingPoint]:
     """Make an operating point from 1/min and one of the published forces in N."""
 
-    def make(mismatch_rpm: float, force: float) -> OperatingPoint:
-        return OperatingPoint(mismatch_rpm * RPM, ForceProfile(force, RISE[force]))
-
-    return make
+    return lambda rpm, force: OperatingPoint(rpm * RPM, ForceProfile(force, RISE[force]))
 
 
 @pytest.fixture
@@ -175,8 +162,7 @@ def dog_of(dog: Dog, design: Sequence[float]) -> Dog:
 
 def needed(available: bool, what: str) -> None:
     """Skip a test whose outside program is missing; in continuous integration fail."""
-    if available:
-        return
-    if os.environ.get("CI"):
+    if not available and os.environ.get("CI"):
         pytest.fail(f"{what} is missing, but continuous integration installs it")
-    pytest.skip(f"{what} is not installed")
+    if not available:
+        pytest.skip(f"{what} is not installed")

@@ -1,31 +1,27 @@
 """How a study operates its clutch: shift force, operating points, and what a search may change.
 
-Operating points are a bundled set, a grid, a list, or a draw from distributions. A draw is made
-once: points of a scrambled Sobol sequence with equal weights, so that search, mix and surrogate see
-a list of points whatever they came from. A quantity that is a list while the other is drawn goes
-with every draw.
+Operating points are a bundled set, a grid, a list, or a draw from distributions: once, points of a
+scrambled Sobol sequence with equal weights. A list beside a distribution goes with every draw.
 
-Where ``[variables]`` holds keys of ``OPERATED``, they are searched with the shape. The points of a
-design are then those of the study, with
-
-- the mismatch moved so that its mean over the mix is the set-point: the spread about it is the
-  error of the speed control, and stays;
-- the final force times its factor, with the rise time that ``[actuation]`` has for it;
-- that rise time times its factor.
+The points of a design that keys of ``OPERATED`` are searched for are those of the study, with the
+mismatch moved so that its mean over the mix is the set-point (the spread about it is the error of
+the speed control, and stays); the final force times its factor, with the rise time that
+``[actuation]`` has for it; and that rise time times its factor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag
 
 from dogshape.sim.clutch_tables import Section, later
-from dogshape.sim.errors import InputError, did_you_mean, refusal
+from dogshape.sim.errors import InputError, did_you_mean, require_ranges, within
 from dogshape.sim.shift.actuation import ForceProfile, RiseTable
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.uncertainty import Distribution, sobol_shares
@@ -33,16 +29,16 @@ from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 
-AXES = ("mismatch_rpm", "force_N")
-OWN = (*AXES, "mismatch_weight", "force_weight", "samples", "seed")  #: keys of grid and draw
+#: Quantities of an operating point, each with its weights in a grid.
+AXES = {"mismatch_rpm": "mismatch_weight", "force_N": "force_weight"}
 SAMPLES = 24  #: points that are drawn where the study does not say
 DECIMALS = {"drawn": 3, "set-point": 6}  #: of drawn speeds and forces, and of the own set-point
 TABLE = "duty_cycles.toml"  #: beside the bundled studies
 MISMATCH, FORCE, RISE = "mismatch_set_rpm", "force_factor", "rise_factor"
 OPERATED = (MISMATCH, FORCE, RISE)  #: keys of ``[variables]`` that are none of the dog
-WIDEST = {MISMATCH: (-2000.0, 2000.0), FORCE: (0.01, 100.0), RISE: (0.1, 10.0)}
 
 Numbers = Annotated[list[float], Field(min_length=1)]
+Weights = Annotated[list[Annotated[float, Field(gt=0.0)]], Field(min_length=1)]
 Profiles = Callable[[float], ForceProfile]  #: the force profile of a nominal force in N
 
 
@@ -52,31 +48,24 @@ class ActuationSection(Section):
     force_N: Numbers
     rise_s: Numbers
 
-    @property
-    def table(self) -> RiseTable:
-        """Rise time by the nominal final force; raises InputError for mistakes."""
-        return RiseTable(tuple(self.force_N), tuple(self.rise_s))
-
 
 @dataclass(frozen=True)
 class Actuation:
-    """Rise times by the final force, and how the sleeve's force differs from the nominal one.
+    """Rise times by the nominal final force, and how the sleeve's force differs from that.
 
-    Parameters
-    ----------
-    nominal : rise time by the nominal final force.
-    delay, lag : dead time before the force starts and lag of first order behind its course, s.
-    factor : of the force at the sleeve over the nominal one; the rise keeps its time.
-    loss : constant part of the force at the sleeve that is lost, N; the rise keeps its time.
-    rise_factor : of the rise time over the nominal one.
+    Dead time before the force starts and lag of first order behind its course, s; constant loss, N;
+    factors on force and rise time. The rise keeps its time with a loss or a factor of the force.
     """
 
     nominal: RiseTable
-    delay: float = 0.0
-    lag: float = 0.0
-    factor: float = 1.0
-    loss: float = 0.0
-    rise_factor: float = 1.0
+    delay: float = within("delay_s", 0.0, 10.0, 0.0)
+    lag: float = within("lag_s", 0.0, 10.0, 0.0)
+    loss: float = within("force_loss_N", 0.0, 1e5, 0.0)
+    factor: float = within("force_factor", 0.01, 10.0, 1.0)
+    rise_factor: float = within("rise_factor", 0.01, 10.0, 1.0)
+
+    def __post_init__(self) -> None:
+        require_ranges(self, "mechanism", "correct the mechanism")
 
     @property
     def table(self) -> RiseTable:
@@ -101,12 +90,6 @@ class Actuation:
     def _shaped(self, force: float, rise: float) -> ForceProfile:
         return ForceProfile(force, rise, lag=self.lag, delay=self.delay, loss=self.loss)
 
-    @property
-    def record(self) -> dict[str, float]:
-        """Dead time, lag and loss as the record of a shift has them; empty where there are none."""
-        found = {"force_delay_s": self.delay, "force_lag_s": self.lag, "force_loss_N": self.loss}
-        return {key: value for key, value in found.items() if value != 0.0}
-
 
 #: A list of numbers or a distribution; tags have a space, which no key has.
 Spread = Annotated[
@@ -129,8 +112,8 @@ class OperatingSection(Section):
     set: str | None = later()
     mismatch_rpm: Spread | None = later()
     force_N: Spread | None = later()
-    mismatch_weight: Numbers | None = later()
-    force_weight: Numbers | None = later()
+    mismatch_weight: Weights | None = later()
+    force_weight: Weights | None = later()
     points: Annotated[list[PointSection], Field(min_length=1)] | None = later()
     samples: Annotated[int, Field(ge=1, le=4096)] | None = later()
     seed: Annotated[int, Field(ge=0)] | None = later()
@@ -138,137 +121,62 @@ class OperatingSection(Section):
     def operating_points(self, profile: Profiles) -> tuple[OperatingPoint, ...]:
         """Return the operating points; mistakes raise InputError."""
         rows = self._rows()
-        try:
-            return tuple(OperatingPoint(m * RPM, profile(f), w) for m, f, w in rows)
-        except InputError as error:
-            if self.set is None:
-                raise
-            raise InputError(f"operating.set '{self.set}': {error}") from error
-
-    def axes(self, points: Sequence[OperatingPoint], factor: float = 1.0) -> list[list[float]]:
-        """Return mismatches in 1/min and nominal forces in N of a study, each once, in their order.
-
-        ``factor`` is the share of the nominal force that the points have.
-        """
-        found = (
-            [round(point.mismatch / RPM, 9) for point in points],
-            [point.profile.force / factor for point in points],
-        )
-        given = (getattr(self, name) for name in AXES)
-        return [
-            list(one) if isinstance(one, list) else list(dict.fromkeys(values))
-            for one, values in zip(given, found, strict=True)
-        ]
-
-    def text(self, axes: Sequence[Sequence[float]], count: int) -> str:
-        """Return in words which operating points a study has, ``count`` of them."""
-        if self.points is not None or self.set is not None:
-            kind = "listed" if self.set is None else f"of the set {self.set}"
-            (slow, *_, fast), (weak, *_, strong) = (sorted([*values, *values]) for values in axes)
-            ends = f"{slow:g} to {fast:g} 1/min with {weak:g} to {strong:g} N"
-            return f"{count} {kind}, {ends}, by weight"
-        parts = []
-        for name, unit, values in zip(AXES, ("1/min", "N"), axes, strict=True):
-            given = getattr(self, name)
-            text = ", ".join(f"{value:g}" for value in values)
-            if isinstance(given, Distribution):
-                text = given.text
-            parts.append(f"{text} {unit}")
-        weighted = self.mismatch_weight is not None or self.force_weight is not None
-        drawn = f"; {count} drawn" if self._distributed else ", weighted" if weighted else ""
-        return f"{parts[0]}, each with {parts[1]}{drawn}"
-
-    @property
-    def _distributed(self) -> list[str]:
-        return [name for name in AXES if isinstance(getattr(self, name), Distribution)]
+        (place, count), *_ = Counter(row[:2] for row in rows).most_common(1)
+        if count > 1:
+            raise InputError(
+                f"[operating] has {place[0]:.6g} 1/min with {place[1]:.6g} N {count} times; "
+                "give it once with the sum of the weights"
+            )
+        return tuple(OperatingPoint(m * RPM, profile(force), w) for m, force, w in rows)
 
     def _rows(self) -> Sequence[tuple[float, float, float]]:
         """Return mismatch in 1/min, nominal force in N and weight of each operating point."""
+        names = [name for name in AXES if isinstance(getattr(self, name), Distribution)]
+        beside, keys = "lists of values", [*AXES, *AXES.values()]
+        if names:
+            beside, keys = "a distribution", [*AXES, "samples", "seed"]
+        for alone in ("points", "set"):
+            if getattr(self, alone) is not None:
+                beside, keys = f"operating.{alone}", [alone]
+        for name, value in self:
+            if value is not None and name not in keys:
+                raise InputError(
+                    f"operating.{name} cannot stand beside {beside}; remove one of the two"
+                )
         if self.set is not None:
-            self._refuse((*OWN, "points"), f"cannot stand beside operating.set = '{self.set}'")
-            known = duty_cycles()
+            known = read_toml(bundled_root() / TABLE)
             if self.set not in known:
                 hint = did_you_mean(self.set, known)
                 raise InputError(
                     f"operating.set is '{self.set}', which is not a set of points; {hint}"
                 )
-            return known[self.set]
+            return [(float(m), float(f), float(w)) for m, f, w in known[self.set]["rows"]]
         if self.points is not None:
-            self._refuse(OWN, "cannot stand beside operating.points")
-            places = [(point.mismatch_rpm, point.force_N) for point in self.points]
-            for place in places:
-                if places.count(place) > 1:
-                    raise InputError(
-                        f"operating.points has {place[0]:.6g} 1/min with {place[1]:.6g} N twice; "
-                        "give it once with the sum of both weights"
-                    )
             return [(p.mismatch_rpm, p.force_N, p.weight) for p in self.points]
-        if self._distributed:
-            return self._drawn(self._distributed)
-        self._refuse(("samples", "seed"), "is for a distribution, but all are lists")
-        speeds = self._weighted("mismatch_rpm", "mismatch_weight")
-        forces = self._weighted("force_N", "force_weight")
+        seed = 1 if self.seed is None else self.seed
+        shares = iter(sobol_shares(self.samples or SAMPLES, len(names), seed).T if names else ())
+        speeds, forces = (self._axis(name, shares) for name in AXES)
+        if len(names) == len(AXES):
+            return [(m, f, 1.0) for (m, _), (f, _) in zip(speeds, forces, strict=True)]
         return [(speed, force, v * w) for speed, v in speeds for force, w in forces]
 
-    def _refuse(self, names: Sequence[str], rule: str) -> None:
-        for name in names:
-            if getattr(self, name) is not None:
-                raise InputError(f"operating.{name} {rule}; remove one of the two")
-
-    def _drawn(self, names: Sequence[str]) -> list[tuple[float, float, float]]:
-        """Draw the quantities that are distributions."""
-        count = self.samples or SAMPLES
-        shares = sobol_shares(count, len(names), self.seed if self.seed is not None else 1)
-        drawn = {
-            name: np.round(
-                getattr(self, name).named(f"operating.{name}").at(column), DECIMALS["drawn"]
-            ).tolist()
-            for name, column in zip(names, shares.T, strict=True)
-        }
-        speeds, forces = (drawn[n] if n in drawn else self._values(n) for n in AXES)
-        self._refuse(("mismatch_weight", "force_weight"), "goes with a grid of lists")
-        if len(names) == len(AXES):
-            return [(m, f, 1.0) for m, f in zip(speeds, forces, strict=True)]
-        return [(mismatch, force, 1.0) for mismatch in speeds for force in forces]
-
-    def _values(self, name: str) -> list[float]:
-        values = getattr(self, name)
+    def _axis(self, name: str, shares: Iterator[NDArray[np.float64]]) -> list[tuple[float, float]]:
+        """Return the values of an axis with their weights, drawn at the next of the shares."""
+        values, key = getattr(self, name), AXES[name]
         if values is None:
             raise InputError(
                 f"'operating.{name}' is missing; add it, or list the points as [[operating.points]]"
             )
-        if len({*values}) < len(values):
-            raise InputError(f"operating.{name} has a value twice; give each once")
-        return list(values)
-
-    def _weighted(self, name: str, weight: str) -> list[tuple[float, float]]:
-        values, weights = self._values(name), getattr(self, weight)
-        if weights is None:
-            return [(value, 1.0) for value in values]
+        if isinstance(values, Distribution):
+            drawn = values.named(f"operating.{name}").at(next(shares))
+            values = np.round(drawn, DECIMALS["drawn"]).tolist()
+        weights = getattr(self, key) or [1.0] * len(values)
         if len(weights) != len(values):
             raise InputError(
-                f"operating.{weight} has {len(weights)} and operating.{name} {len(values)} values, "
+                f"operating.{key} has {len(weights)} and operating.{name} {len(values)} values, "
                 "but each needs its weight; give lists of equal length"
             )
-        for value in weights:
-            if not 0.0 < value < float("inf"):
-                raise InputError(
-                    f"operating.{weight} has {value:.6g}, but weights must be positive; "
-                    "leave out what does not count"
-                )
         return list(zip(values, weights, strict=True))
-
-
-@lru_cache(maxsize=1)
-def duty_cycles() -> dict[str, list[tuple[float, float, float]]]:
-    """Read the bundled operating mixes, by name.
-
-    A point is mismatch in 1/min, nominal final shift force in N, and weight.
-    """
-    return {
-        name: [(float(m), float(force), float(weight)) for m, force, weight in entry["rows"]]
-        for name, entry in read_toml(bundled_root() / TABLE).items()
-    }
 
 
 def own_set_point(points: Sequence[OperatingPoint]) -> dict[str, float]:
@@ -297,22 +205,3 @@ def operated_points(
             profile = replace(profile, rise=profile.rise * rise)
         found.append(replace(point, mismatch=point.mismatch + move, profile=profile))
     return tuple(found)
-
-
-def require_ranges(
-    points: Sequence[OperatingPoint],
-    actuation: Actuation,
-    ranges: Mapping[str, tuple[float, float]],
-) -> None:
-    """Refuse ranges of ``OPERATED`` whose ends no shift can have."""
-    for key, (least, most) in WIDEST.items():
-        for value in ranges.get(key, ()):
-            if not least <= value <= most:
-                unit = "1/min" if key == MISMATCH else ""
-                rule = f"it must lie between {least:g} and {most:g} {unit}".rstrip()
-                raise InputError(refusal(f"variables.{key}", value, unit, rule, "narrow the range"))
-    for factor in ranges.get(FORCE, ()):
-        try:
-            operated_points(points, actuation, {FORCE: factor})
-        except InputError as error:
-            raise InputError(f"variables.{FORCE} of {factor:g}: {error}") from error

@@ -6,6 +6,7 @@ that the package brings. Every mistake becomes one sentence.
 
 from __future__ import annotations
 
+import itertools
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,17 +16,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.pipeline.config.mechanism import mechanism_record, with_mechanism
+from dogshape.pipeline.config.mechanism import ACTUATION, with_mechanism
 from dogshape.pipeline.config.operating import (
+    FORCE,
     OPERATED,
     Actuation,
     operated_points,
     own_set_point,
-    require_ranges,
 )
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
@@ -92,18 +93,14 @@ class Setup:
 
     @property
     def working(self) -> Setup:
-        """The study in the engine of its means, search and fit.
-
-        That is the compiled engine, unless ``solver.engine`` names another.
-        """
+        """The study in the engine of its means: compiled, unless ``solver.engine`` is given."""
         return self if self.file.solver.engine is not None else self.in_engine("planar")
 
     @property
     def judging(self) -> Setup | None:
         """The study in Drake, which judges the compiled engine.
 
-        None where Drake does all of the work, and for forces of a mechanism that Drake's scheme
-        cannot follow (``pipeline.config.schema.SolverSection``).
+        None where Drake does all of the work, or has no scheme for it (``SolverSection``).
         """
         solver = self.clutch.solver
         hard = self.clutch.mechanism.has_forces and solver.scheme == "cenic"
@@ -123,31 +120,31 @@ class Setup:
     @property
     def mismatches(self) -> list[float]:
         """Mismatches of the operating points, each once, 1/min."""
-        return self._axes[0]
+        return list(dict.fromkeys(round(point.mismatch / RPM, 9) for point in self.points))
 
     @property
     def forces(self) -> list[float]:
         """Shift forces of the operating points at the sleeve, each once, N."""
-        return [self.actuation.factor * force for force in self._axes[1]]
+        return list(dict.fromkeys(point.profile.force for point in self.points))
 
     @property
     def operating_text(self) -> str:
-        """The operating points in words, with the nominal forces."""
-        return self.file.operating.text(self._axes, len(self.points))
-
-    @property
-    def _axes(self) -> list[list[float]]:
-        return self.file.operating.axes(self.points, self.actuation.factor)
+        """The operating points in words."""
+        axes = ((self.mismatches, "1/min"), (self.forces, "N at the sleeve"))
+        ranges = (f"{min(values):g} to {max(values):g} {unit}" for values, unit in axes)
+        return f"{len(self.points)} with {', '.join(ranges)}"
 
     @property
     def mechanism(self) -> Record:
         """Values of the shift mechanism, keys as in ``[mechanism]``; empty where there is none."""
-        return mechanism_record(self.clutch, self.actuation)
+        own = self.clutch.mechanism.record.items()
+        found = {key.removeprefix("mechanism_"): value for key, value in own}
+        here, none = (vars(one) for one in (self.actuation, Actuation(self.actuation.nominal)))
+        return found | {k: here[name] for name, k in ACTUATION.items() if here[name] != none[name]}
 
     def dog_with(self, params: dict[str, float]) -> Dog:
-        """Return the study's dog with some keys replaced, given in edge units.
+        """Return the study's dog with other values of its keys, edge units; others count nothing.
 
-        Keys that say how it is operated are left out.
         Raises InputError or GeometryError where there is no such dog.
         """
         shape = {key: value for key, value in params.items() if key not in OPERATED}
@@ -180,9 +177,14 @@ class Setup:
 
         The rise of the force belongs to it: it follows from the final force by a table.
         """
+        force, table = self.points[0].profile.record, self.actuation.table
+        late = {
+            key: value for key, value in force.items() if key not in ("force_N", "force_rise_s")
+        }
         unsure = uncertain_record(self.uncertainty.source) if self.uncertainty else {}
-        record = {**clutch_record(self.clutch), **self.actuation.record, **unsure}
-        return physics_of(record, list(self.shape_keys), self.actuation.table)
+        record = {**clutch_record(self.clutch), **late, **unsure}
+        fixed = {key: value for key, value in record.items() if key not in self.shape_keys}
+        return {**fixed, "rise_force_N": list(table.forces), "rise_s": list(table.rises)}
 
     @property
     def physics_hash(self) -> str:
@@ -195,51 +197,30 @@ class Setup:
         return content_key(self.file.model_dump())
 
 
-def physics_of(record: Record, variables: Sequence[str], table: RiseTable) -> Record:
-    """Collect the fields of ``record`` beside the variables, and the rise table.
-
-    ``record`` is that of a clutch, with dead time and lag of the force and with the distributions
-    of what is uncertain.
-    """
-    fixed = {key: value for key, value in record.items() if key not in variables}
-    return {**fixed, "rise_force_N": list(table.forces), "rise_s": list(table.rises)}
-
-
 def load_study(
     where: str | Path, overrides: Iterable[str] | Mapping[str, Any] | None = None
 ) -> Setup:
-    """Read and validate a study.
+    """Read and validate a study: a TOML file, a folder with ``study.toml`` or a bundled name.
 
-    Parameters
-    ----------
-    where : TOML file, folder with ``study.toml`` or name of a bundled study.
-    overrides : ``KEY=VALUE`` with dotted keys, later ones win, ``KEY=`` takes the key out; or
-        values by dotted keys, None likewise.
-
-    Raises
-    ------
-    InputError
-        With the file, the key, the value and the rule.
+    ``overrides`` are ``KEY=VALUE`` with dotted keys, later ones win, ``KEY=`` takes the key out; or
+    values by dotted keys, None likewise. Raises InputError with file, key, value and rule, or
+    OSError.
     """
     path = find_study(where)
-    try:
-        data = read_toml(path)
-    except OSError as error:
-        raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
     pairs = overrides.items() if isinstance(overrides, Mapping) else map(pair_of, overrides or ())
-    source = str(path)
-    for key, value in pairs:
-        override(data, key, value)
-        source = f"{path} with --set"
-    return build_study(validate(StudyFile, data, source))
+    return _overridden(read_toml(path), pairs, f"{path}{' with --set' if overrides else ''}")
 
 
 def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
     """Build a study again with values by dotted keys, None to take a key out; InputError."""
     data = study.file.model_dump(exclude_none=True)
-    for key, value in settings.items():
+    return _overridden(data, settings.items(), f"the study {study.name}")
+
+
+def _overridden(data: dict[str, Any], pairs: Iterable[tuple[str, Any]], source: str) -> Setup:
+    for key, value in pairs:
         override(data, key, value)
-    return build_study(validate(StudyFile, data, f"the study {study.name}"))
+    return build_study(validate(StudyFile, data, source))
 
 
 def find_study(where: str | Path) -> Path:
@@ -269,12 +250,9 @@ def pair_of(text: str) -> tuple[str, Any]:
     if not equals or not key.strip():
         raise InputError(f"--set {text} is not KEY=VALUE; write for instance dog.chamfer_deg=14")
     try:
-        read = tomllib.loads(f"v = {value}")
+        return key.strip(), tomllib.loads(f"v = {value}")["v"]
     except tomllib.TOMLDecodeError:
-        read = {"v": value.strip() or None}
-    if set(read) != {"v"}:
-        raise InputError(f"--set {key.strip()} holds more than one value; give one --set a key")
-    return key.strip(), read["v"]
+        return key.strip(), value.strip() or None
 
 
 def override(data: dict[str, Any], key: str, value: Any) -> None:
@@ -301,9 +279,8 @@ def build_study(file: StudyFile) -> Setup:
             f"format is {file.format}, but this version reads format {FORMAT}; "
             "convert the file or use the version that wrote it"
         )
-    contact, shift = file.contact.contact, file.shift
-    shift.require()
-    file.driveline.require()
+    contact, shift = file.contact.value, file.shift
+    file.require_ranges()
     wear_of(file)
     clutch = Clutch(
         dog=file.dog.dog(),
@@ -314,15 +291,17 @@ def build_study(file: StudyFile) -> Setup:
         rebound=shift.rebound_mm * MM,
         solver=Solver(),
     )
-    actuation, parts = Actuation(file.actuation.table), (file.mechanism, file.effects)
-    clutch, actuation = with_mechanism(clutch, actuation, *parts, file.contact.own)
+    rises = RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s))
+    parts = file.mechanism, file.effects, file.contact.si()
+    clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
     clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism))
     points = file.operating.operating_points(actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
     limits = _limits(file, clutch, points)
     variables = file.variables.ranges
-    require_ranges(points, actuation, variables)
+    for point, factor in itertools.product(points, variables.get(FORCE, ())):
+        actuation.table.profile(factor * point.profile.force, f", or narrow variables.{FORCE}")
     return Setup(file, clutch, limits, points, variables, actuation, unsure)
 
 
@@ -330,7 +309,7 @@ def _uncertainty(
     file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint], table: RiseTable
 ) -> Uncertainty | None:
     """Read the uncertain quantities, None without any; their ends must be shifts that exist."""
-    given = [] if file.uncertain is None else [*file.uncertain]
+    given = file.uncertain or ()
     found = tuple(section.named(f"uncertain.{name}") for name, section in given if section)
     if not found:
         return None
@@ -341,42 +320,34 @@ def _uncertainty(
     low, high = unsure.bounds("force_factor")
     forces = [point.profile.force for point in points]
     for force in (low * min(forces), high * max(forces)):
-        if not unsure.rise.covers(force):
-            remedy = "extend actuation.force_N and rise_s, or narrow uncertain.force_factor"
-            name = "shift force by its factor"
-            raise InputError(refusal(name, force, "N", table.range_rule, remedy))
+        table.profile(force, ", or narrow uncertain.force_factor")
     return unsure
 
 
 def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -> Limits:
     """Return the limits; what the study leaves open of actuator and strike follows from points."""
-    load, mechanism = file.load.case, clutch.mechanism
-    shaken = file.load.axial_vibration_m_s2
-    remedy = "leave it out where nothing shakes the ring"
-    require_between("load.axial_vibration_m_s2", shaken, 0.0, 1e4, remedy)
-    load = replace(load, vibration_force=shaken * (file.sliding.mass_kg + mechanism.added_mass))
+    mechanism, shaken = clutch.mechanism, file.load.axial_vibration_m_s2
+    more = {"vibration_force": shaken * (file.sliding.mass_kg + mechanism.added_mass)}
     if mechanism.spline_friction > 0.0:
-        spline = {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
-        load = replace(load, **spline)
-    if load.spline_friction > 0.0 or not load.release_by_itself:
-        force = load.pull_out_force_limit or max(point.profile.force for point in points)
-        load = replace(load, pull_out_force_limit=force)
-    strike = None
-    if file.strike is not None:
-        strike = file.strike.strike(file.sliding, file.output, points)
+        more |= {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
+    if mechanism.spline_friction > 0.0 or not file.load.release_by_itself:
+        more["pull_out_force_limit"] = max(point.profile.force for point in points)
     return Limits(
-        load=load,
-        material=file.material.material,
-        manufacturing=file.manufacturing.limits,
-        tolerances=file.tolerance.tolerances,
+        load=file.load.case(**more),
+        material=file.material.value,
+        manufacturing=file.manufacturing.value,
+        tolerances=file.tolerance.value,
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
-        strike=strike,
+        strike=file.strike.strike(clutch.rings, points) if file.strike else None,
     )
 
 
 def wear_of(file: StudyFile) -> Wear | None:
-    """Build what wears the dogs; None for a study that does not say."""
-    return None if file.wear is None else file.wear.wear(file.dog.dog())
+    """Build what wears the dogs; None for a study that does not say. InputError for mistakes."""
+    wear: Wear | None = None if file.wear is None else file.wear.value
+    if wear is not None:
+        wear.edges(file.dog.dog(), 1.0)
+    return wear
 
 
 def require_variables(study: Setup) -> None:
@@ -393,7 +364,7 @@ def point_of(
 ) -> OperatingPoint:
     """Return an operating point from 1/min, nominal N and a rise time in s, None for the study's.
 
-    ``other_way`` is what the verb offers for a force that the study's table lacks.
+    ``other_way`` is the verb's remedy for a force without rise time.
     """
     point = OperatingPoint(mismatch * RPM, study.actuation.profile(force, rise, other_way))
     require_stiff_enough(study.clutch, point.profile.force)

@@ -15,13 +15,13 @@ from tomlkit.items import Item, Table
 
 from dogshape.sim.errors import InputError
 
-WIDE = 88  #: characters of a line of comment
+WIDE = 86  #: characters of a line of comment
 SOURCE = "source:"
 
 
-def toml_value(value: Any) -> str:
-    """Write a value in one line; entries of tables that are None are left out."""
-    return _item(value, lines=False).as_string()
+def toml_value(value: Any, *, lines: bool = False) -> str:
+    """Write a value in one line, with ``lines`` each of several tables in its own; None is left."""
+    return _item(value, lines=lines).as_string()
 
 
 def toml_text(data: Mapping[str, Any], comments: Mapping[str, Sequence[str]]) -> str:
@@ -32,47 +32,32 @@ def toml_text(data: Mapping[str, Any], comments: Mapping[str, Sequence[str]]) ->
     data : values and tables by name; tables within tables are written in one line.
     comments : sentences by the dotted key that they stand before, ``""`` for the top.
     """
-    document = tomlkit.document()
-    _remark(document, comments.get("", ()))
     tables = {key: value for key, value in data.items() if isinstance(value, Mapping)}
-    _fill(document, {key: data[key] for key in data if key not in tables}, "", comments)
-    for name, values in tables.items():
-        document.add(tomlkit.nl())
-        _remark(document, comments.get(name, ()))
-        document[name] = tomlkit.table()
-        document[name].trivia.indent = ""  # its comment stands right above
-        _fill(document[name], values, f"{name}.", comments)
-    return tomlkit.dumps(document)
+    text = []
+    for name, table in {"": {k: v for k, v in data.items() if k not in tables}, **tables}.items():
+        text += [*_remarks(comments.get(name, ())), *([f"[{name}]"] if name else [])]
+        for key, value in table.items():
+            if value is not None:
+                text += _remarks(comments.get(f"{name}.{key}", ()))
+                text.append(f"{tomlkit.key(key).as_string()} = {toml_value(value, lines=True)}")
+        text.append("")
+    return "\n".join(text)
 
 
-def _fill(
-    table: Any, values: Mapping[str, Any], stem: str, comments: Mapping[str, Sequence[str]]
-) -> None:
-    for key, value in values.items():
-        _remark(table, comments.get(f"{stem}{key}", ()))
-        if value is not None:
-            table[key] = _item(value)
-
-
-def _remark(table: Any, sentences: Sequence[str]) -> None:
+def _remarks(sentences: Sequence[str]) -> list[str]:
     """Break sentences into lines of comment; no word is cut."""
-    for sentence in sentences:
-        for line in textwrap.wrap(
-            sentence, WIDE - 2, break_long_words=False, break_on_hyphens=False
-        ):
-            table.add(tomlkit.comment(line))
+    unbroken = {"break_long_words": False, "break_on_hyphens": False}
+    return [f"# {line}" for one in sentences for line in textwrap.wrap(one, WIDE, **unbroken)]  # type: ignore[arg-type]
 
 
-def _item(value: Any, *, lines: bool = True) -> Any:
-    """Make a value in one line; of a list of tables with ``lines`` each in its own."""
+def _item(value: Any, *, lines: bool) -> Any:
     if isinstance(value, (list, tuple)):
         array = tomlkit.array()
         array.extend(_item(one, lines=False) for one in value)
         return array.multiline(lines and isinstance(next(iter(value), None), Mapping))
     if isinstance(value, Mapping):
         inline = tomlkit.inline_table()
-        some = {key: one for key, one in value.items() if one is not None}
-        inline.update({key: _item(one, lines=False) for key, one in some.items()})
+        inline.update({k: _item(v, lines=False) for k, v in value.items() if v is not None})
         return inline
     return tomlkit.item(value)
 
@@ -80,39 +65,29 @@ def _item(value: Any, *, lines: bool = True) -> Any:
 def with_values(text: str, values: Mapping[str, Any]) -> str:
     """Replace values of a TOML text by their dotted keys, and add those that are missing.
 
-    None takes a key out, and the last key of a table the table. A mapping replaces a whole table.
-    Raises InputError for a key below a plain value.
+    None takes a key out; a mapping replaces a table. Raises InputError for a key below a value,
+    or one to take out that is not there.
     """
     document = tomlkit.parse(text)
     for key, value in values.items():
-        _put(document, key.split("."), value)
-    return tomlkit.dumps(document).rstrip("\n") + "\n"
-
-
-def _put(table: Any, path: list[str], value: Any) -> None:
-    """Put a value, or a table, into a table of the document."""
-    name, *inner = path
-    there = table.get(name)
-    if there == value and not inner:
-        return
-    if inner or (isinstance(value, Mapping) and (there is None or isinstance(there, Table))):
-        if there is None and value is None:
-            return
-        if there is None:
-            table[name] = tomlkit.table()
-        elif not isinstance(there, Mapping):
-            raise InputError(f"{'.'.join(path)} cannot be set: {name} is a value and not a table")
-        keys = {**(there or {}), **value} if not inner else {}
-        for deeper, new in [(inner, value)] if inner else [([k], value.get(k)) for k in keys]:
-            _put(table[name], deeper, new)
-        if not table[name]:
+        *tables, name = key.split(".")
+        table: Any = document
+        for one in tables:
+            table = table.setdefault(one, tomlkit.table())
+            if not isinstance(table, Mapping):
+                raise InputError(f"{key} cannot be set: {one} is a value and not a table")
+        there = table.get(name)
+        if value is None and name not in table:
+            raise InputError(f"there is no key {key} to take out; check the key, or leave it out")
+        if value is None:
             table.remove(name)
-    elif value is None:
-        table.remove(name)
-    else:
-        table[name] = _item(value)
-        _drop_source(table[name])
-    _drop_source(table)
+        elif there != value:
+            whole = isinstance(value, Mapping) and (not tables or isinstance(there, Table))
+            table[name] = tomlkit.item(dict(value)) if whole else _item(value, lines=True)
+            _drop_source(table[name])
+        if there != value:
+            _drop_source(table)
+    return tomlkit.dumps(document).rstrip("\n") + "\n"
 
 
 def _drop_source(item: Any) -> None:

@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, clutch_tables, rounded
+from dogshape.pipeline.config.study_file import bundled_studies, find_study, load_study
+from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, clutch_tables, rounded, study_of
 from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.units import MM, RPM
@@ -23,19 +24,22 @@ from dogshape.sim.versions import bundled_root
 
 Values = dict[str, Any]  #: values by dotted key
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
+COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 
 
 @dataclass(frozen=True)
 class Source:
-    """A clutch with its contact and operating points, and the rise of its force, from ``name``.
+    """A study or a bench that a draft begins from: clutch, rise of the force, operating points.
 
-    ``rises`` are pairs of force in N and rise time in s.
+    A draft of a study is the text of ``file`` with the values of ``taken`` by dotted key.
     """
 
     name: str
     clutch: Clutch
-    rises: tuple[tuple[float, float], ...]
+    table: RiseTable
     points: tuple[OperatingPoint, ...]
+    file: Path
+    taken: Values
 
     @property
     def mismatches(self) -> list[float]:
@@ -49,18 +53,15 @@ class Source:
 
     def rise(self, force: float) -> float:
         """Give the rise time in s of a force in N, linear in between and constant beyond."""
-        forces, times = zip(*sorted(dict(self.rises).items()), strict=True)
-        return float(np.interp(force, forces, times))
+        pairs = sorted(zip(self.table.forces, self.table.rises, strict=True))
+        forces, rises = zip(*pairs, strict=True)
+        return float(np.interp(force, forces, rises))
 
     @property
     def dog_values(self) -> Values:
-        """Values of ``[dog]``, ``[sliding]`` and ``[output]`` by dotted key.
-
-        The mass of the ring has what moves along with it.
-        """
-        tables = clutch_tables(self.clutch)
-        mass = self.clutch.rings.mass + self.clutch.mechanism.added_mass
-        tables["sliding"]["mass_kg"] = rounded(mass)
+        """Values of ``[dog]``, ``[sliding]`` (with all that moves along) and ``[output]``."""
+        tables, rings = clutch_tables(self.clutch), self.clutch.rings
+        tables["sliding"]["mass_kg"] = rounded(rings.mass + self.clutch.mechanism.added_mass)
         return {f"{name}.{key}": v for name, table in tables.items() for key, v in table.items()}
 
     @property
@@ -78,17 +79,15 @@ class Source:
     @property
     def mechanism_notes(self) -> list[str]:
         """Describe what a bench takes of the mechanism, and what it has no key for."""
-        mechanism, of = self.clutch.mechanism, f"of the [mechanism] of '{self.name}'"
-        mass = mechanism.added_mass
+        mass, of = self.clutch.mechanism.added_mass, f"of the [mechanism] of '{self.name}'"
         notes = [f"{mass:g} kg {of} move with the ring"] if mass else []
-        if replace(mechanism, added_mass=0.0) != NOTHING:
-            notes.append(f"{of} friction, drag and linkage are left for the diagnosis to find, and "
-                         "shafts that give way are left out")  # fmt: skip
+        if replace(self.clutch.mechanism, added_mass=0.0) != NOTHING:
+            notes.append(f"{of} friction, drag and linkage are left for the diagnosis")
         return notes
 
 
 def source_of(where: str) -> Source:
-    """Read a study (file, folder, bundled name) or a bench data set (folder, bundled name).
+    """Read a study or a bench data set: file, folder or bundled name.
 
     Raises InputError where it is neither, or a mistake of its files.
     """
@@ -97,21 +96,23 @@ def source_of(where: str) -> Source:
     here = (folder / "bench.toml").is_file()
     if here or (path.name == where and (bundled_root() / "bench" / where).is_dir()):
         bench = load_bench(folder if here else where)
+        tables, contact = study_of(bench, bench.name), bench.clutch.contact
         points = tuple(cell.point for cell in bench.cells)
-        rises = tuple((p.profile.force, p.profile.rise) for p in points)
-        return Source(bench.name, bench.clutch, rises, points)
-    try:
-        study = load_study(where)
-    except InputError as error:
-        if "there is no study" not in str(error):
-            raise
+        rises = RiseTable(*map(tuple, tables["actuation"].values()))
+        taken = {
+            **{f"actuation.{key}": values for key, values in tables["actuation"].items()},
+            "operating": tables["operating"],
+            "contact.static_friction": contact.static_friction,
+            "contact.dynamic_friction": contact.dynamic_friction,
+        }
+        return Source(bench.name, bench.clutch, rises, points, find_study(COMMENTED), taken)
+    if not path.exists() and where not in bundled_studies():
         raise InputError(
             f"--from is '{where}', but there is no study and no bench data set of that name; give "
             "a TOML file, a folder with study.toml or bench.toml, mq200 or mq200_stand"
-        ) from error
-    table = study.actuation.table
-    rises = tuple(zip(table.forces, table.rises, strict=True))
-    return Source(study.name, study.clutch, rises, study.points)
+        )
+    own = load_study(where)
+    return Source(own.name, own.clutch, own.actuation.table, own.points, find_study(where), {})
 
 
 def require_free(folder: Path, force: bool) -> None:

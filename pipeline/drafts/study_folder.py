@@ -8,37 +8,37 @@ those of the actuator.
 
 from __future__ import annotations
 
+import re
 import tomllib
 from collections.abc import Mapping
+from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import Setup, build_study, load_study, override
+from dogshape.pipeline.config.study_file import Setup, build_study
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.diagnose.study_keys import rounded
-from dogshape.pipeline.drafts.sources import Values, draft_folder, source_of
+from dogshape.pipeline.drafts.sources import COMMENTED, Values, draft_folder, source_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import validate
-from dogshape.sim.errors import InputError
 from dogshape.sim.texts import text_of
-from dogshape.sim.versions import bundled_root
 
-COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 HEAD = """\
 # A study of one's own, begun from {origin}. Each key is explained; docs/studies.md has all of them.
 # Beside the dog look at [load], [material] and [manufacturing]: they decide what may be built.
 """
 DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
-HEIGHT = "dog.height_mm"
+HEIGHT, COUNT = "dog.height_mm", "dog.count"
 HELD = "load.separating_force_limit_N"
 MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
 ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
 #: Words for the keys of a clutch that are worth a question.
 CLUTCH = {
-    "dog.count": "number of dogs",
+    COUNT: "number of dogs",
     "dog.chamfer_deg": "chamfer of the face, deg",
     "dog.traction_deg": "side angle of the traction flank, deg",
     "dog.braking_deg": "side angle of the braking flank, deg",
@@ -64,25 +64,20 @@ USE = {
     "manufacturing.tip_width_mm": "narrowest tip that may be made, mm",
     "manufacturing.slot_width_mm": "narrowest slot that may be made, mm",
 }
-#: Keys and tables that hold for one clutch, each with the keys of the clutch that void it.
-BOUND = {
-    "mechanism.spline_radius_mm": DIAMETERS,
-    ADDED: (MASS,),
-    "mechanism.drag_torque_Nm": (*DIAMETERS, *INERTIAS),
-    "mechanism.ring_inertia_kgm2": INERTIAS,
-    "mechanism.input_stiffness_Nm_rad": INERTIAS,
-    "mechanism.spline_backlash_deg": INERTIAS,
-    "mechanism.wheel_inertia_kgm2": INERTIAS,
-    "mechanism.output_stiffness_Nm_rad": INERTIAS,
-    "driveline.stiffness_Nm_rad": (*DIAMETERS, *INERTIAS),
-    "strike": (*DIAMETERS, *INERTIAS, TORQUE),
-    "load.pull_out_force_limit_N": (ACTUATOR,),
-    "load.abuse_torque_Nm": (TORQUE,),
-    "search.reference": DIAMETERS,
-    "search.within_s": (*DIAMETERS, *INERTIAS, MASS, ACTUATOR),
-}
+RING = (*DIAMETERS, *INERTIAS)
+ANY = (*RING, MASS, TORQUE, ACTUATOR)
+#: Keys and tables that hold for one clutch, after the keys of the clutch that void them.
+BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
+    RING: (
+        "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "mechanism.ring_inertia_kgm2",
+        "mechanism.input_stiffness_Nm_rad", "mechanism.spline_backlash_deg",
+        "mechanism.wheel_inertia_kgm2", "mechanism.output_stiffness_Nm_rad",
+        "driveline.stiffness_Nm_rad", "search.reference",
+    ),
+    (MASS,): (ADDED,),
+    ANY: ("strike", "load.pull_out_force_limit_N", "load.abuse_torque_Nm", "search.within_s"),
+}  # fmt: skip
 #: Limits of a search in units of their own are void with any of these.
-ANY = (*DIAMETERS, *INERTIAS, MASS, TORQUE, ACTUATOR)
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
 
 
@@ -92,32 +87,13 @@ def write_study(
 ) -> Values:  # fmt: skip
     """Write a folder with a commented ``study.toml``; tell what was taken over and assumed.
 
-    Parameters
-    ----------
-    origin : study whose file is copied, or bench whose clutch and operating points are taken.
-    values : values by dotted key; None takes a key out.
-
-    Raises
-    ------
-    InputError
-        For an origin or values that make no study, all mistakes at once.
-    StorageError
-        For a folder that holds files, without ``force``.
+    ``origin`` is the study whose file is copied, or the bench whose clutch and operating points are
+    taken; ``values`` by dotted key, None takes a key out. Raises InputError for what makes no
+    study, all mistakes at once, and StorageError for a folder that holds files, without ``force``.
     """
-    name = out.resolve().name
-    if not name or not all(letter.isalnum() or letter in "_.-" for letter in name):
-        raise InputError(
-            f"--out ends in '{name}', but a study's name has letters, digits, '_', '.' and '-' "
-            "alone; name the folder so"
-        )
-    text, taken, whence = _begun(origin)
-    given = {**taken, **(values or {})}
-    follows, said = _following(text, given)
-    lines = text.splitlines()  # comments above the first key are about the study that is copied
-    first = next((k for k, line in enumerate(lines) if line and not line.startswith("#")), 0)
-    body = "\n".join(lines[first:]) + "\n"
-    done = with_values(body, {"name": name, **follows, **given})
-    source = f"{out / 'study.toml'}"
+    name, source = out.resolve().name, str(out / "study.toml")
+    text, given, whence, said = _drafted(origin, {"name": name, **(values or {})})
+    done = re.sub(r"\A(#.*\n|\s*\n)*", "", text)  # comments on top are about the study copied
     study = build_study(validate(StudyFile, tomllib.loads(done), source))
     with draft_folder(out, force) as folder:
         (folder / "study.toml").write_text(HEAD.format(origin=whence) + done, encoding="utf-8")
@@ -126,7 +102,7 @@ def write_study(
         "file": source,
         "name": name,
         "from": whence,
-        "set": given,
+        "set": {key: value for key, value in given.items() if key != "name"},
         "assumed": [
             "what was not given is as in the file that was copied: check [load], [material], "
             "[manufacturing] and [tolerance] above all",
@@ -140,11 +116,8 @@ def write_study(
 
 def use_of(origin: str, values: Mapping[str, Any]) -> Values:
     """List the askable values that a draft with ``values`` would have at the keys of ``USE``."""
-    text, taken, _ = _begun(origin)
-    given = {**taken, **values}
-    tables = _with({**_following(text, given)[0], **given}, text)
-    found = {key: value_at(tables, key) for key in USE}
-    return {key: value for key, value in found.items() if askable(value)}
+    tables = tomllib.loads(_drafted(origin, values)[0])
+    return {key: found for key in USE if askable(found := value_at(tables, key))}
 
 
 def askable(value: Any) -> bool:
@@ -161,37 +134,14 @@ def value_at(tables: Mapping[str, Any], key: str) -> Any:
     return found
 
 
-def _with(values: Mapping[str, Any], text: str) -> Values:
-    tables = tomllib.loads(text)
-    for key, value in values.items():
-        override(tables, key, value)
-    return tables
-
-
-def _begun(origin: str) -> tuple[str, Values, str]:
-    """Return the text to begin with, values to put into it, and where they are from."""
-    path = Path(origin)
-    file = path / "study.toml" if path.is_dir() else path
-    if file.name == "bench.toml" or not file.is_file():
-        file = bundled_root() / origin / "study.toml"
-    if file.is_file():
-        load_study(file)  # refuses what is no study, with its mistakes
-        return text_of(file), {}, f"the study '{origin}'"
+def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Values, str, list[str]]:
+    """Return the text of a draft, the values put into it, its origin, and what was assumed."""
     source = source_of(origin)
-    contact, rises = source.clutch.contact, sorted(dict(source.rises).items())
-    if len(rises) == 1:  # a table needs two forces to lie between
-        rises.append((rises[0][0] * 1.01, rises[0][1]))
-    values = {
-        **source.dog_values,
-        "contact.static_friction": contact.static_friction,
-        "contact.dynamic_friction": contact.dynamic_friction,
-        ACTUATOR: [rounded(force) for force, _ in rises],
-        "actuation.rise_s": [rounded(rise) for _, rise in rises],
-        "operating.mismatch_rpm": source.mismatches,
-        OPERATING: source.forces,
-    }
-    text = text_of(bundled_root() / COMMENTED / "study.toml")
-    return text, values, f"the bench data of '{source.name}'"
+    taken = source.dog_values | source.taken if source.taken else {}
+    given, text = {**taken, **values}, text_of(source.file)
+    follows, said = _following(text, given)
+    whence = f"the bench data of '{source.name}'" if source.taken else f"the study '{origin}'"
+    return with_values(text, {**follows, **given}), given, whence, said
 
 
 def _doubts(study: Setup) -> list[str]:
@@ -203,39 +153,36 @@ def _doubts(study: Setup) -> list[str]:
         if key in study.shape_keys and not low <= (own := study.prototype[key]) <= high
     ]
     faults = [f"your own dog fails {one.name}: {one.fault} ({one.rule.key})" for one in failed]
-    if faults:
-        faults.append("a search compares with a reference that breaks these limits")
     return [*faults, *outside, *notes_of(study)]
 
 
 def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
-    """Compute what follows from given values in a study file: values, None to leave out; and
-    sentences. Given values stay.
+    """Compute what follows from given values: values, None to leave out; and sentences.
+
+    Given values stay. Nothing follows from values that are none; the study refuses them.
     """
-    origin, own = tomllib.loads(text), _with(given, text)
-    count, height, outer, inner = (value_at(own, key) for key in ("dog.count", HEIGHT, *DIAMETERS))
-    has, wants = (value_at(own, key) for key in (ACTUATOR, OPERATING))
-    torque, before = (value_at(tables, TORQUE) for tables in (own, origin))
-    numbers = [count, height, outer, inner, *([] if torque is None else [torque])]
-    for one in (has, wants):
-        numbers += one if isinstance(one, list) else []
+    texts = (text, with_values(text, given))
+    old, new = (partial(value_at, tomllib.loads(one)) for one in texts)
+    has, wants = new(ACTUATOR), new(OPERATING)
+    lists = [one for one in (has, wants) if isinstance(one, list)]
+    numbers = [*map(new, (COUNT, HEIGHT, *DIAMETERS)), new(TORQUE) or 1.0, *chain(*lists)]
     if not all(isinstance(one, (int, float)) and one > 0 for one in numbers):
-        return {}, []  # what is wrong is said by the study
-    limits = value_at(origin, "search.limits") or {}
-    bound = BOUND | {f"search.limits.{name}": ANY for name in limits if name.endswith(UNITS)}
-    changed = {key for by in bound.values() for key in by
-               if value_at(origin, key) != value_at(own, key)}  # fmt: skip
+        return {}, []
+    changed = {key for key in ANY if old(key) != new(key)}
     changed |= {MASS} & set(given)  # also where all that moves is what the ring alone was
     found: Values = {}
-    ring = (outer + inner) / sum(value_at(origin, key) for key in DIAMETERS)
+    ring = sum(map(new, DIAMETERS)) / sum(map(old, DIAMETERS))
     if changed & set(DIAMETERS):
-        found[HEIGHT] = rounded(height * ring * value_at(origin, "dog.count") / count, 3)
-    if (held := value_at(origin, HELD)) and torque and before and torque / before != ring:
-        found[HELD] = rounded(held * torque / before / ring, 3)
-    found |= {key: None for key, by in bound.items()
-              if changed & set(by) and value_at(origin, key) is not None}  # fmt: skip
-    lists = has and wants and isinstance(has, list) and isinstance(wants, list)
-    if lists and not min(has) <= min(wants) <= max(wants) <= max(has):
+        found[HEIGHT] = rounded(new(HEIGHT) * ring * old(COUNT) / new(COUNT), 3)
+    held = (new(TORQUE) or 1.0) / (old(TORQUE) or 1.0) / ring
+    if old(HELD) and held != 1.0:
+        found[HELD] = rounded(old(HELD) * held, 3)
+    limits = tuple(f"search.limits.{name}" for name in old("search.limits") or ())
+    void = [*BOUND.items(), (ANY, tuple(name for name in limits if name.endswith(UNITS)))]
+    for by, keys in void:
+        if changed & set(by):
+            found |= {key: None for key in keys if old(key) is not None}
+    if len(lists) == 2 and not min(has) <= min(wants) <= max(wants) <= max(has):
         found[OPERATING] = has
     found = {key: value for key, value in found.items()
              if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip

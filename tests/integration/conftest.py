@@ -2,30 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any
+
 import pytest
 
 from tests.integration.studies import Finished, finished_study
 
 
-@pytest.fixture(scope="session")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
-    """The small study, run to its end by one worker."""
-    return finished_study(tmp_path_factory, "small")
+def _study(fixture: str, more: Mapping[str, Any]) -> Any:
+    """Make the fixture of the small study with other keys."""
+
+    @pytest.fixture(scope="session", name=fixture)
+    def make(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+        return finished_study(tmp_path_factory, fixture, more)
+
+    return make
 
 
-@pytest.fixture(scope="session")
-def short(tmp_path_factory: pytest.TempPathFactory) -> Finished:
-    """The small study with four designs, of which no surrogate is fitted."""
-    return finished_study(tmp_path_factory, "short", trials=4)
-
-
-@pytest.fixture(scope="session")
-def calm(tmp_path_factory: pytest.TempPathFactory) -> Finished:
-    """Four designs drawn at random, on a machine that had time."""
-    return finished_study(tmp_path_factory, "calm", trials=4, sampler="random")
-
-
-@pytest.fixture(scope="session")
-def in_drake(tmp_path_factory: pytest.TempPathFactory) -> Finished:
-    """The small study, all of it in Drake."""
-    return finished_study(tmp_path_factory, "drake", engine="drake")
+finished = _study("finished", {})
+short = _study("short", {"search.trials": 4})  # no surrogate is fitted of four designs
+calm = _study("calm", {"search.trials": 4, "search.sampler": "random"})
+in_drake = _study("in_drake", {"solver.engine": "drake"})

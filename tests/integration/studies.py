@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -44,23 +44,18 @@ def made_once(
 ) -> Finished:
     """Make a folder once a session, also where several processes run its tests."""
     base = factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        base = base.parent
-    ended = base / "shared" / f"{name}.ended"
-    with writing(ended.with_suffix(".lock"), patience=3600.0):
+    base = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
+    folder = base / "shared" / name
+    ended = folder.with_suffix(".ended")
+    with writing(folder.with_suffix(".lock"), patience=3600.0):
         if not ended.exists():
-            shutil.rmtree(ended.with_suffix(""), ignore_errors=True)
-            make(ended.with_suffix(""))
+            shutil.rmtree(folder, ignore_errors=True)
+            make(folder)
             ended.touch()
-    return Finished(ended.with_suffix(""))
+    return Finished(folder)
 
 
-def finished_study(factory: pytest.TempPathFactory, name: str, **more: Any) -> Finished:
-    """Run the small study, with other settings of its search or another engine, once a session."""
-    engine = {"solver.engine": more.pop("engine")} if "engine" in more else {}
-    settings = SETTINGS | engine | {f"search.{key}": value for key, value in more.items()}
-
-    def search(folder: Path) -> None:
-        ds.Study("mq200_paper", settings).search(folder, jobs=1, report=False)
-
-    return made_once(factory, name, search)
+def finished_study(factory: pytest.TempPathFactory, name: str, more: Mapping[str, Any]) -> Finished:
+    """Run the small study with other keys, once a session."""
+    study = ds.Study("mq200_paper", SETTINGS | dict(more))
+    return made_once(factory, name, lambda to: study.search(to, jobs=1, report=False))

@@ -77,7 +77,7 @@ def test_shifts_are_those_of_the_operation() -> None:
 @pytest.mark.parametrize(
     ("more", "sentence"),
     [
-        ("variables.force_factor=[0.5, 2.0]", "variables.force_factor of 0.5: shift force is 150"),
+        ("variables.force_factor=[0.5, 2.0]", "shift force is 150 N, but the rise times"),
         ("variables.force_factor=[-1, 2.0]", "variables.force_factor is -1, but it must lie"),
         ("variables.mismatch_set_rpm=[3, 1]", "the first must be below the second"),
         ("variables.force_facter=[1, 2]", "did you mean 'variables.force_factor'"),

@@ -4,70 +4,106 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from dogshape.pipeline.config.schema import SearchSection
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.schema import SearchSection, keys_like
+from dogshape.pipeline.config.study_file import bundled_studies, load_study
+from dogshape.pipeline.simulate.design import objectives_of
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 
+DRAWN = "operating.mismatch_rpm={distribution="
+FORCE = "operating.force_N={distribution="
+FRICTION = "uncertain.friction_factor={distribution="
+POINT = "{mismatch_rpm=5, force_N=300"
+MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
+    ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'dog.height_mm'?"),
+    ("chamfer_deg=9", "'chamfer_deg' is not a known key; did you mean 'dog.chamfer_deg'?"),
+    ("surprise.key=1", "'surprise' is not a known key; valid are"),
+    ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but it must be a number in mm; "),
+    ("dog.height_mm=0.0037", "dog.height_mm is 0.0037 mm"),
+    ("dog.chamfer_deg=nan", "dog.chamfer_deg is nan deg"),
+    ("dog.count=70", "tip width at the inner radius is -"),
+    ("dog.chamfer_deg=30", "height of the braking flank is"),
+    ("sliding.mass_kg=-0.3", "sliding.mass_kg is -0.3 kg"),
+    ("contact.set=lubricated_stel", "did you mean 'lubricated_steel'?"),
+    ("contact.dynamic_friction=0.5", "it must not exceed contact.static_friction = 0.12"),
+    ("shift.timeout_s=-1", "shift.timeout_s is -1 s, but it must lie between 0.001 and 60 s"),
+    ("driveline.stiffness_Nm_rad=0", "must lie between 1 and 1e+07 N m/rad; check the value"),
+    ("actuation.rise_s=[0.1]", "actuation.force_N has 4 and actuation.rise_s 1 values"),
+    ("variables.count=[24, 6]", "variables.count is [24, 6]"),
+    ("variables.braking_deg=[5, 70]", "variables.braking_deg is 70 deg, but it must lie between"),
+    ("load.load_height=0.4", "load.load_height is 0.4, but it must lie between 0.5 and 1"),
+    ("load.friction_hold=0.2", "load.friction_hold is 0.2, but it must not exceed"),
+    ("load.spectrum=[[1.0]]", "load.spectrum.0 is [1.0], but it must be a list of at least 2"),
+    ("strike.ring_inertia_kgm2=1", "'strike.input_stiffness_Nm_rad' is missing; add it"),
+    ("material.set=16MnCr", "which is not a material set; did you mean '16MnCr5'?"),
+    ("material.proof_stress_MPa=1", "material.proof_stress_MPa is 1 MPa"),
+    ("tolerance.height_mm=-1", "tolerance.height_mm is -1 mm"),
+    ("manufacturing.chamfer_share=0.6", "manufacturing.chamfer_share is 0.6"),
+    ("wear.crest_loss_mm=9", "wear.crest_loss_mm is 9 mm, but it must lie between 0 and 2 mm"),
+    ("solver.scheme=rk4", "solver.scheme is 'rk4', which is not a scheme"),
+    ("format=2", "format is 2, but this version reads format 1"),
+    ("dog.count", "--set dog.count is not KEY=VALUE"),
+    ("name.x=1", "--set name.x=1: name is a value and not a table"),
+    ("name=", "'name' is missing"),
+    ("search.screen=", "no key search.screen to take out; check the key"),
+    # operating points and what is uncertain
+    ("operating.force_N=[100]", "the rise times of the study cover 235.2 to 641.5 N"),
+    (f"{DRAWN}'norml', mean=1}}", "did you mean 'normal'?"),
+    (f"{DRAWN}'normal', mean=1}}", "lacks 'sd'"),
+    (f"{DRAWN}'uniform', low=1, high=2, sd=3}}", "sd is nothing that a uniform distribution has"),
+    (f"{DRAWN}'normal', mean=9, sd=0}}", "mismatch_rpm.sd is 0, but it must be more than 0"),
+    (f"{DRAWN}'normal', mean=nan, sd=1}}", "mismatch_rpm.mean is nan, but it must be finite"),
+    (f"{DRAWN}'normal', mean=0, sd=1, low=9}}", "next to nothing of the normal distribution lies"),
+    (f"{FORCE}'uniform', low=500, high=300}}", "low is 500, but it must lie below high = 300"),
+    (f"{FORCE}'triangular', low=300, mode=200, high=400}}", "lie between low = 300 and high = 400"),
+    ("operating.seed=8", "operating.seed cannot stand beside lists of values; remove one"),
+    ("operating.mismatch_weight=[1]", "operating.mismatch_weight has 1 and"),
+    ("operating.force_weight=[1, 1, 0, 1]", "force_weight.2 is 0, but it must be above 0.0"),
+    ([f"{DRAWN}'normal', mean=9, sd=1}}", "operating.force_weight=[1]"], "beside a distribution"),
+    ("operating={set='ampt'}", "operating.set is 'ampt', which is not a set of points; did"),
+    ("operating.set='amt'", "operating.mismatch_rpm cannot stand beside operating.set"),
+    (f"operating.points=[{POINT}}}]", "operating.mismatch_rpm cannot stand beside"),
+    ("operating={force_N=[300]}", "'operating.mismatch_rpm' is missing"),
+    (f"operating={{points=[{POINT}, wight=1}}]}}", "did you mean 'operating.points.0.weight'?"),
+    (f"operating={{points=[{POINT}, weight=0}}]}}", "weight is 0, but it"),
+    (f"operating={{points=[{POINT}}}, {POINT}}}]}}", "has 5 1/min with 300 N 2 times"),
+    (f"{FRICTION}'normal', mean=1, sd=0.1}}", "a factor must be positive and at most 10"),
+    ("uncertain.force_factor={distribution='uniform', low=0.7, high=1.3}",
+     "narrow uncertain.force_factor"),
+    ([f"{FRICTION}'uniform', low=1, high=9.9}}", "contact.static_friction=0.3"],
+     "contact.static_friction is 2.97"),
+    # mechanism and effects
+    ("effects.spline_fricton=0.1", "is not a known effect; did you mean 'spline_friction'"),
+    ("mechanism.spline_friction=2", "mechanism.spline_friction is 2, but it must lie between 0"),
+    ("effects.sleeve_friction=-3", "effects.sleeve_friction: mechanism.friction_N is -3 N, but"),
+    ("effects.actuation_delay=-0.1", "mechanism.delay_s is -0.1 s, but"),
+    ("mechanism.lag_s=1e-7", "lag of the force is 1e-07 s, but it must lie between"),
+    ("mechanism.force_loss_N=300", "it must leave 1 N or more of the shift force, 235.2 N"),
+    ("mechanism.detent_position_mm=1", "belongs to mechanism.detent_N, which is not given"),
+    ({"mechanism.friction_N": 30.0, "effects.sleeve_friction": 30.0},
+     "mechanism.friction_N and effects.sleeve_friction both set mechanism.friction_N; leave out"),
+    ({"contact.dynamic_friction": 0.11,
+      "effects.contact_friction": {"static_friction": 0.2, "dynamic_friction": 0.1}},
+     "contact.dynamic_friction and effects.contact_friction both set contact.dynamic_friction"),
+    ("effects.contact_friction=0.1", "must be numbers, as {static_friction = 0.25, dynamic"),
+    ("effects.drag_torque='low'", "effects.drag_torque is 'low', but it must be numbers, as {drag"),
+    ("effects.reversed_mismatch=1", "effects.reversed_mismatch is 1, but it must be true or false"),
+    ("effects.reversed_mismatch=true", "changes the mismatch, which [operating] gives"),
+    ("effects.axial_gap=0.1", "effects.axial_gap changes the dog, which [dog] and [variables]"),
+    ("effects.relative_angle={concentration=2.0, centre_pitch=0.3}",
+     "effects.relative_angle changes how often each relative angle comes"),
+]  # fmt: skip
 
-def test_paper_study_is_the_prototype_at_the_published_points() -> None:
-    study = load_study("mq200_paper")
-    assert study.clutch.dog.count == 15
-    assert study.clutch.contact.name == "lubricated_steel"
-    assert len(study.points) == 28
-    assert {round(p.mismatch / RPM) for p in study.points} == {5, 10, 25, 50, 100, 149, 249}
-    assert study.prototype["height_mm"] == 3.7
-    assert study.clutch.shift_travel == pytest.approx(4.65e-3)
 
-
-def test_overrides_replace_keys_and_change_the_right_hashes() -> None:
-    plain = load_study("mq200_paper")
-    other_dog = load_study("mq200_paper", ["dog.chamfer_deg=14", "dog.count=18"])
-    other_contact = load_study("mq200_paper", ["contact.set=adams2019"])
-    assert other_dog.prototype["chamfer_deg"] == 14
-    assert other_dog.physics_hash == plain.physics_hash
-    assert other_dog.config_hash != plain.config_hash
-    assert other_contact.physics_hash != plain.physics_hash
-
-
-@pytest.mark.parametrize(
-    ("override", "sentence"),
-    [
-        ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'dog.height_mm'?"),
-        ("surprise.key=1", "'surprise' is not a known key; valid are"),
-        ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but it must be a number in mm; "),
-        ("dog.height_mm=0.0037", "dog.height_mm is 0.0037 mm"),
-        ("dog.chamfer_deg=nan", "dog.chamfer_deg is nan deg"),
-        ("sliding.mass_kg=-0.3", "sliding.mass_kg is -0.3 kg"),
-        ("dog.count=70", "tip width at the inner radius is -"),
-        ("dog.chamfer_deg=30", "height of the braking flank is"),
-        ("contact.set=lubricated_stel", "did you mean 'lubricated_steel'?"),
-        ("contact.dynamic_friction=0.5", "it must not exceed contact.static_friction = 0.12"),
-        ("shift.timeout_s=-1", "shift.timeout_s is -1 s"),
-        ("operating.force_N=[100]", "the rise times of the study cover 235.2 to 641.5 N"),
-        ("actuation.rise_s=[0.1]", "actuation.force_N has 4 and actuation.rise_s 1 values"),
-        ("variables.count=[24, 6]", "variables.count is [24, 6]"),
-        ("variables.braking_deg=[5, 70]", "variables.braking_deg is 70 deg"),
-        ("load.load_height=0.4", "load.load_height is 0.4, but it must lie between 0.5 and 1"),
-        ("load.friction_hold=0.2", "load.friction_hold is 0.2, but it must not exceed"),
-        ("material.set=16MnCr", "which is not a material set; did you mean '16MnCr5'?"),
-        ("material.proof_stress_MPa=1", "material.proof_stress_MPa is 1 MPa"),
-        ("tolerance.height_mm=-1", "tolerance.height_mm is -1 mm"),
-        ("manufacturing.chamfer_share=0.6", "manufacturing.chamfer_share is 0.6"),
-        ("solver.scheme=rk4", "solver.scheme is 'rk4', which is not a scheme"),
-        ("format=2", "format is 2, but this version reads format 1"),
-        ("dog.count", "--set dog.count is not KEY=VALUE"),
-        ("chamfer_deg=9", "'chamfer_deg' is not a known key; did you mean 'dog.chamfer_deg'?"),
-        ("name.x=1", "--set name.x=1: name is a value and not a table"),
-    ],
-)
-def test_every_mistake_is_one_sentence(override: str, sentence: str) -> None:
+@pytest.mark.parametrize(("overrides", "sentence"), MISTAKES)
+def test_every_mistake_is_one_sentence(overrides: Any, sentence: str) -> None:
     with pytest.raises(DogshapeError) as refused:
-        load_study("mq200_paper", [override])
+        load_study("mq200_paper", [overrides] if isinstance(overrides, str) else overrides)
     text = str(refused.value)
     assert sentence in text
     assert "\n" not in text
@@ -77,33 +113,54 @@ def test_missing_and_broken_files(tmp_path: Path) -> None:
     with pytest.raises(DogshapeError, match="there is no study at"):
         load_study(tmp_path / "nowhere")
     broken = tmp_path / "study.toml"
-    broken.write_text("format = 1\nname = \n")
-    with pytest.raises(DogshapeError, match=r"not valid TOML.*line 2"):
-        load_study(tmp_path)
-    broken.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(DogshapeError, match="not valid TOML"):
-        load_study(broken)
-    broken.write_text("format = 1\nname = 'x'\n")
-    with pytest.raises(DogshapeError, match="'dog' is missing; add it"):
-        load_study(broken)
+    for text, words in (
+        (b"format = 1\nname = \n", r"not valid TOML.*line 2"),
+        (b"\xff\xfe\x00", "not valid TOML"),
+        (b"format = 1\nname = 'x'\n", "'dog' is missing; add it"),
+    ):
+        broken.write_bytes(text)
+        with pytest.raises(InputError, match=words):
+            load_study(tmp_path)
 
 
-@pytest.mark.parametrize("name", ["mq200", "mq200_paper", "mq200_robust", "mq200_three"])
-def test_a_key_that_came_later_leaves_kept_results_of_the_same_study(name: str) -> None:
+def test_paper_study_is_the_prototype_at_the_published_points() -> None:
+    study = load_study("mq200_paper")
+    assert (study.clutch.dog.count, study.prototype["height_mm"]) == (15, 3.7)
+    assert study.clutch.contact.name == "lubricated_steel"
+    assert len(study.points) == 28
+    assert {round(p.mismatch / RPM) for p in study.points} == {5, 10, 25, 50, 100, 149, 249}
+    assert study.clutch.shift_travel == pytest.approx(4.65e-3)
+
+
+@pytest.mark.parametrize("name", bundled_studies())
+def test_kept_results_are_those_of_the_bundled_study(name: str) -> None:
+    study = load_study(name)
     kept = json.loads((bundled_root() / name / "result.json").read_text(encoding="utf-8"))
-    assert load_study(name).config_hash == kept["config_hash"]
+    assert (study.name, study.config_hash) == (name, kept["config_hash"])
+    assert any(objective.simulated for objective in objectives_of(study))
+
+
+def test_overrides_replace_keys_and_change_the_right_hashes() -> None:
+    plain = load_study("mq200_paper")
+    other_dog = load_study("mq200_paper", ["dog.chamfer_deg=14", "dog.count=18"])
+    assert other_dog.prototype["chamfer_deg"] == 14
+    assert other_dog.physics_hash == plain.physics_hash
+    assert other_dog.config_hash != plain.config_hash
+    other_contact = load_study("mq200_paper", ["contact.set=adams2019"])
+    assert other_contact.physics_hash != plain.physics_hash
 
 
 def test_an_override_without_a_value_takes_a_key_out() -> None:
     """As if the file did not have it: a key with a default then has that."""
-    plain = load_study("mq200_paper", ["load.landing_share=", "search.confirm_angles="])
+    keys = "load.landing_share", "search.confirm_angles"
+    plain = load_study("mq200_paper", [f"{key}=" for key in keys])
     assert plain.file.load.landing_share is None
-    fields = SearchSection.model_fields
-    assert plain.file.search.confirm_angles == fields["confirm_angles"].default
-    assert load_study("mq200_paper", {"load.landing_share": None}).file.load == (
-        load_study("mq200_paper", ["load.landing_share="]).file.load
-    )
-    with pytest.raises(InputError, match="'name' is missing"):
-        load_study("mq200_paper", ["name="])
-    with pytest.raises(InputError, match=r"no key search\.screen to take out; check the key"):
-        load_study("mq200_paper", ["search.screen="])
+    default = SearchSection.model_fields["confirm_angles"].default
+    assert plain.file.search.confirm_angles == default
+    assert load_study("mq200_paper", dict.fromkeys(keys)).file == plain.file
+
+
+def test_a_word_finds_the_keys_that_begin_with_it() -> None:
+    assert keys_like("chamfer")[0] == "dog.chamfer_deg"
+    assert keys_like("spline")[:2] == ["mechanism.spline_friction", "mechanism.spline_radius_mm"]
+    assert keys_like("x") == keys_like("c") == []
