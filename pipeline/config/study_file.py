@@ -203,12 +203,15 @@ def load_study(
     """Read and validate a study: a TOML file, a folder with ``study.toml`` or a bundled name.
 
     ``overrides`` are ``KEY=VALUE`` with dotted keys, later ones win, ``KEY=`` takes the key out; or
-    values by dotted keys, None likewise. Raises InputError with file, key, value and rule, or
-    OSError.
+    values by dotted keys, None likewise. Raises InputError with file, key, value and rule.
     """
     path = find_study(where)
+    try:
+        data = read_toml(path)
+    except OSError as error:
+        raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
     pairs = overrides.items() if isinstance(overrides, Mapping) else map(pair_of, overrides or ())
-    return _overridden(read_toml(path), pairs, f"{path}{' with --set' if overrides else ''}")
+    return _overridden(data, pairs, f"{path}{' with --set' if overrides else ''}")
 
 
 def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
@@ -250,9 +253,12 @@ def pair_of(text: str) -> tuple[str, Any]:
     if not equals or not key.strip():
         raise InputError(f"--set {text} is not KEY=VALUE; write for instance dog.chamfer_deg=14")
     try:
-        return key.strip(), tomllib.loads(f"v = {value}")["v"]
+        read = tomllib.loads(f"v = {value}")
     except tomllib.TOMLDecodeError:
-        return key.strip(), value.strip() or None
+        read = {"v": value.strip() or None}
+    if set(read) != {"v"}:
+        raise InputError(f"--set {key.strip()} holds more than one value; give one --set a key")
+    return key.strip(), read["v"]
 
 
 def override(data: dict[str, Any], key: str, value: Any) -> None:

@@ -177,6 +177,7 @@ def test_dog_is_that_of_the_project(stand: Stand) -> None:
 
 def test_ranges_are_those_of_the_priors() -> None:
     effects = load()
+    assert set(effects) - set(RANGES) == {"contact_dissipation", "contact_stiffness"}
     for name, ranges in RANGES.items():
         theirs = [
             (p.name, p.low, p.high, p.scale == "log-uniform") for p in effects[name].parameters
