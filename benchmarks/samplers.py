@@ -38,6 +38,7 @@ from typing import Any
 
 import numpy as np
 import optuna
+from optuna._hypervolume import compute_hypervolume
 from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
@@ -45,14 +46,13 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.guide import LANDING, Guide, Space
 from dogshape.pipeline.search.sampler import Pool, SurrogateSampler
 from dogshape.pipeline.search.search import open_search, run
-from dogshape.pipeline.search.state import SearchState
+from dogshape.pipeline.search.state import SearchState, not_dominated
 from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.hypervolume import hypervolume, not_dominated
 
 START = 10  #: designs that every sampler begins with, the prototype among them
 PARTS = (0.25, 0.5, 1.0)  #: of the minutes, at which fronts are compared
@@ -282,9 +282,9 @@ def tell(runs: Sequence[Run], minutes: Sequence[float], truth: Truth) -> None:
     truth.learn(every)
     prototype = truth.of([study.prototype])[0]
     beyond, values = BEYOND * prototype, truth.of(every)
-    reference = hypervolume(values, beyond)
+    reference = compute_hypervolume(values, beyond)
     shares = {
-        key: np.array([hypervolume(truth.of(part), beyond) / reference for part in parts])
+        key: np.array([compute_hypervolume(truth.of(part), beyond) / reference for part in parts])
         for key, parts in fronts.items()
     }
     best = int(not_dominated(np.unique(values, axis=0)).sum())

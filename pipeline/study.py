@@ -22,7 +22,6 @@ from dogshape.pipeline.search.state import (
     SearchState,
     Trial,
     distinct,
-    simulated_rows,
     standings,
 )
 from dogshape.pipeline.search.tolerance_effects import smallest_within, tolerance_time
@@ -142,19 +141,15 @@ def _searched(search: Search, how: Run) -> Record:
     if search.sharing is not None:
         searched = search.read()  # with what the others told meanwhile
     confirmed = searched.renew(trial for trial in state.trials if trial.confirmed)
-    write_json(folder.rows, {"rows": simulated_rows(confirmed.simulated)})
+    rows = [row for trial in confirmed.simulated for row in trial.rows]
+    write_json(folder.rows, {"rows": rows})
     result = collect(searched, journals[1])
     if confirmation is not None:
-        rows = rows_of(state)
-        front = [rows[trial.number] for trial in state.front if trial.confirmed]
-        result |= {"best": rows[confirmation["chosen"]], "front": front}
+        designs = rows_of(state)
+        front = [designs[trial.number] for trial in state.front if trial.confirmed]
+        result |= {"best": designs[confirmation["chosen"]], "front": front}
         result["n_simulated_shifts"] += confirmed_shifts(state, confirmation)
-    return {
-        **result,
-        "confirmation": confirmation,
-        "life": life,
-        "audit": audited,
-    }
+    return {**result, "confirmation": confirmation, "life": life, "audit": audited}
 
 
 def _outside(study: Setup) -> str:
@@ -213,8 +208,8 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
         say(f"no surrogate: {error}")
         return
     result["surrogate"] = stored.validation.as_dict()
-    of_new_angles = [*result["front"], *([result["best"]] if result["best"] else [])]
-    for row in [*result["trials"], *of_new_angles]:
+    best = [result["best"]] if result["best"] else []
+    for row in (*result["trials"], *result["front"], *best):
         found = tolerance_time(study, stored.surrogate, row, study_mix(study))
         row["time_within_tolerances"] = found.to_dict()
 
@@ -253,8 +248,7 @@ def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
     designs = list(confirmation["designs"])
     if not any(one["trial"] in own for one in designs):
         designs.append(confirmation["prototype"])
-    judged = (one["drake"]["shifts"] if one["drake"] else 0 for one in designs)
-    return sum(one["shifts"] for one in designs) + sum(judged)
+    return sum(one["shifts"] + (one["drake"] or {"shifts": 0})["shifts"] for one in designs)
 
 
 def rows_of(state: SearchState) -> dict[int, Record]:

@@ -1,27 +1,22 @@
 r"""The surrogate: expected shift time, spread and share engaged over designs and operating points.
 
-Processes over designs have the logarithm of the expected time over a study's operating points,
-and those of the times at each point, for which one covariance serves. Beside its variables a
-design has coordinates that its shape follows from: the play with which a dog enters, the width of
-its tip and how deep its face falls, all at the mean radius; and for each angle
-:math:`\tanh((\tan\theta - \mu)/0.04)`, for a face or flank turns from holding to letting go where
-its tangent passes the friction coefficient.
+Processes over designs have the logarithm of the expected time over a study's operating points, and
+those of the times at each point. Beside its variables a design has coordinates of its shape: entry
+play, tip width, fall of the face, and :math:`\tanh((\tan\theta - \mu)/0.04)` for each angle, as a
+face or flank lets go where its tangent passes the friction coefficient.
 
-Times at another operating point *o* are interpolated between the study's points :math:`o_j`, with
-Matern's correlation *R* (simple kriging about the mean over the points, Rasmussen and Williams
-2006),
-
-.. math:: y(o) = \bar y + r(o)^T R^{-1} (y - \bar y), \quad s^2 = v (1 + \nu - r^T R^{-1} r),
-
-*v* being the likeliest variance over all designs. The **share that engages** counts shifts with a
-weight that falls with their distance, on a prior with the overall share (correlated Beta process,
-Goetschalckx, Poupart and Hoey 2011). Retries after a time :math:`t_r` add :math:`t_r (1 - p)/p`.
+Another operating point *o* is interpolated by Matern's correlation *R* (simple kriging, Rasmussen
+and Williams 2006): :math:`y(o) = \bar y + r(o)^T R^{-1} (y - \bar y)`, with the variance
+:math:`v (1 + \nu - r^T R^{-1} r)` and *v* the likeliest one over all designs. The **share that
+engages** is a correlated Beta process (Goetschalckx, Poupart and Hoey 2011). Retries after a time
+:math:`t_r` add :math:`t_r (1 - p)/p`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from math import inf
 
 import numpy as np
@@ -129,13 +124,10 @@ class Share:
 
 def fit_share(designs: Array, points: Array, engaged: Array, shifts: Array) -> Share:
     """Fit length and strength: those that best predict the counts of designs left out."""
+    counts = designs, points, engaged, shifts
     if (engaged == shifts).all():
-        return Share(designs, points, engaged, shifts, inf, STRENGTHS[-1])
-    tried = [
-        Share(designs, points, engaged, shifts, length, strength)
-        for length in LENGTHS
-        for strength in STRENGTHS
-    ]
+        return Share(*counts, inf, STRENGTHS[-1])
+    tried = (Share(*counts, *pair) for pair in product(LENGTHS, STRENGTHS))
     return max(tried, key=lambda share: share.likelihood)
 
 
@@ -183,23 +175,14 @@ class Surrogate:
         """Predict one design (d,) over a mix."""
         x = x[None, :]
         (time,), (variance,) = self._engaging(x, mix)
-        share, retries, lost = self._retries(x, mix)
+        share, (retries,), lost = self._retries(x, mix)
         times, _ = self.at_points(x, mix)
         within = (self.variation(mix.points) * times) ** 2 + (times - time) ** 2
-        retries_error = float(np.sqrt((lost @ self._together(mix) * lost).sum()))
-        error = float(np.hypot(variance**0.5, retries_error))
-        total = float(time + retries[0])
-        low, high = interval(np.array([total]), np.array([error]))
-        return Expected(
-            time=total,
-            low=float(low[0]),
-            high=float(high[0]),
-            error=error,
-            sd=float(mix.weights @ within[0]) ** 0.5,
-            engaged=float(share.min()),
-            retries=float(retries[0]),
-            retries_error=retries_error,
-        )
+        unsure = float(np.sqrt((lost @ self._together(mix) * lost).sum()))
+        total, error = float(time + retries), float(np.hypot(variance**0.5, unsure))
+        low, high = (float(end) for end in interval(np.array(total), np.array(error)))
+        sd = float(mix.weights @ within[0]) ** 0.5
+        return Expected(total, low, high, error, sd, float(share.min()), float(retries), unsure)
 
     def predict(self, x: Array, mix: Mix | None = None) -> tuple[Array, Array]:
         """Predict expected time and standard error of designs (m, d), edge units, (m,), s.
@@ -230,13 +213,11 @@ class Surrogate:
     def medians(self, x: Array, mix: Mix) -> Array:
         """Predict expected times of designs (m, d) without their errors, at once, (m,), s."""
         retries = self._retries(x, mix)[1]
+        where = coordinates(self.data, x)
         if mix.equals(self.data.mix):
-            return np.exp(self.time.mean(coordinates(self.data, x))[:, 0]) + retries
-        return np.exp(self._logarithms(x) @ self._links(mix.points)[0].T) @ mix.weights + retries
-
-    def times_by_row(self, x: Array, points: Array) -> Array:
-        """Predict shifts that engage, of designs (m, d), each at its own point (m, 2), (m,), s."""
-        return np.exp((self._logarithms(x) * self._links(points)[0]).sum(axis=1))
+            return np.exp(self.time.mean(where)[:, 0]) + retries
+        logarithms = self.points.mean(where)
+        return np.exp(logarithms @ self._links(mix.points)[0].T) @ mix.weights + retries
 
     def at_points(self, x: Array, mix: Mix) -> tuple[Array, Array]:
         """Predict time at each point and variance of its logarithm, (m, p) each; s."""
@@ -270,12 +251,9 @@ class Surrogate:
         return self._retries(x, mix)[0]
 
     def _together(self, mix: Mix) -> Array:
+        """Correlate errors of the share at the points of a mix, (p, p)."""
         where = point_coordinates(mix.points)
         return self.share.nearness(where, where)
-
-    def _logarithms(self, x: Array) -> Array:
-        """Predict the logarithms of times at the data's points, (m, q)."""
-        return self.points.mean(coordinates(self.data, x))
 
     @cached_property
     def misfit(self) -> Array:
@@ -347,8 +325,7 @@ def fit(
 ) -> Surrogate:
     """Fit the surrogate to a data set, unless its parameters are known.
 
-    Parameters of the points start from those of the mix. Raises InputError for fewer than
-    ``MIN_DESIGNS`` designs that engage at every point.
+    InputError for fewer than ``MIN_DESIGNS`` designs that engage at every point.
     """
     grid = data.engaging
     if len(grid.x) < MIN_DESIGNS:

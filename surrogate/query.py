@@ -26,11 +26,9 @@ FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answ
 
 @dataclass(frozen=True)
 class Answer:
-    """Expected shift time of a design with what speaks against trusting it.
+    """Expected shift time of a design with warnings; ``refusal`` is why there is none.
 
     ``distance`` is that to the next simulated design, in the usual distance of one to the next.
-    ``warnings`` is empty exactly when the question lies in the trained range. ``refusal`` is why
-    there is no time, empty where there is one.
     """
 
     expected: Expected | None
@@ -76,13 +74,17 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
     x = np.array([design[name] for name in data.variables], dtype=float)
     distance = float(surrogate.distance(x[None, :])[0])
     warnings = _warnings(data, x, mix.points, distance)
-    if bool(faces_hold(data, x[None, :])[0]):
-        return Answer(None, distance, tuple(warnings), held_because(data, design))
+    if faces_hold(data, x[None, :])[0]:
+        friction = np.degrees(np.arctan(float(data.physics["static_friction"])))
+        return Answer(None, distance, warnings, (
+            f"{HOLDS} (chamfer {design[CHAMFER]:.4g} deg, below the friction angle "
+            f"{friction:.3g} deg; 'dogshape expect' simulates it)"
+        ))  # fmt: skip
     expected = surrogate.expected(x, mix)
     if expected.engaged < LEAST_ENGAGED:
         few = f"about {expected.engaged:.0%} of the shifts engage where fewest do: no time"
-        return Answer(None, distance, tuple(warnings), few)
-    return Answer(expected, distance, tuple(warnings))
+        return Answer(None, distance, warnings, few)
+    return Answer(expected, distance, warnings)
 
 
 def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
@@ -107,16 +109,7 @@ def faces_hold(data: Dataset, x: Array) -> Mask:
     return np.logical_and(~slides, chamfer < least)
 
 
-def held_because(data: Dataset, design: dict[str, float]) -> str:
-    """Explain why the faces of a design hold."""
-    friction = float(data.physics["static_friction"])
-    return (
-        f"{HOLDS} (chamfer {design[CHAMFER]:.4g} deg, below the friction angle "
-        f"{np.degrees(np.arctan(friction)):.3g} deg; 'dogshape expect' simulates it)"
-    )
-
-
-def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[str]:
+def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> tuple[str, ...]:
     low, high = data.x.min(axis=0), data.x.max(axis=0)
     found = [
         f"{name} = {x[k]:.4g} is outside the simulated designs ({low[k]:.4g} to {high[k]:.4g})"
@@ -124,14 +117,12 @@ def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[s
         if not _within(x, low, high)[k]
     ]
     found += _point_warnings(data, points)
-    if not found and bool(faces_hold(data, x[None, :])[0]):
+    if not found and faces_hold(data, x[None, :])[0]:
         found.append(f"chamfer {x[data.variables.index(CHAMFER)]:.4g} deg: faces hold by friction")
     if distance > FAR and not found:
-        found.append(
-            f"the next simulated design is {distance:.1f} times as far as designs usually are "
-            "from each other"
-        )
-    return found
+        found.append(f"the next simulated design is {distance:.1f} times as far as designs usually "
+                     "are from each other")  # fmt: skip
+    return tuple(found)
 
 
 def _point_warnings(data: Dataset, points: Array) -> list[str]:

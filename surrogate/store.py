@@ -33,6 +33,10 @@ class Stored:
     validation: Validation
 
 
+class MissingError(DataError):
+    """No file where a surrogate was looked for."""
+
+
 def save(path: Path, stored: Stored) -> None:
     """Write a surrogate; the file holds all that ``load`` needs."""
     surrogate, data = stored.surrogate, stored.surrogate.data
@@ -49,7 +53,7 @@ def save(path: Path, stored: Stored) -> None:
         "grid": {f.name: _rounded(getattr(data.grid, f.name)) for f in fields(Grid)},
         "time": surrogate.time.covariance.theta.tolist(),
         "each_point": surrogate.points.covariance.theta.tolist(),
-        "share": [number_or_none(surrogate.share.length), surrogate.share.strength],
+        "share": [_finite(surrogate.share.length), surrogate.share.strength],
         "validation": stored.validation.as_dict(),
         "versions": versions(),
     }
@@ -58,26 +62,34 @@ def save(path: Path, stored: Stored) -> None:
     write_whole(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
-class MissingError(DataError):
-    """No file where a surrogate was looked for."""
-
-
 def load(path: Path) -> Stored:
     """Read a surrogate; a damaged file or one of another format raises DataError."""
-    return _stored(path, _text_of(path))
+    try:
+        return _stored(path, path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise MissingError(
+            f"there is no surrogate at {path}; run 'dogshape study' or 'dogshape fit' first, "
+            "or name a file with --surrogate"
+        ) from error
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path} is not a surrogate file; {AGAIN}") from error
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=2)  # an unchanged file is asked again and again; its processes keep inverses
 def _stored(path: Path, text: str) -> Stored:
-    # An unchanged file is asked again and again; its processes keep their inverses.
-    content = _content(path, text)
-    _require_format(path, content.get("format"))
-    given = content.pop("hash", None)
-    if given != _hash(content):
+    content = json.loads(text)
+    if not isinstance(content, dict):
+        raise ValueError("no object")
+    if (found := content.get("format")) != FORMAT:
+        newer = isinstance(found, int) and found > FORMAT
+        remedy = "use the version of dogshape that wrote it, or a newer one" if newer else AGAIN
+        raise DataError(
+            f"{path} has format {found!r}, but this version reads format {FORMAT}; {remedy}"
+        )
+    if content.pop("hash", None) != _hash(content):
         raise DataError(f"{path} was changed or damaged: it does not match its hash; {AGAIN}")
     try:
-        validation = Validation.from_dict(content["validation"])
-        return Stored(_surrogate(content), validation)
+        return Stored(_surrogate(content), Validation.from_dict(content["validation"]))
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{path} is incomplete ({error}); {AGAIN}") from error
 
@@ -97,47 +109,14 @@ def _surrogate(content: dict[str, Any]) -> Surrogate:
 
 
 def _rounded(values: Any) -> list[list[float | None]]:
-    """Give numbers of nine digits, None where one is not finite, as JSON takes them."""
-    return [[number_or_none(float(f"{v:.9g}")) for v in row] for row in values.tolist()]
+    """Give numbers of nine digits as JSON takes them."""
+    return [[_finite(float(f"{v:.9g}")) for v in row] for row in values.tolist()]
 
 
-def number_or_none(value: float) -> float | None:
-    """Give a number that JSON can hold: None where it is not finite."""
+def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
 def _hash(content: dict[str, Any]) -> str:
     text = json.dumps(content, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
-
-
-def _require_format(path: Path, found: Any) -> None:
-    if found == FORMAT:
-        return
-    newer = isinstance(found, int) and found > FORMAT
-    remedy = "use the version of dogshape that wrote it, or a newer one" if newer else AGAIN
-    raise DataError(
-        f"{path} has format {found!r}, but this version reads format {FORMAT}; {remedy}"
-    )
-
-
-def _text_of(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise MissingError(
-            f"there is no surrogate at {path}; run 'dogshape study' or 'dogshape fit' first, "
-            "or name a file with --surrogate"
-        ) from error
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path} is not a surrogate file; {AGAIN}") from error
-
-
-def _content(path: Path, text: str) -> dict[str, Any]:
-    try:
-        content = json.loads(text)
-    except ValueError as error:
-        raise DataError(f"{path} is not a surrogate file; {AGAIN}") from error
-    if not isinstance(content, dict):
-        raise DataError(f"{path} is not a surrogate file; {AGAIN}")
-    return content

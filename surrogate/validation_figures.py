@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 import numpy as np
@@ -17,51 +17,37 @@ LEAST = 10  #: designs that figures of their expected times need
 FLOOR = 2e-4  #: s, added to a standard deviation before its logarithm is taken
 
 
+def _figure(meaning: str, unit: str = "") -> Any:
+    """Declare a figure with its meaning and unit, as ``result.json`` documents it."""
+    return field(metadata={"meaning": meaning, "unit": unit})
+
+
 @dataclass(frozen=True)
 class Validation:
-    """Figures on designs that the fit never saw.
+    """Validation of the surrogate on designs that the fit did not use."""
 
-    Parameters
-    ----------
-    q2 : of the expected time over the study's operating points (of shifts that engage): 1 less
-        squared error over variance.
-    coverage_95 : share of expected times within their 95 % interval.
-    rmse_s, bias_s : root-mean-square and mean error of the expected time, s.
-    n : number of designs.
-    noise_s : root-mean-square standard error of the simulated expected times themselves, s.
-    q2_points, coverage_points, rmse_points_s : the same for means at single operating points.
-    spread_error : root-mean-square error of the logarithm of a single shift's deviation.
-    lost, lost_expected : shifts that did not engage, and how many the surrogate expected.
-    rank_best, n_best : rank correlation (Spearman) among designs of the best tenth, and their
-        number; None for fewer than ten.
-    source : ``references``, dense simulations of designs apart, or ``held out``, each design from
-        all others, with parameters of all.
-    shifts : simulated shifts behind the fit.
-    """
-
-    q2: float
-    coverage_95: float
-    rmse_s: float
-    bias_s: float
-    n: int
-    noise_s: float
-    q2_points: float
-    coverage_points: float
-    rmse_points_s: float
-    spread_error: float
-    lost: int
-    lost_expected: float
-    rank_best: float | None
-    n_best: int
-    source: str
-    shifts: int
+    q2: float = _figure("share of the variance of expected times that it explains", "1")
+    coverage_95: float = _figure("share of expected times within their 95 % interval", "share")
+    rmse_s: float = _figure("root-mean-square error of the expected time", "s")
+    bias_s: float = _figure("mean error of the expected time", "s")
+    n: int = _figure("number of designs")
+    noise_s: float = _figure("root-mean-square standard error of the simulated expected times", "s")
+    q2_points: float = _figure("share of the variance explained at single operating points", "1")
+    coverage_points: float = _figure(
+        "share within the 95 % interval at single operating points", "share"
+    )
+    rmse_points_s: float = _figure("root-mean-square error at single operating points", "s")
+    spread_error: float = _figure("error of the logarithm of a single shift's deviation", "1")
+    lost: int = _figure("shifts that did not engage")
+    lost_expected: float = _figure("shifts that the surrogate expected not to engage")
+    rank_best: float | None = _figure("rank correlation among designs of the best tenth", "1")
+    n_best: int = _figure("number of those designs")
+    source: str = _figure("`references`, designs simulated apart, or `held out`")
+    shifts: int = _figure("shifts behind the fit")
 
     @property
     def useful(self) -> bool:
-        """Test that the surrogate explains at least half of the variance.
-
-        The variance is that of expected times, or with few designs of single operating points.
-        """
+        """Test for half of the variance: of expected times, with few designs at single points."""
         return (self.q2 if self.n >= LEAST else self.q2_points) >= LEAST_Q2
 
     @classmethod
@@ -79,10 +65,8 @@ def validate(surrogate: Surrogate, reference: Dataset | None = None) -> Validati
     data = surrogate.data if reference is None else reference
     grid, mix = data.engaging, replace(data.mix, retry=0.0)
     if not len(grid.x):
-        raise InputError(
-            "no design was simulated at every operating point and engaged at each, so nothing "
-            "can judge the surrogate; simulate more designs"
-        )
+        raise InputError("no design engages at every operating point, so nothing can judge the "
+                         "surrogate; simulate more designs")  # fmt: skip
     if reference is None:
         (mean, variance), each = surrogate.time.left_out(), surrogate.points.left_out()
         time = np.exp(mean + 0.5 * variance)[:, 0]
@@ -121,7 +105,7 @@ def validate(surrogate: Surrogate, reference: Dataset | None = None) -> Validati
 
 
 def ranked(validation: Validation, surrogate: Surrogate, best: Dataset) -> Validation:
-    """Add the rank correlation of references that are all of the best."""
+    """Add the rank correlation of references that are all of the best; none for fewer than ten."""
     grid, mix = best.engaging, replace(best.mix, retry=0.0)
     if len(grid.x) < LEAST:
         return validation

@@ -1,10 +1,8 @@
 """Knowledge of the sampler about dogs: search space, exact constraints and predictions.
 
-Constraints that cost nothing are known exactly: what they forbid is never proposed. Expected times
-come from the surrogate over designs and operating points, fitted to every row so far; each other
-objective that needs a simulation has a process over designs, fitted to its values with their
-standard errors. How hard dogs land on each other, and how many shifts engage, is known after the
-simulation only; another process over designs predicts that.
+What an exact constraint forbids is never proposed. Expected times come from the surrogate, fitted
+to every row so far; each other simulated objective or limit, and the worst of landing and
+engagement, has a process over designs of its own.
 """
 
 from __future__ import annotations
@@ -19,7 +17,7 @@ from optuna.trial import FrozenTrial
 from scipy.special import ndtr
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.state import distinct, simulated_rows, trial_of
+from dogshape.pipeline.search.state import distinct, trial_of
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -52,10 +50,7 @@ NEAR = 0.08  #: of the range, standard deviation of a draw near a design
 
 
 class Space:
-    """Search ranges as a unit cube, in the order of their names.
-
-    The count is whole, and its scale reaches half a step beyond its range.
-    """
+    """Search ranges as a unit cube, by name; that of the whole count is half a step wider."""
 
     def __init__(self, variables: Mapping[str, tuple[float, float]]) -> None:
         self.distributions: dict[str, BaseDistribution] = {
@@ -110,9 +105,8 @@ class Response:
     ) -> Response:
         """Fit values (n,) at coordinates (n, c); ``errors`` are their standard errors, (n,).
 
-        ``least`` is a standard deviation that values of other designs have at least. Fewer than
-        ``MIN_VALUES`` values have the process of a standard deviation of one, over the whole range:
-        their likelihood says nothing. InputError where there is none.
+        ``least`` is a standard deviation that values of other designs have at least. Parameters of
+        fewer than ``MIN_VALUES`` values are given. InputError where there is none.
         """
         if not len(values):
             raise InputError("no design was simulated yet")
@@ -123,12 +117,8 @@ class Response:
         if len(values) < MIN_VALUES:
             theta, effort = first_parameters(TERMS, x.shape[1])[0], NONE
             theta[[0, -1]] = np.log([1.0, 0.1])  # variances of the smooth part and the rough one
-        targets = values[:, None]
-        return cls(
-            fit_process(
-                TERMS, x, targets, noise, start=theta, effort=effort, scale=np.array([scale])
-            )
-        )
+        given: dict[str, Any] = {"start": theta, "effort": effort, "scale": np.array([scale])}
+        return cls(fit_process(TERMS, x, values[:, None], noise, **given))
 
     def draws(self, x: Array, rng: np.random.Generator, count: int) -> Array:
         """Draw values at coordinates (m, c) jointly, (count, m)."""
@@ -188,7 +178,8 @@ class Guide:
         timed, others = None, {}
         for column, objective in enumerate(objectives_of(study)):
             if objective.name == SIMULATED:
-                data = with_rows(study, np.array(simulated_rows(every), dtype=float))
+                rows = [row for trial in every for row in trial.rows]
+                data = with_rows(study, np.array(rows, dtype=float))
                 timed = column, fit(data, replace(EFFORT, seed=study.file.search.seed), NONE)
             elif objective.simulated:
                 others[column] = Response.fitted(x, losses[:, column], errors[:, column])
@@ -204,7 +195,7 @@ class Guide:
 
 @dataclass(frozen=True)
 class Prediction:
-    """Surrogate of the expected time with its column, processes of other columns and of limits."""
+    """Surrogate of the expected time with its column, processes of other columns and limits."""
 
     guide: Guide
     timed: tuple[int, Surrogate] | None
@@ -227,10 +218,6 @@ class Prediction:
         return losses
 
     def chances(self, params: Sequence[Params]) -> Array:
-        """Return the probability that designs land softly enough and keep each limit, (m,).
-
-        Each is taken as independent of the others.
-        """
+        """Return the probability that designs keep each limit, as if independent, (m,)."""
         x = self.guide.space.coordinates(params)
-        chances: Array = np.prod([one.below(x) for one in self.limits], axis=0)
-        return chances
+        return np.asarray(np.prod([one.below(x) for one in self.limits], axis=0), dtype=float)

@@ -1,17 +1,16 @@
-"""A sampler of our own, in Optuna's terms: hypervolume improvement within exact constraints.
+r"""A sampler of our own, in Optuna's terms: hypervolume improvement within exact constraints.
 
-First come designs that fill the allowed space. Then predictions of the guide are drawn jointly for
-candidates and finished designs, and the candidate is proposed that adds most to the front, times
-the probability that it keeps the constraints which only the evaluation tells. Proposals that are
-still running count as part of the front, so that a batch spreads.
-
-Every proposal depends on the seed, its number and the trials before it alone: the same seed
-gives the same trials, interrupted or not.
+First come designs that fill the allowed space. Then predictions are drawn jointly for candidates
+and for finished and running designs, and the candidate is proposed that adds most hypervolume,
+times the probability that it keeps the simulated constraints. A proposal depends on the seed, its
+number and the trials before it alone. Hypervolume below a reference *r* is, but for a constant, the
+mean over random directions :math:`\lambda` of the largest :math:`s_\lambda(y) = \min_i
+\left(\max(0, r_i - y_i) / \lambda_i\right)^k` among designs (Deng and Zhang 2019).
 """
 
 from __future__ import annotations
 
-from collections import Counter
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,9 +23,9 @@ from optuna.study import StudyDirection
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.search.guide import Guide, Params, Prediction
+from dogshape.pipeline.search.state import not_dominated
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.hypervolume import added, directions, not_dominated
 
 TRIES = 200  #: draws for a candidate before the allowed space counts as empty
 OUTLYING = 1.5  #: ranges of the quartiles above the upper one where outliers begin (Tukey 1977)
@@ -48,10 +47,7 @@ class Breadth:
 
 
 class Pool:
-    """Allowed designs of the guide's space, the same for every proposal.
-
-    Most draws may not be allowed, so they are drawn once; again only when all were taken.
-    """
+    """Allowed designs of the guide's space, drawn once and again when all were taken."""
 
     def __init__(self, guide: Guide, seed: int, wide: int) -> None:
         self._guide = guide
@@ -60,24 +56,20 @@ class Pool:
         self._drawn: list[list[Params]] = []
 
     def untaken(self, taken: Sequence[Params]) -> list[Params]:
-        """Return up to ``wide`` allowed designs that were not taken.
-
-        None where every one was. Raises InputError where next to none is allowed.
-        """
+        """Return up to ``wide`` allowed designs that were not taken; none where every one was."""
         self.first()
-        space = self._guide.space
-        gone = {space.key(params) for params in taken}
+        key = self._guide.space.key
+        gone = {key(params) for params in taken}
         for pool in self._drawn:
-            if left := [params for params in pool if space.key(params) not in gone]:
+            if left := [params for params in pool if key(params) not in gone]:
                 return left
         more = self.draw(np.random.default_rng([self._seed, len(self._drawn)]), self._wide)
-        known = {space.key(params) for pool in self._drawn for params in pool}
-        if any(space.key(params) not in known for params in more):
+        if left := [params for params in more if key(params) not in gone]:
             self._drawn.append(more)
-        return [params for params in more if space.key(params) not in gone]
+        return left
 
     def first(self) -> list[Params]:
-        """Return ``wide`` allowed designs, taken or not."""
+        """Return ``wide`` allowed designs; InputError where next to none is allowed."""
         if not self._drawn:
             self._drawn.append(self.draw(np.random.default_rng(self._seed), self._wide))
         return self._drawn[0]
@@ -138,15 +130,16 @@ class SurrogateSampler(BaseSampler):
             if t.number < trial.number and self._guide.space.holds(t.params)
         ]
         finished = [
-            t
-            for t in before
-            if t.state == TrialState.COMPLETE and bool(np.isfinite(t.values).all())
+            t for t in before if t.state == TrialState.COMPLETE and np.isfinite(t.values).all()
         ]
-        signs = np.array([-1.0 if d == StudyDirection.MAXIMIZE else 1.0 for d in study.directions])
+        untaken = self._pool.untaken([t.params for t in before])
+        if not untaken:
+            raise InputError("every design that passes the checks was tried")
         prediction = self._predict(finished)
         if prediction is None:
-            return self._farthest([t.params for t in before])
-        return self._improving(before, finished, prediction, signs)
+            return self._farthest(untaken, [t.params for t in before])
+        signs = np.array([-1.0 if d == StudyDirection.MAXIMIZE else 1.0 for d in study.directions])
+        return self._improving(untaken, before, finished, prediction, signs)
 
     def sample_independent(
         self,
@@ -164,9 +157,8 @@ class SurrogateSampler(BaseSampler):
 
     def exhausted(self, study: optuna.Study) -> bool:
         """Check whether every allowed design of the space was proposed."""
-        trials = study.get_trials(deepcopy=False)
-        holds = self._guide.space.holds
-        return not self._pool.untaken([t.params for t in trials if holds(t.params)])
+        proposed = [t.params for t in study.get_trials(deepcopy=False)]
+        return not self._pool.untaken(list(filter(self._guide.space.holds, proposed)))
 
     def _predict(self, finished: list[FrozenTrial]) -> Prediction | None:
         """Fit a prediction to finished trials, once for a round; None where they are few."""
@@ -182,25 +174,22 @@ class SurrogateSampler(BaseSampler):
 
     def _improving(
         self,
+        untaken: list[Params],
         before: list[FrozenTrial],
         finished: list[FrozenTrial],
         prediction: Prediction,
         signs: Array,
     ) -> Params:
         """Return the candidate that adds most to the front; none that was proposed already."""
-        space, rng = self._guide.space, np.random.default_rng([self._seed, len(before)])
+        key, rng = self._guide.space.key, np.random.default_rng([self._seed, len(before)])
         kept = [t for t in finished if max(t.constraints.values(), default=0.0) <= 0.0]
         running = [t.params for t in before if t.state == TrialState.RUNNING]
-        taken = [t.params for t in before]
         values = np.array([t.values for t in kept]).reshape(len(kept), len(signs)) * signs
         best = [t.params for t, good in zip(kept, not_dominated(values), strict=True) if good]
         there = [*(t.params for t in kept), *running]
         near = self._pool.draw(rng, self._breadth.near, best) if best else []
-        gone = {space.key(params) for params in taken}
-        untaken = self._pool.untaken(taken)
-        untaken += [params for params in near if space.key(params) not in gone]
-        # A few counts may be all there is, and then they are proposed again.
-        untaken = untaken or self._pool.first()
+        gone = {key(t.params) for t in before}
+        untaken += [params for params in near if key(params) not in gone]
         draws = prediction.draws([*untaken, *there], rng, self._breadth.draws)
         candidates, front = draws[:, : len(untaken)], draws[:, len(untaken) :]
         low, high = _ends(values, candidates.mean(axis=0))
@@ -214,18 +203,11 @@ class SurrogateSampler(BaseSampler):
         mean = ((candidates.mean(axis=0) - low) / (high - low)).max(axis=1)
         return untaken[int(np.argmin(mean))]
 
-    def _farthest(self, taken: list[Params]) -> Params:
-        """Return the design of the pool that is farthest from all that were taken.
-
-        Where every one was, that which was proposed least often.
-        """
-        space, pool = self._guide.space, self._pool.untaken(taken)
+    def _farthest(self, pool: list[Params], taken: list[Params]) -> Params:
+        """Return the design of the pool that is farthest from all that were taken."""
         if not taken:
             return pool[0]
-        if not pool:
-            often = Counter(space.key(params) for params in taken)
-            return min(self._pool.first(), key=lambda params: often[space.key(params)])
-        here, there = space.coordinates(pool), space.coordinates(taken)
+        here, there = map(self._guide.space.coordinates, (pool, taken))
         apart = np.linalg.norm(here[:, None, :] - there[None, :, :], axis=2).min(axis=1)
         return pool[int(np.argmax(apart))]
 
@@ -233,10 +215,8 @@ class SurrogateSampler(BaseSampler):
 def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:
     """Return the range that the hypervolume is scaled by, each (k,).
 
-    From the best of ``values`` (n, k) to the worst that is no outlier, or is of the front: beside
-    an outlier all others would count as equally good. The front's own range would not do: a design
-    beyond a front that is narrow so far would gain nothing. Values that are all alike, or none, say
-    nothing of the scale: then the candidates' means (m, k) do.
+    From the best of ``values`` (n, k) to the worst that is no outlier, or is of the front; that of
+    the candidates' means (m, k) where all values are alike, or none is known.
     """
     known = values if len(values) else candidates
     lower, upper = np.quantile(known, [0.25, 0.75], axis=0)
@@ -245,3 +225,36 @@ def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:
     span = np.where(high > low, high - low, np.ptp(known, axis=0))
     span = np.where(span > 0.0, span, np.ptp(candidates, axis=0))
     return low, low + np.where(span > 0.0, span, 1.0)
+
+
+def directions(rng: np.random.Generator, count: int, objectives: int) -> Array:
+    """Draw directions with positive coordinates, evenly over the sphere, (count, k)."""
+    drawn = np.abs(rng.standard_normal((count, objectives)))
+    return np.maximum(drawn / np.linalg.norm(drawn, axis=1, keepdims=True), 1e-6)
+
+
+def scales(values: Array, reference: Array, ways: Array) -> Array:
+    """Compute the scale of values (s, m, k) below a reference (k,) in directions, (s, m, w)."""
+    gain = np.maximum(reference - values, 0.0)
+    least = np.full((*values.shape[:2], len(ways)), np.inf)
+    for k in range(values.shape[2]):
+        np.minimum(least, gain[:, :, k, None] / ways[:, k], out=least)
+    return least ** values.shape[2]
+
+
+def added(candidates: Array, front: Array, reference: Array, ways: Array) -> Array:
+    """Compute the hypervolume that each candidate adds to a front, mean over draws, (m,).
+
+    ``candidates`` (s, m, k) and ``front`` (s, f, k) are drawn values.
+    """
+    own = scales(candidates, reference, ways)
+    if front.shape[1]:
+        best = scales(front, reference, ways).max(axis=1)
+        own = np.maximum(own - best[:, None, :], 0.0)
+    return own.mean(axis=(0, 2)) * volume_of(candidates.shape[2])
+
+
+def volume_of(objectives: int) -> float:
+    """Compute the volume of the part of the unit ball with positive coordinates."""
+    k = objectives
+    return float(math.pi ** (k / 2) / (2**k * math.gamma(k / 2 + 1)))

@@ -1,13 +1,10 @@
 """The search: propose designs, simulate them, tell the storage, until the budget is spent.
 
 Designs of a round are proposed together, simulated side by side and told in the order of their
-numbers, so the result does not depend on which finished first. A design that a dead run had
-proposed is simulated with the parameters it had; where the round was cut off while it was
-proposed, it is filled up. So the same seed gives the same designs, interrupted or not. Several runs
-can share a search: each proposes rounds of its own, and the designs of a dead run once more.
-
-A design of which the clock ended a shift (``sim.statistics.shift_records.unfinished``) is not told:
-the next run simulates it again.
+numbers. A round that was cut off is filled up, so the same seed gives the same designs,
+interrupted or not. Several runs can share a search: each proposes rounds of its own, and the
+designs of a dead run once more. A design of which the clock ended a shift is not told: the next
+run simulates it again.
 """
 
 from __future__ import annotations
@@ -18,6 +15,7 @@ import warnings
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 import optuna
@@ -63,15 +61,10 @@ AfterRound = Callable[[str, SearchState], None]  #: called with a line for peopl
 
 @dataclass(frozen=True)
 class Search:
-    """Handles of a search in its storage.
+    """Handles of a search in its storage; the study is in the engine that simulates its designs.
 
-    Parameters
-    ----------
-    study : the study that is searched, in the engine that simulates its designs.
-    optuna : its trials, in their storage.
-    sampler_of : gives the sampler of a proposal.
-    sharing : heartbeats and turns, where several machines share the search.
-    left_open : numbers of trials that this run leaves to the next one.
+    ``sharing`` are heartbeats and turns, where several machines share the search, ``left_open``
+    numbers of trials that this run leaves to the next one.
     """
 
     study: Setup
@@ -95,10 +88,7 @@ class Search:
 
 
 def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchState:
-    """Run the search until the study's number of trials is finished, by this run and others.
-
-    It ends sooner where the space has fewer designs than that. Give the state at its end.
-    """
+    """Run the search until the study's number of trials, or its space, is finished by all runs."""
     waiting, goal = False, search.study.file.search.trials
     with search.sharing or nullcontext():
         while True:
@@ -124,10 +114,7 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
 
 
 def next_round(search: Search) -> list[FrozenTrial]:
-    """Propose this run's next round: what a dead run left, filled up, or else new designs.
-
-    Designs that other runs have proposed count as if they were finished, so none is one too many.
-    """
+    """Propose this run's next round: what a dead run left, filled up, or else new designs."""
     settings, ids = search.study.file.search, list[int]()
     if search.sharing is None:
         names = set(search.study.variables)
@@ -140,8 +127,8 @@ def next_round(search: Search) -> list[FrozenTrial]:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ExperimentalWarning)
             fail_stale_trials(search.optuna)
-    known = search.optuna.get_trials(deepcopy=False)
-    if not any(t.user_attrs.get(PROTOTYPE) for t in known if t.state != TrialState.FAIL):
+    known = search.trials(*BEGUN, TrialState.WAITING)
+    if not any(trial.user_attrs.get(PROTOTYPE) for trial in known):
         search.optuna.enqueue_trial(search.study.prototype, user_attrs={PROTOTYPE: True})
     begun = len(search.trials(*BEGUN))
     size = -begun % settings.batch if ids else settings.batch
@@ -183,16 +170,14 @@ def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) 
     """Simulate the designs of trials that may pass, and tell all trials in order."""
     study, settings = search.study, search.study.file.expectation
     designs = [design_of(study, dict(trial.params)) for trial in trials]
-    worth = [k for k, design in enumerate(designs) if design.feasible]
-    params = [designs[k].params for k in worth]
-    found = evaluate(study, params, executor, settings.angles, settings.seed)
-    simulated = dict(zip(worth, found, strict=True))
-    for k, trial in enumerate(trials):
-        one = simulated.get(k)
+    params = [design.params for design in designs if design.feasible]
+    found = iter(evaluate(study, params, executor, settings.angles, settings.seed))
+    for trial, design in zip(trials, designs, strict=True):
+        one = next(found) if design.feasible else None
         if one is not None and one.unfinished:
             search.left_open.add(trial.number)
         else:
-            _tell(search, trial, designs[k], one)
+            _tell(search, trial, design, one)
     if not search.left_open:
         reference = reference_blocks(study, settings.angles, settings.seed)
         executor.forget({key for block in reference for key in block.keys})
@@ -238,9 +223,8 @@ def require_sampler(name: str) -> None:
 def sampler_factory(study: Setup) -> SamplerOf:
     """Return a function that gives the sampler for a proposal, by how many were asked before.
 
-    Optuna's samplers are built for each proposal, with its own seed, which makes a resumed search
-    equal to an uninterrupted one. InputError for an unknown sampler, and where no design passes
-    the checks that need no simulation.
+    Optuna's samplers are built for each proposal, with its own seed, so that a resumed search
+    equals an uninterrupted one. InputError for an unknown sampler, and where no design passes.
     """
     search = study.file.search
     require_sampler(search.sampler)
@@ -250,20 +234,20 @@ def sampler_factory(study: Setup) -> SamplerOf:
         own = SurrogateSampler(Guide(study), search.seed, startup)
         own.require_allowed()
         return lambda _: own
-    kinds: dict[str, Callable[[int], BaseSampler]] = {
-        "tpe": lambda seed: TPESampler(seed=seed, n_startup_trials=search.startup),
-        "nsga2": lambda seed: NSGAIISampler(seed=seed, population_size=search.startup),
-        "random": lambda seed: RandomSampler(seed=seed),
+    kinds: dict[str, Callable[..., BaseSampler]] = {
+        "tpe": partial(TPESampler, n_startup_trials=search.startup),
+        "nsga2": partial(NSGAIISampler, population_size=search.startup),
+        "random": RandomSampler,
     }
-    make = kinds[search.sampler]
-    return lambda number: make(int(np.random.default_rng([search.seed, number]).integers(2**31)))
+    make, rng = kinds[search.sampler], np.random.default_rng
+    return lambda number: make(seed=int(rng([search.seed, number]).integers(2**31)))
 
 
 def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
-    Raises StorageError where the storage cannot be opened, or holds a search of that name which is
-    of another configuration or is not to be resumed; InputError as ``sampler_factory``.
+    StorageError where it cannot be opened, or holds a search of that name which is another or is
+    not to be resumed; InputError as ``sampler_factory``.
     """
     sampler_of = sampler_factory(study)
     logging.getLogger("optuna").setLevel(logging.WARNING)
@@ -284,10 +268,19 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             ) from error
         if opened.metric_names is None:
             opened.set_metric_names([objective.name for objective in objectives_of(study)])
-        _require_same(study, opened, resume)
+    _require_same(study, opened, resume)
     if not isinstance(backend, RDBStorage):
         return Search(study, opened, sampler_of)
-    _require_same_versions(opened)
+    # A machine of other versions has other shifts than the others.
+    here, known = engine(), opened.user_attrs.get("versions")
+    if known is None:
+        opened.set_user_attr("versions", here)
+    elif known != here:
+        apart = ", ".join(f"{n} {known.get(n)} there and {here[n]} here" for n in here)
+        raise StorageError(
+            f"the storage holds a study that other versions simulate ({apart}); install the same "
+            "or give the study another name"
+        )
     return Search(study, opened, sampler_of, Sharing(backend, study.name))
 
 
@@ -304,19 +297,5 @@ def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
     elif not resume:
         raise StorageError(
             f"the storage holds a study '{study.name}' already; add --resume to go on with it "
-            "or give the study another name"
-        )
-
-
-def _require_same_versions(opened: optuna.Study) -> None:
-    """Refuse a machine whose shifts would differ from those of the others."""
-    here = engine()
-    known = opened.user_attrs.get("versions")
-    if known is None:
-        opened.set_user_attr("versions", here)
-    elif known != here:
-        apart = ", ".join(f"{n} {known.get(n)} there and {here[n]} here" for n in here)
-        raise StorageError(
-            f"the storage holds a study that other versions simulate ({apart}); install the same "
             "or give the study another name"
         )

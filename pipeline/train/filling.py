@@ -2,11 +2,7 @@
 
 Designs are those of a scrambled Sobol sequence over the search ranges that pass every check;
 every third one instead breaks a limit by up to ``SLACK`` of it, so that the border, where the
-best designs are, has data on both sides. What lets go of itself stays so: beyond the friction
-angle the physics is another. A sequence goes on where it ended, so more designs add to those
-simulated before.
-
-The study's own dog and the reference of its search come first.
+best designs are, has data on both sides. What lets go of itself stays so.
 """
 
 from __future__ import annotations
@@ -15,7 +11,6 @@ import math
 from collections.abc import Iterator
 from itertools import count, islice
 
-import numpy as np
 from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
@@ -24,6 +19,7 @@ from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import require_makeable
+from dogshape.surrogate.covariance import Array
 
 Values = dict[str, float]  #: a design by its variables, edge units
 SLACK = 0.15  #: of a limit, by which designs beyond the border break it
@@ -44,10 +40,7 @@ def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator
 
 
 def own_designs(study: Setup) -> list[Values]:
-    """Return the study's own dog and the reference of its search, as far as they can be simulated.
-
-    A dog that cannot be made, or whose face holds by friction, teaches nothing about others.
-    """
+    """List the study's own dog and its search's reference, unless unmade or held by friction."""
     reference = study.file.search.reference or {}
     wanted = [study.prototype]
     if set(reference) <= set(study.variables):
@@ -60,7 +53,6 @@ def own_designs(study: Setup) -> list[Values]:
 
 
 def _slides(study: Setup, design: Values) -> bool:
-    """Test that a dog can be made and that its face lets go of itself."""
     try:
         dog = study.dog_with(design)
         require_makeable(dog, study.limits.manufacturing)
@@ -76,15 +68,13 @@ def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = Tr
 
 
 def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Values]:
-    names = list(study.variables)
-    bounds = np.array(list(study.variables.values()), dtype=float)
-    sequence = qmc.Sobol(len(names), seed=seed)
+    sequence = qmc.Sobol(len(study.variables), seed=seed)
     wanted = _just_beyond if beyond else worth_simulating
     seen: set[tuple[float, ...]] = set()
     missed = 0
     while missed < DRAWS:
         for unit in sequence.random(256):
-            design = _design(names, bounds, unit)
+            design = _design(study, unit)
             missed += 1
             if tuple(design.values()) not in seen and wanted(study, design):
                 missed = 0
@@ -96,14 +86,13 @@ def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Va
         )
 
 
-def _design(names: list[str], bounds: np.ndarray, unit: np.ndarray) -> Values:
-    design: Values = {}
-    for name, (low, high), share in zip(names, bounds, unit, strict=True):
-        if name == "count":
-            design[name] = int(low + math.floor(share * (high - low + 1.0)))
-        else:
-            design[name] = round(float(low + share * (high - low)), 3)
-    return design
+def _design(study: Setup, unit: Array) -> Values:
+    return {
+        name: int(low + math.floor(share * (high - low + 1.0)))
+        if name == "count"
+        else round(float(low + share * (high - low)), 3)
+        for (name, (low, high)), share in zip(study.variables.items(), unit, strict=True)
+    }
 
 
 def _just_beyond(study: Setup, design: Values) -> bool:

@@ -44,7 +44,7 @@ def _model(folder: Path, bench: Bench) -> Model:
 
 
 def _rows(folder: Path) -> list[Record]:
-    return list(ShiftJournal(folder / "shifts.jsonl", only_read=True).rows.values())
+    return list(ShiftJournal(folder / "shifts.jsonl").rows.values())
 
 
 def _same(one: Model, other: Model) -> bool:

@@ -7,7 +7,7 @@ import pytest
 
 from dogshape.pipeline.config.operating import duty_cycles
 from dogshape.pipeline.config.study_file import Setup, bundled_studies, load_study
-from dogshape.pipeline.search.state import Trial
+from dogshape.pipeline.search.state import Trial, not_dominated
 from dogshape.pipeline.simulate.design import exact_losses, leading, objectives_of
 from dogshape.pipeline.simulate.evaluation import FIRST
 from dogshape.pipeline.simulate.executor import scratch_executor
@@ -15,7 +15,6 @@ from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.statistics.blocks import even_blocks
 from dogshape.sim.units import RPM
-from dogshape.surrogate.hypervolume import not_dominated
 from dogshape.surrogate.query import require_same_physics
 
 TWO = "[{mismatch_rpm=-50, force_N=300, weight=3}, {mismatch_rpm=80, force_N=469}]"

@@ -15,7 +15,7 @@ from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.search.tolerance_effects import tolerance_time
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training_rows import (
-    known_surrogate,
+    stored_surrogate,
     study_mix,
 )
 from dogshape.sim.clutch_tables import MechanismSection
@@ -210,8 +210,7 @@ def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
 
 
 def test_a_wider_gap_adds_the_flight_of_all_that_moves() -> None:
-    stored = known_surrogate(load_study("mq200_paper"))
-    assert stored is not None
+    stored, _ = stored_surrogate(load_study("mq200_paper"), None)
     plain, heavy = (
         load_study("mq200_paper"),
         load_study("mq200_paper", _mechanism(added_mass_kg=0.9)),
