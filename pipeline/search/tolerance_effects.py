@@ -1,10 +1,8 @@
 """Changes of a design's margins and expected shift time within its tolerances.
 
-Margins follow from the closed forms. The time takes its slopes from the surrogate, which
-averages over many designs: a tolerance moves the time by less than the standard error of
-simulating it at either end. The axial gap is no searched dimension; what it adds is free
-flight, in closed form. Diameters scale speed and width of the dogs alike, and the root
-radius is not simulated; neither is counted.
+Margins follow from the closed forms, slopes of the time from the surrogate: a tolerance moves the
+time by less than the standard error of simulating it. The axial gap adds free flight, in closed
+form. Diameters scale speed and width alike, and the root radius is not simulated: neither counts.
 """
 
 from __future__ import annotations
@@ -70,25 +68,18 @@ def tolerance_time(
     if gap := tolerances.get("axial_gap"):
         moves["axial_gap"] = _gap_time(study, mix, gap)
     spread = Spread(moves, sum(abs(move) for move in moves.values()))
-    return ToleranceTime(
-        worst_case_s=spread.worst_case,
-        root_sum_square_s=spread.root_sum_square,
-        by_dimension_s=moves,
-    )
+    whole, squares = spread.worst_case, spread.root_sum_square
+    return ToleranceTime(worst_case_s=whole, root_sum_square_s=squares, by_dimension_s=moves)
 
 
 def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
-    """Return the free flight that a wider gap adds, s, mean over the operating points.
-
-    Of all masses that move with the ring; what rubs on it changes this by less than its error.
-    """
+    """Return the free flight that a wider gap adds, s, mean over the operating points."""
     clutch, gap = study.clutch, study.clutch.dog.axial_gap
     mass = clutch.rings.mass + clutch.mechanism.added_mass
     ends = (gap + tolerance, max(0.0, gap - tolerance))
-    profiles = [study.actuation.at_sleeve(force) for force in mix.points[:, 1].tolist()]
-    times = [
-        [profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends]
-        for profile in profiles
-    ]
-    added = [0.5 * (wide - narrow) for wide, narrow in times]
+    added = []
+    for force in mix.points[:, 1].tolist():
+        profile = study.actuation.at_sleeve(force)
+        wide, narrow = (profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends)
+        added.append(0.5 * (wide - narrow))
     return float(mix.weights @ added)

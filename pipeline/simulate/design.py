@@ -1,8 +1,7 @@
 """One design of a search: its dog, its checks and its objectives.
 
-Most constraints cost nothing and are known before anything is simulated; the hardest
-landing comes with the simulation. A constraint is a check's margin with its sign
-turned, feasible at or below zero.
+A constraint is a check's margin with its sign turned, feasible at or below zero. Most are known
+before anything is simulated.
 """
 
 from __future__ import annotations
@@ -51,10 +50,7 @@ ENGAGEMENT = Rule(
 
 @dataclass(frozen=True)
 class Design:
-    """Searched keys in edge units with what follows from them.
-
-    ``dog`` is None where the shape is impossible, and ``refusal`` says why.
-    """
+    """Searched keys in edge units with what follows; ``refusal`` is why there is no ``dog``."""
 
     params: dict[str, float]
     dog: Dog | None
@@ -91,11 +87,8 @@ class Design:
 class Measured:
     """Simulated values that the checks of a design are judged by.
 
-    Parameters
-    ----------
-    demand : what landings make faces and edges bear.
-    limited : simulated quantities that ``search.limits`` bounds, by name.
-    engaged : least share of the shifts that engage, of any operating point.
+    ``limited`` are those that ``search.limits`` bounds, by name, ``engaged`` the least share of the
+    shifts that engage, of any operating point.
     """
 
     demand: Demand
@@ -104,7 +97,7 @@ class Measured:
 
 
 def design_of(study: Setup, params: dict[str, float], measured: Measured | None = None) -> Design:
-    """Work out a design; an impossible shape is a design that is not feasible.
+    """Work out a design, not feasible where the shape is impossible.
 
     ``measured`` is what was simulated of it, None before that.
     """
@@ -114,26 +107,15 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
     except GeometryError as error:
         return Design(params, None, (), str(error))
     bare = Design(params, dog, strength_checks(dog, study.limits), "")
-    checks = bare.checks + _limit_checks(study, bare, dog, measured)
+    checks, known = [*bare.checks], {} if measured is None else measured.limited
+    for quantity, limit in limits_of(study):
+        exact = quantity.exact and quantity.exact(study, bare, dog)
+        if (value := known.get(quantity.name, exact)) is not None:
+            checks.append(Check(quantity.rule, value, limit))
     if measured is not None:
         checks += demand_checks(measured.demand, study.limits)
-        checks += (Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED),)
-    return replace(bare, checks=checks)
-
-
-def _limit_checks(
-    study: Setup, design: Design, dog: Dog, measured: Measured | None
-) -> tuple[Check, ...]:
-    """Return the checks of ``search.limits``; what a simulation has to say only where it did."""
-    found = []
-    for quantity, limit in limits_of(study):
-        if quantity.exact is not None:
-            value: float | None = quantity.exact(study, design, dog)
-        else:
-            value = None if measured is None else measured.limited.get(quantity.name)
-        if value is not None:
-            found.append(Check(quantity.rule, value, limit))
-    return tuple(found)
+        checks.append(Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED))
+    return replace(bare, checks=tuple(checks))
 
 
 def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
@@ -151,9 +133,8 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
 class Objective:
     """Something to minimise, or to maximise: label and unit for reports.
 
-    ``exact`` is its value where the shape alone says it, ``by_checks`` if through its checks; None
-    where a simulation has to (``pipeline.simulate.evaluation``). No value lies beyond ``least`` and
-    ``most``.
+    ``exact`` gives its value from the shape, ``by_checks`` if through the checks; None where it is
+    simulated (``pipeline.simulate.evaluation``). No value lies beyond ``least`` and ``most``.
     """
 
     name: str
@@ -192,8 +173,8 @@ _losses = lru_cache(maxsize=256)(margin_losses)
 def margins_within(study: Setup, design: Design) -> Within:
     """Return each margin's worst case and root sum of squares, by the check's name.
 
-    What is a worst case itself stands for its own; the landing has none. A tolerance that
-    leaves no dog makes a margin minus infinity.
+    A worst case stands for its own; the landing has none. It is minus infinity where a tolerance
+    leaves no dog.
     """
     if design.dog is None:
         return {}
@@ -209,10 +190,9 @@ def margins_within(study: Setup, design: Design) -> Within:
 
 
 def margins_kept(study: Setup, design: Design) -> dict[str, float]:
-    """Compute the margins of a design's checks that the study asks for, by name.
+    """Compute the margins of a design's checks, by name.
 
-    Where it bounds the smallest margin at worst-case tolerances, those are at worst-case
-    tolerances, and stand for that limit.
+    They are at worst-case tolerances where the study bounds the smallest of these.
     """
     every = {check.name: check.margin for check in design.checks}
     if every.pop(WORST, None) is None:
@@ -289,10 +269,9 @@ def objectives_of(study: Setup) -> list[Objective]:
 
 
 def limits_of(study: Setup) -> list[tuple[Objective, float]]:
-    """Return the quantities that the study bounds with their bounds.
+    """Return the quantities that the study bounds with their bounds, upper ones if less is better.
 
-    An upper bound where less is better, else a lower one. An unknown name raises InputError, and a
-    bound that no design can keep.
+    InputError for an unknown name, and for a bound that no design can keep.
     """
     found = []
     for name, limit in (study.file.search.limits or {}).items():
@@ -337,10 +316,7 @@ def exact_values(study: Setup, design: Design) -> dict[str, float]:
 def values_of(
     study: Setup, design: Design, simulated: Mapping[str, float] | None = None
 ) -> list[float]:
-    """Return all objective values in the study's order; ``simulated`` ones are given by name.
-
-    What is unknown, because the design is infeasible and was not simulated, is infinitely bad.
-    """
+    """Return all objective values in the study's order, unknown ones infinitely bad."""
     known = {**exact_values(study, design), **(simulated or {})}
     return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
 
@@ -353,9 +329,9 @@ def exact_losses(study: Setup, designs: Sequence[dict[str, float]]) -> Array:
     for params in designs:
         try:
             dog = None if checked else study.dog_with(params)
-            design = design_of(study, params) if checked else Design(params, dog, (), "")
-        except GeometryError as error:
-            design = Design(params, None, (), str(error))
+        except GeometryError:
+            dog = None
+        design = design_of(study, params) if checked else Design(params, dog, (), "")
         exact = exact_values(study, design)
         rows.append([o.sign * exact.get(o.name, math.nan) for o in objectives])
     return np.array(rows, dtype=float).reshape(len(designs), len(objectives))

@@ -1,18 +1,10 @@
 """From a design to what is simulated of it: blocks out, expectation and measured checks back.
 
-Each simulated objective has its standard error (``ESTIMATORS``; ``docs/studies.md`` defines them).
-The worst operating point of many with errors alike is too large by one to two of them. Forces are
+``docs/studies.md`` defines the simulated objectives (``ESTIMATORS``) and their errors. Forces are
 those of the whole ring, means over one step of the integration, of rigid rings on the stiffness of
-the dogs, with which they grow; the largest axial and tangential ones need not come at one time. A
-shift that does not engage counts with what it struck; one whose integration failed is left out.
-Where all failed an objective is NaN: the design counts as not simulated. The smallest margin has
-the landing's, which is an extreme, so no standard error is given: it is zero.
-
-``expect_to`` doubles the even angles until the mean has a wanted standard error. One from few
-shifts may be small by luck, so none is believed before there are 24.
-
-``life_of`` simulates the worn shape (``sim.strength.wear``) at each stage of a life, at angles that
-the search did not use. Wear by a rate follows the energy of the stage before.
+the dogs. A shift that does not engage counts with what it struck; one whose integration failed is
+left out. Where all failed an objective is NaN: the design counts as not simulated. The smallest
+margin has the landing's, an extreme, so its standard error is zero.
 """
 
 from __future__ import annotations
@@ -62,10 +54,9 @@ from dogshape.surrogate.dataset import rows_of
 
 @dataclass(frozen=True)
 class Shifts:
-    """All shifts of a design: records of each operating point and what they gave.
+    """All shifts of a design by operating point; ``design`` knows its hardest landing.
 
-    ``design`` knows its hardest landing; ``reference`` is the expectation of ``search.reference``
-    at the same points, None where nothing refers to it.
+    ``reference`` is the expectation of ``search.reference``, None where nothing refers to it.
     """
 
     study: Setup
@@ -81,7 +72,9 @@ class Shifts:
 
 
 def _expected_time(shifts: Shifts) -> Estimate:
-    return Estimate(shifts.expectation.mean, shifts.expectation.standard_error)
+    found = shifts.expectation
+    parts = tuple((p.point.weight * p.standard_error) ** 2 for p in found.points)
+    return Estimate(found.mean, found.standard_error, parts)
 
 
 def _quantile(shifts: Shifts) -> Estimate:
@@ -92,8 +85,7 @@ def _quantile(shifts: Shifts) -> Estimate:
 
 
 def _slower(shifts: Shifts) -> Estimate:
-    if shifts.reference is None:
-        raise ValueError("the reference was not simulated")
+    assert shifts.reference is not None  # ``reference_blocks`` are simulated for this
     pairs = zip(shifts.expectation.points, shifts.reference.points, strict=True)
     one, other = max(pairs, key=lambda pair: pair[0].mean - pair[1].mean)
     error = math.hypot(one.standard_error, other.standard_error)
@@ -164,14 +156,9 @@ Params = dict[str, float]  #: searched keys of a design, edge units
 class Simulated:
     """Expectation and loads from the shifts of a design.
 
-    Parameters
-    ----------
-    expectation : shift time over all operating points.
-    measured : values that the checks are judged by.
-    rows : for the surrogate, one for each operating point, as ``surrogate.dataset.rows_of``.
-    estimates : all simulated objectives, by name.
-    shifts : number of shifts; ``unfinished`` of them the clock ended.
-    failed : number of shifts whose integration failed, by reason.
+    ``rows`` are those of ``surrogate.dataset.rows_of``, ``estimates`` all simulated objectives by
+    name, ``unfinished`` the number of shifts that the clock ended, ``failed`` of those whose
+    integration failed, by reason.
     """
 
     expectation: Expectation
@@ -213,8 +200,7 @@ def evaluate(
 ) -> list[Simulated]:
     """Simulate designs side by side, ``angles`` at every operating point, and evaluate them.
 
-    Raises GeometryError for a dog that cannot be made, before anything is simulated; not without
-    ``require_made``.
+    With ``require_made`` a dog that cannot be made raises GeometryError before.
     """
     for params in designs if require_made else []:
         require_makeable(study.dog_with(params), study.limits.manufacturing)
@@ -271,13 +257,11 @@ def _as_searched(
 ) -> list[Shift]:
     """Rewrite shifts of a design that is operated in its own way as the search sees them.
 
-    Set-point, force and rise are variables of the design to it, and an operating point is one of
-    the study's own, so that designs that are operated differently meet at the same points. A shift
-    has the moved point in its record instead.
+    Operation is a variable, and points are the study's own, so that designs meet at the same ones.
     """
-    if not study.searches_operation:
-        return [shift for mine in rows for shift in mine]
     keys = [key for key in study.variables if key in OPERATED]
+    if not keys:
+        return [shift for mine in rows for shift in mine]
     own = {key: operation.get(key, study.prototype[key]) for key in keys}
     return [
         {**shift, "mismatch_rpm": point.mismatch / RPM, **point.profile.record, **own}
@@ -301,14 +285,13 @@ def demand_over(
 ) -> Demand:
     """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""
     limits, share = study.limits, study.limits.load.landing_share
+    landings = [[landing_of(row) for row in mine] for mine in rows]
     if share is None:
-        return demand_of(dog, hardest(landing_of(row) for mine in rows for row in mine), limits)
-    weights = [
-        found.point.weight / len(mine)
-        for found, mine in zip(expectation.points, rows, strict=True)
-        for _ in mine
-    ]
-    every = [demand_of(dog, landing_of(row), limits) for mine in rows for row in mine]
+        return demand_of(dog, hardest(one for mine in landings for one in mine), limits)
+    every, weights = [], []
+    for found, mine in zip(expectation.points, landings, strict=True):
+        every += [demand_of(dog, landing, limits) for landing in mine]
+        weights += [found.point.weight / len(mine)] * len(mine)
     return exceeded(every, weights, share)
 
 
@@ -349,9 +332,9 @@ def expect_to(
     executor: Executor,
     progress: WorkCounter,
 ) -> Precise:
-    """Return the expectation over ``points`` to a relative standard error ``precision``.
+    """Double the even angles until the expectation over points has a relative standard error.
 
-    Where that cannot be reached, the last round is returned and progress says why.
+    The last round is returned where that is not reached, and progress says why.
     """
     count, seed = FIRST, study.file.expectation.seed
     while True:
@@ -396,9 +379,9 @@ class LifeStage(Record):
 def life_of(
     study: Setup, params: Mapping[str, float], wear: Wear, executor: Executor
 ) -> list[LifeStage]:
-    """Simulate a design over its life, at each of ``STAGES``.
+    """Simulate a design over its life, at each of ``STAGES`` and at new angles.
 
-    Raises GeometryError where a worn dog cannot be.
+    Wear by a rate follows the energy of the stage before. GeometryError where no worn dog can be.
     """
     own, new = study.operated(params), study.dog_with(dict(params))
     loss, found, before = 0.0, list[LifeStage](), 0.0
@@ -442,8 +425,7 @@ def _stage(study: Setup, new: Dog, dog: Dog, executor: Executor, **worn_so_far: 
 def life_checks(study: Setup, new: Dog, dog: Dog) -> tuple[Check, ...]:
     """Return the closed-form checks of a worn ``dog`` that was ``new``, without manufacture.
 
-    What bends the root counts as the worse of worn and new: a worn dog is loaded lower above its
-    root. The share of the height that touches is that of the new height.
+    A load counts as the worse of worn and new, and contact is a share of the new height.
     """
     fresh = {check.name: check for check in strength_checks(new, study.limits)}
     found = []
