@@ -43,8 +43,7 @@ from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.guide import LANDING, Guide, Space
-from dogshape.pipeline.search.sampler import Pool, SurrogateSampler
+from dogshape.pipeline.search.sampler import LANDING, Guide, Pool, Space, SurrogateSampler
 from dogshape.pipeline.search.search import open_search, run
 from dogshape.pipeline.search.state import SearchState, not_dominated
 from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of

@@ -15,18 +15,14 @@ import warnings
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
-from functools import partial
 
-import numpy as np
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
-from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESampler
 from optuna.storages import RDBStorage, fail_stale_trials
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.guide import Guide, Space
-from dogshape.pipeline.search.sampler import SurrogateSampler
+from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.state import (
     FAILED,
     PROTOTYPE,
@@ -51,11 +47,10 @@ from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
 from dogshape.surrogate.model import MIN_DESIGNS
 
-SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
+SAMPLERS = ("surrogate", "space_filling")
 WAIT = 0.5  #: s between looks at what other machines do
 BEGUN = (TrialState.RUNNING, TrialState.COMPLETE)
 
-SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a proposal by its number
 AfterRound = Callable[[str, SearchState], None]  #: called with a line for people, and the state
 
 
@@ -69,7 +64,6 @@ class Search:
 
     study: Setup
     optuna: optuna.Study
-    sampler_of: SamplerOf
     sharing: Sharing | None = None
     left_open: set[int] = field(default_factory=set)
 
@@ -132,9 +126,7 @@ def next_round(search: Search) -> list[FrozenTrial]:
         search.optuna.enqueue_trial(search.study.prototype, user_attrs={PROTOTYPE: True})
     begun = len(search.trials(*BEGUN))
     size = -begun % settings.batch if ids else settings.batch
-    for number in range(begun, min(begun + size, settings.trials)):
-        # Seeded by its number alone, a proposal does not depend on where a round was cut off.
-        search.optuna.sampler = search.sampler_of(number)
+    for _ in range(begun, min(begun + size, settings.trials)):
         if _none_left(search):
             break
         ids.append(_propose(search))
@@ -159,11 +151,11 @@ def _propose(search: Search) -> int:
 
 
 def _none_left(search: Search) -> bool:
-    """Check whether the study's own sampler could only propose designs again."""
-    if search.trials(TrialState.WAITING):
-        return False
-    sampler = search.sampler_of(len(search.trials(*BEGUN)))
-    return isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
+    """Check whether the sampler could only propose designs again."""
+    waiting, sampler = search.trials(TrialState.WAITING), search.optuna.sampler
+    return (
+        not waiting and isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
+    )
 
 
 def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) -> None:
@@ -220,36 +212,24 @@ def require_sampler(name: str) -> None:
         raise InputError(f"search.sampler is '{name}', which is not a sampler; {hint}")
 
 
-def sampler_factory(study: Setup) -> SamplerOf:
-    """Return a function that gives the sampler for a proposal, by how many were asked before.
-
-    Optuna's samplers are built for each proposal, with its own seed, so that a resumed search
-    equals an uninterrupted one. InputError for an unknown sampler, and where no design passes.
-    """
+def sampler_of(study: Setup) -> SurrogateSampler:
+    """Make the sampler of a study; InputError where it is unknown, and where no design passes."""
     search = study.file.search
     require_sampler(search.sampler)
-    if search.sampler in ("surrogate", "space_filling"):
-        startup = max(search.startup, MIN_DESIGNS)
-        startup = startup if search.sampler == "surrogate" else search.trials
-        own = SurrogateSampler(Guide(study), search.seed, startup)
-        own.require_allowed()
-        return lambda _: own
-    kinds: dict[str, Callable[..., BaseSampler]] = {
-        "tpe": partial(TPESampler, n_startup_trials=search.startup),
-        "nsga2": partial(NSGAIISampler, population_size=search.startup),
-        "random": RandomSampler,
-    }
-    make, rng = kinds[search.sampler], np.random.default_rng
-    return lambda number: make(seed=int(rng([search.seed, number]).integers(2**31)))
+    learns = search.sampler == "surrogate"
+    startup = max(search.startup, MIN_DESIGNS) if learns else search.trials
+    sampler = SurrogateSampler(Guide(study), search.seed, startup)
+    sampler.require_allowed()
+    return sampler
 
 
 def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
     StorageError where it cannot be opened, or holds a search of that name which is another or is
-    not to be resumed; InputError as ``sampler_factory``.
+    not to be resumed; InputError as ``sampler_of``.
     """
-    sampler_of = sampler_factory(study)
+    sampler = sampler_of(study)
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ExperimentalWarning)
@@ -258,6 +238,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             opened = optuna.create_study(
                 study_name=study.name,
                 storage=backend,
+                sampler=sampler,
                 directions=["maximize" if o.maximise else "minimize" for o in objectives_of(study)],
                 load_if_exists=True,
             )
@@ -270,7 +251,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             opened.set_metric_names([objective.name for objective in objectives_of(study)])
     _require_same(study, opened, resume)
     if not isinstance(backend, RDBStorage):
-        return Search(study, opened, sampler_of)
+        return Search(study, opened)
     # A machine of other versions has other shifts than the others.
     here, known = engine(), opened.user_attrs.get("versions")
     if known is None:
@@ -281,7 +262,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             f"the storage holds a study that other versions simulate ({apart}); install the same "
             "or give the study another name"
         )
-    return Search(study, opened, sampler_of, Sharing(backend, study.name))
+    return Search(study, opened, Sharing(backend, study.name))
 
 
 def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:

@@ -20,8 +20,7 @@ from dogshape.pipeline.config.schema import VariablesSection
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.search.confirmation import shifts_to_confirm
-from dogshape.pipeline.search.guide import Guide, Space
-from dogshape.pipeline.search.sampler import SurrogateSampler
+from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.search import sampler_factory
 from dogshape.pipeline.search.state import SIMULATION
 from dogshape.pipeline.simulate import executor

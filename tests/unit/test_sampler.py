@@ -12,8 +12,15 @@ import pytest
 from optuna.trial import FrozenTrial
 from scipy.special import ndtr
 
-from dogshape.pipeline.search.guide import NEAR, Params, Response, Space
-from dogshape.pipeline.search.sampler import Breadth, Pool, SurrogateSampler
+from dogshape.pipeline.search.sampler import (
+    NEAR,
+    Breadth,
+    Params,
+    Pool,
+    Response,
+    Space,
+    SurrogateSampler,
+)
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.hypervolume import added, directions, scales, volume_of

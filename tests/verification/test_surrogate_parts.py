@@ -10,7 +10,7 @@ from scipy.special import jv
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-from dogshape.pipeline.search.guide import TERMS
+from dogshape.pipeline.search.sampler import TERMS
 from dogshape.surrogate.covariance import (
     Array,
     Covariance,
