@@ -329,11 +329,10 @@ class SearchSection(Section):
     """Objectives, sampler and budget of the search.
 
     ``limits``: bounds on any quantity of ``pipeline.simulate.design``. ``within_s``: time of the
-    share that engages at the first try. ``reference``: keys of the dog that no operating point may
-    be slower than; those absent are the study's own. ``confirm_designs``: designs of the front that
-    are confirmed, at most; others are not on the front of the result. ``confirm_angles``: new
-    relative angles of each operating point at which Drake simulates such a design.
-    ``audit_shifts``: shifts of the search that Drake simulates again, drawn at random.
+    share that engages at the first try. ``confirm_designs``: designs of the front that are
+    confirmed, at most; others are not on the front of the result. ``confirm_angles``: new relative
+    angles of each operating point at which Drake simulates such a design. ``audit_shifts``: shifts
+    of the search that Drake simulates again, drawn at random.
     """
 
     objectives: list[str] = Field(
@@ -350,7 +349,6 @@ class SearchSection(Section):
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = later(QUANTILE)
     limits: dict[str, float] | None = later()
     within_s: Annotated[float, Field(gt=0.0)] | None = later()
-    reference: dict[str, float] | None = later()
 
 
 class SolverSection(Section):

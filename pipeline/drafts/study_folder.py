@@ -78,7 +78,6 @@ BOUND = {
     "strike": (*DIAMETERS, *INERTIAS, TORQUE),
     "load.pull_out_force_limit_N": (ACTUATOR,),
     "load.abuse_torque_Nm": (TORQUE,),
-    "search.reference": DIAMETERS,
     "search.within_s": (*DIAMETERS, *INERTIAS, MASS, ACTUATOR),
 }
 #: Limits of a search in units of their own are void with any of these.

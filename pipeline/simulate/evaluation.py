@@ -13,9 +13,10 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 from dogshape.pipeline.config.operating import OPERATED
-from dogshape.pipeline.config.study_file import VARIABLES, Setup
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.simulate.design import (
@@ -27,7 +28,6 @@ from dogshape.pipeline.simulate.design import (
     simulated_limits,
 )
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import MESSAGES, Outcome
 from dogshape.sim.shift.geometry import Dog
@@ -56,7 +56,7 @@ from dogshape.surrogate.dataset import rows_of
 class Shifts:
     """All shifts of a design by operating point; ``design`` knows its hardest landing.
 
-    ``reference`` is the expectation of ``search.reference``, None where nothing refers to it.
+    ``reference`` is the expectation of the study's own dog, None where nothing refers to it.
     """
 
     study: Setup
@@ -69,6 +69,18 @@ class Shifts:
     def weights(self) -> list[float]:
         """Weights of the operating points."""
         return [found.point.weight for found in self.expectation.points]
+
+    def mean(self, value: Callable[[Shift], float]) -> Estimate:
+        """Compute the mean over the mix of what each shift that did not fail has."""
+        return mean_over(self.weights, integrated(self.rows, value))
+
+
+def integrated(
+    rows: Sequence[Sequence[Shift]], value: Callable[[Shift], float]
+) -> list[list[float]]:
+    """Select the shifts of each operating point whose integration did not fail."""
+    failed = Outcome.DIVERGED.value
+    return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
 
 
 def _expected_time(shifts: Shifts) -> Estimate:
@@ -85,7 +97,7 @@ def _quantile(shifts: Shifts) -> Estimate:
 
 
 def _slower(shifts: Shifts) -> Estimate:
-    assert shifts.reference is not None  # ``reference_blocks`` are simulated for this
+    assert shifts.reference is not None  # ``evaluate`` simulates it for this
     pairs = zip(shifts.expectation.points, shifts.reference.points, strict=True)
     one, other = max(pairs, key=lambda pair: pair[0].mean - pair[1].mean)
     error = math.hypot(one.standard_error, other.standard_error)
@@ -94,30 +106,12 @@ def _slower(shifts: Shifts) -> Estimate:
 
 def _first_try(shifts: Shifts) -> Estimate:
     within = shifts.study.file.search.within_s or shifts.study.clutch.timeout
-
-    def in_time(row: Shift) -> float:
-        return float(row["shift_time_s"] is not None and row["shift_time_s"] <= within)
-
-    return _mean(shifts, in_time)
+    return shifts.mean(lambda row: float((row["shift_time_s"] or math.inf) <= within))
 
 
 def _strike_torque(shifts: Shifts) -> Estimate:
-    dog = shifts.design.dog
-    radius = 0.0 if dog is None else dog.mean_radius
-    return _mean(shifts, lambda row: radius * row["peak_tangential_force_N"])
-
-
-def _mean(shifts: Shifts, value: Callable[[Shift], float]) -> Estimate:
-    """Compute the mean over the mix of what each shift that did not fail has."""
-    return mean_over(shifts.weights, integrated(shifts.rows, value))
-
-
-def integrated(
-    rows: Sequence[Sequence[Shift]], value: Callable[[Shift], float]
-) -> list[list[float]]:
-    """Select the shifts of each operating point whose integration did not fail."""
-    failed = Outcome.DIVERGED.value
-    return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
+    radius = shifts.design.dog.mean_radius if shifts.design.dog else 0.0
+    return shifts.mean(lambda row: radius * row["peak_tangential_force_N"])
 
 
 #: What each simulated objective is worked out by.
@@ -130,12 +124,12 @@ ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
     ),
     REFERRED: _slower,
     "first_try_share": _first_try,
-    "peak_axial_force_N": lambda shifts: _mean(shifts, lambda row: row["peak_axial_force_N"]),
+    "peak_axial_force_N": lambda shifts: shifts.mean(lambda row: row["peak_axial_force_N"]),
     "strike_torque_Nm": _strike_torque,
-    "impact_impulse_Ns": lambda shifts: _mean(shifts, lambda row: row["impact_impulse_Ns"]),
-    "impact_energy_J": lambda shifts: _mean(shifts, lambda row: row["energy_dissipated_J"]),
-    "peak_impact_force_N": lambda shifts: _mean(
-        shifts, lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
+    "impact_impulse_Ns": lambda shifts: shifts.mean(lambda row: row["impact_impulse_Ns"]),
+    "impact_energy_J": lambda shifts: shifts.mean(lambda row: row["energy_dissipated_J"]),
+    "peak_impact_force_N": lambda shifts: shifts.mean(
+        lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
     ),
     "smallest_margin": lambda shifts: Estimate(smallest_margin(shifts.design.checks).margin, 0.0),
 }
@@ -182,11 +176,10 @@ def design_blocks(study: Setup, params: Params, angles: int, seed: int) -> list[
 
 
 def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
-    """Return the shifts of ``search.reference``; none where no objective or limit refers to it."""
+    """Return the shifts of the study's own dog; none where no objective or limit refers to it."""
     if REFERRED not in estimated(study):
         return []
-    clutch = study.clutch.with_dog(reference_of(study))
-    return even_blocks(clutch, study.points, angles, seed, uncertainty=study.uncertainty)
+    return even_blocks(study.clutch, study.points, angles, seed, uncertainty=study.uncertainty)
 
 
 def evaluate(
@@ -204,15 +197,14 @@ def evaluate(
     """
     for params in designs if require_made else []:
         require_makeable(study.dog_with(params), study.limits.manufacturing)
-    blocks = [design_blocks(study, params, angles, seed) for params in designs]
+    groups = [design_blocks(study, params, angles, seed) for params in designs]
     referred = reference_blocks(study, angles, seed)
-    found = iter(executor.run([block for group in (*blocks, referred) for block in group]))
-    shifts = [[next(found) for _ in group] for group in blocks]
-    others = [next(found) for _ in referred]
-    beside = expectation_of(study, [b.point for b in referred], others) if referred else None
+    rows = iter(executor.run([block for group in (*groups, referred) for block in group]))
+    found = [list(islice(rows, len(group))) for group in groups]
+    beside = expectation_of(study, study.points, list(rows)) if referred else None
     return [
-        _simulated(study, params, [b.point for b in group], rows, beside)
-        for params, group, rows in zip(designs, blocks, shifts, strict=True)
+        _simulated(study, params, [block.point for block in group], mine, beside)
+        for params, group, mine in zip(designs, groups, found, strict=True)
     ]
 
 
@@ -227,8 +219,7 @@ def _simulated(
     expectation = expectation_of(study, points, rows)
     demand = demand_over(study, dog, expectation, rows)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
-    design = Design({}, dog, checks, "")
-    simulated = Shifts(study, design, expectation, rows, reference)
+    simulated = Shifts(study, Design({}, dog, checks, ""), expectation, rows, reference)
     estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
     limited = {name: estimates[name].value for name in simulated_limits(study)}
     # Shifts whose integration failed say nothing of engagement.
@@ -268,16 +259,6 @@ def _as_searched(
         for point, mine in zip(study.points, rows, strict=True)
         for shift in mine
     ]
-
-
-def reference_of(study: Setup) -> Dog:
-    """Build the dog that ``search.reference`` names; the study's own without it."""
-    given = study.file.search.reference or {}
-    for name in given:
-        if name not in VARIABLES:
-            hint = did_you_mean(name, VARIABLES)
-            raise InputError(f"search.reference has '{name}', which is no key of the dog; {hint}")
-    return study.dog_with(dict(given))
 
 
 def demand_over(
@@ -336,25 +317,24 @@ def expect_to(
 
     The last round is returned where that is not reached, and progress says why.
     """
-    count, seed = FIRST, study.file.expectation.seed
+    count, seed, unsure = FIRST, study.file.expectation.seed, study.uncertainty
     while True:
-        unsure = study.uncertainty
         blocks = even_blocks(study.clutch, points, count, seed, FIRST, uncertainty=unsure)
         rows = executor.run(blocks)
         found = expectation_of(study, points, rows)
-        share = found.standard_error / found.mean
-        shifts = len(points) * count
+        share, shifts = found.standard_error / found.mean, len(points) * count
         if any(p.mean_engaged is None for p in found.points):
             progress.say("nothing engages at some operating point: no precision can be reached")
-        elif share > precision and count >= MOST:
+            return Precise(found, blocks, rows)
+        if share <= precision and shifts >= ENOUGH:
+            return Precise(found, blocks, rows)
+        if share > precision and count >= MOST:
             progress.say(f"{share:.1%} is what {MOST} angles at each operating point give")
-        elif share > precision or shifts < ENOUGH:
-            few = ", from too few to trust" if share <= precision else ""
-            progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
-            count *= 2
-            progress.extend(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
-            continue
-        return Precise(found, blocks, rows)
+            return Precise(found, blocks, rows)
+        few = ", from too few to trust" if share <= precision else ""
+        progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
+        count *= 2
+        progress.extend(shifts)
 
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life

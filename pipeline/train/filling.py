@@ -40,25 +40,13 @@ def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator
 
 
 def own_designs(study: Setup) -> list[Values]:
-    """List the study's own dog and its search's reference, unless unmade or held by friction."""
-    reference = study.file.search.reference or {}
-    wanted = [study.prototype]
-    if set(reference) <= set(study.variables):
-        wanted.append({**study.prototype, **reference})
-    return [
-        design
-        for place, design in enumerate(wanted)
-        if design not in wanted[:place] and _slides(study, design)
-    ]
-
-
-def _slides(study: Setup, design: Values) -> bool:
+    """List the study's own dog, unless it cannot be made or its face is held by friction."""
     try:
-        dog = study.dog_with(design)
-        require_makeable(dog, study.limits.manufacturing)
+        require_makeable(study.clutch.dog, study.limits.manufacturing)
     except GeometryError:
-        return False
-    return dog.chamfer > math.atan(study.limits.load.friction_release)
+        return []
+    slides = study.clutch.dog.chamfer > math.atan(study.limits.load.friction_release)
+    return [study.prototype] if slides else []
 
 
 def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = True) -> list[Values]:
