@@ -148,7 +148,7 @@ def other_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
     limiting = LANDING if isinstance(sampler, AllowedGP) else None
     while clock() - begun < 60.0 * minutes and asked < MOST_ASKED:
         asked += 1
-        trial = search.ask(Space(study.variables).distributions)
+        trial = search.ask(Space(study.variables).trial(study.prototype).distributions)
         design = design_of(study, dict(trial.params))
         times: dict[str, float] = {SIMULATED: worst}
         simulated = design.feasible
@@ -184,11 +184,11 @@ def clock() -> float:
 
 def first_designs(study: Setup, seed: int) -> list[Values]:
     """Return the designs that a search of this project begins with."""
-    asked = optuna.create_study(
-        directions=["minimize"] * 2, sampler=SurrogateSampler(Guide(study), seed, START)
-    )
-    asked.enqueue_trial(study.prototype)
-    return [dict(asked.ask(Space(study.variables).distributions).params) for _ in range(START)]
+    sampler, space = SurrogateSampler(Guide(study), seed, START), Space(study.variables)
+    trials = [space.trial(study.prototype)]
+    while len(trials) < START:
+        trials.append(space.trial(sampler.propose(trials) or {}))
+    return [trial.params for trial in trials]
 
 
 def run_and_keep(sampler: str, seed: int, minutes: float, path: Path) -> str:

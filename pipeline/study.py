@@ -21,7 +21,6 @@ from dogshape.pipeline.search.state import (
     PROTOTYPE,
     SearchState,
     Trial,
-    distinct,
     standings,
 )
 from dogshape.pipeline.search.tolerance_effects import smallest_within, tolerance_time
@@ -190,7 +189,7 @@ def _life(
 def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Record | None:
     """Simulate shifts of the search again in Drake; None where Drake does not judge."""
     study, shifts = state.study, state.study.file.search.audit_shifts
-    designs = [trial.params for trial in distinct(state.simulated)]
+    designs = [trial.params for trial in state.simulated]
     if study.judging is None or not shifts or not designs:
         return None
     counter.rest(2 * shifts)
@@ -217,7 +216,7 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
 def collect(state: SearchState, journal: ShiftJournal) -> Record:
     """Record the state of a search; ``journal`` has the shifts that are kept."""
     study, best, rows = state.study, state.best, rows_of(state)
-    failed = [Counter(trial.failed) for trial in distinct(state.trials)]
+    failed = [Counter(trial.failed) for trial in state.trials]
     failed.append(Counter(failures(journal.rows.values())))
     return {
         "study": study.name,
@@ -229,8 +228,8 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
         "best": rows[best.number] if best is not None else None,
         "front": [rows[trial.number] for trial in state.front],
         "trials": list(rows.values()),
-        "n_simulated_designs": len(distinct(state.simulated)),
-        "n_simulated_shifts": state.shifts,
+        "n_simulated_designs": len(state.simulated),
+        "n_simulated_shifts": sum(trial.shifts for trial in state.simulated),
         "failed_shifts": dict(sum(failed, Counter[str]())),
         "confirmation": None,
         "life": None,

@@ -1,4 +1,4 @@
-r"""A sampler of our own, in Optuna's terms: hypervolume improvement within exact constraints.
+r"""Proposals of a search: hypervolume improvement within exact constraints.
 
 What an exact constraint forbids is never proposed. First come designs that fill the allowed space.
 Then the surrogate and processes over designs, one for each other simulated objective or limit and
@@ -18,15 +18,12 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import optuna
 from optuna.distributions import BaseDistribution, FloatDistribution, IntDistribution
-from optuna.samplers import BaseSampler
-from optuna.study import StudyDirection
-from optuna.trial import FrozenTrial, TrialState
+from optuna.trial import FrozenTrial, TrialState, create_trial
 from scipy.special import ndtr
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.state import distinct, not_dominated, trial_of
+from dogshape.pipeline.search.state import not_dominated, trial_of
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -65,12 +62,7 @@ class Space:
     """Search ranges as a unit cube, by name; that of the whole count is half a step wider."""
 
     def __init__(self, variables: Mapping[str, tuple[float, float]]) -> None:
-        self.distributions: dict[str, BaseDistribution] = {
-            name: IntDistribution(int(low), int(high))
-            if name == "count"
-            else FloatDistribution(low, high)
-            for name, (low, high) in variables.items()
-        }
+        self.names = tuple(variables)
         self.variables = dict(sorted(variables.items()))
         half = np.array([0.5 if name == "count" else 0.0 for name in self.variables])
         ends = np.array(list(self.variables.values()), dtype=float).reshape(-1, 2)
@@ -91,6 +83,19 @@ class Space:
     def key(self, params: Params) -> tuple[float, ...]:
         """Return a hashable key of a design; equal ones have equal keys."""
         return tuple(float(params[name]) for name in self.variables)
+
+    def trial(self, params: Params, **attributes: Any) -> FrozenTrial:
+        """Make the running trial of a design, which may lie outside the ranges."""
+        distributions: dict[str, BaseDistribution] = {}
+        for name in self.names:
+            ends = (*self.variables[name], params[name])
+            low, high = min(ends), max(ends)
+            kind = IntDistribution if name == "count" else FloatDistribution
+            distributions[name] = kind(low, high)
+        return create_trial(
+            state=TrialState.RUNNING, params={name: params[name] for name in distributions},
+            distributions=distributions, user_attrs=attributes,
+        )  # fmt: skip
 
     def draw(self, rng: np.random.Generator, near: Params | None = None) -> Params:
         """Draw a design: evenly, or normal about one with a deviation of ``NEAR`` of the range."""
@@ -153,6 +158,7 @@ class Guide:
     def __init__(self, study: Setup) -> None:
         self.study = study
         self.space = Space(study.variables)
+        self.signs = np.array([objective.sign for objective in objectives_of(study)])
         self._exact: dict[tuple[float, ...], Array] = {}
 
     def allows(self, params: Params) -> bool:
@@ -170,21 +176,20 @@ class Guide:
         """
         study, constraints = self.study, {t.number: t.constraints for t in trials}
         every = [trial for trial in map(trial_of, trials) if trial.simulated]
-        different = distinct(every)
-        if not different:
+        if not every:
             raise InputError("no design was simulated yet")
-        x = self.space.coordinates([trial.params for trial in different])
+        x = self.space.coordinates([trial.params for trial in every])
         # The constraint value of the hardest landing, feasible at or below zero.
         landed = [
-            [v for n, v in constraints[trial.number].items() if n in LANDING] for trial in different
+            [v for n, v in constraints[trial.number].items() if n in LANDING] for trial in every
         ]
         hardest = np.array([max(values, default=-1.0) for values in landed])
         limits = [
             # A loss may be fifty times its limit: far from it the size says little.
-            Response.fitted(x, np.arcsinh([constraints[t.number][name] for t in different]))
+            Response.fitted(x, np.arcsinh([constraints[t.number][name] for t in every]))
             for name in simulated_limits(study)
         ]
-        found = [trial.losses(study) for trial in different]
+        found = [trial.losses(study) for trial in every]
         losses, errors = (np.array([pair[i] for pair in found]) for i in (0, 1))
         landing = Response.fitted(x, hardest, least=LANDING_SPREAD)
         timed, others = None, {}
@@ -295,7 +300,7 @@ class Pool:
         return found
 
 
-class SurrogateSampler(BaseSampler):
+class SurrogateSampler:
     """Expected hypervolume improvement on Gaussian processes, within exact constraints.
 
     Parameters
@@ -316,52 +321,23 @@ class SurrogateSampler(BaseSampler):
         self._pool = Pool(guide, seed, self._breadth.wide)
         self._known: tuple[list[int], Prediction | None] = ([], None)
 
-    def infer_relative_search_space(
-        self, study: optuna.Study, trial: FrozenTrial
-    ) -> dict[str, BaseDistribution]:
-        """Return the guide's search space."""
-        return self._guide.space.distributions
+    def require_allowed(self) -> None:
+        """Raise InputError where next to no design of the space is allowed."""
+        self._pool.first()
 
-    def sample_relative(
-        self, study: optuna.Study, trial: FrozenTrial, search_space: dict[str, BaseDistribution]
-    ) -> dict[str, Any]:
-        """Propose an allowed design for ``trial``."""
-        # A trial that was cut off before it had all of its design must not count.
-        before = [
-            t
-            for t in study.get_trials(deepcopy=False)
-            if t.number < trial.number and self._guide.space.holds(t.params)
-        ]
+    def propose(self, trials: Sequence[FrozenTrial]) -> Params | None:
+        """Propose an allowed design beside those of trials; None where every one was proposed."""
+        before = [trial for trial in trials if self._guide.space.holds(trial.params)]
         finished = [
             t for t in before if t.state == TrialState.COMPLETE and np.isfinite(t.values).all()
         ]
         untaken = self._pool.untaken([t.params for t in before])
         if not untaken:
-            raise InputError("every design that passes the checks was tried")
+            return None
         prediction = self._predict(finished)
         if prediction is None:
             return self._farthest(untaken, [t.params for t in before])
-        signs = np.array([-1.0 if d == StudyDirection.MAXIMIZE else 1.0 for d in study.directions])
-        return self._improving(untaken, before, finished, prediction, signs)
-
-    def sample_independent(
-        self,
-        study: optuna.Study,
-        trial: FrozenTrial,
-        param_name: str,
-        param_distribution: BaseDistribution,
-    ) -> Any:
-        """Refuse a parameter that is no variable of the study."""
-        raise ValueError(f"{param_name} is no variable of the study")
-
-    def require_allowed(self) -> None:
-        """Raise InputError where next to no design of the space is allowed."""
-        self._pool.first()
-
-    def exhausted(self, study: optuna.Study) -> bool:
-        """Check whether every allowed design of the space was proposed."""
-        proposed = [t.params for t in study.get_trials(deepcopy=False)]
-        return not self._pool.untaken(list(filter(self._guide.space.holds, proposed)))
+        return self._improving(untaken, before, finished, prediction)
 
     def _predict(self, finished: list[FrozenTrial]) -> Prediction | None:
         """Fit a prediction to finished trials, once for a round; None where they are few."""
@@ -381,9 +357,9 @@ class SurrogateSampler(BaseSampler):
         before: list[FrozenTrial],
         finished: list[FrozenTrial],
         prediction: Prediction,
-        signs: Array,
     ) -> Params:
         """Return the candidate that adds most to the front; none that was proposed already."""
+        signs = self._guide.signs
         key, rng = self._guide.space.key, np.random.default_rng([self._seed, len(before)])
         kept = [t for t in finished if max(t.constraints.values(), default=0.0) <= 0.0]
         running = [t.params for t in before if t.state == TrialState.RUNNING]

@@ -3,8 +3,7 @@
 Designs of a round are proposed together, simulated side by side and told in the order of their
 numbers. A round that was cut off is filled up, so the same seed gives the same designs,
 interrupted or not. Several runs can share a search: each proposes rounds of its own, and the
-designs of a dead run once more. A design of which the clock ended a shift is not told: the next
-run simulates it again.
+designs of a dead run once more.
 """
 
 from __future__ import annotations
@@ -14,7 +13,7 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
@@ -58,14 +57,13 @@ AfterRound = Callable[[str, SearchState], None]  #: called with a line for peopl
 class Search:
     """Handles of a search in its storage; the study is in the engine that simulates its designs.
 
-    ``sharing`` are heartbeats and turns, where several machines share the search, ``left_open``
-    numbers of trials that this run leaves to the next one.
+    ``sharing`` are heartbeats and turns, where several machines share the search.
     """
 
     study: Setup
     optuna: optuna.Study
+    sampler: SurrogateSampler
     sharing: Sharing | None = None
-    left_open: set[int] = field(default_factory=set)
 
     def read(self) -> SearchState:
         """Read the finished trials of the storage."""
@@ -74,11 +72,6 @@ class Search:
     def trials(self, *states: TrialState) -> list[FrozenTrial]:
         """List the trials in some states."""
         return self.optuna.get_trials(deepcopy=False, states=states)
-
-    def running(self) -> list[FrozenTrial]:
-        """List the trials that are proposed and not told, but for those that are left open."""
-        trials = self.trials(TrialState.RUNNING)
-        return [trial for trial in trials if trial.number not in self.left_open]
 
 
 def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchState:
@@ -94,10 +87,11 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
                 state = search.read()
                 after_round(_status(state), state)
                 continue
+            elsewhere = search.trials(TrialState.RUNNING, TrialState.WAITING)
             state = search.read()
-            if (left := goal - len(state.trials) - len(search.left_open)) <= 0:
+            if (left := goal - len(state.trials)) <= 0:
                 return state
-            if not search.running() and _none_left(search):
+            if not elsewhere:
                 line = f"every design that passes the checks was tried: {left} fewer than wanted"
                 after_round(line, state)
                 return state
@@ -110,52 +104,36 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
 def next_round(search: Search) -> list[FrozenTrial]:
     """Propose this run's next round: what a dead run left, filled up, or else new designs."""
     settings, ids = search.study.file.search, list[int]()
-    if search.sharing is None:
-        names = set(search.study.variables)
-        for trial in search.running():  # of a dead run
-            if names <= set(trial.params):
-                ids.append(trial._trial_id)
-            else:
-                search.optuna.tell(trial.number, state=TrialState.FAIL)
+    if search.sharing is None:  # what runs is of a dead run
+        ids = [trial._trial_id for trial in search.trials(TrialState.RUNNING)]
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ExperimentalWarning)
             fail_stale_trials(search.optuna)
-    known = search.trials(*BEGUN, TrialState.WAITING)
-    if not any(trial.user_attrs.get(PROTOTYPE) for trial in known):
-        search.optuna.enqueue_trial(search.study.prototype, user_attrs={PROTOTYPE: True})
     begun = len(search.trials(*BEGUN))
     size = -begun % settings.batch if ids else settings.batch
     for _ in range(begun, min(begun + size, settings.trials)):
-        if _none_left(search):
+        if (trial_id := _propose(search)) is None:
             break
-        ids.append(_propose(search))
+        ids.append(trial_id)
     return [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
 
 
-def _propose(search: Search) -> int:
-    study = search.optuna
-    trial_id = study._pop_waiting_trial_id()
+def _propose(search: Search) -> int | None:
+    """Begin a trial: of a dead machine, the prototype's, or a new one; None where none is left."""
+    study, known = search.optuna, search.optuna.get_trials(deepcopy=False)
+    trial_id: int | None = study._pop_waiting_trial_id()
     if trial_id is None:
-        trial_id = study._storage.create_new_trial(study._study_id)
-    if search.sharing is not None:  # before the sampler takes its time
+        own = {t.state for t in known if t.user_attrs.get(PROTOTYPE)} <= {TrialState.FAIL}
+        params = search.study.prototype if own else search.sampler.propose(known)
+        if params is None:
+            return None
+        space, marked = Space(search.study.variables), {PROTOTYPE: True} if own else {}
+        trial = space.trial(params, **marked)
+        trial_id = study._storage.create_new_trial(study._study_id, trial)
+    if search.sharing is not None:
         search.sharing.add(trial_id)
-    trial = optuna.Trial(study, trial_id)
-    with warnings.catch_warnings():
-        # The study's own dog may lie outside the ranges, which the run has said.
-        warnings.filterwarnings("ignore", "Fixed parameter", UserWarning)
-        distributions = Space(search.study.variables).distributions
-        for name in search.study.variables:
-            trial._suggest(name, distributions[name])
     return trial_id
-
-
-def _none_left(search: Search) -> bool:
-    """Check whether the sampler could only propose designs again."""
-    waiting, sampler = search.trials(TrialState.WAITING), search.optuna.sampler
-    return (
-        not waiting and isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
-    )
 
 
 def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) -> None:
@@ -165,14 +143,9 @@ def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) 
     params = [design.params for design in designs if design.feasible]
     found = iter(evaluate(study, params, executor, settings.angles, settings.seed))
     for trial, design in zip(trials, designs, strict=True):
-        one = next(found) if design.feasible else None
-        if one is not None and one.unfinished:
-            search.left_open.add(trial.number)
-        else:
-            _tell(search, trial, design, one)
-    if not search.left_open:
-        reference = reference_blocks(study, settings.angles, settings.seed)
-        executor.forget({key for block in reference for key in block.keys})
+        _tell(search, trial, design, next(found) if design.feasible else None)
+    reference = reference_blocks(study, settings.angles, settings.seed)
+    executor.forget({key for block in reference for key in block.keys})
 
 
 def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | None) -> None:
@@ -238,7 +211,6 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             opened = optuna.create_study(
                 study_name=study.name,
                 storage=backend,
-                sampler=sampler,
                 directions=["maximize" if o.maximise else "minimize" for o in objectives_of(study)],
                 load_if_exists=True,
             )
@@ -251,7 +223,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             opened.set_metric_names([objective.name for objective in objectives_of(study)])
     _require_same(study, opened, resume)
     if not isinstance(backend, RDBStorage):
-        return Search(study, opened)
+        return Search(study, opened, sampler)
     # A machine of other versions has other shifts than the others.
     here, known = engine(), opened.user_attrs.get("versions")
     if known is None:
@@ -262,7 +234,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             f"the storage holds a study that other versions simulate ({apart}); install the same "
             "or give the study another name"
         )
-    return Search(study, opened, Sharing(backend, study.name))
+    return Search(study, opened, sampler, Sharing(backend, study.name))
 
 
 def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:

@@ -86,14 +86,6 @@ def trial_of(frozen: FrozenTrial) -> Trial:
     )  # fmt: skip
 
 
-def distinct(trials: Iterable[Trial]) -> list[Trial]:
-    """Select the first trial of each design: one that was proposed again is the same."""
-    first: dict[tuple[Any, ...], Trial] = {}
-    for trial in trials:
-        first.setdefault(tuple(sorted(trial.params.items())), trial)
-    return list(first.values())
-
-
 def not_dominated(values: Array) -> Mask:
     """Mark the rows (..., n, k), all to be minimised, that no row dominates, (..., n)."""
     one, other = values[..., :, None, :], values[..., None, :, :]
@@ -124,12 +116,9 @@ class SearchState:
 
     @cached_property
     def feasible(self) -> tuple[Trial, ...]:
-        """Simulated designs, each once, that pass every check and that the engines agree on."""
-        return tuple(
-            trial
-            for trial in distinct(self.simulated)
-            if self.designs[trial.number].feasible and trial.judged
-        )
+        """Simulated designs that pass every check and that the engines agree on."""
+        designs = self.designs
+        return tuple(t for t in self.simulated if designs[t.number].feasible and t.judged)
 
     @cached_property
     def losses(self) -> Mapping[int, Array]:
@@ -149,11 +138,6 @@ class SearchState:
     def best(self) -> Trial | None:
         """Feasible design that is best in the leading objective."""
         return min(self.feasible, key=self.leading_loss, default=None)
-
-    @property
-    def shifts(self) -> int:
-        """Number of shifts of all designs, each design counted once."""
-        return sum(trial.shifts for trial in distinct(self.simulated))
 
     def leading_loss(self, trial: Trial) -> float:
         """Give the leading objective of a simulated trial, to be minimised."""

@@ -41,7 +41,7 @@ from dogshape.sim.statistics.expectation import (
     time_quantile,
 )
 from dogshape.sim.statistics.shift_records import Record as Shift
-from dogshape.sim.statistics.shift_records import landing_of, result_of, unfinished
+from dogshape.sim.statistics.shift_records import landing_of, result_of
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import Demand, demand_checks, demand_of, exceeded, hardest
@@ -151,8 +151,7 @@ class Simulated:
     """Expectation and loads from the shifts of a design.
 
     ``rows`` are those of ``surrogate.dataset.rows_of``, ``estimates`` all simulated objectives by
-    name, ``unfinished`` the number of shifts that the clock ended, ``failed`` of those whose
-    integration failed, by reason.
+    name, ``failed`` the number of shifts whose integration failed, by reason.
     """
 
     expectation: Expectation
@@ -160,7 +159,6 @@ class Simulated:
     rows: Array
     estimates: dict[str, Estimate]
     shifts: int
-    unfinished: int = 0
     failed: Mapping[str, int] = field(default_factory=dict)
 
     @property
@@ -231,7 +229,6 @@ def _simulated(
         rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows)),
         estimates,
         len(shifts),
-        sum(map(unfinished, shifts)),
         failures(shifts),
     )
 

@@ -62,7 +62,7 @@ class ShiftJournal:
         if ended := len(self.rows) - len(self.finished):
             say(
                 f"{ended} of the shifts failed at solver.time_limit_s, as on a busy machine; "
-                "they are not kept, and the same command simulates them again"
+                "they are not kept"
             )
 
 
