@@ -20,12 +20,6 @@ def short(tmp_path_factory: pytest.TempPathFactory) -> Finished:
 
 
 @pytest.fixture(scope="session")
-def calm(tmp_path_factory: pytest.TempPathFactory) -> Finished:
-    """Four designs drawn at random, on a machine that had time."""
-    return finished_study(tmp_path_factory, "calm", trials=4, sampler="random")
-
-
-@pytest.fixture(scope="session")
 def in_drake(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     """The small study, all of it in Drake."""
     return finished_study(tmp_path_factory, "drake", engine="drake")

@@ -10,11 +10,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
-from dogshape.pipeline.simulate import executor
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
 from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
@@ -55,24 +53,6 @@ def cluster() -> Iterator[Cluster]:
         yield running
 
 
-def test_a_client_that_lost_its_cluster_is_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A notebook goes on with a cluster that was started again at the same address."""
-    made: list[SimpleNamespace] = []
-
-    def client(_: str) -> SimpleNamespace:
-        made.append(SimpleNamespace(status="running"))
-        return made[-1]
-
-    monkeypatch.setattr(executor, "_client", client)
-    monkeypatch.setattr(executor, "_clients", {})
-    first = executor.connect("tcp://here:1")
-    assert executor.connect("tcp://here:1") is first
-    assert executor.connect("tcp://there:1") is not first
-    first.status = "closed"
-    assert executor.connect("tcp://here:1") is made[2]
-    assert executor.connect(None) is None
-
-
 def test_a_cluster_gives_what_one_machine_gives(
     cluster: Cluster, dogshape: Callable[..., Said]
 ) -> None:
@@ -111,30 +91,6 @@ def _wait_for_shifts(out: Path, count: int) -> None:
     while not journal.exists() or journal.read_bytes().count(b"\n") < count:
         assert time.monotonic() < end
         time.sleep(0.02)
-
-
-def test_ctrl_c_stops_a_run_on_a_cluster(cluster: Cluster, tmp_path: Path) -> None:
-    with _started(cluster, "study", *STUDY, "--out", str(tmp_path)) as process:
-        _wait_for_shifts(tmp_path, 3)
-        os.kill(process.pid, signal.SIGINT)
-        _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err
-    assert "finished shifts are kept" in err
-    assert "Traceback" not in err
-    assert _call(cluster, "expect", *EXPECT).returncode == 0
-
-
-def test_a_lost_cluster_is_one_sentence(tmp_path: Path) -> None:
-    with (
-        dask_cluster(1) as doomed,
-        _started(doomed, "study", *STUDY, "--out", str(tmp_path)) as process,
-    ):
-        _wait_for_shifts(tmp_path, 3)
-        doomed.scheduler.kill()
-        _, err = process.communicate(timeout=120)
-    assert process.returncode == 2, err
-    assert "was lost" in err.strip().splitlines()[-1]
-    assert "Traceback" not in err
 
 
 def test_no_cluster_is_said(tmp_path: Path) -> None:

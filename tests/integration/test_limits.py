@@ -15,8 +15,7 @@ from dogshape.pipeline.simulate.evaluation import ESTIMATORS, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import run_study
 from dogshape.sim.statistics.shift_records import Record
-from dogshape.sim.strength.landing import Demand, exceeded
-from tests.conftest import SMALL, Said, searching
+from tests.conftest import SMALL, searching
 
 PLANAR = "solver.engine=planar"
 
@@ -80,23 +79,6 @@ def test_margins_at_the_worst_ends_of_tolerances_are_a_limit() -> None:
     assert worth_simulating(free, free.prototype)
     assert not worth_simulating(bound, bound.prototype)
     assert design_of(bound, bound.prototype).failed == ["smallest_margin_worst"]
-
-
-def test_an_unknown_quantity_is_refused(dogshape: Callable[..., Said]) -> None:
-    said = dogshape("strength", "mq200_paper", "--set", "search.limits.worst_shift_time=0.1")
-    assert said.status == 2
-    assert "did you mean 'worst_shift_time_s'?" in said.err
-
-
-def test_what_a_share_of_landings_exceeds() -> None:
-    """Evenly spread pressures: the quantile is that of the uniform distribution."""
-    count = 1000
-    demands = [Demand(k + 0.5, 2.0 * (k + 0.5), count - k - 0.5) for k in range(count)]
-    found = exceeded(demands, [1.0] * count, 0.01)
-    assert (found.face, found.core, found.edge) == pytest.approx((990.0, 1980.0, 990.0))
-    rare = exceeded(demands, [1.0 if k < 500 else 1e-9 for k in range(count)], 0.01)
-    assert rare.face == pytest.approx(495.0, rel=1e-6)
-    assert exceeded([], [], 0.01) == Demand()
 
 
 def test_the_share_of_landings_does_not_grow_with_the_angles() -> None:

@@ -13,7 +13,6 @@ import dogshape as ds
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.reports.text import ms_with_error
 from dogshape.pipeline.train.training_rows import study_mix
-from dogshape.sim.errors import InputError
 from dogshape.surrogate.store import load
 
 SETTINGS = {
@@ -32,7 +31,6 @@ SETTINGS = {
         "rise_factor": [0.7, 1.5],
     },
     "wear": {"crest_loss_mm": 0.1},
-    "search.sampler": "tpe",
     "search.trials": 10,
     "search.startup": 6,
     "search.confirm_designs": 1,
@@ -93,8 +91,3 @@ def test_the_surrogate_knows_the_operation(tmp_path: Path) -> None:
     other[1] = -other[1]
     moved, own = surrogate.medians(np.array([other, designs[0]]), mix)
     assert moved != pytest.approx(own, rel=0.02)
-
-
-def test_a_surrogate_of_the_operation_comes_from_a_search(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="searches mismatch_set_rpm, force_factor, rise_factor"):
-        ds.fit(ds.Study("mq200_paper", SETTINGS), out=tmp_path / "fit")

@@ -14,7 +14,7 @@ from optuna.trial import TrialState
 
 from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.search import Search, finish_round, next_round, sampler_factory
+from dogshape.pipeline.search.search import Search, finish_round, next_round, sampler_of
 from dogshape.pipeline.simulate.design import Measured
 from dogshape.pipeline.simulate.evaluation import Simulated
 from dogshape.pipeline.simulate.executor import Executor
@@ -25,12 +25,9 @@ from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpe
 from dogshape.sim.statistics.shift_records import Record, unfinished
 from dogshape.sim.strength.landing import Demand
 from tests.conftest import SMALL, searching
-from tests.integration.studies import Finished
 
-FEW = [*SMALL, "search.trials=4", "search.sampler=random"]
 REASON = "no end after solver.time_limit_s = 600, at 0.01 s of the shift"
 NO_ROWS = np.zeros((0, 13))
-DESIGN = ("chamfer_deg", "height_mm", "count", "expected_shift_time_s", "trial")
 
 
 class Busy:
@@ -49,27 +46,18 @@ class Busy:
                 yield row
 
 
-def _rows(result: dict[str, Any]) -> list[list[Any]]:
-    return [[row[name] for name in DESIGN] for row in result["trials"]]
-
-
-def test_what_the_clock_ended_is_simulated_again_by_the_next_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calm: Finished
+def test_a_shift_that_the_clock_ended_has_failed_and_is_not_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The run leaves such designs out and ends; the next one ends as if nothing had been."""
-    study, busy = load_study("mq200_paper", FEW), Busy()
+    study, busy = load_study("mq200_paper", [*SMALL, "search.trials=4"]), Busy()
     monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", busy)
-    first = run_study(study, searching(tmp_path, 1))
-    monkeypatch.undo()
+    found = run_study(study, searching(tmp_path, 1))
     assert busy.ended > 0
-    assert [row["trial"] for row in first["trials"]] == [1, 2, 3]
+    assert [row["trial"] for row in found["trials"]] == [0, 1, 2, 3]
+    assert [*found["failed_shifts"]] == [REASON.partition(", at ")[0]]
     for name in ("running.jsonl", "shifts.jsonl"):
         kept = [json.loads(line) for line in (tmp_path / name).read_text().splitlines()]
         assert not any(map(unfinished, kept))
-    again = run_study(study, searching(tmp_path, 1, resume=True))
-    assert again["failed_shifts"] == {}
-    assert _rows(again) == _rows(calm.result)
-    assert again["confirmation"] == calm.result["confirmation"]
 
 
 def test_a_bank_keeps_no_series_that_the_clock_cut_short(tmp_path: Path) -> None:
@@ -92,7 +80,7 @@ def test_what_another_run_told_leaves_no_other_trial_running(
 ) -> None:
     study = load_study("mq200_paper", [*SMALL, "search.batch=3"])
     storage = optuna.create_study(directions=["minimize"] * 2)
-    search = Search(study, storage, sampler_factory(study))
+    search = Search(study, storage, sampler_of(study))
     trials = next_round(search)
 
     def evaluated(_: Setup, designs: Sequence[Any], *__: Any) -> list[Simulated]:

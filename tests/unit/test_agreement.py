@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.confirmation import agreement_of, audit
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import require_agreement
@@ -108,19 +108,3 @@ def test_the_exit_status_is_one(
     said = dogshape("study", "mq200_paper", "--no-report")
     assert said.status == 1
     assert said.sentence == "dogshape: the engines do not agree"
-
-
-def test_a_study_has_the_compiled_engine_for_its_work_and_drake_for_its_judge() -> None:
-    study = load_study("mq200_paper")
-    assert study.clutch.solver.engine == "drake"
-    assert study.working.clutch.solver.engine == "planar"
-    assert study.working.judging is not None
-    assert study.working.judging.clutch == study.clutch
-    drake = load_study("mq200_paper", ["solver.engine=drake"])
-    assert (drake.working, drake.judging) == (drake, None)
-    planar = load_study("mq200_paper", ["solver.engine=planar"])
-    assert planar.working is planar
-    assert planar.judging is not None
-    assert planar.judging.clutch == study.clutch
-    hard = ["contact.set=adams2019", "mechanism.spline_friction=0.1"]
-    assert load_study("mq200_paper", hard).judging is None

@@ -24,7 +24,7 @@ SEARCHED = (
 
 
 def _study(*more: str) -> Setup:
-    return load_study("mq200_paper", [SPREAD, *SEARCHED, "search.sampler='tpe'", *more])
+    return load_study("mq200_paper", [SPREAD, *SEARCHED, "search.sampler='space_filling'", *more])
 
 
 def _mismatches(study: Setup) -> np.ndarray:

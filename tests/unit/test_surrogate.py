@@ -14,7 +14,7 @@ from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import DataError, InputError
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset, Grid, Mix, grid_of
-from dogshape.surrogate.model import Surrogate, coordinates, fit, shape_of
+from dogshape.surrogate.model import Surrogate, fit, shape_of
 from dogshape.surrogate.process import Effort
 from dogshape.surrogate.query import ask, in_range
 from dogshape.surrogate.store import Stored, load, save
@@ -25,7 +25,7 @@ LOW, HIGH = np.array([0.0, 2.0, 6.0]), np.array([20.0, 6.0, 30.0])
 PHYSICS = {"contact_set": "made_up", "static_friction": 0.12, "dynamic_friction": 0.1}
 GRID = np.array([[m, f] for m in (5.0, 25.0, 100.0) for f in (250.0, 600.0)])
 MIX = Mix(GRID, np.array([0.1, 0.1, 0.2, 0.2, 0.2, 0.2]), retry=1.2)
-FIRST, THIRD, FOURTH = (Mix(GRID[k : k + 1], np.ones(1), 1.2) for k in (0, 2, 3))
+FIRST, THIRD = (Mix(GRID[k : k + 1], np.ones(1), 1.2) for k in (0, 2))
 QUICK = Effort(designs=60, steps=25)
 
 
@@ -88,9 +88,6 @@ def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate:
     assert time == pytest.approx(truths, rel=0.1)
     assert (np.abs(time - truths) < 1.96 * error).mean() >= 0.9
     assert error.mean() > 3.0 * surrogate.predict(x, FIRST)[1].mean()
-    rows = surrogate.times_by_row(np.repeat(x[:1], 2, axis=0), np.array([[12.0, 400.0], GRID[3]]))
-    own = [surrogate.medians(x[:1], replace(m, retry=0.0))[0] for m in (between, FOURTH)]
-    assert rows == pytest.approx(own)
 
 
 def test_joint_errors_are_those_of_the_smooth_part(surrogate: Surrogate) -> None:
@@ -233,14 +230,6 @@ def test_faces_that_hold_have_no_estimate(
     assert bool(in_range(model, np.array([list(asked.values())]))[0]) <= (not holds)
 
 
-def test_a_simulated_chamfer_has_an_estimate_whatever_the_friction(surrogate: Surrogate) -> None:
-    """Faces of a creeping contact law let go below its friction angle, as its rows say."""
-    physics = {**PHYSICS, "static_friction": 0.9}
-    model = replace(surrogate, data=replace(surrogate.data, physics=physics))
-    asked = {"chamfer_deg": 10.0, "height_mm": 4.0, "count": 18.0}
-    assert ask(model, asked, MIX, physics).expected is not None
-
-
 def test_an_interval_is_split_into_retries_and_the_rest(surrogate: Surrogate) -> None:
     x = np.array([10.0, 4.0, 18.0])
     losing = replace(surrogate.share, engaged=surrogate.share.engaged * 0.9)
@@ -259,9 +248,3 @@ def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
     assert found is not None
     of_dog = [dog.entry_play, dog.tip_width, dog.edge_drop]
     assert found[0] == pytest.approx([1e3 * value for value in of_dog], rel=1e-9)
-
-
-def test_without_the_shape_a_design_has_its_variables_and_an_angle_s_ridge() -> None:
-    where = coordinates(made(12), np.array([LOW, HIGH]))
-    assert where[:, :3] == pytest.approx(np.array([[0.0] * 3, [1.0] * 3]))
-    assert where[:, 3] == pytest.approx([np.tanh(-0.1 / 0.04), 1.0], abs=1e-4)
