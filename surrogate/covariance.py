@@ -40,14 +40,10 @@ class Term:
 
 @dataclass(frozen=True)
 class Covariance:
-    """Terms with their parameters.
+    """Terms that are summed, over so many coordinates of a design.
 
-    Parameters
-    ----------
-    terms : what is summed.
-    coordinates : number of coordinates of a design.
-    theta : for each term the logarithm of its variance and, unless it is rough, those of its
-        length scales, (size,).
+    ``theta`` has for each the logarithm of its variance and, unless it is rough, those of its
+    length scales, (size,).
     """
 
     terms: tuple[Term, ...]

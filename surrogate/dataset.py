@@ -37,13 +37,9 @@ GIVEN = -1  #: stands for the seed of angles that were given and not drawn
 
 @dataclass(frozen=True)
 class Mix:
-    """Operating points with weights that add up to one.
+    """Operating points (mismatch in 1/min and force in N, (q, 2)) with weights of sum one, (q,).
 
-    Parameters
-    ----------
-    points : mismatch in 1/min and force in N, (q, 2).
-    weights : (q,).
-    retry : time that a shift which does not engage costs, s.
+    ``retry`` is the time that a shift which does not engage costs, s.
     """
 
     points: Array
@@ -73,14 +69,10 @@ def mix_of(points: Sequence[OperatingPoint], retry: float) -> Mix:
 
 @dataclass(frozen=True)
 class Grid:
-    """Designs that were simulated at every point of a mix.
+    """Designs ``x`` (n, d), edge units, that were simulated at every point of a mix.
 
-    Parameters
-    ----------
-    x : designs, (n, d), edge units.
-    means, errors : of the shifts that engage at each point, s, (n, q); NaN where none does.
-    sds : standard deviation of such a shift, s, (n, q).
-    engaged, shifts : how many engaged, by their share of the pitch, and how many were made, (n, q).
+    Mean time, its error and standard deviation of a shift that engages, s, (n, q), NaN where none
+    does; how many engaged, by their share of the pitch, and how many were made, (n, q).
     """
 
     x: Array
@@ -97,16 +89,9 @@ class Grid:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Simulated designs with what they share.
+    """Simulated designs with the search range of each variable, (d,), edge units.
 
-    Parameters
-    ----------
-    variables : names of the d design variables, in edge units.
-    low, high : search range of each variable, (d,).
-    physics : everything else that a shift depends on.
-    engine : versions of the programs that simulated the shifts.
-    mix : operating points of every design.
-    grid : the designs and their times.
+    ``physics`` is everything else that a shift depends on, ``engine`` the versions of the programs.
     """
 
     variables: tuple[str, ...]

@@ -55,10 +55,7 @@ def coordinates(data: Dataset, x: Array) -> Array:
 
 
 def shape_of(data: Dataset, x: Array) -> Array | None:
-    """Compute entry play, tip width and fall of the face of designs (m, d), mm, (m, 3).
-
-    As ``sim.shift.geometry.Dog`` has them. None where neither variables nor physics determine them.
-    """
+    """Compute entry play, tip width and fall of the face, mm, (m, 3); None if not known."""
     known = {name: x[:, place] for place, name in enumerate(data.variables)}
     known |= {k: np.full(len(x), float(data.physics[k])) for k in SHAPE if k in data.physics}
     if any(name not in known for name in SHAPE):
@@ -71,21 +68,15 @@ def shape_of(data: Dataset, x: Array) -> Array | None:
 
 
 def point_coordinates(points: Array) -> Array:
-    """Compute coordinates of operating points, mismatch in 1/min and force in N, (m, 2).
-
-    Logarithmic but for mismatches near zero, which may have either sign.
-    """
+    """Compute logarithmic coordinates of operating points, 1/min of either sign and N, (m, 2)."""
     return np.column_stack([np.arcsinh(points[:, 0] / 5.0) / 4.0, np.log(points[:, 1] / 400.0)])
 
 
 @dataclass(frozen=True)
 class Share:
-    """Share of shifts that engage: counts at designs and points, length and strength of the prior.
+    """Share of shifts that engage: counts (n, q) at designs (n, c) and points (q, 2).
 
-    Parameters
-    ----------
-    designs, points : coordinates, (n, c) and (q, 2).
-    engaged, shifts : counts, (n, q).
+    ``strength`` is that of the prior, in shifts.
     """
 
     designs: Array
@@ -133,11 +124,10 @@ def fit_share(designs: Array, points: Array, engaged: Array, shifts: Array) -> S
 
 @dataclass(frozen=True)
 class Expected:
-    """Expected shift time over a mix with its 95 % interval, s.
+    """Expected shift time over a mix with its 95 % interval and standard error, s.
 
-    ``error`` is its standard error, ``sd`` the standard deviation of a single shift of the mix,
-    ``engaged`` the least share engaged at a point. ``retries`` is the part of the time that shifts
-    which do not engage cost, with its standard error.
+    ``sd`` is that of a single shift, ``engaged`` the least share at a point, ``retries`` the time
+    that shifts which do not engage cost.
     """
 
     time: float
@@ -158,13 +148,7 @@ class Expected:
 
 @dataclass(frozen=True)
 class Surrogate:
-    """Fitted processes with their data; ``fit`` makes one.
-
-    Parameters
-    ----------
-    time : process of the logarithm of the expected time over the data's own mix.
-    points : process of those at each of its points.
-    """
+    """Processes of the logarithms of the expected time, and of that at each point of its mix."""
 
     data: Dataset
     time: Process
@@ -185,10 +169,7 @@ class Surrogate:
         return Expected(total, low, high, error, sd, float(share.min()), float(retries), unsure)
 
     def predict(self, x: Array, mix: Mix | None = None) -> tuple[Array, Array]:
-        """Predict expected time and standard error of designs (m, d), edge units, (m,), s.
-
-        ``mix`` is None for the data's own.
-        """
+        """Predict expected time and standard error of designs (m, d) over a mix, (m,), s."""
         mix, found = mix or self.data.mix, []
         for some in (x[k : k + CHUNK] for k in range(0, len(x), CHUNK)):
             time, variance = self._engaging(some, mix)
@@ -198,10 +179,7 @@ class Surrogate:
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
     def joint(self, x: Array) -> tuple[Array, Array]:
-        """Predict designs (m, d) over the data's own mix with the covariance of their errors.
-
-        (m,) in s and (m, m) in s2, retries included; of the smooth part, which draws can share.
-        """
+        """Predict designs (m, d) over the own mix, (m,), s; smooth covariance, (m, m)."""
         where, mix = coordinates(self.data, x), self.data.mix
         mean, covariance = self.time.joint(where, smooth=True)
         engaged = np.exp(mean + 0.5 * np.diag(covariance))
@@ -304,9 +282,9 @@ class Surrogate:
 
 
 def logarithms_of(grid: Grid, mix: Mix) -> tuple[Array, Array]:
-    """Compute the logarithms of the expected time and of that at each point with their variances.
+    """Compute logarithms of expected time and that at each point with variances, (n, 1 + q) each.
 
-    (n, 1 + q) each. The logarithm of a noisy mean lies half its variance low, which is put back.
+    The logarithm of a noisy mean lies half its variance low, which is put back.
     """
     times = np.column_stack([grid.means @ mix.weights, grid.means])
     errors = np.column_stack([np.sqrt(grid.errors**2 @ mix.weights**2), grid.errors])

@@ -31,15 +31,10 @@ class Effort:
 
 @dataclass(frozen=True)
 class Process:
-    """Covariance with the data that it is given.
+    """Covariance of scaled targets with its data.
 
-    Parameters
-    ----------
-    covariance : of targets scaled to a standard deviation of one, with fitted parameters.
-    inputs : coordinates of designs, (n, c).
-    targets : (n, k).
-    noise : variance of each design's scaled targets, (n,).
-    level, scale : of each target, what is subtracted and then divided by, (k,).
+    Inputs are coordinates of designs, (n, c), targets (n, k), less ``level`` and over ``scale``,
+    each (k,); ``noise`` is the variance of each design's scaled targets, (n,).
     """
 
     covariance: Covariance
@@ -72,10 +67,7 @@ class Process:
         return self.level + cross @ self.weights, variance[:, None] * self.scale**2
 
     def joint(self, x: Array, *, smooth: bool = False) -> tuple[Array, Array]:
-        """Predict the first target at coordinates (m, c): mean (m,) and covariance (m, m).
-
-        The covariance is that of all terms, or of the smooth ones alone.
-        """
+        """Predict the first target at (m, c): mean (m,), and covariance of all or smooth terms."""
         cross = self.covariance.between(x, self.inputs, smooth=smooth)
         covariance = self.covariance.between(x, x, smooth=smooth) - cross @ self.inverse @ cross.T
         return self.mean(x)[:, 0], covariance * self.scale[0] ** 2
@@ -97,11 +89,10 @@ def fit_process(
     effort: Effort = Effort(),
     scale: Array | None = None,
 ) -> Process:
-    """Fit the likeliest process of targets (n, k) at coordinates (n, c).
+    """Fit the likeliest process of targets (n, k) with variances ``noise`` at coordinates (n, c).
 
-    ``noise`` are the variances of the targets, (n, k) or what fits it. ``start`` are parameters to
-    begin with, (size,); an effort of no steps keeps them. ``scale`` is the standard deviation of
-    the targets, (k,), None for that of these.
+    ``start`` are parameters to begin with, (size,), which no steps keep; ``scale`` is the standard
+    deviation of the targets, (k,), None for that of these.
     """
     level, spread = targets.mean(axis=0), targets.std(axis=0)
     scale = np.where(spread > 0.0, spread, 1.0) if scale is None else scale
@@ -154,9 +145,6 @@ def draw_jointly(mean: Array, covariance: Array, rng: np.random.Generator, count
 
 
 def root_of(covariance: Array) -> Array:
-    """Compute a matrix whose product with its transpose is a covariance, each (m, m).
-
-    By eigenvalues, so that one that is singular, or not quite positive, has one too.
-    """
+    """Compute a matrix whose product with its transpose is a covariance, also a singular one."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))

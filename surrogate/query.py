@@ -6,7 +6,7 @@ design has so small a chamfer nothing is known of that, and there is no estimate
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -47,11 +47,8 @@ def other_physics(data: Dataset, physics: Record) -> str:
 
     Both engines agree far better than a surrogate knows (docs/evidence/engines.txt).
     """
-    mine, theirs = dict(physics), dict(data.physics)
-    if mine.get("engine") != theirs.get("engine"):
-        for record in (mine, theirs):
-            for key in SOLVER:
-                record.pop(key, None)
+    left = SOLVER if physics.get("engine") != data.physics.get("engine") else ()
+    mine, theirs = ({k: v for k, v in r.items() if k not in left} for r in (physics, data.physics))
     return differences(mine, theirs)
 
 
@@ -90,12 +87,11 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
 def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
     """Give an expected time with its parts, s; None with a reason where there is none."""
     keys = ("expected_shift_time_s", "low_s", "high_s", "standard_error_s", "sd_s", "engaged",
-            "without_retries_s", "without_retries_error_s", "retries_s",
-            "retries_error_s")  # fmt: skip
+            "retries_s", "retries_error_s", "without_retries_s",
+            "without_retries_error_s")  # fmt: skip
     if found is None:
         return {**dict.fromkeys(keys), "reason": refusal}
-    values = (found.time, found.low, found.high, found.error, found.sd, found.engaged,
-              *found.without_retries, found.retries, found.retries_error)  # fmt: skip
+    values = (*astuple(found), *found.without_retries)
     return {**dict(zip(keys, values, strict=True)), "reason": None}
 
 
@@ -150,8 +146,7 @@ def in_range(
 ) -> Mask:
     """Mark the designs (m, d) that lie within the simulated ones and near one, (m,) of bool.
 
-    None do where a mix is given that lies outside the simulated operating points. ``distance`` is
-    that of ``Surrogate.distance``, (m,), where it is known.
+    None do over a mix beyond the simulated points. ``distance`` is ``Surrogate.distance``.
     """
     data = surrogate.data
     if mix is not None and _point_warnings(data, mix.points):

@@ -30,9 +30,8 @@ DRAWS = 4000  #: of the errors of an effect
 class Effect:
     """Main effect of a variable on the expected time, s, with mean zero over the designs.
 
-    ``values`` are in edge units, equally many designs between two of them; ``low`` and ``high``
-    bound 95 % at each, all (k,). ``chance`` is the span that errors alone reach in one of twenty
-    draws where there is no effect, s.
+    ``low`` and ``high`` bound 95 % at each of the values, in edge units, all (k,). Errors alone span
+    ``chance`` in one of twenty draws, s.
     """
 
     variable: str
@@ -55,10 +54,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Accumulation:
-    """Request of an effect: ``moved`` designs (2 n, d), and the sum of their times.
-
-    ``form`` (k, 2 n) times the expected times of the moved designs is the effect at ``values``.
-    """
+    """Designs moved to the ends, (2 n, d); ``form`` (k, 2 n) times their times is the effect."""
 
     values: Array
     moved: Array
@@ -66,15 +62,12 @@ class Accumulation:
 
 
 def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
-    """Return the main effect of each variable over designs (n, d) in edge units.
-
-    A variable that has one value in all of them has none.
-    """
-    found = []
-    for column, variable in enumerate(variables):
-        if np.ptp(x[:, column]) > 0.0:
-            found.append(_effect(surrogate, variable, accumulate(x, column)))
-    return found
+    """Return the main effect of each variable that varies over designs (n, d) in edge units."""
+    return [
+        _effect(surrogate, variable, accumulate(x, column))
+        for column, variable in enumerate(variables)
+        if np.ptp(x[:, column]) > 0.0
+    ]
 
 
 def accumulate(x: Array, column: int, intervals: int = INTERVALS) -> Accumulation:

@@ -108,7 +108,7 @@ class Executor:
 
     def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:
         jobs = min(workers_of(self.jobs), len(blocks))
-        if self.cluster is not None:
+        if self.cluster is not None and blocks:
             return self._on_cluster(blocks, self.cluster)
         if jobs <= 1:
             return (_work(block, self.journal.path) for block in blocks)
@@ -136,13 +136,19 @@ class Executor:
 
     def _on_cluster(self, blocks: list[Block], address: str) -> Iterator[list[Record]]:
         """Yield the records of blocks as a cluster hands them back, written."""
-        if not blocks:
-            return
+        from distributed import as_completed  # noqa: PLC0415  an extra, and slow to load
+
+        client = connect(address)
         try:
-            for rows in _handed_back(address, blocks):
-                _require_same(address, rows[0], "a worker")
-                append(self.journal.path, *rows)
-                yield rows
+            left = client.map(_work_away, blocks, pure=False, batch_size=MANY)
+            try:
+                for future in as_completed(left, loop=client.loop):  # type: ignore[no-untyped-call]
+                    rows = future.result()
+                    _require_same(address, rows[0], "a worker")
+                    append(self.journal.path, *rows)
+                    yield rows
+            finally:
+                client.cancel(left)
         except Exception as error:
             of_dask = type(error).__module__.partition(".")[0] in ("distributed", "concurrent")
             if not of_dask and not isinstance(error, TimeoutError):
@@ -177,19 +183,6 @@ def _work_away(block: Block) -> list[Record]:
     """Work on another machine, whose process may have several threads."""
     with _one_at_a_time:
         return list(run_block(block))
-
-
-def _handed_back(address: str, blocks: Sequence[Block]) -> Iterator[list[Record]]:
-    """Yield the records of blocks as a cluster finishes them; errors of Dask where it is lost."""
-    from distributed import as_completed  # noqa: PLC0415  an extra, and slow to load
-
-    client = connect(address)
-    left = client.map(_work_away, blocks, pure=False, batch_size=MANY)
-    try:
-        for future in as_completed(left, loop=client.loop):  # type: ignore[no-untyped-call]
-            yield future.result()
-    finally:
-        client.cancel(left)
 
 
 def scratch_executor(

@@ -88,7 +88,7 @@ class Sharing:
 def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
     """Open the storage of a study; StorageError where it cannot be opened."""
     if url is None:
-        return _journal(folder)
+        return _journal(folder.trials)
     address = _address(url)
     make = partial(
         RDBStorage, address.render_as_string(hide_password=False),
@@ -96,15 +96,13 @@ def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
         grace_period=SILENCE, heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
     )  # fmt: skip
     with _opened(address):
-        try:
+        with suppress(SQLAlchemyError, StorageInternalError):
             return make()
-        except (SQLAlchemyError, StorageInternalError):
-            return make()  # where another run made the tables at the same time
+        return make()  # where another run made the tables at the same time
 
 
-def _journal(folder: StudyFolder) -> BaseStorage:
-    """Open the folder's journal; the folder is locked, so its leftovers are of a killed run."""
-    path = folder.trials
+def _journal(path: Path) -> BaseStorage:
+    """Open a folder's journal; the folder is locked, so its leftovers are of a killed run."""
     path.with_name(f"{path.name}.lock").unlink(missing_ok=True)
     if path.exists():
         os.truncate(path, path.read_bytes().rfind(b"\n") + 1)  # a line that a kill cut off
@@ -152,7 +150,6 @@ def _address(url: str) -> URL:
 
 @contextmanager
 def _opened(address: URL) -> Iterator[None]:
-    """Turn what can be wrong with a database into one sentence."""
     try:
         yield
     except ImportError as error:
