@@ -20,7 +20,7 @@ from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training import fill, simulated_data, train
 from dogshape.surrogate.dataset import Dataset
-from dogshape.surrogate.validation_figures import rank_correlation
+from dogshape.surrogate.store import rank_correlation
 
 DRAWS = 1000  #: of the errors of references
 REFERENCE_ANGLES = 64  #: of each operating point of a reference

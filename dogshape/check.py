@@ -34,7 +34,7 @@ from dogshape.sim.units import MPA, RPM
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
-from dogshape.surrogate.validation_figures import Validation
+from dogshape.surrogate.store import Validation
 
 if TYPE_CHECKING:
     from dogshape.running import Where

@@ -30,8 +30,8 @@ DRAWS = 4000  #: of the errors of an effect
 class Effect:
     """Main effect of a variable on the expected time, s, with mean zero over the designs.
 
-    ``low`` and ``high`` bound 95 % at each of the values, in edge units, all (k,). Errors alone span
-    ``chance`` in one of twenty draws, s.
+    ``low`` and ``high`` bound 95 % at each of the values, in edge units, all (k,). Errors alone
+    span ``chance`` in one of twenty draws, s.
     """
 
     variable: str

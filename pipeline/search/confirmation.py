@@ -45,7 +45,6 @@ from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch, ContactSet
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
-from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import result_of
 
@@ -70,18 +69,6 @@ class ContactGain(Record):
     gain_standard_error_s: float | None = key("its standard error", "s")
     gain_share: float | None = key("gain over the time of the prototype", SHARE)
 
-    @classmethod
-    def of(cls, contact: str, before: Expectation, after: Expectation) -> ContactGain:
-        """Record a gain; none where either design engages in too few shifts to have a time."""
-        known, gain = before.engages and after.engages, before.mean - after.mean
-        error = math.hypot(before.standard_error, after.standard_error)
-        return cls(
-            contact=contact,
-            gain_s=gain if known else None,
-            gain_standard_error_s=error if known else None,
-            gain_share=gain / before.mean if known else None,
-        )
-
 
 def gains_by_contact(study: Setup, params: Params, executor: Executor) -> list[ContactGain]:
     """Simulate the gain in expected shift time under each contact."""
@@ -101,8 +88,14 @@ def gains_by_contact(study: Setup, params: Params, executor: Executor) -> list[C
         expectation_of(study, [b.point for b in blocks], [next(rows) for _ in blocks])
         for blocks in asked
     ]
-    pairs = zip(named, found[::2], found[1::2], strict=True)
-    return [ContactGain.of(name, before, after) for name, before, after in pairs]
+    gains = []
+    for name, before, after in zip(named, found[::2], found[1::2], strict=True):
+        known, gain = before.engages and after.engages, before.mean - after.mean
+        error = math.hypot(before.standard_error, after.standard_error)
+        values = (gain, error, gain / before.mean) if known else (None, None, None)
+        keys = ("gain_s", "gain_standard_error_s", "gain_share")
+        gains.append(ContactGain(contact=name, **dict(zip(keys, values, strict=True))))
+    return gains
 
 
 @dataclass(frozen=True)

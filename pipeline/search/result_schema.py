@@ -21,7 +21,7 @@ from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import unit_of
-from dogshape.surrogate.validation_figures import Validation
+from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
 OPTIONAL = {
@@ -194,10 +194,7 @@ class StudyRecord(Record):
 
 
 def require_result(data: dict[str, Any], source: str) -> None:
-    """Check a record against the schema.
-
-    Raises InputError that names ``source``, and each key that is unknown, missing or mistyped.
-    """
+    """Raise InputError that names ``source`` and each key that is unknown, missing or mistyped."""
     validate(StudyRecord, data, source)
 
 

@@ -54,10 +54,7 @@ from dogshape.surrogate.dataset import rows_of
 
 @dataclass(frozen=True)
 class Shifts:
-    """All shifts of a design by operating point; ``design`` knows its hardest landing.
-
-    ``reference`` is the expectation of the study's own dog, None where nothing refers to it.
-    """
+    """All shifts of a design by operating point, and the ``reference`` of the study's own dog."""
 
     study: Setup
     design: Design
@@ -148,11 +145,7 @@ Params = dict[str, float]  #: searched keys of a design, edge units
 
 @dataclass(frozen=True)
 class Simulated:
-    """Expectation and loads from the shifts of a design.
-
-    ``rows`` are those of ``surrogate.dataset.rows_of``, ``estimates`` all simulated objectives by
-    name, ``failed`` the number of shifts whose integration failed, by reason.
-    """
+    """Expectation and loads from the shifts of a design; ``failed`` ones are by reason."""
 
     expectation: Expectation
     measured: Measured
@@ -243,10 +236,7 @@ def failures(shifts: Iterable[Shift]) -> dict[str, int]:
 def _as_searched(
     study: Setup, operation: Mapping[str, float], rows: Sequence[Sequence[Shift]]
 ) -> list[Shift]:
-    """Rewrite shifts of a design that is operated in its own way as the search sees them.
-
-    Operation is a variable, and points are the study's own, so that designs meet at the same ones.
-    """
+    """Rewrite shifts as the search sees them: operation is a variable, points are the study's."""
     keys = [key for key in study.variables if key in OPERATED]
     if not keys:
         return [shift for mine in rows for shift in mine]
@@ -361,6 +351,7 @@ def life_of(
     Wear by a rate follows the energy of the stage before. GeometryError where no worn dog can be.
     """
     own, new = study.operated(params), study.dog_with(dict(params))
+    settings, unsure = study.file.expectation, study.uncertainty
     loss, found, before = 0.0, list[LifeStage](), 0.0
     for stage in STAGES:
         if found:
@@ -369,34 +360,32 @@ def life_of(
             loss += wear.loss(worn(new, loss), energy, friction, shifts)
         if wear.crest_loss is not None:
             loss = stage * wear.crest_loss
-        dog = replace(worn(new, loss) if loss else new, edge_radius=wear.edges(new, stage))
-        found.append(_stage(own, new, dog, executor, life=stage, crest_loss_mm=loss / MM))
-        before = stage
+        before, dog = stage, worn(new, loss) if loss else new
+        dog = replace(dog, edge_radius=wear.edges(new, stage))
+        clutch, seed = own.clutch.with_dog(dog), settings.seed + NEW_ANGLES
+        blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
+        rows = executor.run(blocks)
+        expectation = expectation_of(own, own.points, rows)
+        demand = demand_over(own, dog, expectation, rows)
+        checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
+        weakest = smallest_margin(checks)
+        energies = integrated(rows, lambda row: float(row["energy_dissipated_J"]))
+        found.append(
+            LifeStage(
+                life=stage,
+                crest_loss_mm=loss / MM,
+                edge_radius_mm=dog.edge_radius / MM,
+                chamfer_deg=dog.chamfer / DEG,
+                expected_shift_time_s=expectation.mean,
+                standard_error_s=expectation.standard_error,
+                engaged=expectation.engaged,
+                energy_J=mean_over([point.weight for point in own.points], energies).value,
+                smallest_margin=weakest.margin,
+                weakest_check=weakest.name,
+                margins={check.name: check.margin for check in checks},
+            )
+        )
     return found
-
-
-def _stage(study: Setup, new: Dog, dog: Dog, executor: Executor, **worn_so_far: float) -> LifeStage:
-    settings, clutch = study.file.expectation, study.clutch.with_dog(dog)
-    seed, unsure = settings.seed + NEW_ANGLES, study.uncertainty
-    blocks = even_blocks(clutch, study.points, settings.angles, seed, uncertainty=unsure)
-    rows = executor.run(blocks)
-    expectation = expectation_of(study, [b.point for b in blocks], rows)
-    demand = demand_over(study, dog, expectation, rows)
-    checks = (*life_checks(study, new, dog), *demand_checks(demand, study.limits))
-    weakest = smallest_margin(checks)
-    energies = integrated(rows, lambda row: float(row["energy_dissipated_J"]))
-    return LifeStage(
-        **worn_so_far,
-        edge_radius_mm=dog.edge_radius / MM,
-        chamfer_deg=dog.chamfer / DEG,
-        expected_shift_time_s=expectation.mean,
-        standard_error_s=expectation.standard_error,
-        engaged=expectation.engaged,
-        energy_J=mean_over([point.weight for point in study.points], energies).value,
-        smallest_margin=weakest.margin,
-        weakest_check=weakest.name,
-        margins={check.name: check.margin for check in checks},
-    )
 
 
 def life_checks(study: Setup, new: Dog, dog: Dog) -> tuple[Check, ...]:

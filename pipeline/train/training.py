@@ -2,45 +2,47 @@
 
 A folder of a search has the rows of the search in ``rows.json``. ``dogshape fit`` fills
 ``simulated.jsonl`` with a line for each design of four parts. Two thirds of the designs fill the
-space; the others are of the fifth that is expected to be best then, where a search has to tell
-designs apart. References judge the surrogate, over the space and of the best tenth. Without them
-each design is predicted from the others.
-
-Half of the angles of an operating point are even; in a few rounds the others halve the intervals
-in which the time most likely jumps (``sim.statistics.bisection``). Where more than the angle is
-uncertain a time is no function of it, and all are even.
+space; every third one of these breaks a limit by up to ``SLACK``, so that the border has data on
+both sides. The others are of the fifth that is expected to be best then. References judge the
+surrogate, over the space and of the best tenth. Without them each design is predicted from the
+others. Half of the angles of an operating point are even; in a few rounds the others halve the
+intervals in which the time most likely jumps (``sim.statistics.bisection``).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.simulate.design import none_passes, worth_simulating
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.journal import ShiftJournal, append, read_lines
-from dogshape.pipeline.train.filling import Values, first_designs, own_designs
 from dogshape.pipeline.train.training_rows import row_record, with_rows
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.files import naming
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
 from dogshape.sim.statistics.shift_records import Record, content_key, result_of, unfinished
+from dogshape.sim.strength.checks import feasible
+from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.versions import engine
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import COLUMNS, Dataset, row_of
 from dogshape.surrogate.model import MIN_DESIGNS, fit
 from dogshape.surrogate.process import Effort
-from dogshape.surrogate.store import Stored, save
-from dogshape.surrogate.validation_figures import ranked, validate
+from dogshape.surrogate.store import Stored, ranked, save, validate
 
 LEAST_ANGLES = 16  #: of an operating point
 LEAST_SHIFTS = 128  #: of a design
@@ -51,7 +53,76 @@ POOL, APART = 60_000, 90_000  #: added to the seed for a pool of designs, and fo
 ROUNDS = (3, 3, 2)  #: sixteenths of the angles that halve intervals, round by round
 BATCH = 32  #: designs that are simulated before their rows are written
 
+Values = dict[str, float]  #: a design by its variables, edge units
+SLACK = 0.15  #: of a limit, by which designs beyond the border break it
+BEYOND = 3  #: one design in so many lies beyond the border
+DRAWS = 2**16  #: draws without a new design after which there is none
+
 Say = Callable[[str], None]  #: takes a sentence for people
+
+
+def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator[Values]:
+    """Yield designs that fill the feasible space and, with ``border``, a band beyond it."""
+    inside = _sobol_designs(study, seed)
+    beyond = _sobol_designs(study, seed + 1, beyond=True)
+    turns = cycle([False] * (BEYOND - 1) + [border])
+    while design := (next(turns) and next(beyond, None)) or next(inside, None):
+        yield design  # whole numbers alone run out
+
+
+def own_designs(study: Setup) -> list[Values]:
+    """List the study's own dog, unless it cannot be made or its face is held by friction."""
+    try:
+        require_makeable(study.clutch.dog, study.limits.manufacturing)
+    except GeometryError:
+        return []
+    slides = study.clutch.dog.chamfer > math.atan(study.limits.load.friction_release)
+    return [study.prototype] if slides else []
+
+
+def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = True) -> list[Values]:
+    """List the first designs of the sequence of the study's seed and a number ``apart``."""
+    sequence = filling_designs(study, study.file.surrogate.seed + apart, border=border)
+    return list(islice(sequence, count))
+
+
+def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Values]:
+    sequence = qmc.Sobol(len(study.variables), seed=seed)
+    wanted = _just_beyond if beyond else worth_simulating
+    seen: set[tuple[float, ...]] = set()
+    missed = 0
+    while missed < DRAWS:
+        for unit in sequence.random(256):
+            design = _design(study, unit)
+            missed += 1
+            if tuple(design.values()) not in seen and wanted(study, design):
+                missed = 0
+                seen.add(tuple(design.values()))
+                yield design
+    if not seen and not beyond:
+        raise InputError(
+            none_passes(study, f"none of {DRAWS} designs drawn from the search ranges")
+        )
+
+
+def _design(study: Setup, unit: Array) -> Values:
+    return {
+        name: int(low + math.floor(share * (high - low + 1.0)))
+        if name == "count"
+        else round(float(low + share * (high - low)), 3)
+        for (name, (low, high)), share in zip(study.variables.items(), unit, strict=True)
+    }
+
+
+def _just_beyond(study: Setup, design: Values) -> bool:
+    """Check whether a design breaks a limit, none by more than ``SLACK``, and lets go."""
+    try:
+        checks = strength_checks(study.dog_with(design), study.limits)
+    except GeometryError:
+        return False
+    releases = [check for check in checks if check.name.endswith("_release")]
+    within = all(check.margin >= -SLACK for check in checks)
+    return within and feasible(releases) and not feasible(checks)
 
 
 @dataclass(frozen=True)
@@ -147,10 +218,9 @@ def _phases_and_times(shifts: Sequence[Record]) -> tuple[Array, Array]:
 
 
 def _row(study: Setup, job: Job, shifts: Sequence[Record]) -> list[float] | None:
-    """Return the row of a design's shifts at one operating point.
+    """Return the row of a design's shifts at one operating point, even angles first.
 
-    Mean and share engaged are over the pitch: angles are dense where shifts hang. The deviation is
-    that of the even angles, which come first.
+    Mean and share engaged are over the pitch: angles are dense where shifts hang.
     """
     x, halved = study.rows([job.design])[0].tolist(), sum(job.rounds(study))
     row = row_of(x, shifts[: len(shifts) - halved])
@@ -178,10 +248,7 @@ def angles_of(study: Setup) -> int:
 
 
 def count_of(study: Setup) -> int:
-    """Count the designs that the study's ``mix_shifts`` are enough for, ``MOST_DESIGNS`` at most.
-
-    Raises InputError for too few.
-    """
+    """Count the designs that ``mix_shifts`` are enough for; InputError for too few."""
     given, each = study.file.surrogate.mix_shifts, angles_of(study) * len(study.points)
     least = math.ceil(MIN_DESIGNS / FILLING_SHARE)  # the first of them choose the others
     if given // each < least:
@@ -202,8 +269,7 @@ def fill(
 ) -> None:
     """Simulate designs and references; go on where stopped.
 
-    InputError for a study that searches its operation, as a stored shift does not say which, and
-    for too few ``surrogate.mix_shifts``.
+    InputError for a study that searches its operation, and for too few ``surrogate.mix_shifts``.
     """
     if study.searches_operation:
         others = [key for key in study.variables if key not in study.shape_keys]
@@ -262,10 +328,7 @@ def _choose(study: Setup, path: Path, known: list[Values], count: int) -> dict[s
 
 
 def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say) -> Stored:
-    """Fit the surrogate to the shifts of a folder, judge it and write it.
-
-    Fewer designs than it needs raise InputError.
-    """
+    """Fit the surrogate to the shifts of a folder, judge it and write it; InputError for few."""
     study, path = folder.stored_study().working, folder.simulated
     if folder.rows.exists():
         remedy = "run 'dogshape study' with --resume to write it again"

@@ -12,14 +12,16 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.design import design_of, worth_simulating
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.train.filling import SLACK, filling_designs, own_designs
 from dogshape.pipeline.train.training import (
     LEAST_ANGLES,
     LEAST_SHIFTS,
     MOST_DESIGNS,
+    SLACK,
     angles_of,
     count_of,
+    filling_designs,
     jobs_of,
+    own_designs,
     simulate_designs,
     simulated_data,
 )

@@ -17,8 +17,7 @@ from dogshape.surrogate.dataset import Dataset, Grid, Mix, grid_of
 from dogshape.surrogate.model import Surrogate, fit, shape_of
 from dogshape.surrogate.process import Effort
 from dogshape.surrogate.query import ask, in_range
-from dogshape.surrogate.store import Stored, load, save
-from dogshape.surrogate.validation_figures import validate
+from dogshape.surrogate.store import Stored, load, save, validate
 
 NAMES = ("chamfer_deg", "height_mm", "count")
 LOW, HIGH = np.array([0.0, 2.0, 6.0]), np.array([20.0, 6.0, 30.0])
