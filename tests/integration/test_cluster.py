@@ -15,7 +15,7 @@ import pytest
 
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
-from tests.server import ROOT, Cluster, command_of, dask_cluster, free_port
+from tests.server import ROOT, Cluster, command_of, dask_cluster
 
 OVERRIDES = [part for text in SMALL for part in ("--set", text)]
 STUDY = ["mq200_paper", "--no-report", "--engine", "drake", *OVERRIDES]
@@ -91,24 +91,6 @@ def _wait_for_shifts(out: Path, count: int) -> None:
     while not journal.exists() or journal.read_bytes().count(b"\n") < count:
         assert time.monotonic() < end
         time.sleep(0.02)
-
-
-def test_no_cluster_is_said(tmp_path: Path) -> None:
-    """One that waits for ever runs into the limit of ``_call``."""
-    nobody = f"tcp://127.0.0.1:{free_port()}"
-    asked = (("expect", EXPECT), ("study", ["mq200_paper", "--out", str(tmp_path / "out")]))
-    refusing = [
-        subprocess.Popen(
-            command_of(verb, *more, "--cluster", nobody), cwd=ROOT, stderr=subprocess.PIPE
-        )
-        for verb, more in asked
-    ]
-    for process in refusing:
-        (sentence,) = process.communicate(timeout=300)[1].decode().strip().splitlines()
-        assert process.returncode == 2
-        assert nobody in sentence
-        assert "no Dask cluster" in sentence
-    assert not (tmp_path / "out").exists()
 
 
 OTHER_DRAKE = """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.surrogate.query import require_same_physics
-from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished, made_once
 
 FEW = SETTINGS | {
@@ -69,12 +67,6 @@ def test_the_own_dog_of_the_study_has_its_simulated_time(fitted: dict[str, Any])
     assert told.without_retries[0] == pytest.approx(seen.without_retries[0], rel=0.04)
     assert not found.missed
     assert not found.design.not_checked
-
-
-def test_a_check_asks_it(fitted: dict[str, Any], dogshape: Callable[..., Said]) -> None:
-    own = [part for text in SMALL for part in ("--set", text)]
-    said = dogshape("check", "mq200_paper", *own, "--json")
-    assert said.json["low_s"] < said.json["expected_shift_time_s"] < said.json["high_s"]
 
 
 def test_it_goes_on_where_it_was_stopped(fitted: dict[str, Any]) -> None:

@@ -21,14 +21,12 @@ from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.state import SIMULATION
 from dogshape.pipeline.simulate import executor
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
-from dogshape.surrogate.model import MIN_DESIGNS
 from tests.conftest import SMALL, searching
 from tests.integration.studies import Finished
 from tests.server import command_of
@@ -77,22 +75,6 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
         assert (folder / name).stat().st_size > 0
     assert not (folder / "report.html").exists()
     assert not (folder / "shifts").exists()
-
-
-def test_front_is_what_nothing_dominates(finished: Finished) -> None:
-    result = finished.result
-    values = {
-        row["trial"]: (row["expected_shift_time_s"], row["axial_length_mm"])
-        for row in [*result["trials"], *result["front"]]  # the last with the new angles' values
-    }
-    front = {
-        trial
-        for trial, (t, a) in values.items()
-        if not any(u <= t and b <= a and (u, b) != (t, a) for u, b in values.values())
-    }
-    left_out = set(result["confirmation"]["left_out"])
-    assert {row["trial"] for row in result["front"]} == front - left_out
-    assert left_out < front
 
 
 def test_same_seed_gives_the_same_trials_on_more_workers(
@@ -176,38 +158,6 @@ def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Pat
     with pytest.raises(StorageError, match=words):
         run_study(other, searching(folder, resume=True))
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
-
-
-@pytest.mark.parametrize(("designs", "learned"), [(MIN_DESIGNS - 1, False), (MIN_DESIGNS, True)])
-def test_a_search_learns_from_as_many_designs_as_the_surrogate_needs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, designs: int, learned: bool
-) -> None:
-    """One rule says how many: that of the surrogate, which takes them."""
-    asked: list[StudyFolder] = []
-
-    def train(folder: StudyFolder, **_: Any) -> None:
-        asked.append(folder)
-        raise InputError("enough is known")
-
-    monkeypatch.setattr("dogshape.pipeline.study.train", train)
-    result = {"n_simulated_designs": designs, "trials": [], "audit": None}
-    monkeypatch.setattr("dogshape.pipeline.study._searched", lambda *_: result)
-    run_study(load_study("mq200_paper", SMALL), searching(tmp_path))
-    assert bool(asked) is learned
-
-
-def test_a_folder_of_another_version_is_refused(tmp_path: Path, small_study: Setup) -> None:
-    folder = StudyFolder(tmp_path)
-    folder.manifest.write_text('{"format": 99}')
-    with pytest.raises(StorageError, match="was written in format 99"):
-        run_study(small_study, searching(tmp_path, resume=True))
-    folder.manifest.write_text("{")
-    with pytest.raises(StorageError, match="damaged"):
-        run_study(small_study, searching(tmp_path, resume=True))
-    folder.manifest.unlink()
-    folder.shifts.write_text("")
-    with pytest.raises(StorageError, match=r"holds results without study\.json"):
-        run_study(small_study, searching(tmp_path, resume=True))
 
 
 def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:

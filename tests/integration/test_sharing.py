@@ -128,21 +128,3 @@ def test_wrong_addresses_are_said(server: Server, tmp_path: Path, url: str, word
         run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, storage=full))
     assert words in str(refused.value)
     assert "secret" not in str(refused.value)
-
-
-def test_a_database_guards_what_it_holds(
-    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few = [*SMALL, "search.trials=1", "name=versions"]
-    study = load_study("mq200_paper", few)
-    run_study(study, searching(tmp_path / "a", 1, server.url))
-    with pytest.raises(StorageError, match="holds a study 'versions' already"):
-        run_study(study, searching(tmp_path / "b", 1, server.url))
-    other = load_study("mq200_paper", [*few, "sliding.mass_kg=0.4"])
-    with pytest.raises(StorageError, match="of another configuration"):
-        run_study(other, searching(tmp_path / "c", 1, server.url, resume=True))
-    monkeypatch.setattr(
-        "dogshape.pipeline.search.search.engine", lambda: {"dogshape": "0.1.0", "drake": "9"}
-    )
-    with pytest.raises(StorageError, match=r"other versions simulate \(.*drake .* and 9 here"):
-        run_study(study, searching(tmp_path / "b", 1, server.url, resume=True))

@@ -12,7 +12,6 @@ import optuna
 import pytest
 from optuna.trial import TrialState
 
-from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.search import Search, finish_round, next_round, sampler_of
 from dogshape.pipeline.simulate.design import Measured
@@ -20,7 +19,7 @@ from dogshape.pipeline.simulate.evaluation import Simulated
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.pipeline.study import run_study
-from dogshape.sim.statistics.blocks import Block, even_blocks, run_block
+from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record, unfinished
 from dogshape.sim.strength.landing import Demand
@@ -58,21 +57,6 @@ def test_a_shift_that_the_clock_ended_has_failed_and_is_not_kept(
     for name in ("running.jsonl", "shifts.jsonl"):
         kept = [json.loads(line) for line in (tmp_path / name).read_text().splitlines()]
         assert not any(map(unfinished, kept))
-
-
-def test_a_bank_keeps_no_series_that_the_clock_cut_short(tmp_path: Path) -> None:
-    study = load_study("mq200_paper", SMALL)
-    blocks = even_blocks(study.clutch, study.points, 3, 1)
-    failed = {"outcome": "diverged", "shift_time_s": None, "reason": REASON}
-    sound = {"outcome": "engaged", "shift_time_s": 0.1}
-    store = BankStore([tmp_path / "bank.json"])
-
-    def run(asked: Sequence[Block]) -> list[list[Record]]:
-        return [[failed if b is blocks[0] else sound] * len(b.angles) for b in asked]
-
-    store.times(blocks, run)
-    assert not store.missing(blocks)  # this diagnosis goes on with what it has
-    assert BankStore([tmp_path / "bank.json"]).missing(blocks) == blocks[:1]
 
 
 def test_what_another_run_told_leaves_no_other_trial_running(

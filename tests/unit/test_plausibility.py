@@ -82,18 +82,6 @@ def test_usual_clutches_are_no_question(values: tuple[str, ...]) -> None:
     assert slips_of(load_study("mq200", values)) == []
 
 
-FLAT = ("--set", "dog.traction_deg=0", "--set", "dog.braking_deg=0", "--set", "dog.chamfer_deg=0")
-
-
-def test_verbs_of_one_design_say_that_flat_dogs_do_not_engage(dogshape: Call) -> None:
-    words = "this dog engages in the model alone"
-    said = dogshape("shift", "mq200_paper", *POINT, "--relative-angle-deg", "3", *FLAT)
-    assert said.status == 0
-    assert words in said.err
-    strength = dogshape("strength", "mq200_paper", "--no-simulation", *FLAT, "--json")
-    assert words in " ".join(strength.json["warnings"])
-
-
 def test_angles_beyond_a_pitch_are_said(dogshape: Call) -> None:
     dog = load_study("mq200_paper").clutch.dog
     assert folded(dog, [0.0, 12.0, -24.0]) == []

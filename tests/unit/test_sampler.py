@@ -104,13 +104,6 @@ def test_directions_measure_the_volume(objectives: int) -> None:
     assert more[0] == pytest.approx(np.prod(sides) - shared, abs=0.01 * one)
 
 
-def test_what_adds_nothing_gains_nothing() -> None:
-    ways = directions(np.random.default_rng(0), 64, 2)
-    front = np.array([[[0.2, 0.5], [0.5, 0.2]]])
-    dominated = np.array([[[0.5, 0.5], [1.2, 0.1], [0.2, 0.5]]])
-    assert added(dominated, front, np.ones(2), ways) == pytest.approx([0.0, 0.0, 0.0])
-
-
 def test_a_space_draws_what_it_holds_evenly_or_near_a_design() -> None:
     space, rng = Space(RANGES), np.random.default_rng(0)
     drawn = [space.draw(rng) for _ in range(600)]

@@ -89,15 +89,6 @@ def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate:
     assert error.mean() > 3.0 * surrogate.predict(x, FIRST)[1].mean()
 
 
-def test_joint_errors_are_those_of_the_smooth_part(surrogate: Surrogate) -> None:
-    x = made(12, seed=3).x
-    time, covariance = surrogate.joint(x)
-    alone, error = surrogate.predict(x)
-    assert time == pytest.approx(alone, rel=1e-3)
-    assert (np.diag(covariance) <= 1.001 * error**2).all()
-    assert np.linalg.eigvalsh(covariance).min() > -1e-12
-
-
 def test_validation_tells_signal_from_noise(surrogate: Surrogate) -> None:
     data = made(24)
     good = validate(fit(data, QUICK))
@@ -145,12 +136,6 @@ def test_share_stays_between_nought_and_one_and_costs_retries() -> None:
     assert cost == pytest.approx(0.25 * MIX.retry, rel=0.4)
     far = np.array([[500.0, 90.0, 900.0]])
     assert 0.0 < some_lose.engaged(far, MIX).min() < 1.0
-
-
-def test_interval_widens_with_the_distance_to_the_data(surrogate: Surrogate) -> None:
-    near, far = surrogate.data.x[0], np.array([40.0, 12.0, 60.0])
-    assert surrogate.expected(far, MIX).error > 3 * surrogate.expected(near, MIX).error
-    assert surrogate.distance(np.array([near, far])) == pytest.approx([0.0, 12.0], abs=8.0)
 
 
 def test_too_few_designs_are_refused() -> None:
@@ -227,17 +212,6 @@ def test_faces_that_hold_have_no_estimate(
     assert (answer.expected is None) == holds
     assert answer.refusal.startswith("faces hold: no estimate") == holds
     assert bool(in_range(model, np.array([list(asked.values())]))[0]) <= (not holds)
-
-
-def test_an_interval_is_split_into_retries_and_the_rest(surrogate: Surrogate) -> None:
-    x = np.array([10.0, 4.0, 18.0])
-    losing = replace(surrogate.share, engaged=surrogate.share.engaged * 0.9)
-    found = replace(surrogate, share=losing).expected(x, MIX)
-    bare, error = found.without_retries
-    engaging = surrogate.expected(x, replace(MIX, retry=0.0))
-    assert (bare, error) == pytest.approx((engaging.time, engaging.error))
-    assert found.retries > 0.0
-    assert np.hypot(error, found.retries_error) == pytest.approx(found.error)
 
 
 def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:

@@ -141,17 +141,3 @@ def test_foremost_dogs_bear_the_landing(prototype: Dog) -> None:
     assert 1 / 15 < share < 1.0
     assert rough == pytest.approx(even * share**-0.25, rel=1e-12)
     assert load.landing(prototype, 10 * line) > share > load.landing(prototype, 0.1 * line)
-
-
-def test_run_out_loads_flanks_and_tilt_loads_faces(prototype: Dog) -> None:
-    plain = LoadCase(pitch_sd=2e-6)
-    out, tilted = LoadCase(pitch_sd=2e-6, run_out=20e-6), LoadCase(pitch_sd=2e-6, tilt=5e-4)
-    wave = 10e-6 * plain.stiffness(prototype) * prototype.mean_radius * 15 / 300.0
-    assert out.sharing(prototype, 300.0) == pytest.approx(
-        load_share(15, 0.2 * wave, wave), rel=1e-9
-    )
-    assert out.sharing(prototype, 300.0) < plain.sharing(prototype, 300.0)
-    assert out.blow(prototype, 1e3) < plain.blow(prototype, 1e3) == tilted.blow(prototype, 1e3)
-    assert tilted.landing(prototype, 5e4) < plain.landing(prototype, 5e4)
-    assert out.landing(prototype, 5e4) == plain.landing(prototype, 5e4)
-    assert tilted.sharing(prototype, 300.0) == plain.sharing(prototype, 300.0)
