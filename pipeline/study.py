@@ -16,7 +16,7 @@ from dogshape.pipeline.search.confirmation import (
     confirm,
     shifts_to_confirm,
 )
-from dogshape.pipeline.search.search import Search, open_search, require_sampler, run
+from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import (
     PROTOTYPE,
     SearchState,
@@ -74,7 +74,6 @@ def run_study(study: Setup, how: Run) -> Record:
     objectives_of(study)
     limits_of(study)
     require_variables(study)
-    require_sampler(study.file.search.sampler)
     folder, say = how.folder, how.progress.say
     connect(how.cluster)
     with folder.writing():

@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Places = NDArray[np.int64]
 ROOT5 = 5.0**0.5
 LEAST_POWER = 7  #: of Wendland's function
 

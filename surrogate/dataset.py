@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -123,10 +123,6 @@ class Dataset:
     def scaled(self, x: Array) -> Array:
         """Scale designs (m, d) to the unit cube of the search range."""
         return (np.atleast_2d(x) - self.low) / (self.high - self.low)
-
-    def subset(self, designs: Any) -> Dataset:
-        """Return the data of the designs at places, or of a mask, alone."""
-        return replace(self, grid=self.grid.subset(designs))
 
     def frame(self) -> pd.DataFrame:
         """Return a row for each design and operating point, with contact set and versions."""

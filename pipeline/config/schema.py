@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
@@ -338,7 +338,7 @@ class SearchSection(Section):
     objectives: list[str] = Field(
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
     )
-    sampler: str = "surrogate"
+    sampler: Literal["surrogate", "space_filling"] = "surrogate"
     trials: Annotated[int, Field(ge=1), AfterValidator(_few_trials)] = 32
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4

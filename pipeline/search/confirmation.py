@@ -40,7 +40,7 @@ from dogshape.pipeline.simulate.evaluation import (
     expectation_of,
 )
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.result_records import check_record, expectation_record
+from dogshape.pipeline.store.result_records import ExpectedTime, check_record
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch, ContactSet
@@ -92,9 +92,13 @@ def gains_by_contact(study: Setup, params: Params, executor: Executor) -> list[C
     for name, before, after in zip(named, found[::2], found[1::2], strict=True):
         known, gain = before.engages and after.engages, before.mean - after.mean
         error = math.hypot(before.standard_error, after.standard_error)
-        values = (gain, error, gain / before.mean) if known else (None, None, None)
-        keys = ("gain_s", "gain_standard_error_s", "gain_share")
-        gains.append(ContactGain(contact=name, **dict(zip(keys, values, strict=True))))
+        one = ContactGain(
+            contact=name,
+            gain_s=gain if known else None,
+            gain_standard_error_s=error if known else None,
+            gain_share=gain / before.mean if known else None,
+        )
+        gains.append(one)
     return gains
 
 
@@ -346,7 +350,7 @@ def _estimates(found: Simulated) -> Estimates:
 def _confirmed(study: Setup, params: Params, found: Confirmed) -> dict[str, Any]:
     design = design_of(study, params, found.simulated.measured)
     return {
-        **expectation_record(found.simulated.expectation),
+        **ExpectedTime.of(found.simulated.expectation).to_dict(),
         "estimates": _estimates(found.simulated),
         "checks": [check_record(check) for check in design.checks],
         "drake": None if found.agreement is None else found.agreement.to_dict(),

@@ -137,10 +137,6 @@ class Response:
         given: dict[str, Any] = {"start": theta, "effort": effort, "scale": np.array([scale])}
         return cls(fit_process(TERMS, x, values[:, None], noise, **given))
 
-    def draws(self, x: Array, rng: np.random.Generator, count: int) -> Array:
-        """Draw values at coordinates (m, c) jointly, (count, m)."""
-        return draw_jointly(*self.process.joint(x), rng, count)
-
     def below(self, x: Array, limit: float = 0.0) -> Array:
         """Return the probability that values at coordinates (m, c) are below a limit, (m,).
 
@@ -164,10 +160,6 @@ class Guide:
     def allows(self, params: Params) -> bool:
         """Check whether a design passes every check that needs no simulation."""
         return worth_simulating(self.study, params)
-
-    def refusal(self, none_of: str) -> str:
-        """Explain why nothing is allowed, after words such as *none of 80000 designs*."""
-        return none_passes(self.study, none_of)
 
     def predict(self, trials: Sequence[FrozenTrial]) -> Prediction:
         """Fit the surrogate to the rows of all trials, and a process to their landings.
@@ -231,7 +223,7 @@ class Prediction:
             losses[:, :, column] = draw_jointly(*expected, rng, count)
         x = self.guide.space.coordinates(params)
         for column, response in self.others.items():
-            losses[:, :, column] = response.draws(x, rng, count)
+            losses[:, :, column] = draw_jointly(*response.process.joint(x), rng, count)
         return losses
 
     def chances(self, params: Sequence[Params]) -> Array:
@@ -242,11 +234,7 @@ class Prediction:
 
 @dataclass(frozen=True)
 class Breadth:
-    """Numbers of candidates and draws for a proposal; its time grows with their square.
-
-    ``wide`` candidates of the whole space and ``near`` the front, joint ``draws`` of
-    predictions, ``ways`` directions of the hypervolume.
-    """
+    """Candidates of the whole space and near the front, draws, and ways of the hypervolume."""
 
     wide: int = 400
     near: int = 100
@@ -296,19 +284,14 @@ class Pool:
                     break
         if not found:
             none_of = f"none of {TRIES * size} designs drawn from the search ranges"
-            raise InputError(self._guide.refusal(none_of))
+            raise InputError(none_passes(self._guide.study, none_of))
         return found
 
 
 class SurrogateSampler:
     """Expected hypervolume improvement on Gaussian processes, within exact constraints.
 
-    Parameters
-    ----------
-    guide : search space, constraints and predictions of a study.
-    seed : of every proposal, with the number of trials before it.
-    startup : designs that fill the allowed space before anything is predicted.
-    breadth : numbers of candidates and draws for a proposal.
+    ``startup`` designs fill the allowed space before anything is predicted.
     """
 
     def __init__(

@@ -41,12 +41,11 @@ from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, reference
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import Sharing, open_storage
-from dogshape.sim.errors import InputError, StorageError, did_you_mean
+from dogshape.sim.errors import StorageError
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
 from dogshape.surrogate.model import MIN_DESIGNS
 
-SAMPLERS = ("surrogate", "space_filling")
 WAIT = 0.5  #: s between looks at what other machines do
 BEGUN = (TrialState.RUNNING, TrialState.COMPLETE)
 
@@ -178,17 +177,9 @@ def _status(state: SearchState) -> str:
     return text
 
 
-def require_sampler(name: str) -> None:
-    """Raise InputError for an unknown sampler."""
-    if name not in SAMPLERS:
-        hint = did_you_mean(name, SAMPLERS)
-        raise InputError(f"search.sampler is '{name}', which is not a sampler; {hint}")
-
-
 def sampler_of(study: Setup) -> SurrogateSampler:
-    """Make the sampler of a study; InputError where it is unknown, and where no design passes."""
+    """Make the sampler of a study; InputError where no design passes."""
     search = study.file.search
-    require_sampler(search.sampler)
     learns = search.sampler == "surrogate"
     startup = max(search.startup, MIN_DESIGNS) if learns else search.trials
     sampler = SurrogateSampler(Guide(study), search.seed, startup)

@@ -284,25 +284,16 @@ ENOUGH = 24  #: shifts from which a standard error is believed
 MOST = 96  #: angles of the last round
 
 
-@dataclass(frozen=True)
-class Precise:
-    """An expectation with the blocks and records it came from."""
-
-    expectation: Expectation
-    blocks: list[Block]
-    rows: list[list[Shift]]
-
-
 def expect_to(
     study: Setup,
     points: Sequence[OperatingPoint],
     precision: float,
     executor: Executor,
     progress: WorkCounter,
-) -> Precise:
+) -> tuple[Expectation, list[Block], list[list[Shift]]]:
     """Double the even angles until the expectation over points has a relative standard error.
 
-    The last round is returned where that is not reached, and progress says why.
+    The last round is returned, with its shifts; progress says why that was not reached.
     """
     count, seed, unsure = FIRST, study.file.expectation.seed, study.uncertainty
     while True:
@@ -312,12 +303,12 @@ def expect_to(
         share, shifts = found.standard_error / found.mean, len(points) * count
         if any(p.mean_engaged is None for p in found.points):
             progress.say("nothing engages at some operating point: no precision can be reached")
-            return Precise(found, blocks, rows)
+            return found, blocks, rows
         if share <= precision and shifts >= ENOUGH:
-            return Precise(found, blocks, rows)
+            return found, blocks, rows
         if share > precision and count >= MOST:
             progress.say(f"{share:.1%} is what {MOST} angles at each operating point give")
-            return Precise(found, blocks, rows)
+            return found, blocks, rows
         few = ", from too few to trust" if share <= precision else ""
         progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
         count *= 2

@@ -145,13 +145,11 @@ def default_out(given: Setup) -> Path:
 
 
 def require_targets(
-    targets: Mapping[str, Path | None], endings: Mapping[str, tuple[str, ...]] | None = None,
-    *, folders: bool = False,
-) -> None:  # fmt: skip
+    targets: Mapping[str, Path | None], endings: Mapping[str, tuple[str, ...]] | None = None
+) -> None:
     """Raise StorageError unless the files that options name can be written; None is not asked for.
 
-    ``endings`` are those that an option's file may have. No file that is there changes; ``folders``
-    makes folders that are missing.
+    ``endings`` are those that an option's file may have. No file that is there changes.
     """
     for option, path in targets.items():
         if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
@@ -165,8 +163,6 @@ def require_targets(
             fault = f"but its file must end in {fit[0]}; write for instance {named}"
         else:
             try:
-                if folders:
-                    path.parent.mkdir(parents=True, exist_ok=True)
                 # A new file is made and removed; the time of one that is there does not change.
                 with path.open("ab") if path.exists() else TemporaryFile(dir=path.parent):
                     pass

@@ -52,14 +52,9 @@ class ShiftJournal:
             os.ftruncate(descriptor, 0)
         append(self.path, *self.rows.values())
 
-    @property
-    def finished(self) -> list[str]:
-        """Keys of the shifts that are finished, without those that the clock ended."""
-        return [key for key, row in self.rows.items() if not unfinished(row)]
-
     def say_unfinished(self, say: Callable[[str], None]) -> None:
         """Report the number of shifts that the clock ended, if any."""
-        if ended := len(self.rows) - len(self.finished):
+        if ended := sum(map(unfinished, self.rows.values())):
             say(
                 f"{ended} of the shifts failed at solver.time_limit_s, as on a busy machine; "
                 "they are not kept"

@@ -199,7 +199,6 @@ def test_no_feasible_design_is_said(small_study: Setup, tmp_path: Path) -> None:
     [
         ("search.objectives=['axial_length_mm']", "has none that needs a simulation"),
         ("search.objectives=['expected_shift_time']", "did you mean 'expected_shift_time_s'?"),
-        ("search.sampler=tpe", "valid are surrogate, space_filling"),
         (
             "search.limits.first_try_share=1.5",
             "search.limits.first_try_share is 1.5, but no share engaged in time at the first try "

@@ -204,8 +204,8 @@ def test_faces_that_hold_have_no_estimate(
     surrogate: Surrogate, chamfer: float, friction: float, holds: bool
 ) -> None:
     """The least chamfer that was simulated is 7 degrees, the friction angle of 0.12 is 6.84."""
-    data = surrogate.data.subset(surrogate.data.x[:, 0] > 7.0)
-    data = replace(data, physics={**PHYSICS, "static_friction": friction})
+    data, physics = surrogate.data, {**PHYSICS, "static_friction": friction}
+    data = replace(data, grid=data.grid.subset(data.x[:, 0] > 7.0), physics=physics)
     model = replace(surrogate, data=data)
     asked = {"chamfer_deg": chamfer, "height_mm": 4.0, "count": 18.0}
     answer = ask(model, asked, MIX, data.physics)
