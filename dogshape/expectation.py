@@ -119,8 +119,9 @@ def simulate_mean(
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
         with where.executor("expect", asked, FIRST * len(points)) as running:
-            mean, *shifts = expect_to(config, points, precision, running.executor, running.counter)
-            error = numerical_error(*shifts, running.executor.run)
+            found = expect_to(config, points, precision, running.executor, running.counter)
+            mean, blocks, rows = found
+            error = numerical_error(blocks, rows, running.executor.run)
         return Expectation(config, replace(mean, numerical_error=error))
     even = angles is None or isinstance(angles, int)
     if angles is None or isinstance(angles, int):

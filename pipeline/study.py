@@ -51,10 +51,7 @@ Record = dict[str, Any]  #: a part of result.json (``pipeline.search.result_sche
 
 @dataclass(frozen=True)
 class Run:
-    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers.
-
-    Without ``report`` it ends with its result. ``progress`` gets the number of finished shifts.
-    """
+    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers."""
 
     folder: StudyFolder
     jobs: int = 0
@@ -68,8 +65,7 @@ class Run:
 def run_study(study: Setup, how: Run) -> Record:
     """Run or resume a study; give its result, which is also in ``result.json``.
 
-    EngineError, after result and report are written, where its audit finds that the compiled
-    engine and Drake do not agree.
+    EngineError, after result and report are written, where both engines do not agree.
     """
     objectives_of(study)
     limits_of(study)

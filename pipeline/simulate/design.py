@@ -35,7 +35,7 @@ Within = dict[str, dict[str, float]]  #: margins left within tolerances, by chec
 FILLING = 512  #: designs that fill the ranges
 MAX_NAMED = 3  #: failed checks that are named
 Margins = Mapping[str, float]  #: of a design's checks, by name
-REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
+REFERRED = "slower_than_reference_s"  #: needs the shifts of the study's own dog too
 ENGAGEMENT = Rule(
     "engagement",
     "lock",
@@ -171,11 +171,7 @@ _losses = lru_cache(maxsize=256)(margin_losses)
 
 
 def margins_within(study: Setup, design: Design) -> Within:
-    """Return each margin's worst case and root sum of squares, by the check's name.
-
-    A worst case stands for its own; the landing has none. It is minus infinity where a tolerance
-    leaves no dog.
-    """
+    """Return each margin's worst case and root sum of squares, by check; the landing has none."""
     if design.dog is None:
         return {}
     spreads = _losses(design.dog, study.limits)
@@ -190,10 +186,7 @@ def margins_within(study: Setup, design: Design) -> Within:
 
 
 def margins_kept(study: Setup, design: Design) -> dict[str, float]:
-    """Compute the margins of a design's checks, by name.
-
-    They are at worst-case tolerances where the study bounds the smallest of these.
-    """
+    """Compute the margins of checks, at worst-case tolerances where the study bounds these."""
     every = {check.name: check.margin for check in design.checks}
     if every.pop(WORST, None) is None:
         return every
@@ -349,10 +342,7 @@ def failing_words(margins: Sequence[Margins]) -> str:
 
 
 def none_passes(study: Setup, whose: str) -> str:
-    """Explain which closed-form checks the designs that fill the ranges of a study fail.
-
-    ``whose`` begins the sentence, such as *none of 80000 designs*.
-    """
+    """Explain which checks designs that fill the ranges fail, after *none of 80000 designs*."""
     low, high = np.array(list(study.variables.values()), dtype=float).T
     shares = sobol_shares(FILLING, len(low), study.file.search.seed)
     designs = [design_of(study, study.named(low + row * (high - low))) for row in shares]

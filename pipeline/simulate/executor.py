@@ -200,10 +200,9 @@ _clients: dict[str, Any] = {}  #: of Dask clusters, by address
 
 
 def connect(address: str | None) -> Any:
-    """Return the client of a Dask cluster, None where none is asked for; one for each address.
+    """Return the client of a Dask cluster, one for each address; None where none is asked for.
 
-    InputError where the extra is missing or nothing answers, WorkerError where a worker has other
-    versions than this machine.
+    InputError where nothing answers, WorkerError where a worker has other versions.
     """
     if address is None:
         return None

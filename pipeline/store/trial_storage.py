@@ -95,10 +95,21 @@ def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
         {"poolclass": NullPool, "connect_args": KEEPALIVE}, heartbeat_interval=BEAT,
         grace_period=SILENCE, heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
     )  # fmt: skip
-    with _opened(address):
+    try:
         with suppress(SQLAlchemyError, StorageInternalError):
             return make()
         return make()  # where another run made the tables at the same time
+    except ImportError as error:
+        name = getattr(error.__cause__, "name", None)
+        raise StorageError(
+            f"the storage {address} needs {name or 'a driver'}; install the extra: "
+            "pip install -c constraints.txt '.[machines]'"
+        ) from error
+    except (SQLAlchemyError, StorageInternalError, RuntimeError, OSError) as error:
+        raise StorageError(
+            f"the storage {address} cannot be opened ({_reason(error)}); check the address and "
+            "that its server runs"
+        ) from error
 
 
 def _journal(path: Path) -> BaseStorage:
@@ -146,23 +157,6 @@ def _address(url: str) -> URL:
             "give such an address, or leave it out for a file in the study's folder"
         )
     return address
-
-
-@contextmanager
-def _opened(address: URL) -> Iterator[None]:
-    try:
-        yield
-    except ImportError as error:
-        name = getattr(error.__cause__, "name", None)
-        raise StorageError(
-            f"the storage {address} needs {name or 'a driver'}; install the extra: "
-            "pip install -c constraints.txt '.[machines]'"
-        ) from error
-    except (SQLAlchemyError, StorageInternalError, RuntimeError, OSError) as error:
-        raise StorageError(
-            f"the storage {address} cannot be opened ({_reason(error)}); check the address and "
-            "that its server runs"
-        ) from error
 
 
 @contextmanager
