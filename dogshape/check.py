@@ -12,12 +12,15 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup, points_of
 from dogshape.pipeline.record import Table, frame_of
 from dogshape.pipeline.reports.text import ENGINES, interval_text, time_text
-from dogshape.pipeline.search.tolerance_effects import ToleranceTime, checks_within, tolerance_time
 from dogshape.pipeline.simulate.design import (
     Design,
+    Measured,
+    ToleranceTime,
     Within,
+    checks_within,
     design_of,
     margins_within,
+    tolerance_time,
     weakest_within,
 )
 from dogshape.pipeline.simulate.plausibility import notes_of

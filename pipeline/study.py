@@ -23,7 +23,6 @@ from dogshape.pipeline.search.state import (
     Trial,
     standings,
 )
-from dogshape.pipeline.search.tolerance_effects import smallest_within, tolerance_time
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -32,6 +31,8 @@ from dogshape.pipeline.simulate.design import (
     leading,
     limits_of,
     objectives_of,
+    smallest_within,
+    tolerance_time,
 )
 from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect

@@ -15,8 +15,7 @@ from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES
 from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.search.confirmation import ContactGain, EngineAgreement
-from dogshape.pipeline.search.tolerance_effects import ToleranceTime
-from dogshape.pipeline.simulate.design import OBJECTIVES
+from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
 from dogshape.sim.clutch_tables import validate

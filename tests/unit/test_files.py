@@ -99,7 +99,7 @@ def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
     require_targets({"--html": Path("/dev/null")})
     assert there.read_text() == "old"
     assert there.stat().st_mtime_ns == before
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "there.html"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["there.html"]
     for path, words in [
         (tmp_path, "--out is .*, which is a folder; name a file"),
         (tmp_path / "no" / "x.html", "but there is no folder .*/no; make it or name another file"),

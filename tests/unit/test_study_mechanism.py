@@ -12,7 +12,7 @@ import pytest
 from dogshape.pipeline.config.mechanism import ACTUATION
 from dogshape.pipeline.config.schema import keys_like
 from dogshape.pipeline.config.study_file import find_study, load_study
-from dogshape.pipeline.search.tolerance_effects import tolerance_time
+from dogshape.pipeline.simulate.design import tolerance_time
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training_rows import (
     stored_surrogate,
