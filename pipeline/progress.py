@@ -14,15 +14,9 @@ from typing import Any, Protocol
 
 @dataclass(frozen=True)
 class Count:
-    """Progress of long work.
+    """Progress of long work, of which an earlier run had finished ``known``.
 
-    Parameters
-    ----------
-    done, total : counted so far, and expected in all.
-    known : part of ``done`` that an earlier run finished, which took no time in this run.
-    at_most : whether ``total`` is an upper bound.
-    unit : name of the counted thing, in the plural.
-    ended : whether the work is over, finished or not.
+    ``total`` may be an upper bound, ``unit`` is a plural; ended is the work finished or not.
     """
 
     done: int

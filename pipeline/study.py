@@ -253,10 +253,7 @@ def rows_of(state: SearchState) -> dict[int, Record]:
 
 
 def row_of(state: SearchState, trial: Trial) -> Record:
-    """Record a design as a flat row.
-
-    Times are None where it was not simulated, or engages too seldom to have one.
-    """
+    """Record a design as a flat row, without times where it engages too seldom to have one."""
     study, design = state.study, state.designs[trial.number]
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
     silent = {name for name in names if ENGAGEMENT.name in design.failed and is_time(name)}

@@ -153,10 +153,7 @@ def new_angles(study: Setup) -> int:
 
 
 def shifts_to_confirm(study: Setup, designs: int) -> int:
-    """Count the shifts that confirm the prototype and so many designs, at most.
-
-    For prototype and chosen design those for the numerical error come on top.
-    """
+    """Count the shifts that confirm prototype and designs, at most, with the numerical errors."""
     few, many = study.file.search.confirm_angles, new_angles(study)
     both = len(study.points) * (many if many == few else many + few)
     return (1 + designs) * both + 2 * repeated(len(study.points) * few)
@@ -167,8 +164,7 @@ def confirm(
 ) -> tuple[dict[str, Any] | None, SearchState]:
     """Simulate prototype and front of an ended search at angles that it did not use.
 
-    Give the record, None where no design passes every check of the search, and the state with the
-    values at the new angles.
+    Give the record, None where no design passes every check, and the state at the new angles.
     """
     state, study, found = searched, searched.study, dict[int, Confirmed]()
     prototype, most = list[Confirmed](), study.file.search.confirm_designs
@@ -271,8 +267,7 @@ def _record(
 ) -> dict[str, Any]:
     """Record the confirmation of designs, by trial in the search's order.
 
-    Chosen is the first of the front in that order; where no design passes, the first of all. None
-    is chosen for its luck here.
+    Chosen is the first of the front in that order, where none passes of all: not for luck here.
     """
     study = searched.study
     trials = {trial.number: trial for trial in searched.simulated if trial.number in found}
@@ -399,10 +394,7 @@ def _both(
 def audit(
     study: Setup, designs: Sequence[Params], executor: Executor, judge: Clutch, shifts: int
 ) -> EngineAgreement:
-    """Simulate shifts of a search again in both engines, drawn at random by the search's seed.
-
-    ``study`` is in the compiled engine, ``designs`` are those that it simulated.
-    """
+    """Simulate random shifts of the designs of a search, in the compiled engine, again in both."""
     settings = study.file.expectation
     places = len(designs), len(study.points), settings.angles
     rng, size = np.random.default_rng([study.file.search.seed, shifts]), math.prod(places)

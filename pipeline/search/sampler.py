@@ -138,10 +138,7 @@ class Response:
         return cls(fit_process(TERMS, x, values[:, None], noise, **given))
 
     def below(self, x: Array, limit: float = 0.0) -> Array:
-        """Return the probability that values at coordinates (m, c) are below a limit, (m,).
-
-        The process takes the mean of its values for its level, which few of them know badly.
-        """
+        """Return the probability of values below a limit, (m,), its level being as unsure."""
         mean, variance = (found[:, 0] for found in self.process.predict(x))
         level = (1.0 / len(self.process.targets) + MIN_NOISE) * self.process.scale[0] ** 2
         chance: Array = ndtr((limit - mean) / np.sqrt(variance + level))
@@ -162,10 +159,7 @@ class Guide:
         return worth_simulating(self.study, params)
 
     def predict(self, trials: Sequence[FrozenTrial]) -> Prediction:
-        """Fit the surrogate to the rows of all trials, and a process to their landings.
-
-        InputError where too few were simulated.
-        """
+        """Fit surrogate and processes to trials; InputError where too few were simulated."""
         study, constraints = self.study, {t.number: t.constraints for t in trials}
         every = [trial for trial in map(trial_of, trials) if trial.simulated]
         if not every:

@@ -54,10 +54,7 @@ AfterRound = Callable[[str, SearchState], None]  #: called with a line for peopl
 
 @dataclass(frozen=True)
 class Search:
-    """Handles of a search in its storage; the study is in the engine that simulates its designs.
-
-    ``sharing`` are heartbeats and turns, where several machines share the search.
-    """
+    """Handles of a search in its storage, with heartbeats and turns where machines share it."""
 
     study: Setup
     optuna: optuna.Study
@@ -154,7 +151,7 @@ def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | N
     landed = design_of(study, design.params, found.measured) if found else design
     estimates = {} if found is None else {n: e.value for n, e in found.estimates.items()}
     if search.sharing is not None:
-        search.sharing.drop(given._trial_id)
+        search.sharing.trials.discard(given._trial_id)
     # Where this run seemed dead, another one is at the design by now.
     with suppress(UpdateFinishedTrialError):
         for name, value in landed.constraints.items():

@@ -71,10 +71,7 @@ class StudyFolder:
         write_json(self.manifest, content)
 
     def stored_study(self) -> Setup:
-        """Read the study that the folder was started with.
-
-        Raises StorageError for a missing, damaged or foreign manifest.
-        """
+        """Read the study that the folder was started with; StorageError for a bad manifest."""
         there = self.manifest.exists()
         remedy = "start the study in another --out" if there else "run 'dogshape study' first"
         content = read_json(self.manifest, remedy)
@@ -98,10 +95,7 @@ class StudyFolder:
 
 
 def comparable(file: StudyFile) -> dict[str, Any]:
-    """Select the settings that must not change between runs in one folder.
-
-    Numbers of designs may; so may the limit of time, on which no finished shift depends.
-    """
+    """Select the settings that must not change between runs: numbers of designs may."""
     content = file.model_dump()
     del content["search"]["trials"], content["search"]["confirm_designs"]
     content["search"].pop("audit_shifts", None)

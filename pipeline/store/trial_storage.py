@@ -49,7 +49,7 @@ class Sharing:
     def __init__(self, storage: RDBStorage, study: str) -> None:
         self._storage = storage
         self._study = zlib.crc32(study.encode())
-        self._trials: set[int] = set()
+        self.trials: set[int] = set()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
 
@@ -71,15 +71,11 @@ class Sharing:
     def add(self, trial_id: int) -> None:
         """Begin with a trial."""
         self._storage.record_heartbeat(trial_id)
-        self._trials.add(trial_id)
-
-    def drop(self, trial_id: int) -> None:
-        """End with a trial."""
-        self._trials.discard(trial_id)
+        self.trials.add(trial_id)
 
     def _beat(self) -> None:
         while not self._ended.wait(BEAT):
-            for trial_id in list(self._trials):
+            for trial_id in list(self.trials):
                 # The run itself says so where the database is lost.
                 with suppress(SQLAlchemyError, StorageInternalError):
                     self._storage.record_heartbeat(trial_id)

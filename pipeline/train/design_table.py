@@ -104,15 +104,9 @@ def _dogs(study: Setup, names: Sequence[str], x: Array) -> Dogs:
 
 @dataclass(frozen=True)
 class Predicted:
-    """Designs of a table with what is known of each.
+    """Designs of a table with ``answers``: variables, ``TIMES`` and ``verdicts`` by row.
 
-    Parameters
-    ----------
-    table : the text that asks.
-    variables : names of the design variables, in edge units.
-    filled : variables without a column, at the study's value.
-    answers : variables, ``TIMES`` and those of ``verdicts`` by number of the row; a design without
-        a time has a reason.
+    ``filled`` are variables without a column, at the study's value.
     """
 
     table: TextTable
@@ -171,11 +165,7 @@ class Predicted:
 
 
 def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> Predicted:
-    """Predict the designs of a table.
-
-    Variables that the table lacks take the study's value. Other columns are kept. A design that
-    cannot be has no time, and a reason.
-    """
+    """Predict the designs of a table; one that cannot be has no time, and a reason."""
     import pandas as pd  # noqa: PLC0415
 
     require_same_physics(surrogate.data, study.physics)
