@@ -28,7 +28,7 @@ PROTOTYPE = "prototype"  #: attribute of the trial of the study's own design
 class Trial:
     """A finished design of a search; without estimates and ``measured`` it was not simulated.
 
-    ``failed`` are shifts by reason. Those ``confirmed`` are of new angles; ``judged`` is whether the
+    ``failed`` are shifts by reason. Those ``confirmed`` are of new angles; ``judged`` where the
     engines agree there.
     """
 
