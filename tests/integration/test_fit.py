@@ -57,18 +57,6 @@ def test_the_rows_are_of_the_compiled_engine(fitted: dict[str, Any]) -> None:
     assert stored.surrogate.data.physics["scheme"] == study.physics["scheme"]
 
 
-def test_the_own_dog_of_the_study_has_its_simulated_time(fitted: dict[str, Any]) -> None:
-    found = ds.Study("mq200_paper", FEW).check()
-    assert found.guess is not None
-    assert found.guess.path == SPACE / "surrogate.json"
-    told, seen = found.guess.answer.expected, found.expected
-    assert told is not None
-    assert seen is not None
-    assert told.without_retries[0] == pytest.approx(seen.without_retries[0], rel=0.04)
-    assert not found.missed
-    assert not found.design.not_checked
-
-
 def test_it_goes_on_where_it_was_stopped(fitted: dict[str, Any]) -> None:
     path = SPACE / "simulated.jsonl"
     whole = path.read_bytes().splitlines(keepends=True)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
-from dogshape.pipeline.simulate.design import OBJECTIVES, design_of, worth_simulating
+from dogshape.pipeline.simulate.design import OBJECTIVES, design_of
 from dogshape.pipeline.simulate.evaluation import ESTIMATORS, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import run_study
@@ -69,14 +69,6 @@ def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
     assert found.measured.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
     assert lost > 0.0
     assert not design_of(study, {"chamfer_deg": 5.0}, found.measured).feasible
-
-
-def test_margins_at_the_worst_ends_of_tolerances_are_a_limit() -> None:
-    """The prototype keeps every nominal limit and not all with its tolerances at their worst."""
-    free, bound = study_with(), study_with("search.limits.smallest_margin_worst=0.0")
-    assert worth_simulating(free, free.prototype)
-    assert not worth_simulating(bound, bound.prototype)
-    assert design_of(bound, bound.prototype).failed == ["smallest_margin_worst"]
 
 
 def test_a_search_keeps_its_limits(tmp_path: Path) -> None:

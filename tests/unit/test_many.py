@@ -46,16 +46,6 @@ def test_bad_tables_are_one_sentence(dogshape: Call, text: str, words: str) -> N
     assert not Path("designs-times.csv").exists()
 
 
-def test_all_faults_of_a_table_are_told(dogshape: Call) -> None:
-    said = _asked(dogshape, "hight_mm,cuont\n3,15\n")
-    assert said.status == 2
-    assert "2 mistakes" in said.err
-    cells = "\n".join(["height_mm,count", *["x,15.5"] * 8])
-    many = _asked(dogshape, cells).err.splitlines()
-    assert many[0].endswith("designs.csv: 11 mistakes")
-    assert many[-1] == "- and 6 more cells"
-
-
 def test_what_the_study_fills_in_is_said(dogshape: Call) -> None:
     said = _asked(dogshape, "name,count,height_mm\na,18,3.5\n", "--json")
     assert said.status == 0

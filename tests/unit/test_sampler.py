@@ -15,7 +15,6 @@ from dogshape.pipeline.search.sampler import (
     NEAR,
     Breadth,
     Params,
-    Pool,
     Response,
     Space,
     SurrogateSampler,
@@ -152,17 +151,6 @@ def test_every_design_of_a_small_space_is_proposed_once(startup: int) -> None:
     told = [search.ask() for _ in range(13)]
     assert told[12] is None
     assert len({params["count"] for params in told[:12] if params}) == 12
-
-
-def test_a_pool_that_was_taken_is_drawn_again() -> None:
-    """More designs that fill the space than the pool has: none comes twice."""
-    guide = Told()
-    space, pool = guide.space, Pool(cast(Any, guide), 0, 400)
-    taken = pool.first()
-    more = pool.untaken(taken)
-    assert len(taken) == len(more) == 400
-    assert not {space.key(params) for params in taken} & {space.key(params) for params in more}
-    assert pool.untaken(taken) == more
 
 
 @pytest.mark.parametrize("outliers", [[], [(1e3, 1.5)]], ids=["narrow", "with an outlier"])
