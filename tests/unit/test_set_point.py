@@ -54,7 +54,8 @@ def test_a_study_is_operated_as_it_says() -> None:
     assert study.operated(study.prototype).points == study.points
     assert study.operated({"chamfer_deg": 9.0}) is study
     assert study.shape_keys == ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
-    assert [*Space(study.variables).distributions][-3:] == [*OPERATED]
+    trial = Space(study.variables).trial(study.prototype)
+    assert [*trial.params][-3:] == [*OPERATED]
     assert study.dog_with(study.prototype) == study.clutch.dog
     # What a shift depends on is known by its operating point: variables of it change no hash.
     assert study.physics_hash == load_study("mq200_paper").physics_hash
