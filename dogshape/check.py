@@ -14,7 +14,6 @@ from dogshape.pipeline.record import Table, frame_of
 from dogshape.pipeline.reports.text import ENGINES, interval_text, time_text
 from dogshape.pipeline.simulate.design import (
     Design,
-    Measured,
     ToleranceTime,
     Within,
     checks_within,

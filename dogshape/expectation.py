@@ -118,15 +118,13 @@ def simulate_mean(
     asked = config.config_hash, mismatch_rpm, force_N, force_rise_s, angles, precision
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
-        with where.executor("expect", asked, FIRST * len(points)) as running:
-            found = expect_to(config, points, precision, running.executor, running.counter)
-            mean, blocks, rows = found
-            error = numerical_error(blocks, rows, running.executor.run)
-        return Expectation(config, replace(mean, numerical_error=error))
-    even = angles is None or isinstance(angles, int)
-    if angles is None or isinstance(angles, int):
-        count = settings.angles if angles is None else angles
-        blocks = even_blocks(clutch, points, count, settings.seed, uncertainty=unsure)
+        with where.executor("expect", asked, FIRST * len(points)) as (executor, counter):
+            found, blocks, rows = expect_to(config, points, precision, executor, counter)
+            error = numerical_error(blocks, rows, executor.run)
+        return Expectation(config, replace(found, numerical_error=error))
+    given = settings.angles if angles is None else angles
+    if isinstance(given, int):
+        blocks = even_blocks(clutch, points, given, settings.seed, uncertainty=config.uncertainty)
     else:
         listed = tuple(angle * DEG for angle in given)
         blocks = listed_blocks(clutch, points, listed, settings.seed, config.uncertainty)

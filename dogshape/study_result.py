@@ -14,11 +14,8 @@ from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
 from dogshape.pipeline.reports.study_page import headline, publish, summary_tables
 from dogshape.pipeline.search.result_schema import require_result
-from dogshape.pipeline.simulate.executor import end_workers
-from dogshape.pipeline.store.folder import StudyFolder, require_targets
-from dogshape.pipeline.study import Run, run_study
-from dogshape.result import Result
-from dogshape.sim.clutch_tables import validate
+from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.result import Figure, Frame, Result
 
 PRINTED_KEYS = (
     "engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation", "audit",
@@ -56,9 +53,8 @@ class StudyResult(Result):
         parts: list[str | Table] = [headline(self.record)]
         for table in summary_tables(self.config, self.record):
             parts += ["", table]
-        for reason, count in record["failed_shifts"].items():
+        for reason, count in self.record["failed_shifts"].items():
             parts.append(f"{count} shifts failed and count as not engaged: {reason}")
-        page = self.page or "none yet, 'dogshape report' makes it"
         return [*parts, "", f"report: {page}"]
 
     def to_dict(self) -> dict[str, Any]:

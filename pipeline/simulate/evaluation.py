@@ -81,9 +81,7 @@ def integrated(
 
 
 def _expected_time(shifts: Shifts) -> Estimate:
-    found = shifts.expectation
-    parts = tuple((p.point.weight * p.standard_error) ** 2 for p in found.points)
-    return Estimate(found.mean, found.standard_error, parts)
+    return Estimate(shifts.expectation.mean, shifts.expectation.standard_error)
 
 
 def _quantile(shifts: Shifts) -> Estimate:
@@ -312,7 +310,7 @@ def expect_to(
         few = ", from too few to trust" if share <= precision else ""
         progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
         count *= 2
-        progress.extend(shifts)
+        progress.extend(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
 
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life

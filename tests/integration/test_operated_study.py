@@ -38,7 +38,8 @@ SETTINGS = {
 def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     out, study = tmp_path / "r", ds.Study("mq200_paper", SETTINGS)
     found = study.search(out, jobs=1)
-    best, record, confirmed = found.best, found.record, found.confirmation
+    best, record = found.best, found.record
+    confirmed = record["confirmation"]
     assert best is not None
     assert confirmed is not None
     assert all({*OPERATED} <= row.keys() for row in record["trials"])

@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.pipeline.config.study_file import bundled_studies
-from dogshape.pipeline.search.result_schema import require_result
+from dogshape.pipeline.config.study_file import VARIABLES, bundled_studies
+from dogshape.pipeline.search.result_schema import DesignRow, StudyRecord, require_result
+from dogshape.pipeline.simulate.design import OBJECTIVES
 from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished
 
@@ -72,14 +73,25 @@ def test_front_and_trials_are_tables(found: ds.StudyResult) -> None:
     assert trials.loc[trials["chosen"], "trial"].tolist() == [found.best["trial"]]
 
 
-def test_the_report_is_written_where_one_asks(
-    found: ds.StudyResult, tmp_path: Path, dogshape: Dogshape
-) -> None:
-    page = found.report(tmp_path / "mine.html")
-    assert page == tmp_path / "mine.html"
-    assert page.read_bytes() == (found.folder / "report.html").read_bytes()
-    pages = sorted(path.name for path in (found.folder / "shifts").iterdir())
-    assert sorted(path.name for path in (tmp_path / "shifts").iterdir()) == pages != []
+def test_a_result_shows_time_error_and_gain(found: ds.StudyResult) -> None:
+    confirmation = found.record["confirmation"]
+    assert confirmation is not None
+    best = confirmation["best"]
+    time = f"{1e3 * best[TIME]:.1f} ± {1e3 * best['standard_error_s']:.1f}"
+    assert time in repr(found)
+    assert f"{1e3 * confirmation['gain_s']:.1f} ± ".replace("-", "\N{MINUS SIGN}") in repr(found)
+
+
+def test_the_front_is_drawn(found: ds.StudyResult) -> None:
+    figure = found.plot()
+    assert figure.layout.xaxis.title.text.startswith("expected shift time")
+    (border,) = [one for one in figure.data if one.mode == "lines"]
+    assert list(border.x) == pytest.approx(list(1e3 * found.front[TIME]))
+
+
+def test_the_report_is_written_into_the_folder(found: ds.StudyResult, dogshape: Dogshape) -> None:
+    assert found.report() == found.folder / "report.html"
+    assert list((found.folder / "shifts").iterdir())
     assert ds.load_result(found.folder).page == found.folder / "report.html"
     said = dogshape("report", found.folder, "--json")
     assert json.loads(said.out) == {"report": str(found.folder / "report.html")}
@@ -99,21 +111,72 @@ def test_a_fit_is_what_the_command_line_prints(
     assert f"{fitted.to_dict()['designs']} designs at" in repr(fitted)
 
 
+def test_what_cannot_be_fitted_or_searched_is_refused(found: ds.StudyResult) -> None:
+    with pytest.raises(ds.InputError, match="leave it out, or name the study"):
+        ds.fit(found.folder, ["dog.count=18"])
+    with pytest.raises(ds.InputError, match="give them to Study"):
+        ds.fit(ds.Study("mq200_paper"), ["dog.count=18"])
+    other = ds.Study("mq200_paper", SETTINGS).replace_keys({"search.seed": 7})
+    with pytest.raises(ds.DogshapeError, match=r"another configuration.*search[.]seed"):
+        other.search(found.folder, resume=True)
+    with pytest.raises(ds.DogshapeError, match=r"there is no study[.]json"):
+        ds.load_result(found.folder / "none")
+
+
 @pytest.mark.parametrize("name", bundled_studies())
 def test_kept_results_keep_to_the_schema(name: str) -> None:
     path = ROOT / "studies" / name / "result.json"
     require_result(json.loads(path.read_text()), name)
 
 
-def test_what_the_schema_lacks_is_refused(record: dict[str, Any]) -> None:
+def test_a_new_result_has_every_key_of_the_schema(record: dict[str, Any]) -> None:
+    """Keys that only older results or other objectives lack are there."""
+    require_result(record, "result.json")
+    assert set(record) == set(StudyRecord.model_fields)
+    confirmed = record["confirmation"]["designs"][0]
+    model = StudyRecord.model_validate(record).confirmation
+    assert model is not None
+    assert (
+        set(confirmed)
+        == model.designs[0].model_fields_set
+        == set(type(model.designs[0]).model_fields)
+    )
+    assert set(confirmed["points"][0]) == set(type(model.best.points[0]).model_fields)
+
+
+def _unknown(record: dict[str, Any]) -> None:
     record["front"][0]["chamfr_deg"] = 8.0
-    record["trials"][1]["feasible"] = 1
+
+
+def _missing(record: dict[str, Any]) -> None:
     del record["confirmation"]["gain_s"]
-    with pytest.raises(ds.InputError) as refused:
-        require_result(record, "mine")
-    for words in (
-        "'front.0.chamfr_deg' is not a known key; did you mean",
-        "'confirmation.gain_s' is missing",
-        "trials.1.feasible is 1",
-    ):
-        assert words in str(refused.value)
+
+
+def _mistyped(record: dict[str, Any]) -> None:
+    record["trials"][1]["feasible"] = 1
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (_unknown, r"'front[.]0[.]chamfr_deg' is not a known key; did you mean"),
+        (_missing, r"'confirmation[.]gain_s' is missing"),
+        (_mistyped, r"trials[.]1[.]feasible is 1"),
+    ],
+)
+def test_what_the_schema_lacks_is_refused(
+    spoil: Callable[[dict[str, Any]], None],
+    words: str,
+    found: ds.StudyResult,
+    record: dict[str, Any],
+    tmp_path: Path,
+) -> None:
+    spoil(record)
+    (tmp_path / "study.json").write_bytes((found.folder / "study.json").read_bytes())
+    (tmp_path / "result.json").write_text(json.dumps(record))
+    with pytest.raises(ds.InputError, match=words):
+        ds.load_result(tmp_path)
+
+
+def test_a_design_has_a_key_for_each_variable_and_objective() -> None:
+    assert {*VARIABLES, *OBJECTIVES} <= set(DesignRow.model_fields)

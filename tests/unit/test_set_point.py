@@ -7,9 +7,7 @@ import pytest
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.result_schema import DesignRow
 from dogshape.pipeline.search.sampler import Space
-from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError

@@ -11,10 +11,12 @@ import pytest
 from scipy.integrate import quad
 from scipy.optimize import brentq
 
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
-from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import landing_checks
+from dogshape.sim.strength.dog_strength import Limits, strength_checks
+from dogshape.sim.strength.landing import demand_of
 from dogshape.sim.strength.load_case import LoadCase, landing_share, load_share, pitch_tolerance
 
 SCATTERS = (0.05, 0.3, 1.0, 5.0)
@@ -64,6 +66,13 @@ def test_a_slow_error_alone_has_a_closed_form_while_all_touch(count: int, wave: 
     if count > 2:  # the squares of two opposite cosines are not half in every phase
         landed = math.sqrt(1.0 - 0.5 * wave**2) + foremost
         assert landing_share(count, 0.0, wave) == pytest.approx(landed**-2, rel=2e-3)
+
+
+def test_a_slow_error_joins_the_scatter() -> None:
+    assert load_share(15, 0.5, 1e-9) == pytest.approx(load_share(15, 0.5), rel=1e-6)
+    assert landing_share(15, 0.5, 0.5) < min(landing_share(15, 0.5), landing_share(15, 0.0, 0.5))
+    few = landing_share(15, 0.0, 1e6)  # the foremost alone
+    assert few == pytest.approx(1.0 / 15.0, rel=0.01)
 
 
 def test_a_wide_slow_error_lands_on_an_arc() -> None:
@@ -119,6 +128,18 @@ def test_pitch_tolerance_is_that_of_the_standard(prototype: Dog) -> None:
     assert LoadCase().scatter(prototype) is None
 
 
+def test_the_most_loaded_dog_takes_what_the_share_leaves_it(prototype: Dog) -> None:
+    load = LoadCase(accuracy=6, coast_share=0.3)
+    for flank, torque in (("traction", 300.0), ("braking", 90.0)):
+        force = load.force_per_dog(prototype, flank)
+        assert force == pytest.approx(torque / (0.024 * 15) / load.sharing(prototype, torque))
+    assert load.sharing(prototype, 90.0) < load.sharing(prototype, 300.0) < 1.0
+    fixed = {c.name: c for c in strength_checks(prototype, Limits())}["root_fatigue"].value
+    found = {c.name: c for c in strength_checks(prototype, Limits(load=load))}["root_fatigue"]
+    share = load.sharing(prototype, 300.0)
+    assert found.value == pytest.approx(fixed * 0.5 / share, rel=1e-12)
+
+
 def test_foremost_dogs_bear_the_landing(prototype: Dog) -> None:
     """Edge pressure grows with the root of the load, which grows with that of the share."""
     load, line = LoadCase(accuracy=6), 54e3
@@ -129,3 +150,53 @@ def test_foremost_dogs_bear_the_landing(prototype: Dog) -> None:
     assert 1 / 15 < share < 1.0
     assert rough == pytest.approx(even * share**-0.25, rel=1e-12)
     assert load.landing(prototype, 10 * line) > share > load.landing(prototype, 0.1 * line)
+
+
+def test_run_out_loads_flanks_and_tilt_loads_faces(prototype: Dog) -> None:
+    plain = LoadCase(pitch_sd=2e-6)
+    out, tilted = LoadCase(pitch_sd=2e-6, run_out=20e-6), LoadCase(pitch_sd=2e-6, tilt=5e-4)
+    wave = 10e-6 * plain.stiffness(prototype) * prototype.mean_radius * 15 / 300.0
+    assert out.sharing(prototype, 300.0) == pytest.approx(
+        load_share(15, 0.2 * wave, wave), rel=1e-9
+    )
+    assert out.sharing(prototype, 300.0) < plain.sharing(prototype, 300.0)
+    assert out.blow(prototype, 1e3) < plain.blow(prototype, 1e3) == tilted.blow(prototype, 1e3)
+    assert tilted.landing(prototype, 5e4) < plain.landing(prototype, 5e4)
+    assert out.landing(prototype, 5e4) == plain.landing(prototype, 5e4)
+    assert tilted.sharing(prototype, 300.0) == plain.sharing(prototype, 300.0)
+
+
+def test_slow_errors_of_class_6(prototype: Dog) -> None:
+    """What docs/strength.md says of 15 dogs."""
+    for run_out, share in ((0.0, 0.615), (10e-6, 0.514), (30e-6, 0.362)):
+        load = LoadCase(accuracy=6, run_out=run_out)
+        assert load.sharing(prototype, 300.0) == pytest.approx(share, abs=0.005)
+    for line, plain, tilted in ((50e3, 0.151, 0.111), (20e3, 0.096, 0.083)):
+        for tilt, share in ((0.0, plain), (0.5e-3, tilted)):
+            load = LoadCase(accuracy=6, tilt=tilt)
+            assert load.landing(prototype, line) == pytest.approx(share, abs=0.003)
+
+
+def test_keys_of_accuracy() -> None:
+    plain = load_study("mq200_paper")
+    study = load_study("mq200_paper", ["load.pitch_sd_um=3.0", "load.dog_stiffness_N_um=120"])
+    assert study.limits.load.pitch_sd == pytest.approx(3e-6)
+    assert study.limits.load.dog_stiffness == pytest.approx(120e6)
+    assert study.physics_hash == plain.physics_hash
+    assert load_study("mq200_paper", ["load.accuracy=6"]).limits.load.accuracy == 6
+    for wrong, words in (
+        (["load.accuracy=14"], "load.accuracy is 14, but it must lie between 1 and 11"),
+        (["load.pitch_sd_um=-1"], "load.pitch_sd_um is -1 um"),
+        (["load.dog_stiffness_N_um=0"], "load.dog_stiffness_N_um is 0 N/um"),
+        (["load.accuracy=6", "load.pitch_sd_um=3"], "leave out one"),
+        (["load.tilt_mrad=-1"], "load.tilt_mrad is -1 mrad, but"),
+        (["load.run_out_um=2000"], "load.run_out_um is 2000 um"),
+    ):
+        with pytest.raises(InputError, match=words):
+            load_study("mq200_paper", wrong)
+
+
+def test_a_landing_without_force_is_of_one_dog() -> None:
+    """Gaps far beyond the approach: the foremost dog alone, whatever the scatter."""
+    for scatter in (1e12, 1e16):
+        assert landing_share(15, scatter) == pytest.approx(1.0 / 15.0, rel=1e-9)
