@@ -6,7 +6,7 @@
 twelve even angles at each accuracy against 1e-5 with half the largest step; then the observed
 order, and the same for contact meshes cut finer.
 
-**Designs** fill the feasible space of the paper's study (``pipeline.train.filling``), each at one
+**Designs** fill the feasible space of the paper's study (``pipeline.train.training``), each at one
 operating point of either sign, eight even angles each, at the default accuracy and at 1e-5 with
 half the largest step. A shift *flips* where only one of the two engages or where their times differ
 by more than 5 %: a dog caught another slot or was thrown back once more. The rest is the error of
@@ -30,7 +30,7 @@ from scipy.stats import beta
 import dogshape.sim.shift.plant
 from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, measure, paper_study, point_of
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.train.filling import filling_designs
+from dogshape.pipeline.train.training import filling_designs
 from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, solver_for
 from dogshape.sim.shift.mesh import Mesh, rigid_dog
 from dogshape.sim.shift.plant import ClutchPlant

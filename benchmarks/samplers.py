@@ -38,21 +38,20 @@ from typing import Any
 
 import numpy as np
 import optuna
+from optuna._hypervolume import compute_hypervolume
 from optuna.exceptions import ExperimentalWarning
 from optuna.samplers import BaseSampler, GPSampler, NSGAIISampler, QMCSampler, TPESampler
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.guide import LANDING, Guide, Space
-from dogshape.pipeline.search.sampler import Pool, SurrogateSampler
+from dogshape.pipeline.search.sampler import LANDING, Guide, Pool, Space, SurrogateSampler
 from dogshape.pipeline.search.search import open_search, run
-from dogshape.pipeline.search.state import SearchState
+from dogshape.pipeline.search.state import SearchState, not_dominated
 from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.hypervolume import hypervolume, not_dominated
 
 START = 10  #: designs that every sampler begins with, the prototype among them
 PARTS = (0.25, 0.5, 1.0)  #: of the minutes, at which fronts are compared
@@ -149,7 +148,7 @@ def other_search(sampler: BaseSampler, seed: int, minutes: float) -> Run:
     limiting = LANDING if isinstance(sampler, AllowedGP) else None
     while clock() - begun < 60.0 * minutes and asked < MOST_ASKED:
         asked += 1
-        trial = search.ask(Space(study.variables).distributions)
+        trial = search.ask(Space(study.variables).trial(study.prototype).distributions)
         design = design_of(study, dict(trial.params))
         times: dict[str, float] = {SIMULATED: worst}
         simulated = design.feasible
@@ -185,11 +184,11 @@ def clock() -> float:
 
 def first_designs(study: Setup, seed: int) -> list[Values]:
     """Return the designs that a search of this project begins with."""
-    asked = optuna.create_study(
-        directions=["minimize"] * 2, sampler=SurrogateSampler(Guide(study), seed, START)
-    )
-    asked.enqueue_trial(study.prototype)
-    return [dict(asked.ask(Space(study.variables).distributions).params) for _ in range(START)]
+    sampler, space = SurrogateSampler(Guide(study), seed, START), Space(study.variables)
+    trials = [space.trial(study.prototype)]
+    while len(trials) < START:
+        trials.append(space.trial(sampler.propose(trials) or {}))
+    return [trial.params for trial in trials]
 
 
 def run_and_keep(sampler: str, seed: int, minutes: float, path: Path) -> str:
@@ -282,9 +281,9 @@ def tell(runs: Sequence[Run], minutes: Sequence[float], truth: Truth) -> None:
     truth.learn(every)
     prototype = truth.of([study.prototype])[0]
     beyond, values = BEYOND * prototype, truth.of(every)
-    reference = hypervolume(values, beyond)
+    reference = compute_hypervolume(values, beyond)
     shares = {
-        key: np.array([hypervolume(truth.of(part), beyond) / reference for part in parts])
+        key: np.array([compute_hypervolume(truth.of(part), beyond) / reference for part in parts])
         for key, parts in fronts.items()
     }
     best = int(not_dominated(np.unique(values, axis=0)).sum())

@@ -18,9 +18,9 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.train.training import fill, references_of, train
+from dogshape.pipeline.train.training import fill, simulated_data, train
 from dogshape.surrogate.dataset import Dataset
-from dogshape.surrogate.validation_figures import rank_correlation
+from dogshape.surrogate.store import rank_correlation
 
 DRAWS = 1000  #: of the errors of references
 REFERENCE_ANGLES = 64  #: of each operating point of a reference
@@ -91,7 +91,7 @@ def judge(clutch: str, jobs: int) -> None:
     fill(study, folder, jobs)
     stored = train(folder)
     v = stored.validation
-    _, best = references_of(study.working, folder)
+    best = simulated_data(study.working, folder.simulated, "best_references")
     print(
         f"{clutch:<10}{len(stored.surrogate.data):8d}{v.rmse_s * 1e3:9.2f}"
         f"{v.bias_s * 1e3:+9.2f}{v.noise_s * 1e3:9.2f}  {v.q2:.3f}{v.coverage_95:9.0%}"

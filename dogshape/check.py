@@ -12,12 +12,14 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup, points_of
 from dogshape.pipeline.record import Table, frame_of
 from dogshape.pipeline.reports.text import ENGINES, interval_text, time_text
-from dogshape.pipeline.search.tolerance_effects import ToleranceTime, checks_within, tolerance_time
 from dogshape.pipeline.simulate.design import (
     Design,
+    ToleranceTime,
     Within,
+    checks_within,
     design_of,
     margins_within,
+    tolerance_time,
     weakest_within,
 )
 from dogshape.pipeline.simulate.plausibility import notes_of
@@ -34,7 +36,7 @@ from dogshape.sim.units import MPA, RPM
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Expected, interval
 from dogshape.surrogate.query import Answer, ask, time_record
-from dogshape.surrogate.validation_figures import Validation
+from dogshape.surrogate.store import Validation
 
 if TYPE_CHECKING:
     from dogshape.running import Where

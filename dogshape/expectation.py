@@ -119,9 +119,9 @@ def simulate_mean(
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
         with where.executor("expect", asked, FIRST * len(points)) as (executor, counter):
-            found = expect_to(config, points, precision, executor, counter)
-            error = numerical_error(found.blocks, found.rows, executor.run)
-        return Expectation(config, replace(found.expectation, numerical_error=error))
+            found, blocks, rows = expect_to(config, points, precision, executor, counter)
+            error = numerical_error(blocks, rows, executor.run)
+        return Expectation(config, replace(found, numerical_error=error))
     given = settings.angles if angles is None else angles
     if isinstance(given, int):
         blocks = even_blocks(clutch, points, given, settings.seed, uncertainty=config.uncertainty)

@@ -18,8 +18,7 @@ from dogshape.pipeline.train.training_rows import space_out
 from dogshape.result import Frame, Result
 from dogshape.sim.errors import InputError
 from dogshape.study import Study
-from dogshape.surrogate.store import Stored
-from dogshape.surrogate.validation_figures import LEAST_Q2
+from dogshape.surrogate.store import LEAST_Q2, Stored
 
 
 @dataclass(frozen=True, repr=False)

@@ -16,7 +16,6 @@ from dogshape.pipeline.reports.study_page import headline, publish, summary_tabl
 from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.result import Figure, Frame, Result
-from dogshape.sim.shift.conclusion import depends_on_clock
 
 PRINTED_KEYS = (
     "engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation", "audit",
@@ -55,8 +54,7 @@ class StudyResult(Result):
         for table in summary_tables(self.config, self.record):
             parts += ["", table]
         for reason, count in self.record["failed_shifts"].items():
-            again = "; --resume simulates them again" if depends_on_clock(reason) else ""
-            parts.append(f"{count} shifts failed and count as not engaged: {reason}{again}")
+            parts.append(f"{count} shifts failed and count as not engaged: {reason}")
         return [*parts, "", f"report: {page}"]
 
     def to_dict(self) -> dict[str, Any]:

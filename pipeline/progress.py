@@ -1,7 +1,6 @@
 """Progress of long work, for a library that prints nothing.
 
-Work counts into a ``WorkCounter``, which informs a ``Progress``: the command line's bar
-(``dogshape.cli.console.ProgressBar``), a notebook's, or ``SILENT``.
+Work counts into a ``WorkCounter``, which informs a ``Progress`` such as the command line's bar.
 """
 
 from __future__ import annotations
@@ -15,15 +14,9 @@ from typing import Any, Protocol
 
 @dataclass(frozen=True)
 class Count:
-    """Progress of long work.
+    """Progress of long work, of which an earlier run had finished ``known``.
 
-    Parameters
-    ----------
-    done, total : counted so far, and expected in all.
-    known : part of ``done`` that an earlier run finished, which took no time in this run.
-    at_most : whether ``total`` is an upper bound.
-    unit : name of the counted thing, in the plural.
-    ended : whether the work is over, finished or not.
+    ``total`` may be an upper bound, ``unit`` is a plural; ended is the work finished or not.
     """
 
     done: int
@@ -39,34 +32,24 @@ class Progress(Protocol):
 
     def update(self, count: Count) -> None:
         """Take the count, each time that it changes."""
-        ...
+        return
 
     def say(self, line: str) -> None:
         """Take a sentence for the user."""
-        ...
+        return
 
 
-class _Silent:
-    """Progress that nobody watches."""
-
-    def update(self, count: Count) -> None:
-        """Ignore a count."""
-
-    def say(self, line: str) -> None:
-        """Ignore a sentence."""
+class _Silent(Progress):
+    pass
 
 
-SILENT: Progress = _Silent()
+SILENT: Progress = _Silent()  #: ignores what it gets
 
 
 class WorkCounter:
     """Counter of finished work that informs a progress; a context manager that reports the end.
 
-    Parameters
-    ----------
-    total : expected in all.
-    most : whether ``total`` is an upper bound.
-    unit : name of the counted thing, in the plural.
+    ``total`` is expected in all, or an upper bound (``most``), of ``unit``, a plural.
     """
 
     def __init__(
@@ -127,8 +110,6 @@ def about(seconds: float) -> str:
         return "about a minute"
     if minutes < 120:
         return f"about {minutes} minutes"
-    if minutes >= 600:
-        return f"about {round(minutes / 60)} h"
-    # Nobody plans by the minute what takes hours.
-    tens = 10 * round(minutes / 10)
-    return f"about {tens // 60} h {tens % 60} min" if tens % 60 else f"about {tens // 60} h"
+    step = 10 if minutes < 600 else 60  # nobody plans by the minute what takes hours
+    hours, left = divmod(step * round(minutes / step), 60)
+    return f"about {hours} h {left} min" if left else f"about {hours} h"

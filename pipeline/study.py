@@ -16,16 +16,13 @@ from dogshape.pipeline.search.confirmation import (
     confirm,
     shifts_to_confirm,
 )
-from dogshape.pipeline.search.search import Search, open_search, require_sampler, run
+from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import (
     PROTOTYPE,
     SearchState,
     Trial,
-    distinct,
-    simulated_rows,
     standings,
 )
-from dogshape.pipeline.search.tolerance_effects import smallest_within, tolerance_time
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,
@@ -34,6 +31,8 @@ from dogshape.pipeline.simulate.design import (
     leading,
     limits_of,
     objectives_of,
+    smallest_within,
+    tolerance_time,
 )
 from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
@@ -53,10 +52,7 @@ Record = dict[str, Any]  #: a part of result.json (``pipeline.search.result_sche
 
 @dataclass(frozen=True)
 class Run:
-    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers.
-
-    Without ``report`` it ends with its result. ``progress`` gets the number of finished shifts.
-    """
+    """Where and how a study is run; ``jobs`` 0 is one for each core, or the cluster's workers."""
 
     folder: StudyFolder
     jobs: int = 0
@@ -70,13 +66,11 @@ class Run:
 def run_study(study: Setup, how: Run) -> Record:
     """Run or resume a study; give its result, which is also in ``result.json``.
 
-    EngineError, after result and report are written, where its audit finds that the compiled
-    engine and Drake do not agree.
+    EngineError, after result and report are written, where both engines do not agree.
     """
     objectives_of(study)
     limits_of(study)
     require_variables(study)
-    require_sampler(study.file.search.sampler)
     folder, say = how.folder, how.progress.say
     connect(how.cluster)
     with folder.writing():
@@ -142,19 +136,15 @@ def _searched(search: Search, how: Run) -> Record:
     if search.sharing is not None:
         searched = search.read()  # with what the others told meanwhile
     confirmed = searched.renew(trial for trial in state.trials if trial.confirmed)
-    write_json(folder.rows, {"rows": simulated_rows(confirmed.simulated)})
+    rows = [row for trial in confirmed.simulated for row in trial.rows]
+    write_json(folder.rows, {"rows": rows})
     result = collect(searched, journals[1])
     if confirmation is not None:
-        rows = rows_of(state)
-        front = [rows[trial.number] for trial in state.front if trial.confirmed]
-        result |= {"best": rows[confirmation["chosen"]], "front": front}
+        designs = rows_of(state)
+        front = [designs[trial.number] for trial in state.front if trial.confirmed]
+        result |= {"best": designs[confirmation["chosen"]], "front": front}
         result["n_simulated_shifts"] += confirmed_shifts(state, confirmation)
-    return {
-        **result,
-        "confirmation": confirmation,
-        "life": life,
-        "audit": audited,
-    }
+    return {**result, "confirmation": confirmation, "life": life, "audit": audited}
 
 
 def _outside(study: Setup) -> str:
@@ -195,7 +185,7 @@ def _life(
 def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Record | None:
     """Simulate shifts of the search again in Drake; None where Drake does not judge."""
     study, shifts = state.study, state.study.file.search.audit_shifts
-    designs = [trial.params for trial in distinct(state.simulated)]
+    designs = [trial.params for trial in state.simulated]
     if study.judging is None or not shifts or not designs:
         return None
     counter.rest(2 * shifts)
@@ -213,8 +203,8 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
         say(f"no surrogate: {error}")
         return
     result["surrogate"] = stored.validation.as_dict()
-    of_new_angles = [*result["front"], *([result["best"]] if result["best"] else [])]
-    for row in [*result["trials"], *of_new_angles]:
+    best = [result["best"]] if result["best"] else []
+    for row in (*result["trials"], *result["front"], *best):
         found = tolerance_time(study, stored.surrogate, row, study_mix(study))
         row["time_within_tolerances"] = found.to_dict()
 
@@ -222,7 +212,7 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
 def collect(state: SearchState, journal: ShiftJournal) -> Record:
     """Record the state of a search; ``journal`` has the shifts that are kept."""
     study, best, rows = state.study, state.best, rows_of(state)
-    failed = [Counter(trial.failed) for trial in distinct(state.trials)]
+    failed = [Counter(trial.failed) for trial in state.trials]
     failed.append(Counter(failures(journal.rows.values())))
     return {
         "study": study.name,
@@ -234,8 +224,8 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
         "best": rows[best.number] if best is not None else None,
         "front": [rows[trial.number] for trial in state.front],
         "trials": list(rows.values()),
-        "n_simulated_designs": len(distinct(state.simulated)),
-        "n_simulated_shifts": state.shifts,
+        "n_simulated_designs": len(state.simulated),
+        "n_simulated_shifts": sum(trial.shifts for trial in state.simulated),
         "failed_shifts": dict(sum(failed, Counter[str]())),
         "confirmation": None,
         "life": None,
@@ -253,8 +243,7 @@ def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
     designs = list(confirmation["designs"])
     if not any(one["trial"] in own for one in designs):
         designs.append(confirmation["prototype"])
-    judged = (one["drake"]["shifts"] if one["drake"] else 0 for one in designs)
-    return sum(one["shifts"] for one in designs) + sum(judged)
+    return sum(one["shifts"] + (one["drake"] or {"shifts": 0})["shifts"] for one in designs)
 
 
 def rows_of(state: SearchState) -> dict[int, Record]:
@@ -264,10 +253,7 @@ def rows_of(state: SearchState) -> dict[int, Record]:
 
 
 def row_of(state: SearchState, trial: Trial) -> Record:
-    """Record a design as a flat row.
-
-    Times are None where it was not simulated, or engages too seldom to have one.
-    """
+    """Record a design as a flat row, without times where it engages too seldom to have one."""
     study, design = state.study, state.designs[trial.number]
     names = dict.fromkeys([SIMULATED, *(o.name for o in objectives_of(study) if o.simulated)])
     silent = {name for name in names if ENGAGEMENT.name in design.failed and is_time(name)}

@@ -1,13 +1,10 @@
 r"""Covariance of the surrogate: a sum of correlations over designs.
 
 A smooth term is :math:`\sigma^2 m(r)` with Matern's :math:`m(r) = (1 + \sqrt 5 r + 5 r^2/3)\,
-e^{-\sqrt 5 r}` and :math:`r` the distance of two designs over a length scale for each coordinate
-(Rasmussen and Williams 2006, ch. 4).
-
-A rough term has Wendland's :math:`m(r) = (1 - r)_+^k (k r + 1)` instead, which is zero beyond its
-reach: steps of the time that no other design predicts. It is positive definite in up to *d*
-coordinates with :math:`k = \lfloor d/2 \rfloor + 3` (Wendland 1995), so *k* is 7 for up to nine and
-grows with more.
+e^{-\sqrt 5 r}` and :math:`r` the distance over a length scale for each coordinate (Rasmussen and
+Williams 2006, ch. 4). A rough term has Wendland's :math:`m(r) = (1 - r)_+^k (k r + 1)`, zero beyond
+its reach: steps that no other design predicts. It is positive definite in up to *d* coordinates
+with :math:`k = \lfloor d/2 \rfloor + 3` (Wendland 1995), at least 7 here.
 """
 
 from __future__ import annotations
@@ -20,7 +17,6 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
-Places = NDArray[np.int64]
 ROOT5 = 5.0**0.5
 LEAST_POWER = 7  #: of Wendland's function
 
@@ -43,14 +39,10 @@ class Term:
 
 @dataclass(frozen=True)
 class Covariance:
-    """Terms with their parameters.
+    """Terms that are summed, over so many coordinates of a design.
 
-    Parameters
-    ----------
-    terms : what is summed.
-    coordinates : number of coordinates of a design.
-    theta : for each term the logarithm of its variance and, unless it is rough, those of its
-        length scales, (size,).
+    ``theta`` has for each the logarithm of its variance and, unless it is rough, those of its
+    length scales, (size,).
     """
 
     terms: tuple[Term, ...]

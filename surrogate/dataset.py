@@ -1,21 +1,16 @@
 """Simulated designs as data of the surrogate: times of each at every operating point of a study.
 
-Simulations give rows: one design at one operating point, with the mean of the shifts that
-engaged, its standard error, their standard deviation, how many engaged of how many, and the seed
-that drew their angles. A ``Dataset`` collects the rows of designs that have every point of a
-``Mix``, which says where a clutch is shifted, and how often. Data of different physics never meet
-in one data set.
-
-Times are those of shifts that engage. One shift in some hundreds may hang crest on crest and cost
-a second. Dense simulations of a design hold one such shift or none, and their mean would depend
-on that draw. Shares engaged have a model of their own.
+A row is one design at one operating point. A ``Dataset`` collects the rows of designs that have
+every point of a ``Mix``, all of the same physics. Times are those of shifts that engage: one shift
+in some hundreds may hang crest on crest and cost a second, and a mean would depend on that draw.
+Shares engaged have a model of their own.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -42,13 +37,9 @@ GIVEN = -1  #: stands for the seed of angles that were given and not drawn
 
 @dataclass(frozen=True)
 class Mix:
-    """Operating points with weights that add up to one.
+    """Operating points (mismatch in 1/min and force in N, (q, 2)) with weights of sum one, (q,).
 
-    Parameters
-    ----------
-    points : mismatch in 1/min and force in N, (q, 2).
-    weights : (q,).
-    retry : time that a shift which does not engage costs, s.
+    ``retry`` is the time that a shift which does not engage costs, s.
     """
 
     points: Array
@@ -78,14 +69,10 @@ def mix_of(points: Sequence[OperatingPoint], retry: float) -> Mix:
 
 @dataclass(frozen=True)
 class Grid:
-    """Designs that were simulated at every point of a mix.
+    """Designs ``x`` (n, d), edge units, that were simulated at every point of a mix.
 
-    Parameters
-    ----------
-    x : designs, (n, d), edge units.
-    means, errors : of the shifts that engage at each point, s, (n, q); NaN where none does.
-    sds : standard deviation of such a shift, s, (n, q).
-    engaged, shifts : how many engaged, by their share of the pitch, and how many were made, (n, q).
+    Mean time, its error and standard deviation of a shift that engages, s, (n, q), NaN where none
+    does; how many engaged, by their share of the pitch, and how many were made, (n, q).
     """
 
     x: Array
@@ -102,16 +89,9 @@ class Grid:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Simulated designs with what they share.
+    """Simulated designs with the search range of each variable, (d,), edge units.
 
-    Parameters
-    ----------
-    variables : names of the d design variables, in edge units.
-    low, high : search range of each variable, (d,).
-    physics : everything else that a shift depends on.
-    engine : versions of the programs that simulated the shifts.
-    mix : operating points of every design.
-    grid : the designs and their times.
+    ``physics`` is everything else that a shift depends on, ``engine`` the versions of the programs.
     """
 
     variables: tuple[str, ...]
@@ -144,23 +124,15 @@ class Dataset:
         """Scale designs (m, d) to the unit cube of the search range."""
         return (np.atleast_2d(x) - self.low) / (self.high - self.low)
 
-    def subset(self, designs: Any) -> Dataset:
-        """Return the data of the designs at places, or of a mask, alone."""
-        return replace(self, grid=self.grid.subset(designs))
-
     def frame(self) -> pd.DataFrame:
         """Return a row for each design and operating point, with contact set and versions."""
         import pandas as pd  # noqa: PLC0415  slow to load, and asking does without
 
-        each, size, grid = np.repeat(self.x, len(self.mix.points), axis=0), len(self), self.grid
+        each, grid = np.repeat(self.x, len(self.mix.points), axis=0), self.grid
         table = pd.DataFrame(each, columns=list(self.variables))
-        table[list(COLUMNS[:2])] = np.tile(self.mix.points, (size, 1))
-        for name, values in zip(
-            COLUMNS[2:7],
-            (grid.means, grid.errors, grid.sds, grid.engaged, grid.shifts),
-            strict=True,
-        ):
-            table[name] = values.ravel()
+        table[list(COLUMNS[:2])] = np.tile(self.mix.points, (len(self), 1))
+        values = grid.means, grid.errors, grid.sds, grid.engaged, grid.shifts
+        table[list(COLUMNS[2:7])] = np.stack(values, axis=2).reshape(-1, 5)
         whole = {name: int for name in ("count", "shifts") if name in table}
         known = {"contact_set": self.physics.get("contact_set"), **self.engine}
         return table.astype(whole).assign(**known)
@@ -176,40 +148,31 @@ def grid_of(rows: Array, mix: Mix) -> Grid:
     x, design = np.unique(rows[:, :cut], axis=0, return_inverse=True)
     row, point = np.nonzero(mix.places(rows[:, cut : cut + 2]))
     mean, error, sd, good, made = rows[row, cut + 2 : cut + 7].T
-    sums = np.zeros((5, len(x), size))
-    for total, values in zip(
-        sums, (made, good, good * mean, (good * error) ** 2, good * sd**2), strict=True
-    ):
-        np.add.at(total, (design.ravel()[row], point), values)
-    shifts, engaged, time, variance, spread = sums[:, (sums[0] > 0).all(axis=1)]
+    sums = np.zeros((len(x), size, 5))
+    parts = np.column_stack([made, good, good * mean, (good * error) ** 2, good * sd**2])
+    np.add.at(sums, (design.ravel()[row], point), parts)
+    whole = (sums[:, :, 0] > 0).all(axis=1)
+    shifts, engaged, time, variance, spread = np.moveaxis(sums[whole], 2, 0)
     with np.errstate(invalid="ignore"):
         means, errors, sds = time / engaged, variance**0.5 / engaged, (spread / engaged) ** 0.5
-    return Grid(x[(sums[0] > 0).all(axis=1)], means, errors, sds, engaged, shifts)
-
-
-def among(x: Array, designs: Array) -> Mask:
-    """Mark the rows of x (n, d) that equal one of the designs (k, d), (n,) of bool."""
-    return (x[:, None, :] == designs[None, :, :]).all(axis=2).any(axis=1)
+    return Grid(x[whole], means, errors, sds, engaged, shifts)
 
 
 def differences(mine: Record, theirs: Record) -> str:
     """List the first three keys in which two records differ."""
-    keys = [
-        k
+    parts = [
+        f"{k} is {mine.get(k, 'absent')} here and {theirs.get(k, 'absent')} there"
         for k in {**mine, **theirs}
         if content_key({"v": mine.get(k)}) != content_key({"v": theirs.get(k)})
     ]
-    parts = [
-        f"{k} is {mine.get(k, 'absent')} here and {theirs.get(k, 'absent')} there" for k in keys[:3]
-    ]
-    return ", ".join(parts) + (f", and {len(keys) - 3} more" if len(keys) > 3 else "")
+    return ", ".join(parts[:3]) + (f", and {len(parts) - 3} more" if len(parts) > 3 else "")
 
 
 def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | None:
     """Return the row of a design's shifts at one operating point and of one seed.
 
-    ``design`` in edge units. None for fewer than three shifts, and for angles that lack a part
-    of an evenly spaced draw: a run that was cut off says nothing of the mean yet.
+    ``design`` in edge units. None for fewer than three shifts, and for a draw of even angles that
+    was cut off.
     """
     ordered = sorted(shifts, key=lambda shift: float(shift["relative_angle_deg"]))
     angles = np.array([shift["relative_angle_deg"] for shift in ordered])
@@ -221,25 +184,25 @@ def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | N
     first, results = ordered[0], [result_of(shift) for shift in ordered]
     sound = sum(result.outcome is not Outcome.DIVERGED for result in results)
     times = np.array([r.shift_time for r in results if r.shift_time is not None])
-    mean = error = np.nan
+    mean, error, sd = np.nan, np.nan, 0.0
     if len(times) > 0:
         mean = float(times.mean())
         error = variance_of_mean(times, even=even and len(times) == len(ordered)) ** 0.5
-    sd = float(times.std(ddof=1)) if len(times) > 1 else 0.0
-    origin = GIVEN if seed is None else seed
-    return [
-        *design, *(round(first[name], DIGITS) for name in WHERE[:2]), mean, error, sd,
-        len(times), sound, origin,
-    ]  # fmt: skip
+    if len(times) > 1:
+        sd = float(times.std(ddof=1))
+    where = (round(first[name], DIGITS) for name in WHERE[:2])
+    return [*design, *where, mean, error, sd, len(times), sound, GIVEN if seed is None else seed]
 
 
 def rows_of(variables: Sequence[str], shifts: Iterable[Record]) -> Array:
     """Return the rows of many shifts, grouped by design, operating point and seed, (n, d + 8)."""
     groups: dict[tuple[Any, ...], list[Record]] = defaultdict(list)
     for shift in shifts:
-        design = tuple(round(float(shift[name]), DIGITS) for name in variables)
-        where = tuple(round(shift[name], DIGITS) for name in WHERE)
+        design, where = (
+            tuple(round(float(shift[name]), DIGITS) for name in names)
+            for names in (variables, WHERE)
+        )
         groups[design, where, shift.get("seed")].append(shift)
-    found = [row_of(design, group) for (design, _, _), group in groups.items()]
+    found = (row_of(design, group) for (design, _, _), group in groups.items())
     rows = [row for row in found if row is not None]
     return np.array(rows, dtype=float).reshape(-1, len(variables) + len(COLUMNS))

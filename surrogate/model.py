@@ -1,27 +1,22 @@
 r"""The surrogate: expected shift time, spread and share engaged over designs and operating points.
 
-Processes over designs have the logarithm of the expected time over a study's operating points,
-and those of the times at each point, for which one covariance serves. Beside its variables a
-design has coordinates that its shape follows from: the play with which a dog enters, the width of
-its tip and how deep its face falls, all at the mean radius; and for each angle
-:math:`\tanh((\tan\theta - \mu)/0.04)`, for a face or flank turns from holding to letting go where
-its tangent passes the friction coefficient.
+Processes over designs have the logarithm of the expected time over a study's operating points, and
+those of the times at each point. Beside its variables a design has coordinates of its shape: entry
+play, tip width, fall of the face, and :math:`\tanh((\tan\theta - \mu)/0.04)` for each angle, as a
+face or flank lets go where its tangent passes the friction coefficient.
 
-Times at another operating point *o* are interpolated between the study's points :math:`o_j`, with
-Matern's correlation *R* (simple kriging about the mean over the points, Rasmussen and Williams
-2006),
-
-.. math:: y(o) = \bar y + r(o)^T R^{-1} (y - \bar y), \quad s^2 = v (1 + \nu - r^T R^{-1} r),
-
-*v* being the likeliest variance over all designs. The **share that engages** counts shifts with a
-weight that falls with their distance, on a prior with the overall share (correlated Beta process,
-Goetschalckx, Poupart and Hoey 2011). Retries after a time :math:`t_r` add :math:`t_r (1 - p)/p`.
+Another operating point *o* is interpolated by Matern's correlation *R* (simple kriging, Rasmussen
+and Williams 2006): :math:`y(o) = \bar y + r(o)^T R^{-1} (y - \bar y)`, with the variance
+:math:`v (1 + \nu - r^T R^{-1} r)` and *v* the likeliest one over all designs. The **share that
+engages** is a correlated Beta process (Goetschalckx, Poupart and Hoey 2011). Retries after a time
+:math:`t_r` add :math:`t_r (1 - p)/p`.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from math import inf
 
 import numpy as np
@@ -60,10 +55,7 @@ def coordinates(data: Dataset, x: Array) -> Array:
 
 
 def shape_of(data: Dataset, x: Array) -> Array | None:
-    """Compute entry play, tip width and fall of the face of designs (m, d), mm, (m, 3).
-
-    As ``sim.shift.geometry.Dog`` has them. None where neither variables nor physics determine them.
-    """
+    """Compute entry play, tip width and fall of the face, mm, (m, 3); None if not known."""
     known = {name: x[:, place] for place, name in enumerate(data.variables)}
     known |= {k: np.full(len(x), float(data.physics[k])) for k in SHAPE if k in data.physics}
     if any(name not in known for name in SHAPE):
@@ -76,21 +68,15 @@ def shape_of(data: Dataset, x: Array) -> Array | None:
 
 
 def point_coordinates(points: Array) -> Array:
-    """Compute coordinates of operating points, mismatch in 1/min and force in N, (m, 2).
-
-    Logarithmic but for mismatches near zero, which may have either sign.
-    """
+    """Compute logarithmic coordinates of operating points, 1/min of either sign and N, (m, 2)."""
     return np.column_stack([np.arcsinh(points[:, 0] / 5.0) / 4.0, np.log(points[:, 1] / 400.0)])
 
 
 @dataclass(frozen=True)
 class Share:
-    """Share of shifts that engage: counts at designs and points, length and strength of the prior.
+    """Share of shifts that engage: counts (n, q) at designs (n, c) and points (q, 2).
 
-    Parameters
-    ----------
-    designs, points : coordinates, (n, c) and (q, 2).
-    engaged, shifts : counts, (n, q).
+    ``strength`` is that of the prior, in shifts.
     """
 
     designs: Array
@@ -129,23 +115,19 @@ class Share:
 
 def fit_share(designs: Array, points: Array, engaged: Array, shifts: Array) -> Share:
     """Fit length and strength: those that best predict the counts of designs left out."""
+    counts = designs, points, engaged, shifts
     if (engaged == shifts).all():
-        return Share(designs, points, engaged, shifts, inf, STRENGTHS[-1])
-    tried = [
-        Share(designs, points, engaged, shifts, length, strength)
-        for length in LENGTHS
-        for strength in STRENGTHS
-    ]
+        return Share(*counts, inf, STRENGTHS[-1])
+    tried = (Share(*counts, *pair) for pair in product(LENGTHS, STRENGTHS))
     return max(tried, key=lambda share: share.likelihood)
 
 
 @dataclass(frozen=True)
 class Expected:
-    """Expected shift time over a mix with its 95 % interval, s.
+    """Expected shift time over a mix with its 95 % interval and standard error, s.
 
-    ``error`` is its standard error, ``sd`` the standard deviation of a single shift of the mix,
-    ``engaged`` the least share engaged at a point. ``retries`` is the part of the time that shifts
-    which do not engage cost, with its standard error.
+    ``sd`` is that of a single shift, ``engaged`` the least share at a point, ``retries`` the time
+    that shifts which do not engage cost.
     """
 
     time: float
@@ -166,13 +148,7 @@ class Expected:
 
 @dataclass(frozen=True)
 class Surrogate:
-    """Fitted processes with their data; ``fit`` makes one.
-
-    Parameters
-    ----------
-    time : process of the logarithm of the expected time over the data's own mix.
-    points : process of those at each of its points.
-    """
+    """Processes of the logarithms of the expected time, and of that at each point of its mix."""
 
     data: Dataset
     time: Process
@@ -183,29 +159,17 @@ class Surrogate:
         """Predict one design (d,) over a mix."""
         x = x[None, :]
         (time,), (variance,) = self._engaging(x, mix)
-        share, retries, lost = self._retries(x, mix)
+        share, (retries,), lost = self._retries(x, mix)
         times, _ = self.at_points(x, mix)
         within = (self.variation(mix.points) * times) ** 2 + (times - time) ** 2
-        retries_error = float(np.sqrt((lost @ self._together(mix) * lost).sum()))
-        error = float(np.hypot(variance**0.5, retries_error))
-        total = float(time + retries[0])
-        low, high = interval(np.array([total]), np.array([error]))
-        return Expected(
-            time=total,
-            low=float(low[0]),
-            high=float(high[0]),
-            error=error,
-            sd=float(mix.weights @ within[0]) ** 0.5,
-            engaged=float(share.min()),
-            retries=float(retries[0]),
-            retries_error=retries_error,
-        )
+        unsure = float(np.sqrt((lost @ self._together(mix) * lost).sum()))
+        total, error = float(time + retries), float(np.hypot(variance**0.5, unsure))
+        low, high = (float(end) for end in interval(np.array(total), np.array(error)))
+        sd = float(mix.weights @ within[0]) ** 0.5
+        return Expected(total, low, high, error, sd, float(share.min()), float(retries), unsure)
 
     def predict(self, x: Array, mix: Mix | None = None) -> tuple[Array, Array]:
-        """Predict expected time and standard error of designs (m, d), edge units, (m,), s.
-
-        ``mix`` is None for the data's own.
-        """
+        """Predict expected time and standard error of designs (m, d) over a mix, (m,), s."""
         mix, found = mix or self.data.mix, []
         for some in (x[k : k + CHUNK] for k in range(0, len(x), CHUNK)):
             time, variance = self._engaging(some, mix)
@@ -215,10 +179,7 @@ class Surrogate:
         return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
 
     def joint(self, x: Array) -> tuple[Array, Array]:
-        """Predict designs (m, d) over the data's own mix with the covariance of their errors.
-
-        (m,) in s and (m, m) in s2, retries included; of the smooth part, which draws can share.
-        """
+        """Predict designs (m, d) over the own mix, (m,), s; smooth covariance, (m, m)."""
         where, mix = coordinates(self.data, x), self.data.mix
         mean, covariance = self.time.joint(where, smooth=True)
         engaged = np.exp(mean + 0.5 * np.diag(covariance))
@@ -230,13 +191,11 @@ class Surrogate:
     def medians(self, x: Array, mix: Mix) -> Array:
         """Predict expected times of designs (m, d) without their errors, at once, (m,), s."""
         retries = self._retries(x, mix)[1]
+        where = coordinates(self.data, x)
         if mix.equals(self.data.mix):
-            return np.exp(self.time.mean(coordinates(self.data, x))[:, 0]) + retries
-        return np.exp(self._logarithms(x) @ self._links(mix.points)[0].T) @ mix.weights + retries
-
-    def times_by_row(self, x: Array, points: Array) -> Array:
-        """Predict shifts that engage, of designs (m, d), each at its own point (m, 2), (m,), s."""
-        return np.exp((self._logarithms(x) * self._links(points)[0]).sum(axis=1))
+            return np.exp(self.time.mean(where)[:, 0]) + retries
+        logarithms = self.points.mean(where)
+        return np.exp(logarithms @ self._links(mix.points)[0].T) @ mix.weights + retries
 
     def at_points(self, x: Array, mix: Mix) -> tuple[Array, Array]:
         """Predict time at each point and variance of its logarithm, (m, p) each; s."""
@@ -270,12 +229,9 @@ class Surrogate:
         return self._retries(x, mix)[0]
 
     def _together(self, mix: Mix) -> Array:
+        """Correlate errors of the share at the points of a mix, (p, p)."""
         where = point_coordinates(mix.points)
         return self.share.nearness(where, where)
-
-    def _logarithms(self, x: Array) -> Array:
-        """Predict the logarithms of times at the data's points, (m, q)."""
-        return self.points.mean(coordinates(self.data, x))
 
     @cached_property
     def misfit(self) -> Array:
@@ -326,9 +282,9 @@ class Surrogate:
 
 
 def logarithms_of(grid: Grid, mix: Mix) -> tuple[Array, Array]:
-    """Compute the logarithms of the expected time and of that at each point with their variances.
+    """Compute logarithms of expected time and that at each point with variances, (n, 1 + q) each.
 
-    (n, 1 + q) each. The logarithm of a noisy mean lies half its variance low, which is put back.
+    The logarithm of a noisy mean lies half its variance low, which is put back.
     """
     times = np.column_stack([grid.means @ mix.weights, grid.means])
     errors = np.column_stack([np.sqrt(grid.errors**2 @ mix.weights**2), grid.errors])
@@ -347,8 +303,7 @@ def fit(
 ) -> Surrogate:
     """Fit the surrogate to a data set, unless its parameters are known.
 
-    Parameters of the points start from those of the mix. Raises InputError for fewer than
-    ``MIN_DESIGNS`` designs that engage at every point.
+    InputError for fewer than ``MIN_DESIGNS`` designs that engage at every point.
     """
     grid = data.engaging
     if len(grid.x) < MIN_DESIGNS:

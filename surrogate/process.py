@@ -6,14 +6,13 @@ With covariance *k*, noise variance *s* and targets *y* about their mean *c*,
    C(x, x') = k(x, x') - k(x)^T (K + s I)^{-1} k(x')
 
 (Rasmussen and Williams 2006, ch. 2). Several targets, each scaled to a standard deviation of one,
-share the covariance. Its parameters are the likeliest ones of all targets, ch. 5. The cost of a
-likelihood grows with the cube of the designs, so parameters come from a random part of them and
-the data from all.
+share the covariance. Its parameters are the likeliest ones of all targets, ch. 5, fitted to a
+random part of the designs: the cost of a likelihood grows with their cube.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -32,15 +31,10 @@ class Effort:
 
 @dataclass(frozen=True)
 class Process:
-    """Covariance with the data that it is given.
+    """Covariance of scaled targets with its data.
 
-    Parameters
-    ----------
-    covariance : of targets scaled to a standard deviation of one, with fitted parameters.
-    inputs : coordinates of designs, (n, c).
-    targets : (n, k).
-    noise : variance of each design's scaled targets, (n,).
-    level, scale : of each target, what is subtracted and then divided by, (k,).
+    Inputs are coordinates of designs, (n, c), targets (n, k), less ``level`` and over ``scale``,
+    each (k,); ``noise`` is the variance of each design's scaled targets, (n,).
     """
 
     covariance: Covariance
@@ -73,10 +67,7 @@ class Process:
         return self.level + cross @ self.weights, variance[:, None] * self.scale**2
 
     def joint(self, x: Array, *, smooth: bool = False) -> tuple[Array, Array]:
-        """Predict the first target at coordinates (m, c): mean (m,) and covariance (m, m).
-
-        The covariance is that of all terms, or of the smooth ones alone.
-        """
+        """Predict the first target at (m, c): mean (m,), and covariance of all or smooth terms."""
         cross = self.covariance.between(x, self.inputs, smooth=smooth)
         covariance = self.covariance.between(x, x, smooth=smooth) - cross @ self.inverse @ cross.T
         return self.mean(x)[:, 0], covariance * self.scale[0] ** 2
@@ -98,11 +89,10 @@ def fit_process(
     effort: Effort = Effort(),
     scale: Array | None = None,
 ) -> Process:
-    """Fit the likeliest process of targets (n, k) at coordinates (n, c).
+    """Fit the likeliest process of targets (n, k) with variances ``noise`` at coordinates (n, c).
 
-    ``noise`` are the variances of the targets, (n, k) or what fits it. ``start`` are parameters to
-    begin with, (size,); an effort of no steps keeps them. ``scale`` is the standard deviation of
-    the targets, (k,), None for that of these.
+    ``start`` are parameters to begin with, (size,), which no steps keep; ``scale`` is the standard
+    deviation of the targets, (k,), None for that of these.
     """
     level, spread = targets.mean(axis=0), targets.std(axis=0)
     scale = np.where(spread > 0.0, spread, 1.0) if scale is None else scale
@@ -110,14 +100,43 @@ def fit_process(
     theta, bounds = first_parameters(terms, inputs.shape[1])
     if start is not None:
         theta = np.clip(start, bounds[:, 0], bounds[:, 1])
+    covariance = Covariance(terms, inputs.shape[1], theta)
     if effort.steps:
-        from dogshape.surrogate.regression import likeliest  # noqa: PLC0415  slow to load
-
         few = np.random.default_rng(effort.seed).permutation(len(targets))[: effort.designs]
         data = inputs[few], (targets[few] - level) / scale, relative[few]
-        theta = likeliest(Covariance(terms, inputs.shape[1], theta), bounds, data, effort.steps)
-    covariance = Covariance(terms, inputs.shape[1], theta)
+        covariance = _likeliest(covariance, bounds, data, effort.steps)
     return Process(covariance, inputs, targets, relative, level, scale)
+
+
+def _likeliest(
+    covariance: Covariance, bounds: Array, data: tuple[Array, Array, Array], steps: int
+) -> Covariance:
+    """Maximise the likelihood of targets (n, k) at inputs (n, c) with noise (n,)."""
+    from scipy.linalg import cho_solve, cholesky  # noqa: PLC0415  slow to load
+    from scipy.optimize import minimize  # noqa: PLC0415
+
+    inputs, targets, noise = data
+
+    def loss(theta: Array) -> tuple[float, Array]:
+        """Compute the negative logarithm of the likelihood, and its slopes (size,)."""
+        matrix, slopes = replace(covariance, theta=theta).slopes(inputs)
+        try:
+            root = cholesky(matrix + np.diag(noise), lower=True, check_finite=False)
+        except np.linalg.LinAlgError:
+            return np.inf, np.zeros_like(theta)
+        weights = cho_solve((root, True), targets, check_finite=False)
+        inverse = cho_solve((root, True), np.eye(len(inputs)), check_finite=False)
+        size = targets.shape[1]
+        constant = np.log(np.diag(root)).sum() + 0.5 * len(inputs) * np.log(2.0 * np.pi)
+        value = 0.5 * np.einsum("ik,ik->", targets, weights) + size * constant
+        outer = size * inverse - weights @ weights.T
+        return float(value), 0.5 * np.einsum("ij,sij->s", outer, slopes)
+
+    found = minimize(
+        loss, covariance.theta, method="L-BFGS-B", jac=True, bounds=bounds,
+        options={"maxiter": steps},
+    )  # fmt: skip
+    return replace(covariance, theta=found.x)
 
 
 def draw_jointly(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:
@@ -126,9 +145,6 @@ def draw_jointly(mean: Array, covariance: Array, rng: np.random.Generator, count
 
 
 def root_of(covariance: Array) -> Array:
-    """Compute a matrix whose product with its transpose is a covariance, each (m, m).
-
-    By eigenvalues, so that one that is singular, or not quite positive, has one too.
-    """
+    """Compute a matrix whose product with its transpose is a covariance, also a singular one."""
     values, vectors = np.linalg.eigh(covariance)
     return vectors * np.sqrt(np.maximum(values, 0.0))

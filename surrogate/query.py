@@ -6,7 +6,7 @@ design has so small a chamfer nothing is known of that, and there is no estimate
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from typing import Any
 
 import numpy as np
@@ -26,11 +26,9 @@ FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answ
 
 @dataclass(frozen=True)
 class Answer:
-    """Expected shift time of a design with what speaks against trusting it.
+    """Expected shift time of a design with warnings; ``refusal`` is why there is none.
 
     ``distance`` is that to the next simulated design, in the usual distance of one to the next.
-    ``warnings`` is empty exactly when the question lies in the trained range. ``refusal`` is why
-    there is no time, empty where there is one.
     """
 
     expected: Expected | None
@@ -49,11 +47,8 @@ def other_physics(data: Dataset, physics: Record) -> str:
 
     Both engines agree far better than a surrogate knows (docs/evidence/engines.txt).
     """
-    mine, theirs = dict(physics), dict(data.physics)
-    if mine.get("engine") != theirs.get("engine"):
-        for record in (mine, theirs):
-            for key in SOLVER:
-                record.pop(key, None)
+    left = SOLVER if physics.get("engine") != data.physics.get("engine") else ()
+    mine, theirs = ({k: v for k, v in r.items() if k not in left} for r in (physics, data.physics))
     return differences(mine, theirs)
 
 
@@ -76,24 +71,27 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
     x = np.array([design[name] for name in data.variables], dtype=float)
     distance = float(surrogate.distance(x[None, :])[0])
     warnings = _warnings(data, x, mix.points, distance)
-    if bool(faces_hold(data, x[None, :])[0]):
-        return Answer(None, distance, tuple(warnings), held_because(data, design))
+    if faces_hold(data, x[None, :])[0]:
+        friction = np.degrees(np.arctan(float(data.physics["static_friction"])))
+        return Answer(None, distance, warnings, (
+            f"{HOLDS} (chamfer {design[CHAMFER]:.4g} deg, below the friction angle "
+            f"{friction:.3g} deg; 'dogshape expect' simulates it)"
+        ))  # fmt: skip
     expected = surrogate.expected(x, mix)
     if expected.engaged < LEAST_ENGAGED:
         few = f"about {expected.engaged:.0%} of the shifts engage where fewest do: no time"
-        return Answer(None, distance, tuple(warnings), few)
-    return Answer(expected, distance, tuple(warnings))
+        return Answer(None, distance, warnings, few)
+    return Answer(expected, distance, warnings)
 
 
 def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
     """Give an expected time with its parts, s; None with a reason where there is none."""
     keys = ("expected_shift_time_s", "low_s", "high_s", "standard_error_s", "sd_s", "engaged",
-            "without_retries_s", "without_retries_error_s", "retries_s",
-            "retries_error_s")  # fmt: skip
+            "retries_s", "retries_error_s", "without_retries_s",
+            "without_retries_error_s")  # fmt: skip
     if found is None:
         return {**dict.fromkeys(keys), "reason": refusal}
-    values = (found.time, found.low, found.high, found.error, found.sd, found.engaged,
-              *found.without_retries, found.retries, found.retries_error)  # fmt: skip
+    values = (*astuple(found), *found.without_retries)
     return {**dict(zip(keys, values, strict=True)), "reason": None}
 
 
@@ -107,16 +105,7 @@ def faces_hold(data: Dataset, x: Array) -> Mask:
     return np.logical_and(~slides, chamfer < least)
 
 
-def held_because(data: Dataset, design: dict[str, float]) -> str:
-    """Explain why the faces of a design hold."""
-    friction = float(data.physics["static_friction"])
-    return (
-        f"{HOLDS} (chamfer {design[CHAMFER]:.4g} deg, below the friction angle "
-        f"{np.degrees(np.arctan(friction)):.3g} deg; 'dogshape expect' simulates it)"
-    )
-
-
-def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[str]:
+def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> tuple[str, ...]:
     low, high = data.x.min(axis=0), data.x.max(axis=0)
     found = [
         f"{name} = {x[k]:.4g} is outside the simulated designs ({low[k]:.4g} to {high[k]:.4g})"
@@ -124,14 +113,12 @@ def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> list[s
         if not _within(x, low, high)[k]
     ]
     found += _point_warnings(data, points)
-    if not found and bool(faces_hold(data, x[None, :])[0]):
+    if not found and faces_hold(data, x[None, :])[0]:
         found.append(f"chamfer {x[data.variables.index(CHAMFER)]:.4g} deg: faces hold by friction")
     if distance > FAR and not found:
-        found.append(
-            f"the next simulated design is {distance:.1f} times as far as designs usually are "
-            "from each other"
-        )
-    return found
+        found.append(f"the next simulated design is {distance:.1f} times as far as designs usually "
+                     "are from each other")  # fmt: skip
+    return tuple(found)
 
 
 def _point_warnings(data: Dataset, points: Array) -> list[str]:
@@ -159,8 +146,7 @@ def in_range(
 ) -> Mask:
     """Mark the designs (m, d) that lie within the simulated ones and near one, (m,) of bool.
 
-    None do where a mix is given that lies outside the simulated operating points. ``distance`` is
-    that of ``Surrogate.distance``, (m,), where it is known.
+    None do over a mix beyond the simulated points. ``distance`` is ``Surrogate.distance``.
     """
     data = surrogate.data
     if mix is not None and _point_warnings(data, mix.points):

@@ -1,17 +1,14 @@
 r"""Sensitivity of the expected time: main effects with bands.
 
-Designs that pass every check are few and correlated: dogs are high where they are few. The average
-effect of a variable over such designs comes from neighbours alone (Apley and Zhu 2020). The values
-of the variable are cut at quantiles :math:`z_0 < \dots < z_K`, each design is moved to both ends of
-its own interval, and the mean differences are added up,
+Designs that pass every check are correlated, so effects are accumulated locally (Apley and Zhu
+2020). A variable is cut at quantiles :math:`z_0 < \dots < z_K`, each design moved to both ends of
+its interval, and the mean differences added up,
 
 .. math:: g(z_k) = \sum_{l \le k} \frac{1}{n_l} \sum_{i \in l}
    \left( E(z_l, x_i) - E(z_{l-1}, x_i) \right) - c,
 
-and *c* makes the mean over the designs zero. This is linear in the expected times of the
-moved designs, so the band follows from their joint covariance in closed form; it is what
-endless joint draws of the surrogate would give. Roughness averages out over many designs and is
-left out.
+with mean zero over the designs. It is linear in the times of the moved designs, so the band follows
+from their joint covariance, that of the smooth part.
 """
 
 from __future__ import annotations
@@ -21,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dogshape.surrogate.covariance import Array, Places
+from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.process import root_of
 
@@ -33,9 +30,8 @@ DRAWS = 4000  #: of the errors of an effect
 class Effect:
     """Main effect of a variable on the expected time, s, with mean zero over the designs.
 
-    ``values`` are in edge units, equally many designs between two of them; ``low`` and ``high``
-    bound 95 % at each, all (k,). ``chance`` is the span that errors alone reach in one of twenty
-    draws where there is no effect, s.
+    ``low`` and ``high`` bound 95 % at each of the values, in edge units, all (k,). Errors alone
+    span ``chance`` in one of twenty draws, s.
     """
 
     variable: str
@@ -58,10 +54,7 @@ class Effect:
 
 @dataclass(frozen=True)
 class Accumulation:
-    """Request of an effect: ``moved`` designs (2 n, d), and the sum of their times.
-
-    ``form`` (k, 2 n) times the expected times of the moved designs is the effect at ``values``.
-    """
+    """Designs moved to the ends, (2 n, d); ``form`` (k, 2 n) times their times is the effect."""
 
     values: Array
     moved: Array
@@ -69,51 +62,34 @@ class Accumulation:
 
 
 def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
-    """Return the main effect of each variable over designs (n, d) in edge units.
-
-    A variable that has one value in all of them has none.
-    """
-    found = []
-    for column, variable in enumerate(variables):
-        if np.ptp(x[:, column]) > 0.0:
-            found.append(_effect(surrogate, variable, accumulate(x, column)))
-    return found
+    """Return the main effect of each variable that varies over designs (n, d) in edge units."""
+    return [
+        _effect(surrogate, variable, accumulate(x, column))
+        for column, variable in enumerate(variables)
+        if np.ptp(x[:, column]) > 0.0
+    ]
 
 
 def accumulate(x: Array, column: int, intervals: int = INTERVALS) -> Accumulation:
     """Cut a column of designs (n, d) into intervals and move each design to the ends of its own."""
-    values, place = _cut(x[:, column], intervals)
+    given, shares = x[:, column], np.linspace(0.0, 1.0, intervals + 1)
+    values: Array = np.unique(np.quantile(given, shares, method="inverted_cdf"))
+    place = np.clip(np.searchsorted(values, given) - 1, 0, len(values) - 2)
     below, above = x.copy(), x.copy()
     below[:, column], above[:, column] = values[place], values[place + 1]
-    return Accumulation(values, np.concatenate([below, above]), _form(place, len(values) - 1))
-
-
-def _cut(given: Array, intervals: int) -> tuple[Array, Places]:
-    """Return ends of intervals (k,) that are values of designs, and each design's interval (n,)."""
-    shares = np.linspace(0.0, 1.0, intervals + 1)
-    ends: Array = np.unique(np.quantile(given, shares, method="inverted_cdf"))
-    place = np.clip(np.searchsorted(ends, given) - 1, 0, len(ends) - 2)
-    return ends, place
-
-
-def _form(place: Places, intervals: int) -> Array:
-    counts = np.bincount(place, minlength=intervals)
-    steps = np.zeros((intervals, len(place)))
+    counts = np.bincount(place, minlength=len(values) - 1)
+    steps = np.zeros((len(values) - 1, len(place)))
     steps[place, np.arange(len(place))] = 1.0 / counts[place]
     added = np.concatenate([np.zeros((1, len(place))), np.cumsum(steps, axis=0)])
-    middle = 0.5 * (added[1:] + added[:-1])
-    added -= counts / counts.sum() @ middle
-    return np.concatenate([-added, added], axis=1)
+    added -= counts / counts.sum() @ (0.5 * (added[1:] + added[:-1]))
+    form = np.concatenate([-added, added], axis=1)
+    return Accumulation(values, np.concatenate([below, above]), form)
 
 
 def _effect(surrogate: Surrogate, variable: str, asked: Accumulation) -> Effect:
     times, covariance = surrogate.joint(asked.moved)
     effect, errors = asked.form @ times, asked.form @ covariance @ asked.form.T
     half = 1.96 * np.sqrt(np.maximum(np.diag(errors), 0.0))
-    return Effect(variable, asked.values, effect, effect - half, effect + half, _chance(errors))
-
-
-def _chance(errors: Array) -> float:
-    """Return the 95 % quantile of the span of joint draws with a covariance (k, k)."""
     drawn = root_of(errors) @ np.random.default_rng(0).standard_normal((len(errors), DRAWS))
-    return float(np.quantile(np.ptp(drawn, axis=0), 0.95))
+    chance = float(np.quantile(np.ptp(drawn, axis=0), 0.95))
+    return Effect(variable, asked.values, effect, effect - half, effect + half, chance)

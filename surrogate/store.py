@@ -1,4 +1,4 @@
-"""The surrogate on disk: JSON with data, parameters, figures and versions.
+"""Validation of a surrogate, and its file: JSON with data, parameters, figures and versions.
 
 The file holds its own hash, so a byte that changed is noticed; nothing in it is run.
 """
@@ -7,22 +7,136 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dogshape.sim.errors import DataError
+from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.files import write_whole
 from dogshape.sim.versions import versions
+from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
 from dogshape.surrogate.model import Surrogate, fit
-from dogshape.surrogate.validation_figures import Validation
 
 FORMAT = 4  #: version of the file
 AGAIN = "fit the surrogate again with 'dogshape fit'"
+LEAST_Q2 = 0.5  #: of a surrogate that is of use
+LEAST = 10  #: designs that figures of their expected times need
+FLOOR = 2e-4  #: s, added to a standard deviation before its logarithm is taken
+
+
+def _figure(meaning: str, unit: str = "") -> Any:
+    """Declare a figure with its meaning and unit, as ``result.json`` documents it."""
+    return field(metadata={"meaning": meaning, "unit": unit})
+
+
+@dataclass(frozen=True)
+class Validation:
+    """Validation of the surrogate on designs that the fit did not use."""
+
+    q2: float = _figure("share of the variance of expected times that it explains", "1")
+    coverage_95: float = _figure("share of expected times within their 95 % interval", "share")
+    rmse_s: float = _figure("root-mean-square error of the expected time", "s")
+    bias_s: float = _figure("mean error of the expected time", "s")
+    n: int = _figure("number of designs")
+    noise_s: float = _figure("root-mean-square standard error of the simulated expected times", "s")
+    q2_points: float = _figure("share of the variance explained at single operating points", "1")
+    coverage_points: float = _figure(
+        "share within the 95 % interval at single operating points", "share"
+    )
+    rmse_points_s: float = _figure("root-mean-square error at single operating points", "s")
+    spread_error: float = _figure("error of the logarithm of a single shift's deviation", "1")
+    lost: int = _figure("shifts that did not engage")
+    lost_expected: float = _figure("shifts that the surrogate expected not to engage")
+    rank_best: float | None = _figure("rank correlation among designs of the best tenth", "1")
+    n_best: int = _figure("number of those designs")
+    source: str = _figure("`references`, designs simulated apart, or `held out`")
+    shifts: int = _figure("shifts behind the fit")
+
+    @property
+    def useful(self) -> bool:
+        """Test for half of the variance: of expected times, with few designs at single points."""
+        return (self.q2 if self.n >= LEAST else self.q2_points) >= LEAST_Q2
+
+    @classmethod
+    def from_dict(cls, record: dict[str, Any]) -> Validation:
+        """Read the figures from a record; KeyError where it lacks some."""
+        return cls(**{field.name: record[field.name] for field in fields(cls)})
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the figures by name."""
+        return asdict(self)
+
+
+def validate(surrogate: Surrogate, reference: Dataset | None = None) -> Validation:
+    """Judge a surrogate by references at its own points, or else by leaving out each design."""
+    data = surrogate.data if reference is None else reference
+    grid, mix = data.engaging, replace(data.mix, retry=0.0)
+    if not len(grid.x):
+        raise InputError("no design engages at every operating point, so nothing can judge the "
+                         "surrogate; simulate more designs")  # fmt: skip
+    if reference is None:
+        (mean, variance), each = surrogate.time.left_out(), surrogate.points.left_out()
+        time = np.exp(mean + 0.5 * variance)[:, 0]
+        error = time * np.sqrt(np.expm1(variance[:, 0]))
+        relative = np.sqrt(each[1]) * surrogate.misfit
+        means = np.exp(each[0] + 0.5 * relative**2)
+    else:
+        time, error = surrogate.predict(grid.x, mix)
+        means, spread = surrogate.at_points(grid.x, mix)
+        relative = np.sqrt(spread)
+    own, own_error = grid.means @ mix.weights, np.sqrt(grid.errors**2 @ mix.weights**2)
+    share = surrogate.engaged(data.x, mix)
+    deviations = surrogate.variation(mix.points) * means
+    residual, points = time - own, means - grid.means
+    noise = np.hypot(relative, grid.errors / grid.means)
+    within = np.abs(residual) <= 1.96 * np.hypot(error, own_error)
+    within_points = np.abs(np.log(means / grid.means)) <= 1.96 * noise
+    return Validation(
+        q2=_q2(residual, own),
+        coverage_95=float(within.mean()),
+        rmse_s=_rms(residual),
+        bias_s=float(residual.mean()),
+        n=len(own),
+        noise_s=_rms(own_error),
+        q2_points=_q2(points.ravel(), grid.means.ravel()),
+        coverage_points=float(within_points.mean()),
+        rmse_points_s=_rms(points),
+        spread_error=_rms(np.log((deviations + FLOOR) / (grid.sds + FLOOR))),
+        lost=round((data.grid.shifts - data.grid.engaged).sum()),
+        lost_expected=float(((1.0 - share) * data.grid.shifts).sum()),
+        rank_best=None,
+        n_best=0,
+        source="held out" if reference is None else "references",
+        shifts=surrogate.data.shifts,
+    )
+
+
+def ranked(validation: Validation, surrogate: Surrogate, best: Dataset) -> Validation:
+    """Add the rank correlation of references that are all of the best; none for fewer than ten."""
+    grid, mix = best.engaging, replace(best.mix, retry=0.0)
+    if len(grid.x) < LEAST:
+        return validation
+    rank = rank_correlation(grid.means @ mix.weights, surrogate.predict(grid.x, mix)[0])
+    return replace(validation, rank_best=rank, n_best=len(grid.x))
+
+
+def rank_correlation(one: Array, other: Array) -> float:
+    """Return Spearman's rank correlation of two series without ties, each (n,)."""
+    ranks, others = (np.argsort(np.argsort(values)) for values in (one, other))
+    return float(np.corrcoef(ranks, others)[0, 1])
+
+
+def _q2(residual: Array, truth: Array) -> float:
+    spread = float(((truth - truth.mean()) ** 2).sum())
+    return 1.0 - float((residual**2).sum()) / spread if spread > 0.0 else 0.0
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt((values**2).mean()))
 
 
 @dataclass(frozen=True)
@@ -31,6 +145,10 @@ class Stored:
 
     surrogate: Surrogate
     validation: Validation
+
+
+class MissingError(DataError):
+    """No file where a surrogate was looked for."""
 
 
 def save(path: Path, stored: Stored) -> None:
@@ -49,7 +167,7 @@ def save(path: Path, stored: Stored) -> None:
         "grid": {f.name: _rounded(getattr(data.grid, f.name)) for f in fields(Grid)},
         "time": surrogate.time.covariance.theta.tolist(),
         "each_point": surrogate.points.covariance.theta.tolist(),
-        "share": [number_or_none(surrogate.share.length), surrogate.share.strength],
+        "share": [_finite(surrogate.share.length), surrogate.share.strength],
         "validation": stored.validation.as_dict(),
         "versions": versions(),
     }
@@ -58,26 +176,34 @@ def save(path: Path, stored: Stored) -> None:
     write_whole(path, "{\n" + ",\n".join(lines) + "\n}\n")
 
 
-class MissingError(DataError):
-    """No file where a surrogate was looked for."""
-
-
 def load(path: Path) -> Stored:
     """Read a surrogate; a damaged file or one of another format raises DataError."""
-    return _stored(path, _text_of(path))
+    try:
+        return _stored(path, path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise MissingError(
+            f"there is no surrogate at {path}; run 'dogshape study' or 'dogshape fit' first, "
+            "or name a file with --surrogate"
+        ) from error
+    except (OSError, ValueError) as error:
+        raise DataError(f"{path} is not a surrogate file; {AGAIN}") from error
 
 
-@lru_cache(maxsize=2)
+@lru_cache(maxsize=2)  # an unchanged file is asked again and again; its processes keep inverses
 def _stored(path: Path, text: str) -> Stored:
-    # An unchanged file is asked again and again; its processes keep their inverses.
-    content = _content(path, text)
-    _require_format(path, content.get("format"))
-    given = content.pop("hash", None)
-    if given != _hash(content):
+    content = json.loads(text)
+    if not isinstance(content, dict):
+        raise ValueError("no object")
+    if (found := content.get("format")) != FORMAT:
+        newer = isinstance(found, int) and found > FORMAT
+        remedy = "use the version of dogshape that wrote it, or a newer one" if newer else AGAIN
+        raise DataError(
+            f"{path} has format {found!r}, but this version reads format {FORMAT}; {remedy}"
+        )
+    if content.pop("hash", None) != _hash(content):
         raise DataError(f"{path} was changed or damaged: it does not match its hash; {AGAIN}")
     try:
-        validation = Validation.from_dict(content["validation"])
-        return Stored(_surrogate(content), validation)
+        return Stored(_surrogate(content), Validation.from_dict(content["validation"]))
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{path} is incomplete ({error}); {AGAIN}") from error
 
@@ -97,47 +223,14 @@ def _surrogate(content: dict[str, Any]) -> Surrogate:
 
 
 def _rounded(values: Any) -> list[list[float | None]]:
-    """Give numbers of nine digits, None where one is not finite, as JSON takes them."""
-    return [[number_or_none(float(f"{v:.9g}")) for v in row] for row in values.tolist()]
+    """Give numbers of nine digits as JSON takes them."""
+    return [[_finite(float(f"{v:.9g}")) for v in row] for row in values.tolist()]
 
 
-def number_or_none(value: float) -> float | None:
-    """Give a number that JSON can hold: None where it is not finite."""
+def _finite(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
 def _hash(content: dict[str, Any]) -> str:
     text = json.dumps(content, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:20]
-
-
-def _require_format(path: Path, found: Any) -> None:
-    if found == FORMAT:
-        return
-    newer = isinstance(found, int) and found > FORMAT
-    remedy = "use the version of dogshape that wrote it, or a newer one" if newer else AGAIN
-    raise DataError(
-        f"{path} has format {found!r}, but this version reads format {FORMAT}; {remedy}"
-    )
-
-
-def _text_of(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError as error:
-        raise MissingError(
-            f"there is no surrogate at {path}; run 'dogshape study' or 'dogshape fit' first, "
-            "or name a file with --surrogate"
-        ) from error
-    except (OSError, ValueError) as error:
-        raise DataError(f"{path} is not a surrogate file; {AGAIN}") from error
-
-
-def _content(path: Path, text: str) -> dict[str, Any]:
-    try:
-        content = json.loads(text)
-    except ValueError as error:
-        raise DataError(f"{path} is not a surrogate file; {AGAIN}") from error
-    if not isinstance(content, dict):
-        raise DataError(f"{path} is not a surrogate file; {AGAIN}")
-    return content

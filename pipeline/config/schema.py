@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, get_type_hints
 
 from pydantic import Field, create_model
 
@@ -250,7 +250,7 @@ class SearchSection(Section):
     objectives: list[str] = Field(
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
     )
-    sampler: str = "surrogate"
+    sampler: Literal["surrogate", "space_filling"] = "surrogate"
     trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 32
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
@@ -261,7 +261,6 @@ class SearchSection(Section):
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = later(QUANTILE)
     limits: dict[str, float] | None = later()
     within_s: Annotated[float, Field(gt=0.0)] | None = later()
-    reference: dict[str, float] | None = later()
 
 
 class SolverSection(keys_of(Solver, solver_for, late=("max_steps", "time_limit"))):  # type: ignore[misc]

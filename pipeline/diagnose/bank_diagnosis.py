@@ -29,7 +29,7 @@ from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load, own_files
-from dogshape.sim.errors import EffectError, InputError
+from dogshape.sim.errors import EffectError, InputError, StorageError
 from dogshape.sim.files import writing
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Block
@@ -99,7 +99,7 @@ def shifts_of(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
             executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
             rows = store.times(blocks, executor.run)
         journal.say_unfinished(means.progress.say)
-        with suppress(OSError):  # the file of banks has them
+        with suppress(StorageError):  # the file of banks has them
             journal.drop({key for block in lacking for key in block.keys})
         return rows
 

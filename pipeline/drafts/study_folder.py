@@ -72,7 +72,7 @@ BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
         "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "mechanism.ring_inertia_kgm2",
         "mechanism.input_stiffness_Nm_rad", "mechanism.spline_backlash_deg",
         "mechanism.wheel_inertia_kgm2", "mechanism.output_stiffness_Nm_rad",
-        "driveline.stiffness_Nm_rad", "search.reference",
+        "driveline.stiffness_Nm_rad",
     ),
     (MASS,): (ADDED,),
     ANY: ("strike", "load.pull_out_force_limit_N", "load.abuse_torque_Nm", "search.within_s"),

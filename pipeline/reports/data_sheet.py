@@ -37,8 +37,13 @@ from dogshape.pipeline.reports.text import (
     percent,
     place_name,
 )
-from dogshape.pipeline.search.tolerance_effects import checks_within
-from dogshape.pipeline.simulate.design import SIMULATED, SUMMARIES, design_of, margins_within
+from dogshape.pipeline.simulate.design import (
+    SIMULATED,
+    SUMMARIES,
+    checks_within,
+    design_of,
+    margins_within,
+)
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import DogSection

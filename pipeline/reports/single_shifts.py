@@ -48,7 +48,7 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
     What does not engage is slower than any, a blocked shift the slowest. Shifts of finer steps are
     left out.
     """
-    stored = ShiftJournal(folder.shifts, only_read=True).rows.values()
+    stored = ShiftJournal(folder.shifts).rows.values()
     clutch, found = _simulated(study).clutch, list[Replay]()
 
     def lateness(shift: Record) -> tuple[float, bool, str]:

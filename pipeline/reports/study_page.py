@@ -60,7 +60,7 @@ from dogshape.pipeline.search.confirmation import EngineAgreement
 from dogshape.pipeline.simulate.design import SIMULATED, WORST, failing_words
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.sim.files import naming
-from dogshape.surrogate.validation_figures import Validation
+from dogshape.surrogate.store import Validation
 
 BESIDE = 10  #: designs beside each other in the table of margins
 END = 0.01  #: share of a search range within which a value lies at its end

@@ -23,7 +23,7 @@ from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, in_ms
 from dogshape.pipeline.simulate.design import WORST, design_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
-from dogshape.pipeline.train.filling import filling_designs
+from dogshape.pipeline.train.training import filling_designs
 from dogshape.sim.errors import DogshapeError, StorageError
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import margin_losses

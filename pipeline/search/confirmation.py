@@ -1,14 +1,11 @@
 """Confirmation: designs of the front, simulated again at every operating point and at new angles.
 
 A search picks designs that were also lucky, and more angles find harder landings. So values and
-checks of prototype and front are those of new angles, of the compiled engine at ``DENSER`` times as
-many as the search had. At ``search.confirm_angles`` of them Drake simulates too, and a design on
-which both do not agree leaves the front, as does one that fails a check or is beaten; those that
-come onto it are confirmed next, up to ``search.confirm_designs``. What is not confirmed is not on
-the front. All of it follows from trials and shifts: a run that was cut off ends as it would have.
+checks of prototype and front are those of ``DENSER`` times as many new angles. Drake simulates some
+of them too; a design on which both engines do not agree leaves the front, as does one that fails a
+check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``.
 
-Friction of dogs and dissipation of a blow are seldom known, and no standard error counts them. So
-the gain is simulated at the ends of what contact may be, too: friction a third less and more (oiled
+The gain is simulated at the ends of what contact may be, too: friction a third less and more (oiled
 steel 0.08 to 0.16, VDI 2230-1), dissipation of dry steel and of faces that meet through oil
 (``docs/simulation.md``). An *audit* simulates random shifts of the search again in Drake.
 """
@@ -18,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -42,12 +40,11 @@ from dogshape.pipeline.simulate.evaluation import (
     expectation_of,
 )
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.result_records import check_record, expectation_record
+from dogshape.pipeline.store.result_records import ExpectedTime, check_record
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.clutch import Clutch, ContactSet
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
-from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import result_of
 
@@ -60,6 +57,7 @@ APART = 3.0  #: standard errors from which search and confirmation of a design d
 FLIPS = 0.01
 MEAN = 0.01  #: difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %
 SURE = 3.0  #: standard errors from which a difference of the engines counts
+Estimates = dict[str, dict[str, float]]  #: value and standard error of objectives, by name
 BeforeRound = Callable[[int, str], None]  #: gets the number of designs that are next, and a line
 
 
@@ -71,55 +69,71 @@ class ContactGain(Record):
     gain_standard_error_s: float | None = key("its standard error", "s")
     gain_share: float | None = key("gain over the time of the prototype", SHARE)
 
-    @classmethod
-    def of(cls, contact: str, before: Expectation, after: Expectation) -> ContactGain:
-        """Record a gain; none where either design engages in too few shifts to have a time."""
-        known, gain = before.engages and after.engages, before.mean - after.mean
-        error = math.hypot(before.standard_error, after.standard_error)
-        return cls(
-            contact=contact,
-            gain_s=gain if known else None,
-            gain_standard_error_s=error if known else None,
-            gain_share=gain / before.mean if known else None,
-        )
-
 
 def gains_by_contact(study: Setup, params: Params, executor: Executor) -> list[ContactGain]:
     """Simulate the gain in expected shift time under each contact."""
-    own, designs = study.clutch.contact, [study.prototype, params]
-    named = {
-        f"friction {own.dynamic_friction * factor:.3g}": replace(
-            own,
-            static_friction=own.static_friction * factor,
-            dynamic_friction=own.dynamic_friction * factor,
-        )
-        for factor in FRICTION
-    }
+    own, named = study.clutch.contact, dict[str, ContactSet]()
+    for factor in FRICTION:
+        static, dynamic = (factor * f for f in (own.static_friction, own.dynamic_friction))
+        varied = replace(own, static_friction=static, dynamic_friction=dynamic)
+        named[f"friction {dynamic:.3g}"] = varied
     named |= {f"dissipation {d:g} s/m": replace(own, dissipation=d) for d in DISSIPATION}
-    seed = study.file.expectation.seed + NEW_ANGLES
     asked = []
     for contact in named.values():
         clutch = replace(study.clutch.with_engine("planar"), contact=contact)
         quick = replace(study, clutch=clutch)
-        asked += [design_blocks(quick, one, ANGLES, seed) for one in designs]
+        asked += [design_blocks(quick, d, ANGLES, _seed(study)) for d in (study.prototype, params)]
     rows = iter(executor.scratch().run([block for blocks in asked for block in blocks]))
     found = [
         expectation_of(study, [b.point for b in blocks], [next(rows) for _ in blocks])
         for blocks in asked
     ]
-    pairs = zip(named, found[::2], found[1::2], strict=True)
-    return [ContactGain.of(name, before, after) for name, before, after in pairs]
+    gains = []
+    for name, before, after in zip(named, found[::2], found[1::2], strict=True):
+        known, gain = before.engages and after.engages, before.mean - after.mean
+        error = math.hypot(before.standard_error, after.standard_error)
+        one = ContactGain(
+            contact=name,
+            gain_s=gain if known else None,
+            gain_standard_error_s=error if known else None,
+            gain_share=gain / before.mean if known else None,
+        )
+        gains.append(one)
+    return gains
 
 
 @dataclass(frozen=True)
 class Executors:
-    """Executors of a study: of the compiled shifts that no result needs later, and of the others.
-
-    A study in Drake has its search in the first and its confirmation in the second.
-    """
+    """Executors of the compiled shifts that no result needs later, and of those that are kept."""
 
     search: Executor
     kept: Executor
+
+
+class EngineAgreement(Record):
+    """Shifts of the compiled engine that Drake simulated again."""
+
+    shifts: int = key("shifts that both engines simulated")
+    outcome_same: int = key("shifts that end as in Drake")
+    median_deviation: float = key(
+        "median size of the deviation of a shift's time from Drake's", "1"
+    )
+    worst_deviation: float = key("largest size of that deviation", "1")
+    mean_deviation: float = key(
+        "mean time less Drake's, over Drake's; shifts that engage in both", "1"
+    )
+    standard_error: float = key("standard error of `mean_deviation`", "1")
+    agrees: bool = key("whether the engines agree (`docs/search.md`)")
+
+    @property
+    def text(self) -> str:
+        """The agreement as a clause."""
+        return (
+            f"{self.outcome_same} of {self.shifts} shifts end as in Drake, the mean time "
+            f"deviates by {self.mean_deviation:+.2%} ± {self.standard_error:.2%} (s.e.), "
+            f"a shift's time by {self.median_deviation:.2%} (median), at most "
+            f"{self.worst_deviation:.1%}"
+        )
 
 
 @dataclass(frozen=True)
@@ -139,10 +153,7 @@ def new_angles(study: Setup) -> int:
 
 
 def shifts_to_confirm(study: Setup, designs: int) -> int:
-    """Count the shifts that confirm the prototype and so many designs, at most.
-
-    For prototype and chosen design those for the numerical error come on top.
-    """
+    """Count the shifts that confirm prototype and designs, at most, with the numerical errors."""
     few, many = study.file.search.confirm_angles, new_angles(study)
     both = len(study.points) * (many if many == few else many + few)
     return (1 + designs) * both + 2 * repeated(len(study.points) * few)
@@ -153,26 +164,27 @@ def confirm(
 ) -> tuple[dict[str, Any] | None, SearchState]:
     """Simulate prototype and front of an ended search at angles that it did not use.
 
-    Give the record, None where no design passes every check of the search, and the state with the
-    values at the new angles.
+    Give the record, None where no design passes every check, and the state at the new angles.
     """
     state, study, found = searched, searched.study, dict[int, Confirmed]()
-    most = study.file.search.confirm_designs
+    prototype, most = list[Confirmed](), study.file.search.confirm_designs
     while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
         line = f"confirming prototype and {len(trials)} of the front at new angles"
         if found:
             line = f"confirming {len(trials)} more that the new angles put on the front"
         before_round(len(trials), line)
-        new = _resimulated(study, [trial.params for trial in trials], executors)
-        names = [f"design {trial.number}" for trial in trials]
-        _require_known(dict(zip(names, new, strict=True)))
-        found |= {trial.number: one for trial, one in zip(trials, new, strict=True)}
+        named = {} if found else {"the prototype": study.prototype}
+        named |= {f"design {trial.number}": trial.params for trial in trials}
+        new = _resimulated(study, named, executors)
+        prototype += new[: len(named) - len(trials)]
+        found |= {t.number: one for t, one in zip(trials, new[-len(trials) :], strict=True)}
         state = state.renew(_renewed(study, t, found[t.number]) for t in trials)
     if not found:
         return None, state
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
     order = sorted(found, key=lambda number: (loss[number], number))
-    return _record(searched, state, {number: found[number] for number in order}, executors), state
+    ordered = {number: found[number] for number in order}
+    return _record(searched, state, prototype[0], ordered, executors), state
 
 
 def _renewed(study: Setup, trial: Trial, found: Confirmed) -> Trial:
@@ -191,22 +203,33 @@ def _renewed(study: Setup, trial: Trial, found: Confirmed) -> Trial:
 
 
 def _resimulated(
-    study: Setup, designs: Sequence[Params], executors: Executors, *, require_made: bool = True
+    study: Setup, named: Mapping[str, Params], executors: Executors
 ) -> list[Confirmed]:
-    """Simulate designs at new angles, and again in Drake at some of them."""
-    many, seed, executor = new_angles(study), _seed(study), _executor(study, executors)
-    found = evaluate(study, designs, executor, many, seed, require_made=require_made)
-    results = []
-    for params, one in zip(designs, found, strict=True):
-        agreement, blocks = None, _thinned(study, params)
-        if study.judging is not None:
-            rows = executor.run(blocks)  # which are known by now
-            agreement = compare_engines(blocks, rows, study.judging.clutch, executors.kept)
-        else:
-            executors.kept.run(blocks)  # for the single shifts of the report
-        results.append(Confirmed(one, agreement))
+    """Simulate designs at new angles, and again in Drake at some of them.
+
+    InputError where the shifts of a design say nothing of some objective.
+    """
+    many, executor, designs = new_angles(study), _executor(study, executors), [*named.values()]
+    found = evaluate(study, designs, executor, many, _seed(study), require_made=False)
+    if unknown := [name for name, one in zip(named, found, strict=True) if not one.known]:
+        raise InputError(
+            f"every shift of {' and '.join(unknown)} at new angles failed, so what they strike "
+            "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
+            "or without the objective peak_impact_force_N"
+        )
+    blocks = [block for params in designs for block in _thinned(study, params)]
+    if study.judging is None:
+        executors.kept.run(blocks)  # for the single shifts of the report
+        executors.search.forget()
+        return [Confirmed(one, None) for one in found]
+    both = _both(blocks, executor.run(blocks), study.judging.clutch, executors.kept)
     executors.search.forget()
-    return results
+    size = len(study.points)
+    groups = [both[k : k + size] for k in range(0, len(both), size)]
+    return [
+        Confirmed(one, agreement_of([pair for pairs in group for pair in pairs]))
+        for one, group in zip(found, groups, strict=True)
+    ]
 
 
 def _with_numerical_error(
@@ -238,34 +261,29 @@ def _thinned(study: Setup, params: Params) -> list[Block]:
 def _record(
     searched: SearchState,
     state: SearchState,
+    prototype: Confirmed,
     found: Mapping[int, Confirmed],
     executors: Executors,
 ) -> dict[str, Any]:
     """Record the confirmation of designs, by trial in the search's order.
 
-    Chosen is the first of the front in that order; where no design passes, the first of all. None
-    is chosen for its luck here.
+    Chosen is the first of the front in that order, where none passes of all: not for luck here.
     """
     study = searched.study
     trials = {trial.number: trial for trial in searched.simulated if trial.number in found}
     front = {trial.number for trial in state.front}
     chosen = next((number for number in found if number in front), next(iter(found)))
     params, own = trials[chosen].params, trials[chosen].prototype
-    if own:
-        prototype = found[chosen]
-    else:
-        (prototype,) = _resimulated(study, [study.prototype], executors, require_made=False)
-        _require_known({"the prototype": prototype})
-    both = [
+    old, new = (
         _with_numerical_error(study, one, known, executors)
         for one, known in ((study.prototype, prototype), (params, found[chosen]))
-    ]
+    )
     return {
         "angles": new_angles(study),
-        "drake_angles": None if both[0].agreement is None else study.file.search.confirm_angles,
-        "prototype": _confirmed(study, study.prototype, both[0]),
+        "drake_angles": None if old.agreement is None else study.file.search.confirm_angles,
+        "prototype": _confirmed(study, study.prototype, old),
         "chosen": chosen,
-        "best": _confirmed(study, params, both[1]),
+        "best": _confirmed(study, params, new),
         "designs": [
             {
                 "trial": number,
@@ -275,7 +293,7 @@ def _record(
             for number, one in found.items()
         ],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
-        **_gain(study, None if own else both[0].simulated, both[1].simulated),
+        **_gain(study, {} if own else _estimates(old.simulated), _estimates(new.simulated)),
         "gains_by_contact": []
         if own
         else [gain.to_dict() for gain in gains_by_contact(study, params, executors.search)],
@@ -295,84 +313,43 @@ def _beside_search(searched: SearchState, trial: Trial, found: Simulated) -> dic
     }
 
 
-def _require_known(found: Mapping[str, Confirmed]) -> None:
-    """Raise InputError where the shifts of a design say nothing of some objective."""
-    unknown = [name for name, one in found.items() if not one.simulated.known]
-    if unknown:
-        raise InputError(
-            f"every shift of {' and '.join(unknown)} at new angles failed, so what they strike "
-            "is unknown; start the study with a larger solver.max_steps or solver.time_limit_s, "
-            "or without the objective peak_impact_force_N"
-        )
-
-
-def _gain(study: Setup, prototype: Simulated | None, best: Simulated) -> dict[str, Any]:
-    """Compute the gain in each simulated objective, with its standard error.
-
-    None over the prototype itself, and in a time where either engages too seldom to have one.
-    """
+def _gain(study: Setup, before: Estimates, after: Estimates) -> dict[str, Any]:
+    """Compute the gain in each simulated objective that both designs have."""
     signs = {objective.name: objective.sign for objective in objectives_of(study)}
-    before = {} if prototype is None else _estimates(prototype)
-    gains = {}
-    for name, one in _estimates(best).items():
-        if (other := before.get(name)) is not None:
-            value = signs.get(name, 1.0) * (other["value"] - one["value"])
-            error = math.hypot(other["standard_error"], one["standard_error"])
-            gains[name] = {"value": value, "standard_error": error}
+    gains = {
+        name: {
+            "value": signs.get(name, 1.0) * (before[name]["value"] - one["value"]),
+            "standard_error": math.hypot(before[name]["standard_error"], one["standard_error"]),
+        }
+        for name, one in after.items()
+        if name in before
+    }
     time = gains.get(SIMULATED)
-    share = None if time is None else time["value"] / before[SIMULATED]["value"]
     return {
-        "gain_s": None if time is None else time["value"],
-        "gain_standard_error_s": None if time is None else time["standard_error"],
-        "gain_share": share,
+        "gain_s": time and time["value"],
+        "gain_standard_error_s": time and time["standard_error"],
+        "gain_share": time and time["value"] / before[SIMULATED]["value"],
         "gains": gains,
     }
 
 
-def _estimates(found: Simulated) -> dict[str, dict[str, float]]:
+def _estimates(found: Simulated) -> Estimates:
     """Record the simulated objectives that a design has: no time where too few shifts engage."""
-    engages = found.expectation.engages
     return {
         name: {"value": one.value, "standard_error": one.standard_error}
         for name, one in found.estimates.items()
-        if engages or not is_time(name)
+        if found.expectation.engages or not is_time(name)
     }
 
 
 def _confirmed(study: Setup, params: Params, found: Confirmed) -> dict[str, Any]:
     design = design_of(study, params, found.simulated.measured)
     return {
-        **expectation_record(found.simulated.expectation),
+        **ExpectedTime.of(found.simulated.expectation).to_dict(),
         "estimates": _estimates(found.simulated),
         "checks": [check_record(check) for check in design.checks],
         "drake": None if found.agreement is None else found.agreement.to_dict(),
     }
-
-
-class EngineAgreement(Record):
-    """Shifts of the compiled engine that Drake simulated again."""
-
-    shifts: int = key("shifts that both engines simulated")
-    outcome_same: int = key("shifts that end as in Drake")
-    median_deviation: float = key(
-        "median size of the deviation of a shift's time from Drake's", "1"
-    )
-    worst_deviation: float = key("largest size of that deviation", "1")
-    mean_deviation: float = key(
-        "mean time less Drake's, over Drake's; shifts that engage in both", "1"
-    )
-    standard_error: float = key("standard error of `mean_deviation`", "1")
-    agrees: bool = key("whether the engines agree (`docs/search.md`)")
-
-    @property
-    def text(self) -> str:
-        """The agreement as a clause."""
-        return (
-            f"{self.outcome_same} of {self.shifts} shifts end as in Drake, the mean time "
-            f"deviates by {self.mean_deviation:+.2%} ± {self.standard_error:.2%} (s.e.), "
-            f"a shift's time by {self.median_deviation:.2%} (median), at most "
-            f"{self.worst_deviation:.1%}"
-        )
 
 
 def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:
@@ -384,13 +361,9 @@ def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:
     """
     both = [(result_of(mine), result_of(drake)) for mine, drake in pairs]
     same = sum(mine.outcome is drake.outcome for mine, drake in both)
-    times = np.array(
-        [
-            (mine.shift_time, drake.shift_time)
-            for mine, drake in both
-            if mine.shift_time is not None and drake.shift_time is not None
-        ]
-    ).reshape(-1, 2)
+    every = [(mine.shift_time, drake.shift_time) for mine, drake in both]
+    times = np.array(every, dtype=float).reshape(-1, 2)
+    times = times[np.isfinite(times).all(axis=1)]
     apart, sizes, drakes = times[:, 0] - times[:, 1], np.zeros(1), 1.0
     if len(times):
         sizes, drakes = np.abs(apart) / times[:, 1], float(times[:, 1].mean())
@@ -409,35 +382,25 @@ def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:
     )
 
 
-def compare_engines(
+def _both(
     blocks: Sequence[Block], rows: Sequence[Sequence[Shift]], judge: Clutch, executor: Executor
-) -> EngineAgreement:
-    """Simulate blocks of the compiled engine, whose shifts are ``rows``, again in Drake.
-
-    ``judge`` is the study's clutch in Drake.
-    """
+) -> list[list[tuple[Shift, Shift]]]:
+    """Simulate blocks of the compiled engine again in Drake; pair both shifts of each block."""
     drake = [replace(block, clutch=replace(block.clutch, solver=judge.solver)) for block in blocks]
-    found = executor.run(drake)
-    pairs = zip(rows, found, strict=True)
-    return agreement_of([pair for both in pairs for pair in zip(*both, strict=True)])
+    found = zip(rows, executor.run(drake), strict=True)
+    return [list(zip(mine, other, strict=True)) for mine, other in found]
 
 
 def audit(
     study: Setup, designs: Sequence[Params], executor: Executor, judge: Clutch, shifts: int
 ) -> EngineAgreement:
-    """Simulate shifts of a search again in both engines, drawn at random by the search's seed.
-
-    ``study`` is in the compiled engine, ``designs`` are those that it simulated.
-    """
+    """Simulate random shifts of the designs of a search, in the compiled engine, again in both."""
     settings = study.file.expectation
     places = len(designs), len(study.points), settings.angles
     rng, size = np.random.default_rng([study.file.search.seed, shifts]), math.prod(places)
     drawn = np.sort(rng.choice(size, min(shifts, size), replace=False))
-    blocks: list[Block] = []
-    own: list[Block] = []
-    last = -1
-    for design, point, angle in zip(*np.unravel_index(drawn, places), strict=True):
-        if design != last:
-            own, last = design_blocks(study, designs[design], places[2], settings.seed), design
-        blocks.append(own[point].only([int(angle)]))
-    return compare_engines(blocks, executor.scratch().run(blocks), judge, executor)
+    own = cache(lambda place: design_blocks(study, designs[place], places[2], settings.seed))
+    drawn_at = zip(*np.unravel_index(drawn, places), strict=True)
+    blocks = [own(design)[point].only([int(angle)]) for design, point, angle in drawn_at]
+    pairs = _both(blocks, executor.scratch().run(blocks), judge, executor)
+    return agreement_of([pair for some in pairs for pair in some])

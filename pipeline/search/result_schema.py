@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from typing import Any
+from dataclasses import fields
+from typing import Any, get_type_hints
 
 from pydantic import create_model
 
@@ -14,12 +15,12 @@ from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES
 from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.search.confirmation import ContactGain, EngineAgreement
-from dogshape.pipeline.search.tolerance_effects import ToleranceTime
-from dogshape.pipeline.simulate.design import OBJECTIVES
+from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import unit_of
+from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
 OPTIONAL = {
@@ -144,25 +145,15 @@ class Confirmation(Record):
     )
 
 
-class SurrogateFigures(Record):
-    """Validation of the surrogate on designs that the fit did not use."""
+_FIGURES: dict[str, Any] = {
+    one.name: (get_type_hints(Validation)[one.name], key(**one.metadata))
+    for one in fields(Validation)
+}
+FigureKeys = create_model("FigureKeys", __base__=Record, **_FIGURES)
 
-    q2: float = key("share of the variance of expected times that it explains", "1")
-    coverage_95: float = key("share of expected times within their 95 % interval", SHARE)
-    rmse_s: float = key("root-mean-square error of the expected time", "s")
-    bias_s: float = key("mean error of the expected time", "s")
-    n: int = key("number of designs")
-    noise_s: float = key("root-mean-square standard error of the simulated expected times", "s")
-    q2_points: float = key("share of the variance explained at single operating points", "1")
-    coverage_points: float = key("share within the 95 % interval at single operating points", SHARE)
-    rmse_points_s: float = key("root-mean-square error at single operating points", "s")
-    spread_error: float = key("error of the logarithm of a single shift's deviation", "1")
-    lost: int = key("shifts that did not engage")
-    lost_expected: float = key("shifts that the surrogate expected not to engage")
-    rank_best: float | None = key("rank correlation among designs of the best tenth", "1")
-    n_best: int = key("number of those designs")
-    source: str = key("`references`, designs simulated apart, or `held out`")
-    shifts: int = key("shifts behind the fit")
+
+class SurrogateFigures(FigureKeys):  # type: ignore[misc, valid-type]
+    """Validation of the surrogate on designs that the fit did not use."""
 
 
 class StudyRecord(Record):
@@ -202,10 +193,7 @@ class StudyRecord(Record):
 
 
 def require_result(data: dict[str, Any], source: str) -> None:
-    """Check a record against the schema.
-
-    Raises InputError that names ``source``, and each key that is unknown, missing or mistyped.
-    """
+    """Raise InputError that names ``source`` and each key that is unknown, missing or mistyped."""
     validate(StudyRecord, data, source)
 
 

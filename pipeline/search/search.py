@@ -1,13 +1,9 @@
 """The search: propose designs, simulate them, tell the storage, until the budget is spent.
 
 Designs of a round are proposed together, simulated side by side and told in the order of their
-numbers, so the result does not depend on which finished first. A design that a dead run had
-proposed is simulated with the parameters it had; where the round was cut off while it was
-proposed, it is filled up. So the same seed gives the same designs, interrupted or not. Several runs
-can share a search: each proposes rounds of its own, and the designs of a dead run once more.
-
-A design of which the clock ended a shift (``sim.statistics.shift_records.unfinished``) is not told:
-the next run simulates it again.
+numbers. A round that was cut off is filled up, so the same seed gives the same designs,
+interrupted or not. Several runs can share a search: each proposes rounds of its own, and the
+designs of a dead run once more.
 """
 
 from __future__ import annotations
@@ -17,18 +13,15 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
-import numpy as np
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
-from optuna.samplers import BaseSampler, NSGAIISampler, RandomSampler, TPESampler
 from optuna.storages import RDBStorage, fail_stale_trials
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.search.guide import Guide, Space
-from dogshape.pipeline.search.sampler import SurrogateSampler
+from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.state import (
     FAILED,
     PROTOTYPE,
@@ -48,37 +41,25 @@ from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, reference
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import Sharing, open_storage
-from dogshape.sim.errors import InputError, StorageError, did_you_mean
+from dogshape.sim.errors import StorageError
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.versions import engine
 from dogshape.surrogate.model import MIN_DESIGNS
 
-SAMPLERS = ("surrogate", "space_filling", "tpe", "nsga2", "random")
 WAIT = 0.5  #: s between looks at what other machines do
 BEGUN = (TrialState.RUNNING, TrialState.COMPLETE)
 
-SamplerOf = Callable[[int], BaseSampler]  #: gives the sampler of a proposal by its number
 AfterRound = Callable[[str, SearchState], None]  #: called with a line for people, and the state
 
 
 @dataclass(frozen=True)
 class Search:
-    """Handles of a search in its storage.
-
-    Parameters
-    ----------
-    study : the study that is searched, in the engine that simulates its designs.
-    optuna : its trials, in their storage.
-    sampler_of : gives the sampler of a proposal.
-    sharing : heartbeats and turns, where several machines share the search.
-    left_open : numbers of trials that this run leaves to the next one.
-    """
+    """Handles of a search in its storage, with heartbeats and turns where machines share it."""
 
     study: Setup
     optuna: optuna.Study
-    sampler_of: SamplerOf
+    sampler: SurrogateSampler
     sharing: Sharing | None = None
-    left_open: set[int] = field(default_factory=set)
 
     def read(self) -> SearchState:
         """Read the finished trials of the storage."""
@@ -88,17 +69,9 @@ class Search:
         """List the trials in some states."""
         return self.optuna.get_trials(deepcopy=False, states=states)
 
-    def running(self) -> list[FrozenTrial]:
-        """List the trials that are proposed and not told, but for those that are left open."""
-        trials = self.trials(TrialState.RUNNING)
-        return [trial for trial in trials if trial.number not in self.left_open]
-
 
 def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchState:
-    """Run the search until the study's number of trials is finished, by this run and others.
-
-    It ends sooner where the space has fewer designs than that. Give the state at its end.
-    """
+    """Run the search until the study's number of trials, or its space, is finished by all runs."""
     waiting, goal = False, search.study.file.search.trials
     with search.sharing or nullcontext():
         while True:
@@ -110,10 +83,11 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
                 state = search.read()
                 after_round(_status(state), state)
                 continue
+            elsewhere = search.trials(TrialState.RUNNING, TrialState.WAITING)
             state = search.read()
-            if (left := goal - len(state.trials) - len(search.left_open)) <= 0:
+            if (left := goal - len(state.trials)) <= 0:
                 return state
-            if not search.running() and _none_left(search):
+            if not elsewhere:
                 line = f"every design that passes the checks was tried: {left} fewer than wanted"
                 after_round(line, state)
                 return state
@@ -124,78 +98,50 @@ def run(search: Search, executor: Executor, after_round: AfterRound) -> SearchSt
 
 
 def next_round(search: Search) -> list[FrozenTrial]:
-    """Propose this run's next round: what a dead run left, filled up, or else new designs.
-
-    Designs that other runs have proposed count as if they were finished, so none is one too many.
-    """
+    """Propose this run's next round: what a dead run left, filled up, or else new designs."""
     settings, ids = search.study.file.search, list[int]()
-    if search.sharing is None:
-        names = set(search.study.variables)
-        for trial in search.running():  # of a dead run
-            if names <= set(trial.params):
-                ids.append(trial._trial_id)
-            else:
-                search.optuna.tell(trial.number, state=TrialState.FAIL)
+    if search.sharing is None:  # what runs is of a dead run
+        ids = [trial._trial_id for trial in search.trials(TrialState.RUNNING)]
     else:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ExperimentalWarning)
             fail_stale_trials(search.optuna)
-    known = search.optuna.get_trials(deepcopy=False)
-    if not any(t.user_attrs.get(PROTOTYPE) for t in known if t.state != TrialState.FAIL):
-        search.optuna.enqueue_trial(search.study.prototype, user_attrs={PROTOTYPE: True})
     begun = len(search.trials(*BEGUN))
     size = -begun % settings.batch if ids else settings.batch
-    for number in range(begun, min(begun + size, settings.trials)):
-        # Seeded by its number alone, a proposal does not depend on where a round was cut off.
-        search.optuna.sampler = search.sampler_of(number)
-        if _none_left(search):
+    for _ in range(begun, min(begun + size, settings.trials)):
+        if (trial_id := _propose(search)) is None:
             break
-        ids.append(_propose(search))
+        ids.append(trial_id)
     return [search.optuna._storage.get_trial(trial_id) for trial_id in ids]
 
 
-def _propose(search: Search) -> int:
-    study = search.optuna
-    trial_id = study._pop_waiting_trial_id()
+def _propose(search: Search) -> int | None:
+    """Begin a trial: of a dead machine, the prototype's, or a new one; None where none is left."""
+    study, known = search.optuna, search.optuna.get_trials(deepcopy=False)
+    trial_id: int | None = study._pop_waiting_trial_id()
     if trial_id is None:
-        trial_id = study._storage.create_new_trial(study._study_id)
-    if search.sharing is not None:  # before the sampler takes its time
+        own = {t.state for t in known if t.user_attrs.get(PROTOTYPE)} <= {TrialState.FAIL}
+        params = search.study.prototype if own else search.sampler.propose(known)
+        if params is None:
+            return None
+        space, marked = Space(search.study.variables), {PROTOTYPE: True} if own else {}
+        trial = space.trial(params, **marked)
+        trial_id = study._storage.create_new_trial(study._study_id, trial)
+    if search.sharing is not None:
         search.sharing.add(trial_id)
-    trial = optuna.Trial(study, trial_id)
-    with warnings.catch_warnings():
-        # The study's own dog may lie outside the ranges, which the run has said.
-        warnings.filterwarnings("ignore", "Fixed parameter", UserWarning)
-        distributions = Space(search.study.variables).distributions
-        for name in search.study.variables:
-            trial._suggest(name, distributions[name])
     return trial_id
-
-
-def _none_left(search: Search) -> bool:
-    """Check whether the study's own sampler could only propose designs again."""
-    if search.trials(TrialState.WAITING):
-        return False
-    sampler = search.sampler_of(len(search.trials(*BEGUN)))
-    return isinstance(sampler, SurrogateSampler) and sampler.exhausted(search.optuna)
 
 
 def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) -> None:
     """Simulate the designs of trials that may pass, and tell all trials in order."""
     study, settings = search.study, search.study.file.expectation
     designs = [design_of(study, dict(trial.params)) for trial in trials]
-    worth = [k for k, design in enumerate(designs) if design.feasible]
-    params = [designs[k].params for k in worth]
-    found = evaluate(study, params, executor, settings.angles, settings.seed)
-    simulated = dict(zip(worth, found, strict=True))
-    for k, trial in enumerate(trials):
-        one = simulated.get(k)
-        if one is not None and one.unfinished:
-            search.left_open.add(trial.number)
-        else:
-            _tell(search, trial, designs[k], one)
-    if not search.left_open:
-        reference = reference_blocks(study, settings.angles, settings.seed)
-        executor.forget({key for block in reference for key in block.keys})
+    params = [design.params for design in designs if design.feasible]
+    found = iter(evaluate(study, params, executor, settings.angles, settings.seed))
+    for trial, design in zip(trials, designs, strict=True):
+        _tell(search, trial, design, next(found) if design.feasible else None)
+    reference = reference_blocks(study, settings.angles, settings.seed)
+    executor.forget({key for block in reference for key in block.keys})
 
 
 def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | None) -> None:
@@ -205,7 +151,7 @@ def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | N
     landed = design_of(study, design.params, found.measured) if found else design
     estimates = {} if found is None else {n: e.value for n, e in found.estimates.items()}
     if search.sharing is not None:
-        search.sharing.drop(given._trial_id)
+        search.sharing.trials.discard(given._trial_id)
     # Where this run seemed dead, another one is at the design by now.
     with suppress(UpdateFinishedTrialError):
         for name, value in landed.constraints.items():
@@ -228,44 +174,23 @@ def _status(state: SearchState) -> str:
     return text
 
 
-def require_sampler(name: str) -> None:
-    """Raise InputError for an unknown sampler."""
-    if name not in SAMPLERS:
-        hint = did_you_mean(name, SAMPLERS)
-        raise InputError(f"search.sampler is '{name}', which is not a sampler; {hint}")
-
-
-def sampler_factory(study: Setup) -> SamplerOf:
-    """Return a function that gives the sampler for a proposal, by how many were asked before.
-
-    Optuna's samplers are built for each proposal, with its own seed, which makes a resumed search
-    equal to an uninterrupted one. InputError for an unknown sampler, and where no design passes
-    the checks that need no simulation.
-    """
+def sampler_of(study: Setup) -> SurrogateSampler:
+    """Make the sampler of a study; InputError where no design passes."""
     search = study.file.search
-    require_sampler(search.sampler)
-    if search.sampler in ("surrogate", "space_filling"):
-        startup = max(search.startup, MIN_DESIGNS)
-        startup = startup if search.sampler == "surrogate" else search.trials
-        own = SurrogateSampler(Guide(study), search.seed, startup)
-        own.require_allowed()
-        return lambda _: own
-    kinds: dict[str, Callable[[int], BaseSampler]] = {
-        "tpe": lambda seed: TPESampler(seed=seed, n_startup_trials=search.startup),
-        "nsga2": lambda seed: NSGAIISampler(seed=seed, population_size=search.startup),
-        "random": lambda seed: RandomSampler(seed=seed),
-    }
-    make = kinds[search.sampler]
-    return lambda number: make(int(np.random.default_rng([search.seed, number]).integers(2**31)))
+    learns = search.sampler == "surrogate"
+    startup = max(search.startup, MIN_DESIGNS) if learns else search.trials
+    sampler = SurrogateSampler(Guide(study), search.seed, startup)
+    sampler.require_allowed()
+    return sampler
 
 
 def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: bool) -> Search:
     """Open or start the search in a storage: the folder's journal file, or an Optuna URL.
 
-    Raises StorageError where the storage cannot be opened, or holds a search of that name which is
-    of another configuration or is not to be resumed; InputError as ``sampler_factory``.
+    StorageError where it cannot be opened, or holds a search of that name which is another or is
+    not to be resumed; InputError as ``sampler_of``.
     """
-    sampler_of = sampler_factory(study)
+    sampler = sampler_of(study)
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ExperimentalWarning)
@@ -284,11 +209,20 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             ) from error
         if opened.metric_names is None:
             opened.set_metric_names([objective.name for objective in objectives_of(study)])
-        _require_same(study, opened, resume)
+    _require_same(study, opened, resume)
     if not isinstance(backend, RDBStorage):
-        return Search(study, opened, sampler_of)
-    _require_same_versions(opened)
-    return Search(study, opened, sampler_of, Sharing(backend, study.name))
+        return Search(study, opened, sampler)
+    # A machine of other versions has other shifts than the others.
+    here, known = engine(), opened.user_attrs.get("versions")
+    if known is None:
+        opened.set_user_attr("versions", here)
+    elif known != here:
+        apart = ", ".join(f"{n} {known.get(n)} there and {here[n]} here" for n in here)
+        raise StorageError(
+            f"the storage holds a study that other versions simulate ({apart}); install the same "
+            "or give the study another name"
+        )
+    return Search(study, opened, sampler, Sharing(backend, study.name))
 
 
 def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
@@ -304,19 +238,5 @@ def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
     elif not resume:
         raise StorageError(
             f"the storage holds a study '{study.name}' already; add --resume to go on with it "
-            "or give the study another name"
-        )
-
-
-def _require_same_versions(opened: optuna.Study) -> None:
-    """Refuse a machine whose shifts would differ from those of the others."""
-    here = engine()
-    known = opened.user_attrs.get("versions")
-    if known is None:
-        opened.set_user_attr("versions", here)
-    elif known != here:
-        apart = ", ".join(f"{n} {known.get(n)} there and {here[n]} here" for n in here)
-        raise StorageError(
-            f"the storage holds a study that other versions simulate ({apart}); install the same "
             "or give the study another name"
         )

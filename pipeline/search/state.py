@@ -1,9 +1,4 @@
-"""A search at one moment: its designs as values, the front, and how sure that is.
-
-For the probability that no other design is better, objectives of all feasible designs are drawn
-many times with their standard errors; it is the share of the draws in which no other feasible
-design is better in all of them.
-"""
+"""A search at one moment: its designs as values, the front, and how sure that is."""
 
 from __future__ import annotations
 
@@ -21,8 +16,7 @@ from dogshape.pipeline.simulate.evaluation import Params, Simulated
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.statistics.expectation import Estimate
 from dogshape.sim.strength.landing import Demand
-from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.hypervolume import not_dominated
+from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.model import interval
 
 SIMULATION = "simulation"  #: attribute of a trial: what the shifts of its design gave
@@ -32,20 +26,10 @@ PROTOTYPE = "prototype"  #: attribute of the trial of the study's own design
 
 @dataclass(frozen=True)
 class Trial:
-    """A finished design of a search.
+    """A finished design of a search; without estimates and ``measured`` it was not simulated.
 
-    Parameters
-    ----------
-    number : of the trial.
-    params : searched keys, edge units.
-    values : objectives in the order of the study.
-    prototype : whether it is the study's own design.
-    estimates : simulated objectives with their errors, by name; None where it was not simulated.
-    measured : values that its checks are judged by; None likewise.
-    rows : for the surrogate, one for each operating point.
-    shifts : number of simulated shifts; ``failed`` of them to integrate, by reason.
-    confirmed : whether the values are those of new angles.
-    judged : whether the engines agree at the new angles.
+    ``failed`` are shifts by reason. Those ``confirmed`` are of new angles; ``judged`` where the
+    engines agree there.
     """
 
     number: int
@@ -88,36 +72,24 @@ def simulation_record(found: Simulated) -> dict[str, Any]:
 
 def trial_of(frozen: FrozenTrial) -> Trial:
     """Read a finished trial of the storage."""
-    known = frozen.user_attrs.get(SIMULATION)
-    bare = Trial(
-        frozen.number,
-        dict(frozen.params),
-        tuple(frozen.values),
-        prototype=bool(frozen.user_attrs.get(PROTOTYPE, False)),
-        failed=frozen.user_attrs.get(FAILED, {}),
-    )
-    if known is None:
-        return bare
-    return replace(
-        bare,
-        estimates={name: Estimate(*pair) for name, pair in known["estimates"].items()},
-        measured=Measured(Demand(*known["demand_Pa"]), known["limited"], known["engaged"]),
-        rows=known["rows"],
-        shifts=known["shifts"],
-    )
+    attrs, found = frozen.user_attrs, dict[str, Any]()
+    if known := attrs.get(SIMULATION):
+        found = {
+            "estimates": {name: Estimate(*pair) for name, pair in known["estimates"].items()},
+            "measured": Measured(Demand(*known["demand_Pa"]), known["limited"], known["engaged"]),
+            **{name: known[name] for name in ("rows", "shifts")},
+        }
+    return Trial(
+        frozen.number, dict(frozen.params), tuple(frozen.values), attrs.get(PROTOTYPE, False),
+        failed=attrs.get(FAILED, {}), **found,
+    )  # fmt: skip
 
 
-def distinct(trials: Iterable[Trial]) -> list[Trial]:
-    """Select the first trial of each design: one that was proposed again is the same."""
-    first: dict[tuple[Any, ...], Trial] = {}
-    for trial in trials:
-        first.setdefault(tuple(sorted(trial.params.items())), trial)
-    return list(first.values())
-
-
-def simulated_rows(trials: Iterable[Trial]) -> list[Sequence[float | None]]:
-    """Collect the rows of all trials for the surrogate, in their order."""
-    return [row for trial in trials for row in trial.rows]
+def not_dominated(values: Array) -> Mask:
+    """Mark the rows (..., n, k), all to be minimised, that no row dominates, (..., n)."""
+    one, other = values[..., :, None, :], values[..., None, :, :]
+    better, strictly = np.all(one <= other, axis=-1), np.any(one < other, axis=-1)
+    return np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)
 
 
 DRAWS, PARTS = 2000, 40  #: draws, and parts of them that are compared at once
@@ -143,12 +115,9 @@ class SearchState:
 
     @cached_property
     def feasible(self) -> tuple[Trial, ...]:
-        """Simulated designs, each once, that pass every check and that the engines agree on."""
-        return tuple(
-            trial
-            for trial in distinct(self.simulated)
-            if self.designs[trial.number].feasible and trial.judged
-        )
+        """Simulated designs that pass every check and that the engines agree on."""
+        designs = self.designs
+        return tuple(t for t in self.simulated if designs[t.number].feasible and t.judged)
 
     @cached_property
     def losses(self) -> Mapping[int, Array]:
@@ -169,11 +138,6 @@ class SearchState:
         """Feasible design that is best in the leading objective."""
         return min(self.feasible, key=self.leading_loss, default=None)
 
-    @property
-    def shifts(self) -> int:
-        """Number of shifts of all designs, each design counted once."""
-        return sum(trial.shifts for trial in distinct(self.simulated))
-
     def leading_loss(self, trial: Trial) -> float:
         """Give the leading objective of a simulated trial, to be minimised."""
         place = objectives_of(self.study).index(leading(self.study))
@@ -188,7 +152,8 @@ class SearchState:
 def standings(state: SearchState) -> dict[int, dict[str, float]]:
     """Compute 95 % interval of the leading objective and probability of the front, by trial.
 
-    The names are those of ``result.json``; feasible designs have them.
+    Feasible designs have them. The probability is the share of draws of all objectives, by their
+    standard errors, in which no other feasible design dominates.
     """
     if not state.feasible:
         return {}
@@ -197,13 +162,12 @@ def standings(state: SearchState) -> dict[int, dict[str, float]]:
     means, errors = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
     losses = means + errors * rng.standard_normal((DRAWS, *means.shape))
     on_front = np.concatenate([not_dominated(part) for part in np.array_split(losses, PARTS)])
-    name = leading(state.study).name
-    found = {}
+    name, found = leading(state.study).name, {}
     for trial, probability in zip(state.feasible, on_front.mean(axis=0).tolist(), strict=True):
         known = (trial.estimates or {})[name]
         value, error = known.value, known.standard_error
         low, high = value - 1.96 * error, value + 1.96 * error
         if value > 0.0:
-            low, high = (float(end[0]) for end in interval(np.array([value]), np.array([error])))
+            low, high = (float(end) for end in interval(np.array(value), np.array(error)))
         found[trial.number] = {"low": low, "high": high, "probability_on_front": probability}
     return found

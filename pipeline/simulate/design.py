@@ -1,8 +1,7 @@
 """One design of a search: its dog, its checks and its objectives.
 
-Most constraints cost nothing and are known before anything is simulated; the hardest
-landing comes with the simulation. A constraint is a check's margin with its sign
-turned, feasible at or below zero.
+A constraint is a check's margin with its sign turned, feasible at or below zero. Most are known
+before anything is simulated.
 """
 
 from __future__ import annotations
@@ -12,10 +11,13 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.record import Record, key, number_or_none
+from dogshape.pipeline.store.result_records import check_record
 from dogshape.sim.errors import GeometryError, InputError, did_you_mean, refusal
 from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
@@ -24,8 +26,11 @@ from dogshape.sim.strength.checks import Check, Rule, feasible
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
-from dogshape.sim.units import MM, suffix_of
+from dogshape.sim.strength.manufacture import Spread
+from dogshape.sim.units import MM, suffix_of, to_si
 from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import Mix
+from dogshape.surrogate.model import Surrogate
 
 SIMULATED = "expected_shift_time_s"  #: what every simulation gives, an objective or not
 WORST = "smallest_margin_worst"
@@ -36,7 +41,7 @@ Within = dict[str, dict[str, float]]  #: margins left within tolerances, by chec
 FILLING = 512  #: designs that fill the ranges
 MAX_NAMED = 3  #: failed checks that are named
 Margins = Mapping[str, float]  #: of a design's checks, by name
-REFERRED = "slower_than_reference_s"  #: needs the shifts of ``search.reference`` too
+REFERRED = "slower_than_reference_s"  #: needs the shifts of the study's own dog too
 ENGAGEMENT = Rule(
     "engagement",
     "lock",
@@ -51,10 +56,7 @@ ENGAGEMENT = Rule(
 
 @dataclass(frozen=True)
 class Design:
-    """Searched keys in edge units with what follows from them.
-
-    ``dog`` is None where the shape is impossible, and ``refusal`` says why.
-    """
+    """Searched keys in edge units with what follows; ``refusal`` is why there is no ``dog``."""
 
     params: dict[str, float]
     dog: Dog | None
@@ -91,11 +93,8 @@ class Design:
 class Measured:
     """Simulated values that the checks of a design are judged by.
 
-    Parameters
-    ----------
-    demand : what landings make faces and edges bear.
-    limited : simulated quantities that ``search.limits`` bounds, by name.
-    engaged : least share of the shifts that engage, of any operating point.
+    ``limited`` are those that ``search.limits`` bounds, by name, ``engaged`` the least share of the
+    shifts that engage, of any operating point.
     """
 
     demand: Demand
@@ -104,7 +103,7 @@ class Measured:
 
 
 def design_of(study: Setup, params: dict[str, float], measured: Measured | None = None) -> Design:
-    """Work out a design; an impossible shape is a design that is not feasible.
+    """Work out a design, not feasible where the shape is impossible.
 
     ``measured`` is what was simulated of it, None before that.
     """
@@ -114,26 +113,15 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
     except GeometryError as error:
         return Design(params, None, (), str(error))
     bare = Design(params, dog, strength_checks(dog, study.limits), "")
-    checks = bare.checks + _limit_checks(study, bare, dog, measured)
+    checks, known = [*bare.checks], {} if measured is None else measured.limited
+    for quantity, limit in limits_of(study):
+        exact = quantity.exact and quantity.exact(study, bare, dog)
+        if (value := known.get(quantity.name, exact)) is not None:
+            checks.append(Check(quantity.rule, value, limit))
     if measured is not None:
         checks += demand_checks(measured.demand, study.limits)
-        checks += (Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED),)
-    return replace(bare, checks=checks)
-
-
-def _limit_checks(
-    study: Setup, design: Design, dog: Dog, measured: Measured | None
-) -> tuple[Check, ...]:
-    """Return the checks of ``search.limits``; what a simulation has to say only where it did."""
-    found = []
-    for quantity, limit in limits_of(study):
-        if quantity.exact is not None:
-            value: float | None = quantity.exact(study, design, dog)
-        else:
-            value = None if measured is None else measured.limited.get(quantity.name)
-        if value is not None:
-            found.append(Check(quantity.rule, value, limit))
-    return tuple(found)
+        checks.append(Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED))
+    return replace(bare, checks=tuple(checks))
 
 
 def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
@@ -151,9 +139,8 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
 class Objective:
     """Something to minimise, or to maximise: label and unit for reports.
 
-    ``exact`` is its value where the shape alone says it, ``by_checks`` if through its checks; None
-    where a simulation has to (``pipeline.simulate.evaluation``). No value lies beyond ``least`` and
-    ``most``.
+    ``exact`` gives its value from the shape, ``by_checks`` if through the checks; None where it is
+    simulated (``pipeline.simulate.evaluation``). No value lies beyond ``least`` and ``most``.
     """
 
     name: str
@@ -190,11 +177,7 @@ _losses = lru_cache(maxsize=256)(margin_losses)
 
 
 def margins_within(study: Setup, design: Design) -> Within:
-    """Return each margin's worst case and root sum of squares, by the check's name.
-
-    What is a worst case itself stands for its own; the landing has none. A tolerance that
-    leaves no dog makes a margin minus infinity.
-    """
+    """Return each margin's worst case and root sum of squares, by check; the landing has none."""
     if design.dog is None:
         return {}
     spreads = _losses(design.dog, study.limits)
@@ -209,11 +192,7 @@ def margins_within(study: Setup, design: Design) -> Within:
 
 
 def margins_kept(study: Setup, design: Design) -> dict[str, float]:
-    """Compute the margins of a design's checks that the study asks for, by name.
-
-    Where it bounds the smallest margin at worst-case tolerances, those are at worst-case
-    tolerances, and stand for that limit.
-    """
+    """Compute the margins of checks, at worst-case tolerances where the study bounds these."""
     every = {check.name: check.margin for check in design.checks}
     if every.pop(WORST, None) is None:
         return every
@@ -289,10 +268,9 @@ def objectives_of(study: Setup) -> list[Objective]:
 
 
 def limits_of(study: Setup) -> list[tuple[Objective, float]]:
-    """Return the quantities that the study bounds with their bounds.
+    """Return the quantities that the study bounds with their bounds, upper ones if less is better.
 
-    An upper bound where less is better, else a lower one. An unknown name raises InputError, and a
-    bound that no design can keep.
+    InputError for an unknown name, and for a bound that no design can keep.
     """
     found = []
     for name, limit in (study.file.search.limits or {}).items():
@@ -337,10 +315,7 @@ def exact_values(study: Setup, design: Design) -> dict[str, float]:
 def values_of(
     study: Setup, design: Design, simulated: Mapping[str, float] | None = None
 ) -> list[float]:
-    """Return all objective values in the study's order; ``simulated`` ones are given by name.
-
-    What is unknown, because the design is infeasible and was not simulated, is infinitely bad.
-    """
+    """Return all objective values in the study's order, unknown ones infinitely bad."""
     known = {**exact_values(study, design), **(simulated or {})}
     return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
 
@@ -353,9 +328,9 @@ def exact_losses(study: Setup, designs: Sequence[dict[str, float]]) -> Array:
     for params in designs:
         try:
             dog = None if checked else study.dog_with(params)
-            design = design_of(study, params) if checked else Design(params, dog, (), "")
-        except GeometryError as error:
-            design = Design(params, None, (), str(error))
+        except GeometryError:
+            dog = None
+        design = design_of(study, params) if checked else Design(params, dog, (), "")
         exact = exact_values(study, design)
         rows.append([o.sign * exact.get(o.name, math.nan) for o in objectives])
     return np.array(rows, dtype=float).reshape(len(designs), len(objectives))
@@ -373,10 +348,7 @@ def failing_words(margins: Sequence[Margins]) -> str:
 
 
 def none_passes(study: Setup, whose: str) -> str:
-    """Explain which closed-form checks the designs that fill the ranges of a study fail.
-
-    ``whose`` begins the sentence, such as *none of 80000 designs*.
-    """
+    """Explain which checks designs that fill the ranges fail, after *none of 80000 designs*."""
     low, high = np.array(list(study.variables.values()), dtype=float).T
     shares = sobol_shares(FILLING, len(low), study.file.search.seed)
     designs = [design_of(study, study.named(low + row * (high - low))) for row in shares]
@@ -397,3 +369,73 @@ def none_passes(study: Setup, whose: str) -> str:
 
 def _words(name: str) -> str:
     return name.removesuffix(suffix_of(name)).replace("_", " ")
+
+
+class ToleranceTime(Record):
+    """Change of the expected shift time within the tolerances of the dimensions."""
+
+    worst_case_s: float = key("all tolerances at their worst ends", "s")
+    root_sum_square_s: float = key("root of the sum of squares over the dimensions", "s")
+    by_dimension_s: dict[str, float] = key("change by dimension", "s")
+
+
+def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
+    """Return every check as a record, with its margins ``within`` the tolerances."""
+    empty: dict[str, float] = {}
+    return [
+        check_record(check)
+        | {
+            f"margin_{kind}": number_or_none(within.get(check.name, empty).get(kind))
+            for kind in KINDS
+        }
+        for check in design.checks
+    ]
+
+
+def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
+    """Return the smallest margin and its check in the worst case, and by root sum of squares."""
+    if design.dog is None:
+        return {**{f"margin_{kind}": None for kind in KINDS}, "weakest_check_worst_case": None}
+    own = study.operated(design.params)
+    found = {kind: weakest_within(own, design, kind) for kind in KINDS}
+    return {
+        **{f"margin_{kind}": number_or_none(margin) for kind, (_, margin) in found.items()},
+        "weakest_check_worst_case": found["worst_case"][0],
+    }
+
+
+def tolerance_time(
+    study: Setup, surrogate: Surrogate, params: dict[str, float], mix: Mix
+) -> ToleranceTime:
+    """Compute the change of the expected shift time over a mix within the tolerances.
+
+    Slopes are those of the surrogate; the axial gap adds free flight, in closed form. Diameters
+    scale speed and width alike, and the root radius is not simulated: neither counts.
+    """
+    tolerances = study.limits.tolerances.dimensions
+    moves = {}
+    for variable in surrogate.data.variables:
+        name = variable.removesuffix(suffix_of(variable))
+        if name in tolerances:
+            step = tolerances[name] / to_si(variable, 1.0)
+            designs = [{**params, variable: params[variable] + move} for move in (-step, step)]
+            below, above = surrogate.medians(study.rows(designs), mix)
+            moves[name] = 0.5 * float(above - below)
+    if gap := tolerances.get("axial_gap"):
+        moves["axial_gap"] = _gap_time(study, mix, gap)
+    spread = Spread(moves, sum(abs(move) for move in moves.values()))
+    whole, squares = spread.worst_case, spread.root_sum_square
+    return ToleranceTime(worst_case_s=whole, root_sum_square_s=squares, by_dimension_s=moves)
+
+
+def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
+    """Return the free flight that a wider gap adds, s, mean over the operating points."""
+    clutch, gap = study.clutch, study.clutch.dog.axial_gap
+    mass = clutch.rings.mass + clutch.mechanism.added_mass
+    ends = (gap + tolerance, max(0.0, gap - tolerance))
+    added = []
+    for force in mix.points[:, 1].tolist():
+        profile = study.actuation.at_sleeve(force)
+        wide, narrow = (profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends)
+        added.append(0.5 * (wide - narrow))
+    return float(mix.weights @ added)

@@ -1,18 +1,10 @@
 """From a design to what is simulated of it: blocks out, expectation and measured checks back.
 
-Each simulated objective has its standard error (``ESTIMATORS``; ``docs/studies.md`` defines them).
-The worst operating point of many with errors alike is too large by one to two of them. Forces are
+``docs/studies.md`` defines the simulated objectives (``ESTIMATORS``) and their errors. Forces are
 those of the whole ring, means over one step of the integration, of rigid rings on the stiffness of
-the dogs, with which they grow; the largest axial and tangential ones need not come at one time. A
-shift that does not engage counts with what it struck; one whose integration failed is left out.
-Where all failed an objective is NaN: the design counts as not simulated. The smallest margin has
-the landing's, which is an extreme, so no standard error is given: it is zero.
-
-``expect_to`` doubles the even angles until the mean has a wanted standard error. One from few
-shifts may be small by luck, so none is believed before there are 24.
-
-``life_of`` simulates the worn shape (``sim.strength.wear``) at each stage of a life, at angles that
-the search did not use. Wear by a rate follows the energy of the stage before.
+the dogs. A shift that does not engage counts with what it struck; one whose integration failed is
+left out. Where all failed an objective is NaN: the design counts as not simulated. The smallest
+margin has the landing's, an extreme, so its standard error is zero.
 """
 
 from __future__ import annotations
@@ -21,9 +13,10 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import islice
 
 from dogshape.pipeline.config.operating import OPERATED
-from dogshape.pipeline.config.study_file import VARIABLES, Setup
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.simulate.design import (
@@ -35,7 +28,6 @@ from dogshape.pipeline.simulate.design import (
     simulated_limits,
 )
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.sim.errors import InputError, did_you_mean
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import MESSAGES, Outcome
 from dogshape.sim.shift.geometry import Dog
@@ -49,7 +41,7 @@ from dogshape.sim.statistics.expectation import (
     time_quantile,
 )
 from dogshape.sim.statistics.shift_records import Record as Shift
-from dogshape.sim.statistics.shift_records import landing_of, result_of, unfinished
+from dogshape.sim.statistics.shift_records import landing_of, result_of
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import Demand, demand_checks, demand_of, exceeded, hardest
@@ -62,11 +54,7 @@ from dogshape.surrogate.dataset import rows_of
 
 @dataclass(frozen=True)
 class Shifts:
-    """All shifts of a design: records of each operating point and what they gave.
-
-    ``design`` knows its hardest landing; ``reference`` is the expectation of ``search.reference``
-    at the same points, None where nothing refers to it.
-    """
+    """All shifts of a design by operating point, and the ``reference`` of the study's own dog."""
 
     study: Setup
     design: Design
@@ -78,6 +66,18 @@ class Shifts:
     def weights(self) -> list[float]:
         """Weights of the operating points."""
         return [found.point.weight for found in self.expectation.points]
+
+    def mean(self, value: Callable[[Shift], float]) -> Estimate:
+        """Compute the mean over the mix of what each shift that did not fail has."""
+        return mean_over(self.weights, integrated(self.rows, value))
+
+
+def integrated(
+    rows: Sequence[Sequence[Shift]], value: Callable[[Shift], float]
+) -> list[list[float]]:
+    """Select the shifts of each operating point whose integration did not fail."""
+    failed = Outcome.DIVERGED.value
+    return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
 
 
 def _expected_time(shifts: Shifts) -> Estimate:
@@ -92,8 +92,7 @@ def _quantile(shifts: Shifts) -> Estimate:
 
 
 def _slower(shifts: Shifts) -> Estimate:
-    if shifts.reference is None:
-        raise ValueError("the reference was not simulated")
+    assert shifts.reference is not None  # ``evaluate`` simulates it for this
     pairs = zip(shifts.expectation.points, shifts.reference.points, strict=True)
     one, other = max(pairs, key=lambda pair: pair[0].mean - pair[1].mean)
     error = math.hypot(one.standard_error, other.standard_error)
@@ -102,30 +101,12 @@ def _slower(shifts: Shifts) -> Estimate:
 
 def _first_try(shifts: Shifts) -> Estimate:
     within = shifts.study.file.search.within_s or shifts.study.clutch.timeout
-
-    def in_time(row: Shift) -> float:
-        return float(row["shift_time_s"] is not None and row["shift_time_s"] <= within)
-
-    return _mean(shifts, in_time)
+    return shifts.mean(lambda row: float((row["shift_time_s"] or math.inf) <= within))
 
 
 def _strike_torque(shifts: Shifts) -> Estimate:
-    dog = shifts.design.dog
-    radius = 0.0 if dog is None else dog.mean_radius
-    return _mean(shifts, lambda row: radius * row["peak_tangential_force_N"])
-
-
-def _mean(shifts: Shifts, value: Callable[[Shift], float]) -> Estimate:
-    """Compute the mean over the mix of what each shift that did not fail has."""
-    return mean_over(shifts.weights, integrated(shifts.rows, value))
-
-
-def integrated(
-    rows: Sequence[Sequence[Shift]], value: Callable[[Shift], float]
-) -> list[list[float]]:
-    """Select the shifts of each operating point whose integration did not fail."""
-    failed = Outcome.DIVERGED.value
-    return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
+    radius = shifts.design.dog.mean_radius if shifts.design.dog else 0.0
+    return shifts.mean(lambda row: radius * row["peak_tangential_force_N"])
 
 
 #: What each simulated objective is worked out by.
@@ -138,12 +119,12 @@ ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
     ),
     REFERRED: _slower,
     "first_try_share": _first_try,
-    "peak_axial_force_N": lambda shifts: _mean(shifts, lambda row: row["peak_axial_force_N"]),
+    "peak_axial_force_N": lambda shifts: shifts.mean(lambda row: row["peak_axial_force_N"]),
     "strike_torque_Nm": _strike_torque,
-    "impact_impulse_Ns": lambda shifts: _mean(shifts, lambda row: row["impact_impulse_Ns"]),
-    "impact_energy_J": lambda shifts: _mean(shifts, lambda row: row["energy_dissipated_J"]),
-    "peak_impact_force_N": lambda shifts: _mean(
-        shifts, lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
+    "impact_impulse_Ns": lambda shifts: shifts.mean(lambda row: row["impact_impulse_Ns"]),
+    "impact_energy_J": lambda shifts: shifts.mean(lambda row: row["energy_dissipated_J"]),
+    "peak_impact_force_N": lambda shifts: shifts.mean(
+        lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
     ),
     "smallest_margin": lambda shifts: Estimate(smallest_margin(shifts.design.checks).margin, 0.0),
 }
@@ -162,24 +143,13 @@ Params = dict[str, float]  #: searched keys of a design, edge units
 
 @dataclass(frozen=True)
 class Simulated:
-    """Expectation and loads from the shifts of a design.
-
-    Parameters
-    ----------
-    expectation : shift time over all operating points.
-    measured : values that the checks are judged by.
-    rows : for the surrogate, one for each operating point, as ``surrogate.dataset.rows_of``.
-    estimates : all simulated objectives, by name.
-    shifts : number of shifts; ``unfinished`` of them the clock ended.
-    failed : number of shifts whose integration failed, by reason.
-    """
+    """Expectation and loads from the shifts of a design; ``failed`` ones are by reason."""
 
     expectation: Expectation
     measured: Measured
     rows: Array
     estimates: dict[str, Estimate]
     shifts: int
-    unfinished: int = 0
     failed: Mapping[str, int] = field(default_factory=dict)
 
     @property
@@ -195,11 +165,10 @@ def design_blocks(study: Setup, params: Params, angles: int, seed: int) -> list[
 
 
 def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
-    """Return the shifts of ``search.reference``; none where no objective or limit refers to it."""
+    """Return the shifts of the study's own dog; none where no objective or limit refers to it."""
     if REFERRED not in estimated(study):
         return []
-    clutch = study.clutch.with_dog(reference_of(study))
-    return even_blocks(clutch, study.points, angles, seed, uncertainty=study.uncertainty)
+    return even_blocks(study.clutch, study.points, angles, seed, uncertainty=study.uncertainty)
 
 
 def evaluate(
@@ -213,20 +182,18 @@ def evaluate(
 ) -> list[Simulated]:
     """Simulate designs side by side, ``angles`` at every operating point, and evaluate them.
 
-    Raises GeometryError for a dog that cannot be made, before anything is simulated; not without
-    ``require_made``.
+    With ``require_made`` a dog that cannot be made raises GeometryError before.
     """
     for params in designs if require_made else []:
         require_makeable(study.dog_with(params), study.limits.manufacturing)
-    blocks = [design_blocks(study, params, angles, seed) for params in designs]
+    groups = [design_blocks(study, params, angles, seed) for params in designs]
     referred = reference_blocks(study, angles, seed)
-    found = iter(executor.run([block for group in (*blocks, referred) for block in group]))
-    shifts = [[next(found) for _ in group] for group in blocks]
-    others = [next(found) for _ in referred]
-    beside = expectation_of(study, [b.point for b in referred], others) if referred else None
+    rows = iter(executor.run([block for group in (*groups, referred) for block in group]))
+    found = [list(islice(rows, len(group))) for group in groups]
+    beside = expectation_of(study, study.points, list(rows)) if referred else None
     return [
-        _simulated(study, params, [b.point for b in group], rows, beside)
-        for params, group, rows in zip(designs, blocks, shifts, strict=True)
+        _simulated(study, params, [block.point for block in group], mine, beside)
+        for params, group, mine in zip(designs, groups, found, strict=True)
     ]
 
 
@@ -241,8 +208,7 @@ def _simulated(
     expectation = expectation_of(study, points, rows)
     demand = demand_over(study, dog, expectation, rows)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
-    design = Design({}, dog, checks, "")
-    simulated = Shifts(study, design, expectation, rows, reference)
+    simulated = Shifts(study, Design({}, dog, checks, ""), expectation, rows, reference)
     estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
     limited = {name: estimates[name].value for name in simulated_limits(study)}
     # Shifts whose integration failed say nothing of engagement.
@@ -254,7 +220,6 @@ def _simulated(
         rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows)),
         estimates,
         len(shifts),
-        sum(map(unfinished, shifts)),
         failures(shifts),
     )
 
@@ -269,15 +234,10 @@ def failures(shifts: Iterable[Shift]) -> dict[str, int]:
 def _as_searched(
     study: Setup, operation: Mapping[str, float], rows: Sequence[Sequence[Shift]]
 ) -> list[Shift]:
-    """Rewrite shifts of a design that is operated in its own way as the search sees them.
-
-    Set-point, force and rise are variables of the design to it, and an operating point is one of
-    the study's own, so that designs that are operated differently meet at the same points. A shift
-    has the moved point in its record instead.
-    """
-    if not study.searches_operation:
-        return [shift for mine in rows for shift in mine]
+    """Rewrite shifts as the search sees them: operation is a variable, points are the study's."""
     keys = [key for key in study.variables if key in OPERATED]
+    if not keys:
+        return [shift for mine in rows for shift in mine]
     own = {key: operation.get(key, study.prototype[key]) for key in keys}
     return [
         {**shift, "mismatch_rpm": point.mismatch / RPM, **point.profile.record, **own}
@@ -286,29 +246,18 @@ def _as_searched(
     ]
 
 
-def reference_of(study: Setup) -> Dog:
-    """Build the dog that ``search.reference`` names; the study's own without it."""
-    given = study.file.search.reference or {}
-    for name in given:
-        if name not in VARIABLES:
-            hint = did_you_mean(name, VARIABLES)
-            raise InputError(f"search.reference has '{name}', which is no key of the dog; {hint}")
-    return study.dog_with(dict(given))
-
-
 def demand_over(
     study: Setup, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Shift]]
 ) -> Demand:
     """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""
     limits, share = study.limits, study.limits.load.landing_share
+    landings = [[landing_of(row) for row in mine] for mine in rows]
     if share is None:
-        return demand_of(dog, hardest(landing_of(row) for mine in rows for row in mine), limits)
-    weights = [
-        found.point.weight / len(mine)
-        for found, mine in zip(expectation.points, rows, strict=True)
-        for _ in mine
-    ]
-    every = [demand_of(dog, landing_of(row), limits) for mine in rows for row in mine]
+        return demand_of(dog, hardest(one for mine in landings for one in mine), limits)
+    every, weights = [], []
+    for found, mine in zip(expectation.points, landings, strict=True):
+        every += [demand_of(dog, landing, limits) for landing in mine]
+        weights += [found.point.weight / len(mine)] * len(mine)
     return exceeded(every, weights, share)
 
 
@@ -333,45 +282,35 @@ ENOUGH = 24  #: shifts from which a standard error is believed
 MOST = 96  #: angles of the last round
 
 
-@dataclass(frozen=True)
-class Precise:
-    """An expectation with the blocks and records it came from."""
-
-    expectation: Expectation
-    blocks: list[Block]
-    rows: list[list[Shift]]
-
-
 def expect_to(
     study: Setup,
     points: Sequence[OperatingPoint],
     precision: float,
     executor: Executor,
     progress: WorkCounter,
-) -> Precise:
-    """Return the expectation over ``points`` to a relative standard error ``precision``.
+) -> tuple[Expectation, list[Block], list[list[Shift]]]:
+    """Double the even angles until the expectation over points has a relative standard error.
 
-    Where that cannot be reached, the last round is returned and progress says why.
+    The last round is returned, with its shifts; progress says why that was not reached.
     """
-    count, seed = FIRST, study.file.expectation.seed
+    count, seed, unsure = FIRST, study.file.expectation.seed, study.uncertainty
     while True:
-        unsure = study.uncertainty
         blocks = even_blocks(study.clutch, points, count, seed, FIRST, uncertainty=unsure)
         rows = executor.run(blocks)
         found = expectation_of(study, points, rows)
-        share = found.standard_error / found.mean
-        shifts = len(points) * count
+        share, shifts = found.standard_error / found.mean, len(points) * count
         if any(p.mean_engaged is None for p in found.points):
             progress.say("nothing engages at some operating point: no precision can be reached")
-        elif share > precision and count >= MOST:
+            return found, blocks, rows
+        if share <= precision and shifts >= ENOUGH:
+            return found, blocks, rows
+        if share > precision and count >= MOST:
             progress.say(f"{share:.1%} is what {MOST} angles at each operating point give")
-        elif share > precision or shifts < ENOUGH:
-            few = ", from too few to trust" if share <= precision else ""
-            progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
-            count *= 2
-            progress.extend(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
-            continue
-        return Precise(found, blocks, rows)
+            return found, blocks, rows
+        few = ", from too few to trust" if share <= precision else ""
+        progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
+        count *= 2
+        progress.extend(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
 
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life
@@ -396,11 +335,12 @@ class LifeStage(Record):
 def life_of(
     study: Setup, params: Mapping[str, float], wear: Wear, executor: Executor
 ) -> list[LifeStage]:
-    """Simulate a design over its life, at each of ``STAGES``.
+    """Simulate a design over its life, at each of ``STAGES`` and at new angles.
 
-    Raises GeometryError where a worn dog cannot be.
+    Wear by a rate follows the energy of the stage before. GeometryError where no worn dog can be.
     """
     own, new = study.operated(params), study.dog_with(dict(params))
+    settings, unsure = study.file.expectation, study.uncertainty
     loss, found, before = 0.0, list[LifeStage](), 0.0
     for stage in STAGES:
         if found:
@@ -409,41 +349,38 @@ def life_of(
             loss += wear.loss(worn(new, loss), energy, friction, shifts)
         if wear.crest_loss is not None:
             loss = stage * wear.crest_loss
-        dog = replace(worn(new, loss) if loss else new, edge_radius=wear.edges(new, stage))
-        found.append(_stage(own, new, dog, executor, life=stage, crest_loss_mm=loss / MM))
-        before = stage
+        before, dog = stage, worn(new, loss) if loss else new
+        dog = replace(dog, edge_radius=wear.edges(new, stage))
+        clutch, seed = own.clutch.with_dog(dog), settings.seed + NEW_ANGLES
+        blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
+        rows = executor.run(blocks)
+        expectation = expectation_of(own, own.points, rows)
+        demand = demand_over(own, dog, expectation, rows)
+        checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
+        weakest = smallest_margin(checks)
+        energies = integrated(rows, lambda row: float(row["energy_dissipated_J"]))
+        found.append(
+            LifeStage(
+                life=stage,
+                crest_loss_mm=loss / MM,
+                edge_radius_mm=dog.edge_radius / MM,
+                chamfer_deg=dog.chamfer / DEG,
+                expected_shift_time_s=expectation.mean,
+                standard_error_s=expectation.standard_error,
+                engaged=expectation.engaged,
+                energy_J=mean_over([point.weight for point in own.points], energies).value,
+                smallest_margin=weakest.margin,
+                weakest_check=weakest.name,
+                margins={check.name: check.margin for check in checks},
+            )
+        )
     return found
-
-
-def _stage(study: Setup, new: Dog, dog: Dog, executor: Executor, **worn_so_far: float) -> LifeStage:
-    settings, clutch = study.file.expectation, study.clutch.with_dog(dog)
-    seed, unsure = settings.seed + NEW_ANGLES, study.uncertainty
-    blocks = even_blocks(clutch, study.points, settings.angles, seed, uncertainty=unsure)
-    rows = executor.run(blocks)
-    expectation = expectation_of(study, [b.point for b in blocks], rows)
-    demand = demand_over(study, dog, expectation, rows)
-    checks = (*life_checks(study, new, dog), *demand_checks(demand, study.limits))
-    weakest = smallest_margin(checks)
-    energies = integrated(rows, lambda row: float(row["energy_dissipated_J"]))
-    return LifeStage(
-        **worn_so_far,
-        edge_radius_mm=dog.edge_radius / MM,
-        chamfer_deg=dog.chamfer / DEG,
-        expected_shift_time_s=expectation.mean,
-        standard_error_s=expectation.standard_error,
-        engaged=expectation.engaged,
-        energy_J=mean_over([point.weight for point in study.points], energies).value,
-        smallest_margin=weakest.margin,
-        weakest_check=weakest.name,
-        margins={check.name: check.margin for check in checks},
-    )
 
 
 def life_checks(study: Setup, new: Dog, dog: Dog) -> tuple[Check, ...]:
     """Return the closed-form checks of a worn ``dog`` that was ``new``, without manufacture.
 
-    What bends the root counts as the worse of worn and new: a worn dog is loaded lower above its
-    root. The share of the height that touches is that of the new height.
+    A load counts as the worse of worn and new, and contact is a share of the new height.
     """
     fresh = {check.name: check for check in strength_checks(new, study.limits)}
     found = []

@@ -2,11 +2,7 @@
 
 On this machine workers write the journal themselves, so a kill of the parent loses nothing
 that was finished. Workers of a cluster hand their records back, and the parent writes them.
-
-**A command that is stopped** keeps its shifts, so that the same command goes on: in a folder for
-each question, named by what was asked and by the programs' versions, in which shifts are found by
-their content keys. The folder goes when the answer is there. Where it cannot be written the
-command runs all the same.
+A command that is stopped keeps its shifts in a folder for its question, and goes on from there.
 """
 
 from __future__ import annotations
@@ -18,12 +14,10 @@ import shutil
 import signal
 import tempfile
 import threading
-import time
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +35,6 @@ from dogshape.sim.versions import engine, versions
 
 Progress = Callable[[int], None]  #: called with the number of shifts just finished
 
-LOOK = 1.0  #: s between looks whether the parent is alive
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 MANY = 100  #: blocks that a cluster is sent at once
 TRIES = 3  #: times that workers may die one after the other without a shift finished
@@ -65,9 +58,9 @@ def workers_of(jobs: int) -> int:
 class Executor:
     """Runs blocks in worker processes and keeps their shifts in a journal.
 
-    ``jobs`` 0 means one worker for each core. With one worker nothing is forked. ``cluster`` is
-    the address of a Dask scheduler, whose workers then take the place of the cores. ``known`` is
-    called with the number of shifts that the journal has already, instead of ``progress``.
+    ``jobs`` 0 means one worker for each core; one forks nothing. ``cluster`` is the address of a
+    Dask scheduler, whose workers take the place of the cores. ``known`` is called with the number
+    of shifts that the journal has already, instead of ``progress``.
     """
 
     journal: ShiftJournal
@@ -80,9 +73,8 @@ class Executor:
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         """Return the records of every block, in the order of its angles.
 
-        Shifts that the journal holds are not simulated again. Raises WorkerError where workers
-        die again and again or the cluster is lost, StorageError where the journal cannot be
-        written.
+        WorkerError where workers die again and again or the cluster is lost, StorageError where
+        the journal cannot be written.
         """
         asked = {key for block in blocks for key in block.keys}
         known = [key for key in asked - self._counted if key in self.journal.rows]
@@ -107,17 +99,16 @@ class Executor:
         """Reduce blocks to the shifts that are not finished, each once."""
         left, taken = [], set(self.journal.rows)
         for block in blocks:
-            keys = dict(zip(block.keys, range(len(block.angles)), strict=True))
+            keys = {key: place for place, key in enumerate(block.keys)}
             places = [place for key, place in keys.items() if key not in taken]
             taken.update(keys)
             if places:  # a whole block keeps the keys that it has worked out
-                whole = len(places) == len(block.angles)
-                left.append(block if whole else block.only(places))
+                left.append(block if len(places) == len(block.keys) else block.only(places))
         return left
 
     def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:
         jobs = min(workers_of(self.jobs), len(blocks))
-        if self.cluster is not None:
+        if self.cluster is not None and blocks:
             return self._on_cluster(blocks, self.cluster)
         if jobs <= 1:
             return (_work(block, self.journal.path) for block in blocks)
@@ -145,13 +136,19 @@ class Executor:
 
     def _on_cluster(self, blocks: list[Block], address: str) -> Iterator[list[Record]]:
         """Yield the records of blocks as a cluster hands them back, written."""
-        if not blocks:
-            return
+        from distributed import as_completed  # noqa: PLC0415  an extra, and slow to load
+
+        client = connect(address)
         try:
-            for rows in _handed_back(address, blocks):
-                _require_same(address, rows[0], "a worker")
-                append(self.journal.path, *rows)
-                yield rows
+            left = client.map(_work_away, blocks, pure=False, batch_size=MANY)
+            try:
+                for future in as_completed(left, loop=client.loop):  # type: ignore[no-untyped-call]
+                    rows = future.result()
+                    _require_same(address, rows[0], "a worker")
+                    append(self.journal.path, *rows)
+                    yield rows
+            finally:
+                client.cancel(left)
         except Exception as error:
             of_dask = type(error).__module__.partition(".")[0] in ("distributed", "concurrent")
             if not of_dask and not isinstance(error, TimeoutError):
@@ -172,8 +169,7 @@ def _work(block: Block, path: Path) -> list[Record]:
 
 
 def _work_alone(block: Block, path: Path) -> list[Record]:
-    """Work in a process of its own, no longer than its parent; Ctrl-C is the parent's business."""
-    _end_with_parent()
+    """Work in a process of its own; Ctrl-C is the parent's business."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return _work(block, path)
 
@@ -183,42 +179,10 @@ def end_workers() -> None:
     get_reusable_executor().shutdown()
 
 
-@cache
-def _end_with_parent() -> None:
-    """End this process soon after its parent, of which nothing else tells it if it was killed.
-
-    A process whose parent is gone has another one. The thread is started once in a process.
-    """
-    parent = os.getppid()
-
-    def look() -> None:
-        while os.getppid() == parent:
-            time.sleep(LOOK)
-        os._exit(1)
-
-    threading.Thread(target=look, name="parent", daemon=True).start()
-
-
 def _work_away(block: Block) -> list[Record]:
     """Work on another machine, whose process may have several threads."""
     with _one_at_a_time:
         return list(run_block(block))
-
-
-def _handed_back(address: str, blocks: Sequence[Block]) -> Iterator[list[Record]]:
-    """Yield the records of blocks in the order in which a cluster finishes them.
-
-    Raises an error of Dask where the scheduler is lost or a block has ended several workers.
-    """
-    from distributed import as_completed  # noqa: PLC0415  an extra, and slow to load
-
-    client = connect(address)
-    left = client.map(_work_away, blocks, pure=False, batch_size=MANY)
-    try:
-        for future in as_completed(left, loop=client.loop):  # type: ignore[no-untyped-call]
-            yield future.result()
-    finally:
-        client.cancel(left)
 
 
 def scratch_executor(
@@ -236,11 +200,9 @@ _clients: dict[str, Any] = {}  #: of Dask clusters, by address
 
 
 def connect(address: str | None) -> Any:
-    """Return the client of a Dask cluster, None where none is asked for.
+    """Return the client of a Dask cluster, one for each address; None where none is asked for.
 
-    There is one client to an address, until it has lost the cluster. Raises InputError where the
-    extra is missing or nothing answers, WorkerError where a worker has other versions than this
-    machine.
+    InputError where nothing answers, WorkerError where a worker has other versions.
     """
     if address is None:
         return None
@@ -250,7 +212,6 @@ def connect(address: str | None) -> Any:
 
 
 def _client(address: str) -> Any:
-    """Return a new client whose workers have this machine's versions; see ``connect``."""
     try:
         from distributed import Client  # noqa: PLC0415  an extra, and slow to load
     except ImportError as error:
@@ -309,8 +270,7 @@ def kept_shifts(
 ) -> Iterator[Executor]:
     """Give an executor whose finished shifts stay in ``folder`` until the work is done.
 
-    A stop by Ctrl-C says how many are kept. A folder that cannot be written, or is in use by the
-    same command, gets a line, and nothing is kept.
+    A folder that cannot be written, or is in use, gets a line, and nothing is kept.
     """
     connect(cluster)
     with ExitStack() as held:
@@ -326,12 +286,13 @@ def kept_shifts(
             yield Executor(journal, jobs, progress.advance, cluster, progress.known)
             journal.say_unfinished(progress.say)
         except BaseException as error:
-            if journal.read_new() or journal.rows:
-                if isinstance(error, KeyboardInterrupt):
-                    progress.say(
-                        f"{len(journal.rows)} finished shifts are kept in {folder}; the same "
-                        "command goes on from there"
-                    )
+            journal.read_new()
+            if journal.rows and isinstance(error, KeyboardInterrupt):
+                progress.say(
+                    f"{len(journal.rows)} finished shifts are kept in {folder}; the same "
+                    "command goes on from there"
+                )
+            if journal.rows:
                 raise
             _remove(folder)
             raise

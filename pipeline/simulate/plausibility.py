@@ -35,12 +35,10 @@ def notes_of(study: Setup) -> list[str]:
 
 def slips_of(study: Setup) -> list[str]:
     """Return questions about units in doubt, and a warning of flanks without play."""
-    dog, limits = study.clutch.dog, study.limits
-    steady = replace(limits, strike=None)
+    dog, rings, notes = study.clutch.dog, study.clutch.rings, list[str]()
+    steady = replace(study.limits, strike=None)
     loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]
-    used = max(check.utilisation for check in loaded)
-    notes = []
-    if used < IDLE:
+    if (used := max(check.utilisation for check in loaded)) < IDLE:
         notes.append(f"the torque uses at most {used:.2%} of what the dogs bear; "
                      "is load.torque_Nm in N m?")  # fmt: skip
     for name in ("chamfer", "traction", "braking"):
@@ -48,11 +46,17 @@ def slips_of(study: Setup) -> list[str]:
         if 0.0 < angle < RADIANS:
             notes.append(f"dog.{name}_deg is {angle:.4g} deg; is it in degrees? "
                          f"{angle:.4g} rad are {math.degrees(angle):.3g} deg")  # fmt: skip
-    notes += [
-        f"{key} is {value:.6g}, {share:.3g} times {whole}; is it in {unit}?"
-        for key, value, share, whole, unit in _shares(study)
-        if not USUAL[key][0] <= share <= USUAL[key][1]
-    ]
+    area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
+    mass, own, other = rings.mass, rings.sliding_inertia, rings.output_inertia
+    for key, value, usual, whole in (
+        ("sliding.mass_kg", mass, STEEL * area * 2.0 * dog.height,
+         "a steel ring twice as high as the dogs; is it in kg?"),
+        ("sliding.inertia_kgm2", own, mass * dog.mean_radius**2,
+         "the ring's mass at the dogs; is it in kg m2?"),
+        ("output.inertia_kgm2", other, own, "sliding.inertia_kgm2; is it in kg m2?"),
+    ):  # fmt: skip
+        if not USUAL[key][0] <= value / usual <= USUAL[key][1]:
+            notes.append(f"{key} is {value:.6g}, {value / usual:.3g} times {whole}")
     if dog.entry_play < PITCH_ERROR:
         notes.append(
             f"the flanks leave {dog.entry_play / MM:.3g} mm between a tip and the mouth of its "
@@ -70,18 +74,4 @@ def folded(dog: Dog, angles: Iterable[float]) -> list[str]:
         f"{angle % pitch:.4g} deg"
         for angle in angles
         if abs(angle) > pitch
-    ]
-
-
-def _shares(study: Setup) -> list[tuple[str, float, float, str, str]]:
-    """Give key, value, its share of a whole, that whole in words, and the unit."""
-    dog, rings = study.clutch.dog, study.clutch.rings
-    area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
-    ring = STEEL * area * 2.0 * dog.height
-    turning = rings.mass * dog.mean_radius**2
-    mass, own, other = rings.mass, rings.sliding_inertia, rings.output_inertia
-    return [
-        ("sliding.mass_kg", mass, mass / ring, "a steel ring twice as high as the dogs", "kg"),
-        ("sliding.inertia_kgm2", own, own / turning, "the ring's mass at the dogs", "kg m2"),
-        ("output.inertia_kgm2", other, other / own, "sliding.inertia_kgm2", "kg m2"),
     ]

@@ -1,15 +1,12 @@
-"""The folder of a study: manifest, trials, shifts, surrogate, report; one writer.
-
-``require_targets`` tries the files that a command is to write before the work that fills them.
-"""
+"""The folder of a study: manifest, trials, shifts, surrogate, report; one writer."""
 
 from __future__ import annotations
 
 import json
-import tempfile
 from collections.abc import Mapping
 from contextlib import AbstractContextManager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
@@ -46,7 +43,18 @@ class StudyFolder:
     def open(self, study: Setup, resume: bool) -> None:
         """Start the folder or go on with it; refuse what would mix two studies."""
         if self.manifest.exists():
-            self._require_same(study, resume)
+            stored = self.stored_study()
+            if not resume:
+                raise StorageError(
+                    f"{self.root} holds a study already; add --resume to go on with it "
+                    "or choose another --out"
+                )
+            if apart := differing(comparable(stored.file), comparable(study.file)):
+                raise StorageError(
+                    f"{self.root} was started with another configuration ({'; '.join(apart)}); "
+                    "give the one it was started with, remove that folder, or begin another: by "
+                    "--out, of 'fit' by another name of the study"
+                )
             return
         if any(path.exists() for path in (self.trials, self.shifts, self.simulated)):
             raise StorageError(
@@ -62,28 +70,10 @@ class StudyFolder:
         }
         write_json(self.manifest, content)
 
-    def _require_same(self, study: Setup, resume: bool) -> None:
-        stored = self.stored_study()
-        if not resume:
-            raise StorageError(
-                f"{self.root} holds a study already; add --resume to go on with it "
-                "or choose another --out"
-            )
-        if apart := differing(comparable(stored.file), comparable(study.file)):
-            raise StorageError(
-                f"{self.root} was started with another configuration ({'; '.join(apart)}); give "
-                "the one it was started with, remove that folder, or begin another: by --out, of "
-                "'fit' by another name of the study"
-            )
-
     def stored_study(self) -> Setup:
-        """Read the study that the folder was started with.
-
-        Raises StorageError for a missing, damaged or foreign manifest.
-        """
-        remedy = "run 'dogshape study' first"
-        if self.manifest.exists():
-            remedy = "start the study in another --out"
+        """Read the study that the folder was started with; StorageError for a bad manifest."""
+        there = self.manifest.exists()
+        remedy = "start the study in another --out" if there else "run 'dogshape study' first"
         content = read_json(self.manifest, remedy)
         if content.get("format") != FORMAT:
             raise StorageError(
@@ -105,10 +95,7 @@ class StudyFolder:
 
 
 def comparable(file: StudyFile) -> dict[str, Any]:
-    """Select the settings that must not change between runs in one folder.
-
-    Numbers of designs may; so may the limit of time, on which no finished shift depends.
-    """
+    """Select the settings that must not change between runs: numbers of designs may."""
     content = file.model_dump()
     del content["search"]["trials"], content["search"]["confirm_designs"]
     content["search"].pop("audit_shifts", None)
@@ -122,13 +109,10 @@ def differing(before: Any, now: Any, name: str = "") -> list[str]:
         keys = sorted({*before, *now})
         inner = ((key, f"{name}.{key}" if name else key) for key in keys)
         return [one for k, n in inner for one in differing(before.get(k), now.get(k), n)]
-    if before == now:
-        return []
-    return [f"{name} was {_shown(before)} and is now {_shown(now)}"]
-
-
-def _shown(value: Any) -> str:
-    return "not given" if value is None else json.dumps(value, default=str)
+    old, new = (
+        "not given" if value is None else json.dumps(value, default=str) for value in (before, now)
+    )
+    return [] if before == now else [f"{name} was {old} and is now {new}"]
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
@@ -155,41 +139,30 @@ def default_out(given: Setup) -> Path:
 
 
 def require_targets(
-    targets: Mapping[str, Path | None], endings: Mapping[str, tuple[str, ...]] | None = None,
-    *, folders: bool = False,
-) -> None:  # fmt: skip
+    targets: Mapping[str, Path | None], endings: Mapping[str, tuple[str, ...]] | None = None
+) -> None:
     """Raise StorageError unless the files that options name can be written; None is not asked for.
 
-    ``endings`` are those that the name of an option's file may have; a device may have any. No file
-    that is there changes; ``folders`` makes folders that are missing. A disk that has room now may
-    be full later.
+    ``endings`` are those that an option's file may have. No file that is there changes.
     """
     for option, path in targets.items():
-        if path is not None:
-            fit = (endings or {}).get(option, (path.suffix.lower(),))
-            if path.suffix.lower() not in fit and (path.is_file() or not path.exists()):
-                raise StorageError(f"{option} is {path}, but its file must end in {fit[0]}; "
-                                   f"write for instance {path.with_suffix(fit[0])}")  # fmt: skip
-            _require_target(option, path, folders)
-
-
-def _require_target(option: str, path: Path, folders: bool) -> None:
-    if path.is_dir():
-        raise StorageError(f"{option} is {path}, which is a folder; name a file")
-    try:
-        if path.is_file():
-            path.open("ab").close()
-        elif not path.exists():  # a device or a pipe is left alone
-            if folders:
-                path.parent.mkdir(parents=True, exist_ok=True)
-            with tempfile.TemporaryFile(dir=path.parent):
-                pass
-    except FileNotFoundError as error:
-        raise StorageError(
-            f"{option} is {path}, but there is no folder {path.parent}; make it or name another "
-            "file"
-        ) from error
-    except OSError as error:
-        raise StorageError(
-            f"{option} is {path}, which cannot be written ({error.strerror}); name another file"
-        ) from error
+        if path is None or (path.exists() and not path.is_file() and not path.is_dir()):
+            continue  # a device or a pipe is left alone
+        fit = (endings or {}).get(option, (path.suffix.lower(),))
+        fault = ""
+        if path.is_dir():
+            fault = "which is a folder; name a file"
+        elif path.suffix.lower() not in fit:
+            named = path.with_suffix(fit[0])
+            fault = f"but its file must end in {fit[0]}; write for instance {named}"
+        else:
+            try:
+                # A new file is made and removed; the time of one that is there does not change.
+                with path.open("ab") if path.exists() else TemporaryFile(dir=path.parent):
+                    pass
+            except FileNotFoundError:
+                fault = f"but there is no folder {path.parent}; make it or name another file"
+            except OSError as error:
+                fault = f"which cannot be written ({error.strerror}); name another file"
+        if fault:
+            raise StorageError(f"{option} is {path}, {fault}")

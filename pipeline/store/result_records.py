@@ -96,11 +96,6 @@ class ExpectedTime(Record):
         )
 
 
-def expectation_record(expectation: Expectation) -> dict[str, Any]:
-    """Record an expectation as JSON takes it."""
-    return ExpectedTime.of(expectation).to_dict()
-
-
 class CheckRow(Record):
     """A check of a design against its limit."""
 

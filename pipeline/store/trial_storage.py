@@ -1,16 +1,13 @@
 """Storage of trials: the folder's journal, or a PostgreSQL database that machines share.
 
 A folder belongs to one run, so a trial that is running there was cut off. Runs that share a
-database (``Sharing``) record a heartbeat for each trial that they are at; a trial that has had none
-for ``SILENCE`` fails, and waits under another number to be asked for again, with its parameters.
-One run at a time proposes, so that none proposes what another does.
-
-Messages show an address without its password: that is how SQLAlchemy prints one.
+database (``Sharing``) record a heartbeat for each trial that they are at; a trial without one for
+``SILENCE`` fails, and waits under another number with its parameters. One run at a time proposes.
 """
 
 from __future__ import annotations
 
-import json
+import os
 import threading
 import zlib
 from collections.abc import Iterator
@@ -31,7 +28,6 @@ from sqlalchemy import URL, NullPool, make_url, text
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.journal import drop_torn_line
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import naming
 
@@ -48,15 +44,12 @@ KEEPALIVE = {
 
 
 class Sharing:
-    """Heartbeats of the trials that this run is at, and its turn to propose more.
-
-    A context manager that ends with the heartbeats.
-    """
+    """Heartbeats of the trials that this run is at, and its turn to propose; a context manager."""
 
     def __init__(self, storage: RDBStorage, study: str) -> None:
         self._storage = storage
         self._study = zlib.crc32(study.encode())
-        self._trials: set[int] = set()
+        self.trials: set[int] = set()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._beat, name="heartbeat", daemon=True)
 
@@ -78,15 +71,11 @@ class Sharing:
     def add(self, trial_id: int) -> None:
         """Begin with a trial."""
         self._storage.record_heartbeat(trial_id)
-        self._trials.add(trial_id)
-
-    def drop(self, trial_id: int) -> None:
-        """End with a trial."""
-        self._trials.discard(trial_id)
+        self.trials.add(trial_id)
 
     def _beat(self) -> None:
         while not self._ended.wait(BEAT):
-            for trial_id in list(self._trials):
+            for trial_id in list(self.trials):
                 # The run itself says so where the database is lost.
                 with suppress(SQLAlchemyError, StorageInternalError):
                     self._storage.record_heartbeat(trial_id)
@@ -95,38 +84,43 @@ class Sharing:
 def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
     """Open the storage of a study; StorageError where it cannot be opened."""
     if url is None:
-        return _journal(folder)
+        return _journal(folder.trials)
     address = _address(url)
-    full = address.render_as_string(hide_password=False)
     make = partial(
-        RDBStorage,
-        full,
-        {"poolclass": NullPool, "connect_args": KEEPALIVE},
-        heartbeat_interval=BEAT,
-        grace_period=SILENCE,
-        heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
-    )
-    with _opened(address):
-        try:
+        RDBStorage, address.render_as_string(hide_password=False),
+        {"poolclass": NullPool, "connect_args": KEEPALIVE}, heartbeat_interval=BEAT,
+        grace_period=SILENCE, heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
+    )  # fmt: skip
+    try:
+        with suppress(SQLAlchemyError, StorageInternalError):
             return make()
-        except (SQLAlchemyError, StorageInternalError):
-            return make()  # where another run made the tables at the same time
+        return make()  # where another run made the tables at the same time
+    except ImportError as error:
+        name = getattr(error.__cause__, "name", None)
+        raise StorageError(
+            f"the storage {address} needs {name or 'a driver'}; install the extra: "
+            "pip install -c constraints.txt '.[machines]'"
+        ) from error
+    except (SQLAlchemyError, StorageInternalError, RuntimeError, OSError) as error:
+        raise StorageError(
+            f"the storage {address} cannot be opened ({_reason(error)}); check the address and "
+            "that its server runs"
+        ) from error
 
 
-def _journal(folder: StudyFolder) -> BaseStorage:
-    """Open the folder's journal; the folder is locked, so its leftovers are of a killed run."""
-    path = folder.trials
+def _journal(path: Path) -> BaseStorage:
+    """Open a folder's journal; the folder is locked, so its leftovers are of a killed run."""
     path.with_name(f"{path.name}.lock").unlink(missing_ok=True)
     if path.exists():
-        drop_torn_line(path)
+        os.truncate(path, path.read_bytes().rfind(b"\n") + 1)  # a line that a kill cut off
     try:
         return JournalStorage(_TrialsFile(path))
     except OSError:
         raise
     except Exception as error:
         raise StorageError(
-            f"{path}{_first_bad_line(path)} is damaged; remove the file and run again with "
-            "--resume: finished shifts are kept in shifts.jsonl and not simulated again"
+            f"{path} is damaged; remove the file and run again with --resume: finished shifts are "
+            "kept in shifts.jsonl and not simulated again"
         ) from error
 
 
@@ -143,17 +137,7 @@ class _TrialsFile(JournalFileBackend):
             super().append_logs(logs)
 
 
-def _first_bad_line(path: Path) -> str:
-    for number, line in enumerate(path.read_bytes().splitlines(), start=1):
-        try:
-            json.loads(line)
-        except ValueError:
-            return f", line {number}"
-    return ""
-
-
 def _address(url: str) -> URL:
-    """Return an address with the driver that we bring; refuse databases that we do not know."""
     try:
         address = make_url(url.replace("postgres://", "postgresql://", 1))
     except ArgumentError as error:
@@ -169,24 +153,6 @@ def _address(url: str) -> URL:
             "give such an address, or leave it out for a file in the study's folder"
         )
     return address
-
-
-@contextmanager
-def _opened(address: URL) -> Iterator[None]:
-    """Turn what can be wrong with a database into one sentence."""
-    try:
-        yield
-    except ImportError as error:
-        name = getattr(error.__cause__, "name", None)
-        raise StorageError(
-            f"the storage {address} needs {name or 'a driver'}; install the extra: "
-            "pip install -c constraints.txt '.[machines]'"
-        ) from error
-    except (SQLAlchemyError, StorageInternalError, RuntimeError, OSError) as error:
-        raise StorageError(
-            f"the storage {address} cannot be opened ({_reason(error)}); check the address and "
-            "that its server runs"
-        ) from error
 
 
 @contextmanager

@@ -1,36 +1,48 @@
 """The surrogate of a study: simulation of its data, fit, validation and file.
 
-A folder of a search has the rows of the search in ``rows.json``. A folder that ``dogshape fit``
-fills has in ``simulated.jsonl`` designs to learn from and references that judge the surrogate.
-Two thirds of the designs fill the space. The others are of the fifth that is expected to be best
-then, where a search has to tell designs apart; so are some references, of the best tenth. They
-are chosen once and kept in ``chosen.json``. Without references each design is predicted from the
-others.
+A folder of a search has the rows of the search in ``rows.json``. ``dogshape fit`` fills
+``simulated.jsonl`` with a line for each design of four parts. Two thirds of the designs fill the
+space; every third one of these breaks a limit by up to ``SLACK``, so that the border has data on
+both sides. The others are of the fifth that is expected to be best then. References judge the
+surrogate, over the space and of the best tenth. Without them each design is predicted from the
+others. Half of the angles of an operating point are even; in a few rounds the others halve the
+intervals in which the time most likely jumps (``sim.statistics.bisection``).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import cycle, islice
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.simulate.design import none_passes, worth_simulating
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
-from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.train.design_rows import Job, jobs_of, simulate_designs, simulated_rows
-from dogshape.pipeline.train.filling import Values, first_designs, own_designs
-from dogshape.pipeline.train.training_rows import with_rows
-from dogshape.sim.errors import InputError
+from dogshape.pipeline.store.journal import ShiftJournal, append, read_lines
+from dogshape.pipeline.train.training_rows import row_record, with_rows
+from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.files import naming
-from dogshape.surrogate.dataset import COLUMNS, Dataset
+from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.statistics.blocks import Block, even_block
+from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
+from dogshape.sim.statistics.shift_records import Record, content_key, result_of, unfinished
+from dogshape.sim.strength.checks import feasible
+from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.manufacture import require_makeable
+from dogshape.sim.versions import engine
+from dogshape.surrogate.covariance import Array
+from dogshape.surrogate.dataset import COLUMNS, Dataset, row_of
 from dogshape.surrogate.model import MIN_DESIGNS, fit
 from dogshape.surrogate.process import Effort
-from dogshape.surrogate.store import Stored, save
-from dogshape.surrogate.validation_figures import ranked, validate
+from dogshape.surrogate.store import Stored, ranked, save, validate
 
 LEAST_ANGLES = 16  #: of an operating point
 LEAST_SHIFTS = 128  #: of a design
@@ -38,8 +50,193 @@ MOST_DESIGNS = 800  #: more take longer to ask than they are worth
 FILLING_SHARE = 2.0 / 3.0  #: share of the designs that fill the space
 BEST, BEST_REFERENCES = 5, 10  #: one in so many of a pool is taken
 POOL, APART = 60_000, 90_000  #: added to the seed for a pool of designs, and for references
+ROUNDS = (3, 3, 2)  #: sixteenths of the angles that halve intervals, round by round
+BATCH = 32  #: designs that are simulated before their rows are written
+
+Values = dict[str, float]  #: a design by its variables, edge units
+SLACK = 0.15  #: of a limit, by which designs beyond the border break it
+BEYOND = 3  #: one design in so many lies beyond the border
+DRAWS = 2**16  #: draws without a new design after which there is none
 
 Say = Callable[[str], None]  #: takes a sentence for people
+
+
+def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator[Values]:
+    """Yield designs that fill the feasible space and, with ``border``, a band beyond it."""
+    inside = _sobol_designs(study, seed)
+    beyond = _sobol_designs(study, seed + 1, beyond=True)
+    turns = cycle([False] * (BEYOND - 1) + [border])
+    while design := (next(turns) and next(beyond, None)) or next(inside, None):
+        yield design  # whole numbers alone run out
+
+
+def own_designs(study: Setup) -> list[Values]:
+    """List the study's own dog, unless it cannot be made or its face is held by friction."""
+    try:
+        require_makeable(study.clutch.dog, study.limits.manufacturing)
+    except GeometryError:
+        return []
+    slides = study.clutch.dog.chamfer > math.atan(study.limits.load.friction_release)
+    return [study.prototype] if slides else []
+
+
+def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = True) -> list[Values]:
+    """List the first designs of the sequence of the study's seed and a number ``apart``."""
+    sequence = filling_designs(study, study.file.surrogate.seed + apart, border=border)
+    return list(islice(sequence, count))
+
+
+def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Values]:
+    sequence = qmc.Sobol(len(study.variables), seed=seed)
+    wanted = _just_beyond if beyond else worth_simulating
+    seen: set[tuple[float, ...]] = set()
+    missed = 0
+    while missed < DRAWS:
+        for unit in sequence.random(256):
+            design = _design(study, unit)
+            missed += 1
+            if tuple(design.values()) not in seen and wanted(study, design):
+                missed = 0
+                seen.add(tuple(design.values()))
+                yield design
+    if not seen and not beyond:
+        raise InputError(
+            none_passes(study, f"none of {DRAWS} designs drawn from the search ranges")
+        )
+
+
+def _design(study: Setup, unit: Array) -> Values:
+    return {
+        name: int(low + math.floor(share * (high - low + 1.0)))
+        if name == "count"
+        else round(float(low + share * (high - low)), 3)
+        for (name, (low, high)), share in zip(study.variables.items(), unit, strict=True)
+    }
+
+
+def _just_beyond(study: Setup, design: Values) -> bool:
+    """Check whether a design breaks a limit, none by more than ``SLACK``, and lets go."""
+    try:
+        checks = strength_checks(study.dog_with(design), study.limits)
+    except GeometryError:
+        return False
+    releases = [check for check in checks if check.name.endswith("_release")]
+    within = all(check.margin >= -SLACK for check in checks)
+    return within and feasible(releases) and not feasible(checks)
+
+
+@dataclass(frozen=True)
+class Job:
+    """A design with the number of its angles at each point, and the draw of the even ones."""
+
+    design: Values
+    angles: int
+    seed: int
+    index: int
+
+    def rounds(self, study: Setup) -> tuple[int, ...]:
+        """Count the angles of each round that halves intervals; none where all are even."""
+        if study.uncertainty is not None:
+            return ()
+        return tuple(self.angles * share // 16 for share in ROUNDS)
+
+    def blocks(self, study: Setup) -> list[Block]:
+        """List the even angles of the design at each operating point."""
+        clutch = study.clutch.with_dog(study.dog_with(self.design))
+        even, size = self.angles - sum(self.rounds(study)), len(study.points)
+        seeds = [(self.seed, self.index * size + place) for place in range(size)]
+        return [
+            even_block(clutch, point, even, seed, uncertainty=study.uncertainty)
+            for point, seed in zip(study.points, seeds, strict=True)
+        ]
+
+    def key(self, study: Setup) -> str:
+        """Hash what tells the design's shifts from all others."""
+        first = [[block.first_key, len(block.angles)] for block in self.blocks(study)]
+        return content_key({"blocks": first, "halved": list(self.rounds(study)), **engine()})
+
+
+def jobs_of(designs: Sequence[Values], angles: int, seed: int) -> list[Job]:
+    """List the jobs of designs, each with angles of its own: common ones err like a bias."""
+    return [Job(design, angles, seed, index) for index, design in enumerate(designs)]
+
+
+def simulate_designs(
+    study: Setup, path: Path, part: str, jobs: Sequence[Job], executor: Executor
+) -> None:
+    """Simulate the designs of a part that the file lacks; the journal forgets their shifts."""
+    known, keys = {line["key"] for line in _lines(path)}, {job.key(study): job for job in jobs}
+    left = [key for key in keys if key not in known]
+    if len(left) < len(keys) and executor.known is not None:
+        there = sum(job.angles for key, job in keys.items() if key in known)
+        executor.known(there * len(study.points))
+    for batch in (left[start : start + BATCH] for start in range(0, len(left), BATCH)):
+        found = _shifts(study, [keys[key] for key in batch], executor)
+        for key, shifts in zip(batch, found, strict=True):
+            rows = [_row(study, keys[key], one) for one in shifts]
+            if not any(unfinished(shift) for one in shifts for shift in one):
+                rows_here = row_record(np.array(rows, dtype=float))
+                append(path, {"key": key, "part": part, "rows": rows_here})
+        executor.forget()
+
+
+def _lines(path: Path) -> list[Record]:
+    return list(read_lines(path, lambda line: line["rows"] and line["part"], "a finished design"))
+
+
+def simulated_data(study: Setup, path: Path, *parts: str) -> Dataset:
+    """Collect the designs of parts that the file has; ``study`` is in their engine."""
+    rows = [row for line in _lines(path) if line["part"] in parts for row in line["rows"]]
+    return _dataset(study, rows)
+
+
+def _dataset(study: Setup, rows: Sequence[Sequence[float | None]]) -> Dataset:
+    width = len(study.variables) + len(COLUMNS)
+    return with_rows(study, np.array(rows, dtype=float).reshape(-1, width))
+
+
+def _shifts(study: Setup, jobs: Sequence[Job], executor: Executor) -> list[list[list[Record]]]:
+    """Simulate designs at even angles, then where their times jump; by design and point."""
+    blocks = [block for job in jobs for block in job.blocks(study)]
+    found = executor.run(blocks)
+    for count in jobs[0].rounds(study):  # those of a part are alike
+        nearer = []
+        for block, shifts in zip(blocks, found, strict=True):
+            angles = halves(*_phases_and_times(shifts), count) * block.clutch.dog.pitch_angle
+            nearer.append(replace(block, angles=tuple(angles.tolist())))
+        more = executor.run(nearer)
+        found = [[*before, *new] for before, new in zip(found, more, strict=True)]
+    size = len(study.points)
+    return [found[k : k + size] for k in range(0, len(found), size)]
+
+
+def _phases_and_times(shifts: Sequence[Record]) -> tuple[Array, Array]:
+    """Return the angles of shifts in fractions of a pitch and their times, (n,) each."""
+    phases = [shift["relative_angle_deg"] * shift["count"] / 360.0 for shift in shifts]
+    times = [result_of(shift).shift_time for shift in shifts]
+    return np.array(phases), np.array(times, dtype=float)
+
+
+def _row(study: Setup, job: Job, shifts: Sequence[Record]) -> list[float] | None:
+    """Return the row of a design's shifts at one operating point, even angles first.
+
+    Mean and share engaged are over the pitch: angles are dense where shifts hang.
+    """
+    x, halved = study.rows([job.design])[0].tolist(), sum(job.rounds(study))
+    row = row_of(x, shifts[: len(shifts) - halved])
+    if row is None or not halved:
+        return row
+    phases, times = _phases_and_times(shifts)
+    mean, variance = mean_round_the_pitch(phases, times)
+    order = np.argsort(phases)
+    gaps = np.diff(phases[order], append=phases[order[0]] + 1.0)
+    widths = 0.5 * (gaps + np.roll(gaps, 1))
+    share = float(widths @ np.isfinite(times[order]))
+    sound = sum(result_of(shift).outcome is not Outcome.DIVERGED for shift in shifts)
+    new = {"mean_s": mean, "standard_error_s": variance**0.5, "shifts": float(sound)}
+    for name, value in {**new, "engaged": round(share * sound, 6)}.items():
+        row[len(x) + COLUMNS.index(name)] = value
+    return row
 
 
 def angles_of(study: Setup) -> int:
@@ -51,10 +248,7 @@ def angles_of(study: Setup) -> int:
 
 
 def count_of(study: Setup) -> int:
-    """Count the designs that the study's ``mix_shifts`` are enough for, ``MOST_DESIGNS`` at most.
-
-    Raises InputError for too few.
-    """
+    """Count the designs that ``mix_shifts`` are enough for; InputError for too few."""
     given, each = study.file.surrogate.mix_shifts, angles_of(study) * len(study.points)
     least = math.ceil(MIN_DESIGNS / FILLING_SHARE)  # the first of them choose the others
     if given // each < least:
@@ -75,8 +269,7 @@ def fill(
 ) -> None:
     """Simulate designs and references; go on where stopped.
 
-    InputError for a study that searches its operation, as a stored shift does not say which, and
-    for too few ``surrogate.mix_shifts``.
+    InputError for a study that searches its operation, and for too few ``surrogate.mix_shifts``.
     """
     if study.searches_operation:
         others = [key for key in study.variables if key not in study.shape_keys]
@@ -84,53 +277,41 @@ def fill(
             f"the study searches {', '.join(others)}, which the surrogate learns from a search "
             "alone; run 'dogshape study', which leaves one, or take them out of [variables]"
         )
-    settings, working = study.file.surrogate, study.working
-    angles = count_of(study) * angles_of(study)
-    angles += (settings.references + settings.best_references) * settings.reference_angles
+    settings, working, path = study.file.surrogate, study.working, folder.simulated
+    count, angles, dense = count_of(study), angles_of(study), settings.reference_angles
+    shifts = count * angles + (settings.references + settings.best_references) * dense
     connect(cluster)
     with folder.writing():
         folder.open(study, resume=True)
         with (
-            WorkCounter(progress, angles * len(study.points)) as counter,
+            WorkCounter(progress, shifts * len(study.points)) as counter,
             counter.kept_in(folder.root, "the same command goes on"),
         ):
             journal = ShiftJournal(folder.running)
             executor = Executor(journal, jobs, counter.advance, cluster, counter.known)
-            simulate_designs(working, folder.simulated, filling_jobs(working), executor)
+
+            def simulate(part: str, designs: Sequence[Values], angles: int, apart: int = 0) -> None:
+                some = jobs_of(designs, angles, settings.seed + apart)
+                simulate_designs(working, path, part, some, executor)
+
+            own = own_designs(working)
+            filling = [*own, *first_designs(working, round(FILLING_SHARE * count) - len(own))]
+            simulate("filling", filling, angles)
             if not folder.chosen.exists():
                 counter.say("choosing among the designs that are expected to be best")
-                write_json(folder.chosen, _choose(working, folder))
-            for some in later_jobs(working, folder):
-                simulate_designs(working, folder.simulated, some, executor)
+                write_json(folder.chosen, _choose(working, path, filling, count - len(filling)))
+            chosen = read_json(folder.chosen, "remove it and run the same command again")
+            simulate("best", chosen["designs"], angles, POOL)
+            space = first_designs(working, settings.references, APART, border=False)
+            simulate("references", space, dense, APART)
+            simulate("best_references", chosen["references"], dense, APART + 1)
             journal.say_unfinished(progress.say)
             folder.running.unlink(missing_ok=True)
 
 
-def filling_jobs(study: Setup) -> list[Job]:
-    """List the study's own designs and those that fill its space."""
-    own = own_designs(study)
-    designs = [*own, *first_designs(study, round(FILLING_SHARE * count_of(study)) - len(own))]
-    return jobs_of(designs, angles_of(study), study.file.surrogate.seed)
-
-
-def later_jobs(study: Setup, folder: StudyFolder) -> tuple[list[Job], list[Job], list[Job]]:
-    """List designs of the best fifth, references over the space, and those of the best tenth."""
-    chosen = read_json(folder.chosen, "run 'dogshape fit' for the study again to finish it")
-    settings = study.file.surrogate
-    references = first_designs(study, settings.references, APART, border=False)
-    dense, seed = settings.reference_angles, settings.seed
-    return (
-        jobs_of(chosen["designs"], angles_of(study), seed + POOL),
-        jobs_of(references, dense, seed + APART),
-        jobs_of(chosen["references"], dense, seed + APART + 1),
-    )
-
-
-def _choose(study: Setup, folder: StudyFolder) -> dict[str, list[Values]]:
-    """Choose designs and references of those that are expected to be best."""
-    jobs, settings = filling_jobs(study), study.file.surrogate
-    model = fit(with_rows(study, simulated_rows(study, folder.simulated, jobs)))
-    known = [job.design for job in jobs]
+def _choose(study: Setup, path: Path, known: list[Values], count: int) -> dict[str, Any]:
+    """Choose so many designs, and references, of those that are expected to be best."""
+    settings, model = study.file.surrogate, fit(simulated_data(study, path, "filling"))
 
     def best(pool: list[Values], count: int) -> list[Values]:
         if not pool:
@@ -138,9 +319,8 @@ def _choose(study: Setup, folder: StudyFolder) -> dict[str, list[Values]]:
         order = np.argsort(model.predict(study.rows(pool))[0], kind="stable")
         return [pool[place] for place in sorted(order[:count].tolist())]
 
-    count = count_of(study) - len(jobs)
-    pool = [d for d in first_designs(study, BEST * count, POOL, border=False) if d not in known]
-    designs = best(pool, count)
+    pool = first_designs(study, BEST * count, POOL, border=False)
+    designs = best([design for design in pool if design not in known], count)
     drawn = settings.references + BEST_REFERENCES * settings.best_references
     others = first_designs(study, drawn, APART, border=False)[settings.references :]
     left = [design for design in others if design not in known and design not in designs]
@@ -148,17 +328,18 @@ def _choose(study: Setup, folder: StudyFolder) -> dict[str, list[Values]]:
 
 
 def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say) -> Stored:
-    """Fit the surrogate to the shifts of a folder, judge it and write it.
-
-    Fewer designs than it needs raise InputError.
-    """
-    study = folder.stored_study().working
-    data = _data_of(study, folder)
+    """Fit the surrogate to the shifts of a folder, judge it and write it; InputError for few."""
+    study, path = folder.stored_study().working, folder.simulated
+    if folder.rows.exists():
+        remedy = "run 'dogshape study' with --resume to write it again"
+        data = _dataset(study, read_json(folder.rows, remedy)["rows"])
+    else:
+        data = simulated_data(study, path, "filling", "best")
     say(f"fitting the surrogate to {len(data)} designs")
     surrogate = fit(data, Effort(seed=study.file.surrogate.seed))
     if folder.chosen.exists():
-        references, best = references_of(study, folder)
-        validation = ranked(validate(surrogate, references), surrogate, best)
+        validation = validate(surrogate, simulated_data(study, path, "references"))
+        validation = ranked(validation, surrogate, simulated_data(study, path, "best_references"))
     else:
         validation = validate(surrogate)
     stored = Stored(surrogate, validation)
@@ -166,25 +347,3 @@ def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say
     with naming(folder.points):
         data.frame().to_csv(folder.points, index=False)
     return stored
-
-
-def _data_of(study: Setup, folder: StudyFolder) -> Dataset:
-    """Collect the designs of a folder that the surrogate learns from."""
-    if not folder.rows.exists():
-        jobs = [*filling_jobs(study), *later_jobs(study, folder)[0]]
-        return with_rows(study, simulated_rows(study, folder.simulated, jobs))
-    rows = read_json(folder.rows, "run 'dogshape study' with --resume to write it again")["rows"]
-    width = len(study.variables) + len(COLUMNS)
-    return with_rows(study, np.array(rows, dtype=float).reshape(-1, width))
-
-
-def references_of(study: Setup, folder: StudyFolder) -> tuple[Dataset, Dataset]:
-    """Return the references of a filled folder that fill the space, and those of the best.
-
-    ``study`` is in the engine that simulated them.
-    """
-    _, space, best = (
-        with_rows(study, simulated_rows(study, folder.simulated, jobs))
-        for jobs in later_jobs(study, folder)
-    )
-    return space, best

@@ -1,7 +1,4 @@
-"""Data and files of the surrogate of a study.
-
-``stored_surrogate`` finds the surrogate of a study's results, or one that the package brings.
-"""
+"""Data and files of the surrogate of a study."""
 
 from __future__ import annotations
 
@@ -48,13 +45,8 @@ def space_out(study: Setup) -> Path:
     return Path("results") / f"{study.name}-space"
 
 
-def known_surrogate(study: Setup) -> Stored | None:
-    """Return the surrogate that the package brings for the study's physics, None if it has none."""
-    brought = _brought(study)
-    return None if brought is None else brought[0]
-
-
 def _brought(study: Setup) -> tuple[Stored, Path] | None:
+    """Return the surrogate that the package brings for the study's physics, None if it has none."""
     for path in sorted(bundled_root().glob("*/surrogate.json")):
         stored = load(path)
         if not other_physics(stored.surrogate.data, study.physics):
@@ -63,11 +55,10 @@ def _brought(study: Setup) -> tuple[Stored, Path] | None:
 
 
 def stored_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path]:
-    """Return the surrogate to ask and its file.
+    """Return the surrogate to ask and its file; DataError where there is none.
 
     The one that is named; else that of the study's space, the package's of the same physics, that
-    of the study's search, which knows fewer designs, and the package's of the same name, which
-    says what it differs by. DataError where there is none.
+    of the study's search, and the package's of the same name, whose differences are told.
     """
     space, own = (StudyFolder(root).surrogate for root in (space_out(study), default_out(study)))
     if named is None and not space.is_file() and (brought := _brought(study)) is not None:
@@ -78,10 +69,7 @@ def stored_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path]:
 
 
 def own_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path] | None:
-    """Return the same, or None where there is none or only one of other physics that nobody named.
-
-    DataError for a file that is named and not there, or damaged.
-    """
+    """Return the same, None where none of the study's physics is there and none is named."""
     try:
         stored, path = stored_surrogate(study, named)
     except MissingError:

@@ -22,5 +22,5 @@ def _study(fixture: str, more: Mapping[str, Any]) -> Any:
 
 finished = _study("finished", {})
 short = _study("short", {"search.trials": 4})  # no surrogate is fitted of four designs
-calm = _study("calm", {"search.trials": 4, "search.sampler": "random"})
+calm = _study("calm", {"search.trials": 4, "search.sampler": "space_filling"})
 in_drake = _study("in_drake", {"solver.engine": "drake"})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,6 @@ import pytest
 import dogshape as ds
 from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.surrogate.query import require_same_physics
-from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished, made_once
 
 FEW = SETTINGS | {
@@ -57,24 +55,6 @@ def test_the_rows_are_of_the_compiled_engine(fitted: dict[str, Any]) -> None:
     assert path == SPACE / "surrogate.json"
     require_same_physics(stored.surrogate.data, study.physics)
     assert stored.surrogate.data.physics["scheme"] == study.physics["scheme"]
-
-
-def test_the_own_dog_of_the_study_has_its_simulated_time(fitted: dict[str, Any]) -> None:
-    found = ds.Study("mq200_paper", FEW).check()
-    assert found.guess is not None
-    assert found.guess.path == SPACE / "surrogate.json"
-    told, seen = found.guess.answer.expected, found.expected
-    assert told is not None
-    assert seen is not None
-    assert told.without_retries[0] == pytest.approx(seen.without_retries[0], rel=0.04)
-    assert not found.missed
-    assert not found.design.not_checked
-
-
-def test_a_check_asks_it(fitted: dict[str, Any], dogshape: Callable[..., Said]) -> None:
-    own = [part for text in SMALL for part in ("--set", text)]
-    said = dogshape("check", "mq200_paper", *own, "--json")
-    assert said.json["low_s"] < said.json["expected_shift_time_s"] < said.json["high_s"]
 
 
 def test_it_goes_on_where_it_was_stopped(fitted: dict[str, Any]) -> None:

@@ -10,13 +10,12 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
-from dogshape.pipeline.simulate.design import OBJECTIVES, design_of, worth_simulating
+from dogshape.pipeline.simulate.design import OBJECTIVES, design_of
 from dogshape.pipeline.simulate.evaluation import ESTIMATORS, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import run_study
 from dogshape.sim.statistics.shift_records import Record
-from dogshape.sim.strength.landing import Demand, exceeded
-from tests.conftest import SMALL, Said, searching
+from tests.conftest import SMALL, searching
 
 PLANAR = "solver.engine=planar"
 
@@ -41,10 +40,8 @@ def test_every_simulated_quantity_has_an_estimator() -> None:
 @pytest.mark.parametrize(
     ("name", "of"),
     [
-        ("peak_axial_force_N", lambda r: r["peak_axial_force_N"]),
         ("strike_torque_Nm", lambda r: r["peak_tangential_force_N"] * 0.024),
         ("impact_impulse_Ns", lambda r: r["impact_impulse_Ns"]),
-        ("impact_energy_J", lambda r: r["energy_dissipated_J"]),
         ("first_try_share", lambda r: float(r["shift_time_s"] <= 0.06)),
     ],
 )
@@ -72,46 +69,6 @@ def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
     assert found.measured.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
     assert lost > 0.0
     assert not design_of(study, {"chamfer_deg": 5.0}, found.measured).feasible
-
-
-def test_margins_at_the_worst_ends_of_tolerances_are_a_limit() -> None:
-    """The prototype keeps every nominal limit and not all with its tolerances at their worst."""
-    free, bound = study_with(), study_with("search.limits.smallest_margin_worst=0.0")
-    assert worth_simulating(free, free.prototype)
-    assert not worth_simulating(bound, bound.prototype)
-    assert design_of(bound, bound.prototype).failed == ["smallest_margin_worst"]
-
-
-def test_an_unknown_quantity_is_refused(dogshape: Callable[..., Said]) -> None:
-    said = dogshape("strength", "mq200_paper", "--set", "search.limits.worst_shift_time=0.1")
-    assert said.status == 2
-    assert "did you mean 'worst_shift_time_s'?" in said.err
-
-
-def test_what_a_share_of_landings_exceeds() -> None:
-    """Evenly spread pressures: the quantile is that of the uniform distribution."""
-    count = 1000
-    demands = [Demand(k + 0.5, 2.0 * (k + 0.5), count - k - 0.5) for k in range(count)]
-    found = exceeded(demands, [1.0] * count, 0.01)
-    assert (found.face, found.core, found.edge) == pytest.approx((990.0, 1980.0, 990.0))
-    rare = exceeded(demands, [1.0 if k < 500 else 1e-9 for k in range(count)], 0.01)
-    assert rare.face == pytest.approx(495.0, rel=1e-6)
-    assert exceeded([], [], 0.01) == Demand()
-
-
-def test_the_share_of_landings_does_not_grow_with_the_angles() -> None:
-    """The hardest of a sample does; what a twentieth exceeds is the same of few and of many."""
-    few, many = 24, 192
-    found: dict[tuple[str, int], float] = {}
-    for key, more in (("hardest", ()), ("share", ("load.landing_share=0.05",))):
-        study = study_with(*more)
-        for angles in (few, many):
-            executor = scratch_executor()
-            (one,) = evaluate(study, [{}], executor, angles, 3)
-            found[key, angles] = one.measured.demand.edge
-    assert found["hardest", many] >= found["hardest", few]
-    assert found["share", many] == pytest.approx(found["share", few], rel=0.1)
-    assert found["share", many] < 0.9 * found["hardest", many]
 
 
 def test_a_search_keeps_its_limits(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from dogshape.pipeline.config.schema import QUANTILE
@@ -55,33 +54,3 @@ def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
     resumed = run_study(study, searching(tmp_path, jobs=1, resume=True))
     assert resumed["trials"] == result["trials"]
     assert resumed["n_simulated_shifts"] == result["n_simulated_shifts"]
-
-
-def test_the_study_of_three_objectives_at_smoke_size(tmp_path: Path) -> None:
-    study = _tiny("mq200_three")
-    result, shifts = _run(study, tmp_path)
-    names = ["expected_shift_time_s", "axial_length_mm", "peak_impact_force_N"]
-    assert result["objectives"] == names
-    values = {row["trial"]: [row[name] for name in names] for row in result["trials"]}
-    feasible = [row["trial"] for row in result["trials"] if row["feasible"]]
-    best = {
-        trial
-        for trial in feasible
-        if not any(
-            all(a <= b for a, b in zip(values[o], values[trial], strict=True))
-            and values[o] != values[trial]
-            for o in feasible
-        )
-    }
-    assert {row["trial"] for row in result["front"]} == best
-    row = result["confirmation"]["best"]
-    params = {name: result["best"][name] for name in study.variables}
-    peaks: dict[float, list[float]] = {}
-    for shift in shifts:
-        if all(shift[name] == pytest.approx(value) for name, value in params.items()):
-            force = np.hypot(shift["peak_axial_force_N"], shift["peak_tangential_force_N"])
-            if shift["seed"] is not None:  # those repeated with a finer tolerance have none
-                peaks.setdefault(round(shift["mismatch_rpm"]), []).append(force)
-    assert {len(found) for found in peaks.values()} == {3}
-    mean = (2.0 * np.mean(peaks[100]) + np.mean(peaks[-149])) / 3.0
-    assert row["estimates"]["peak_impact_force_N"]["value"] == pytest.approx(mean)

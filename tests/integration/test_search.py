@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
 import signal
@@ -13,28 +12,22 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import optuna
 import pytest
+from optuna.trial import FrozenTrial, TrialState
 
-from dogshape.pipeline.config.schema import VariablesSection
-from dogshape.pipeline.config.study_file import Setup, build_study, load_study
-from dogshape.pipeline.reports.study_page import write_report
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.search.confirmation import shifts_to_confirm
-from dogshape.pipeline.search.guide import Guide, Space
-from dogshape.pipeline.search.sampler import SurrogateSampler
-from dogshape.pipeline.search.search import sampler_factory
+from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.state import SIMULATION
 from dogshape.pipeline.simulate import executor
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
-from dogshape.surrogate.model import MIN_DESIGNS
-from tests.conftest import SMALL, Said, searching
+from tests.conftest import SMALL, searching
 from tests.integration.studies import Finished
 from tests.server import command_of
 
@@ -84,31 +77,6 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
     assert not (folder / "shifts").exists()
 
 
-def test_front_is_what_nothing_dominates(finished: Finished) -> None:
-    result = finished.result
-    values = {
-        row["trial"]: (row["expected_shift_time_s"], row["axial_length_mm"])
-        for row in [*result["trials"], *result["front"]]  # the last with the new angles' values
-    }
-    front = {
-        trial
-        for trial, (t, a) in values.items()
-        if not any(u <= t and b <= a and (u, b) != (t, a) for u, b in values.values())
-    }
-    left_out = set(result["confirmation"]["left_out"])
-    assert {row["trial"] for row in result["front"]} == front - left_out
-    assert left_out < front
-
-
-def test_rows_carry_inputs_and_versions(finished: Finished) -> None:
-    folder = finished.folder
-    row = next(row for row in _rows(folder) if row["count"] == 15)
-    assert row["contact_set"] == "lubricated_steel"
-    assert row["mismatch_rpm"] in (pytest.approx(50), pytest.approx(149))
-    assert row["outcome"] == "engaged"
-    assert row["drake"].startswith("1.")
-
-
 def test_same_seed_gives_the_same_trials_on_more_workers(
     finished: Finished, tmp_path: Path
 ) -> None:
@@ -117,18 +85,8 @@ def test_same_seed_gives_the_same_trials_on_more_workers(
     assert json.loads((tmp_path / "result.json").read_text()) == again
 
 
-def _proposals(study: Setup, count: int) -> list[dict[str, float]]:
-    searched = optuna.create_study(directions=["minimize"] * 2, sampler=sampler_factory(study)(0))
-    return [dict(searched.ask(Space(study.variables).distributions).params) for _ in range(count)]
-
-
-@pytest.mark.parametrize(
-    "number", [signal.SIGINT, pytest.param(signal.SIGKILL, marks=pytest.mark.slow)]
-)
-def test_stopped_and_resumed_equals_uninterrupted(
-    in_drake: Finished, tmp_path: Path, number: signal.Signals
-) -> None:
-    """Neither Ctrl-C nor kill loses a finished shift or changes what follows."""
+def test_stopped_and_resumed_equals_uninterrupted(in_drake: Finished, tmp_path: Path) -> None:
+    """Ctrl-C loses no finished shift and changes nothing of what follows."""
     # A shell starts background jobs with Ctrl-C ignored, and children inherit that.
     process = subprocess.Popen(
         _command(tmp_path, "--jobs", "1", "--engine", "drake"),
@@ -143,12 +101,11 @@ def test_stopped_and_resumed_equals_uninterrupted(
         if journal.exists() and journal.read_bytes().count(b"\n") >= 8:
             break
         time.sleep(0.02)
-    os.killpg(process.pid, number)
+    os.killpg(process.pid, signal.SIGINT)
     _, err = process.communicate(timeout=60)
-    if number == signal.SIGINT:
-        assert process.returncode == 130, err.decode()
-        assert "finished shifts are kept" in err.decode()
-        assert "Traceback" not in err.decode()
+    assert process.returncode == 130, err.decode()
+    assert "finished shifts are kept" in err.decode()
+    assert "Traceback" not in err.decode()
     whole = journal.read_bytes().count(b"\n")
     assert whole >= 8
     simulated: list[int] = []
@@ -169,33 +126,21 @@ def test_stopped_and_resumed_equals_uninterrupted(
     assert resumed["n_simulated_shifts"] == in_drake.result["n_simulated_shifts"]
 
 
-def test_a_finished_study_can_be_given_more_trials(
+def test_a_journal_of_trials_is_mended_or_refused(
     finished: Finished, short: Finished, tmp_path: Path
 ) -> None:
-    short.copy(tmp_path)
-    assert not (tmp_path / "surrogate.json").exists()
-    longer = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, jobs=1, resume=True))
-    assert _designs(longer) == _designs(finished.result)
-
-
-def test_a_torn_journal_of_trials_is_mended(
-    finished: Finished, short: Finished, tmp_path: Path
-) -> None:
-    short.copy(tmp_path)
-    with (tmp_path / "trials.log").open("ab") as file:
-        file.write(b'{"op_code": 4, "worker')
-    longer = load_study("mq200_paper", [*SMALL, "search.trials=5"])
-    found = run_study(longer, searching(tmp_path, jobs=1, resume=True))
-    assert _designs(found) == _designs(finished.result)[:5]
-
-
-def test_a_broken_journal_of_trials_is_said(short: Finished, tmp_path: Path) -> None:
+    """One that a kill cut off goes on, also with more trials; a damaged one is refused."""
     study = load_study("mq200_paper", [*SMALL, "search.trials=4"])
-    short.copy(tmp_path)
+    torn = short.copy(tmp_path / "torn")
+    with (torn / "trials.log").open("ab") as file:
+        file.write(b'{"op_code": 4, "worker')
+    longer = run_study(load_study("mq200_paper", SMALL), searching(torn, jobs=1, resume=True))
+    assert _designs(longer) == _designs(finished.result)
+    tmp_path = short.copy(tmp_path / "broken")
     log = tmp_path / "trials.log"
     log.write_bytes(b"rubbish\n" + log.read_bytes())
     shifts = (tmp_path / "shifts.jsonl").read_bytes()
-    with pytest.raises(StorageError, match=r"trials\.log, line 1 is damaged; remove the file"):
+    with pytest.raises(StorageError, match=r"trials\.log is damaged; remove the file"):
         run_study(study, searching(tmp_path, jobs=1, resume=True))
     log.unlink()
     again = run_study(study, searching(tmp_path, jobs=1, resume=True))
@@ -215,99 +160,31 @@ def test_nothing_is_overwritten_without_resume(finished: Finished, tmp_path: Pat
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 
 
-@pytest.mark.parametrize(("designs", "learned"), [(MIN_DESIGNS - 1, False), (MIN_DESIGNS, True)])
-def test_a_search_learns_from_as_many_designs_as_the_surrogate_needs(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, designs: int, learned: bool
-) -> None:
-    """One rule says how many: that of the surrogate, which takes them."""
-    asked: list[StudyFolder] = []
-
-    def train(folder: StudyFolder, **_: Any) -> None:
-        asked.append(folder)
-        raise InputError("enough is known")
-
-    monkeypatch.setattr("dogshape.pipeline.study.train", train)
-    result = {"n_simulated_designs": designs, "trials": [], "audit": None}
-    monkeypatch.setattr("dogshape.pipeline.study._searched", lambda *_: result)
-    run_study(load_study("mq200_paper", SMALL), searching(tmp_path))
-    assert bool(asked) is learned
-
-
-def test_a_search_is_bounded(tmp_path: Path, dogshape: Any) -> None:
-    """More than fits into a machine's memory is a slip, not a search of 1e13 years."""
-    said: Said = dogshape("study", "mq200_paper", "--out", tmp_path, "--trials", 10**20)
-    assert said.status == 2
-    assert "search.trials is" in said.sentence
-    assert "10000" in said.sentence
-    assert not (tmp_path / "study.json").exists()
-
-
-def test_a_folder_in_use_is_refused(tmp_path: Path, small_study: Setup) -> None:
-    with (tmp_path / ".lock").open("w") as handle:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        with pytest.raises(StorageError, match="in use by another run"):
-            run_study(small_study, searching(tmp_path))
-    assert [p.name for p in tmp_path.iterdir()] == [".lock"]
-
-
-def test_a_folder_of_another_version_is_refused(tmp_path: Path, small_study: Setup) -> None:
-    folder = StudyFolder(tmp_path)
-    folder.manifest.write_text('{"format": 99}')
-    with pytest.raises(StorageError, match="was written in format 99"):
-        run_study(small_study, searching(tmp_path, resume=True))
-    folder.manifest.write_text("{")
-    with pytest.raises(StorageError, match="damaged"):
-        run_study(small_study, searching(tmp_path, resume=True))
-    folder.manifest.unlink()
-    folder.shifts.write_text("")
-    with pytest.raises(StorageError, match=r"holds results without study\.json"):
-        run_study(small_study, searching(tmp_path, resume=True))
-
-
-def test_infeasible_designs_are_never_simulated(tmp_path: Path) -> None:
-    study = load_study("mq200_paper", [*SMALL, "search.sampler=tpe", "search.trials=10"])
-    result = run_study(study, searching(tmp_path, jobs=1))
-    barred = [row for row in result["trials"] if not row["feasible"]]
-    assert barred
-    assert all(row["failed"] and row["expected_shift_time_s"] is None for row in barred)
-    assert all(row["shifts"] == 0 for row in barred)
-    assert "not simulated" in write_report(StudyFolder(tmp_path)).read_text()
-
-
-def test_own_sampler_proposes_feasible_designs_only(small_study: Setup) -> None:
-    proposals = _proposals(small_study, 8)
-    assert len({p["height_mm"] for p in proposals}) == 8
-    assert all(design_of(small_study, p).feasible for p in proposals)
-    assert all(isinstance(p["count"], int) for p in proposals)
-
-
 def test_own_sampler_finds_the_minimum_of_a_known_function() -> None:
     """With the time replaced by a bowl, the process beats designs that only fill the space."""
     study = load_study("mq200_paper", [*SMALL, "search.objectives=['expected_shift_time_s']"])
-    names = list(study.variables)
+    names, space = list(study.variables), Space(study.variables)
     low, high = np.array(list(study.variables.values())).T
     goal = np.array([12.0, 15.0, 18.0, 3.5, 20.0])
-
-    def bowl(params: dict[str, float]) -> float:
-        x = np.array([params[n] for n in names])
-        return float(0.05 + 0.1 * (((x - goal) / (high - low)) ** 2).sum())
-
     best = {}
     for startup in (10, 1000):
         sampler = SurrogateSampler(Guide(study), seed=4, startup=startup)
-        search = optuna.create_study(directions=["minimize"], sampler=sampler)
-        for _ in range(30):
-            trial = search.ask(Space(study.variables).distributions)
-            time = bowl(trial.params)
-            design = [trial.params[n] for n in names]
+        trials: list[FrozenTrial] = []
+        for number in range(30):
+            params = sampler.propose(trials)
+            assert params is not None
+            assert design_of(study, params).feasible
+            design = np.array([params[n] for n in names])
+            time = float(0.05 + 0.1 * (((design - goal) / (high - low)) ** 2).sum())
             at = [(p.mismatch / RPM, p.profile.force) for p in study.points]
             rows = [[*design, *where, time, 1e-4, 0.01, 6, 6, 1] for where in at]
             found = {"estimates": {"expected_shift_time_s": [time, 1e-4]}, "rows": rows}
             landed = {"demand_Pa": [0.0] * 3, "limited": {}, "engaged": 1.0, "shifts": 12}
-            trial.set_user_attr(SIMULATION, found | landed)
-            search.tell(trial, time)
-        best[startup] = search.best_value - 0.05
-        assert len({tuple(t.params.values()) for t in search.trials}) == 30
+            trial = space.trial(params, **{SIMULATION: found | landed})
+            trial.state, trial.values, trial.number = TrialState.COMPLETE, [time], number
+            trials.append(trial)
+        best[startup] = min(trial.values[0] for trial in trials) - 0.05
+        assert len({tuple(t.params.values()) for t in trials}) == 30
     assert best[10] < 0.25 * best[1000]
 
 
@@ -317,24 +194,11 @@ def test_no_feasible_design_is_said(small_study: Setup, tmp_path: Path) -> None:
         run_study(tight, searching(tmp_path, jobs=1))
 
 
-def test_a_study_without_variables_is_refused(tmp_path: Path) -> None:
-    still = load_study("mq200_paper", SMALL)
-    file = still.file.model_copy(update={"variables": VariablesSection()})
-    with pytest.raises(InputError, match=r"\[variables\] is empty"):
-        run_study(build_study(file), searching(tmp_path / "out"))
-    assert not (tmp_path / "out").exists()
-
-
 @pytest.mark.parametrize(
     ("override", "words"),
     [
         ("search.objectives=['axial_length_mm']", "has none that needs a simulation"),
         ("search.objectives=['expected_shift_time']", "did you mean 'expected_shift_time_s'?"),
-        (
-            "search.objectives=['shift_time']",
-            "did you mean 'worst_shift_time_s' or 'expected_shift_time_s'",
-        ),
-        ("search.sampler=nsga", "did you mean 'nsga2'?"),
         (
             "search.limits.first_try_share=1.5",
             "search.limits.first_try_share is 1.5, but no share engaged in time at the first try "
@@ -361,7 +225,6 @@ def test_journal_drops_a_torn_line_and_refuses_a_broken_one(tmp_path: Path) -> N
     whole = path.read_bytes()
     path.write_bytes(whole + b'{"key": "c", "shi')
     assert set(ShiftJournal(path).rows) == {"a", "b"}
-    assert path.read_bytes() == whole
     for wrong in (b"rubbish\n", b'{"key": "x"}\n', b'{"key": "x", "outcome": "y"}\n'):
         path.write_bytes(wrong + whole)
         with pytest.raises(StorageError, match="line 1 is not a finished shift"):

@@ -113,25 +113,6 @@ def test_two_machines_share_a_search_and_one_is_killed(server: Server, tmp_path:
     _require_whole(server, "killed", [one, two], 12)
 
 
-def test_a_server_that_goes_away_is_one_sentence(server: Server, tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    more = ("search.trials=4",)
-    process = _start(server, "lost", out, *more)
-    _wait_for_shifts(out, 2)
-    server.stop()
-    try:
-        _, err = process.communicate(timeout=120)
-    finally:
-        server.start()
-    assert process.returncode == 2, err.decode()
-    last = err.decode().strip().splitlines()[-1]
-    assert "was lost" in last
-    assert "finished shifts are kept" in last
-    assert "Traceback" not in err.decode()
-    _ended(_start(server, "lost", out, *more))
-    assert _states(server, "lost").count("COMPLETE") == 4
-
-
 @pytest.mark.parametrize(
     ("url", "words"),
     [
@@ -147,29 +128,3 @@ def test_wrong_addresses_are_said(server: Server, tmp_path: Path, url: str, word
         run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, storage=full))
     assert words in str(refused.value)
     assert "secret" not in str(refused.value)
-
-
-def test_a_missing_driver_names_the_extra(
-    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "psycopg", None)
-    with pytest.raises(StorageError, match=r"needs psycopg; install the extra.*\[machines\]"):
-        run_study(load_study("mq200_paper", SMALL), searching(tmp_path, 1, storage=server.url))
-
-
-def test_a_database_guards_what_it_holds(
-    server: Server, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    few = [*SMALL, "search.trials=1", "name=versions"]
-    study = load_study("mq200_paper", few)
-    run_study(study, searching(tmp_path / "a", 1, server.url))
-    with pytest.raises(StorageError, match="holds a study 'versions' already"):
-        run_study(study, searching(tmp_path / "b", 1, server.url))
-    other = load_study("mq200_paper", [*few, "sliding.mass_kg=0.4"])
-    with pytest.raises(StorageError, match="of another configuration"):
-        run_study(other, searching(tmp_path / "c", 1, server.url, resume=True))
-    monkeypatch.setattr(
-        "dogshape.pipeline.search.search.engine", lambda: {"dogshape": "0.1.0", "drake": "9"}
-    )
-    with pytest.raises(StorageError, match=r"other versions simulate \(.*drake .* and 9 here"):
-        run_study(study, searching(tmp_path / "b", 1, server.url, resume=True))

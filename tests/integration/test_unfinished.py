@@ -1,9 +1,8 @@
-"""What the clock ended, what another run told, and what was lost: nothing wrong of it stays."""
+"""Trials that another run told meanwhile."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,79 +11,17 @@ import optuna
 import pytest
 from optuna.trial import TrialState
 
-from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.search import Search, finish_round, next_round, sampler_factory
+from dogshape.pipeline.search.search import Search, finish_round, next_round, sampler_of
 from dogshape.pipeline.simulate.design import Measured
 from dogshape.pipeline.simulate.evaluation import Simulated
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
-from dogshape.pipeline.study import run_study
-from dogshape.sim.statistics.blocks import Block, even_blocks, run_block
 from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpectation
-from dogshape.sim.statistics.shift_records import Record, unfinished
 from dogshape.sim.strength.landing import Demand
-from tests.conftest import SMALL, searching
-from tests.integration.studies import Finished
+from tests.conftest import SMALL
 
-FEW = [*SMALL, "search.trials=4", "search.sampler=random"]
-REASON = "no end after solver.time_limit_s = 600, at 0.01 s of the shift"
 NO_ROWS = np.zeros((0, 13))
-DESIGN = ("chamfer_deg", "height_mm", "count", "expected_shift_time_s", "trial")
-
-
-class Busy:
-    """A machine that is too busy for some shifts of the prototype, until it is not."""
-
-    def __init__(self) -> None:
-        self.ended = 0
-
-    def __call__(self, block: Block) -> Iterator[Record]:
-        for place, row in enumerate(run_block(block)):
-            if place == 0 and row["count"] == 15 and abs(row["height_mm"] - 3.7) < 1e-9:
-                self.ended += 1
-                lost = {"outcome": "diverged", "shift_time_s": None, "reason": REASON}
-                yield {**row, **lost, "landing_loads_N_mm": [0.0] * len(row["landing_loads_N_mm"])}
-            else:
-                yield row
-
-
-def _rows(result: dict[str, Any]) -> list[list[Any]]:
-    return [[row[name] for name in DESIGN] for row in result["trials"]]
-
-
-def test_what_the_clock_ended_is_simulated_again_by_the_next_run(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, calm: Finished
-) -> None:
-    """The run leaves such designs out and ends; the next one ends as if nothing had been."""
-    study, busy = load_study("mq200_paper", FEW), Busy()
-    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", busy)
-    first = run_study(study, searching(tmp_path, 1))
-    monkeypatch.undo()
-    assert busy.ended > 0
-    assert [row["trial"] for row in first["trials"]] == [1, 2, 3]
-    for name in ("running.jsonl", "shifts.jsonl"):
-        kept = [json.loads(line) for line in (tmp_path / name).read_text().splitlines()]
-        assert not any(map(unfinished, kept))
-    again = run_study(study, searching(tmp_path, 1, resume=True))
-    assert again["failed_shifts"] == {}
-    assert _rows(again) == _rows(calm.result)
-    assert again["confirmation"] == calm.result["confirmation"]
-
-
-def test_a_bank_keeps_no_series_that_the_clock_cut_short(tmp_path: Path) -> None:
-    study = load_study("mq200_paper", SMALL)
-    blocks = even_blocks(study.clutch, study.points, 3, 1)
-    failed = {"outcome": "diverged", "shift_time_s": None, "reason": REASON}
-    sound = {"outcome": "engaged", "shift_time_s": 0.1}
-    store = BankStore([tmp_path / "bank.json"])
-
-    def run(asked: Sequence[Block]) -> list[list[Record]]:
-        return [[failed if b is blocks[0] else sound] * len(b.angles) for b in asked]
-
-    store.times(blocks, run)
-    assert not store.missing(blocks)  # this diagnosis goes on with what it has
-    assert BankStore([tmp_path / "bank.json"]).missing(blocks) == blocks[:1]
 
 
 def test_what_another_run_told_leaves_no_other_trial_running(
@@ -92,7 +29,7 @@ def test_what_another_run_told_leaves_no_other_trial_running(
 ) -> None:
     study = load_study("mq200_paper", [*SMALL, "search.batch=3"])
     storage = optuna.create_study(directions=["minimize"] * 2)
-    search = Search(study, storage, sampler_factory(study))
+    search = Search(study, storage, sampler_of(study))
     trials = next_round(search)
 
     def evaluated(_: Setup, designs: Sequence[Any], *__: Any) -> list[Simulated]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.pipeline.search.confirmation import Executors, _require_known, _resimulated
+from dogshape.pipeline.search.confirmation import Executors, _resimulated
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.expectation import Estimate, mean_over
@@ -33,6 +33,5 @@ def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -
         assert row["failed"] == ["simulation"]
         assert not row["feasible"]
     executors = Executors(scratch_executor(1), scratch_executor(1))
-    found = _resimulated(study, [study.prototype], executors)
     with pytest.raises(InputError, match="every shift of design 0 at new angles failed"):
-        _require_known({"design 0": found[0]})
+        _resimulated(study, {"design 0": study.prototype}, executors)

@@ -96,21 +96,25 @@ def test_verdicts_are_those_of_each_design(settings: tuple[str, ...]) -> None:
     assert judged_together(study, NAMES) == ("search" not in str(settings))
     x = _drawn(CLOSE, 3)[:40]
     found = verdicts(study, NAMES, x)
-    assert 0 < found.real.sum() < len(x)
+    assert 0 < found["real"].sum() < len(x)
     for place, row in enumerate(x.tolist()):
         params = dict(zip(NAMES, row, strict=True))
         try:
             design = design_of(study, params)
         except DogshapeError as error:
             design = Design(params, None, (), str(error))
-        assert found.real[place] == (design.dog is not None)
-        assert found.feasible[place] == design.feasible
+        assert found["real"][place] == (design.dog is not None)
+        assert found["feasible"][place] == design.feasible
         broken = [c.name for c in design.checks if c.name in MAKEABLE and not c.passed]
         words = f"cannot be made: fails {', '.join(broken).replace('_', ' ')}" if broken else ""
-        assert found.refusal[place] == (design.refusal or words)
+        assert found["reason"][place] == (design.refusal or words)
         if design.dog is not None:
             # The margin at worst-case tolerances sums up the others and is none of them.
             margins = {c.name: c.margin for c in design.checks if c.name != "smallest_margin_worst"}
-            assert found.margin[place] == pytest.approx(min(margins.values()), rel=1e-12)
+            assert found["smallest_margin"][place] == pytest.approx(
+                min(margins.values()), rel=1e-12
+            )
             # Of two that are equally small either may be named.
-            assert margins[found.worst[place]] == pytest.approx(found.margin[place], rel=1e-12)
+            assert margins[found["worst_check"][place]] == pytest.approx(
+                found["smallest_margin"][place], rel=1e-12
+            )

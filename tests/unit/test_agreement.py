@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.search.confirmation import agreement_of, audit
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.study import require_agreement
 from dogshape.sim.errors import EngineError
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
-from tests.conftest import Said
 
 
 def _row(time: float | None) -> Record:
@@ -96,31 +94,3 @@ def test_engines_that_do_not_agree_end_a_study_with_a_sentence(small_study: Setu
     pairs = [(_row(None), _row(0.1))] * 90 + _pairs(110, lambda _: 0.0)
     with pytest.raises(EngineError, match=r"110 of 200 shifts end as in Drake.*solver\.engine"):
         require_agreement(small_study, agreement_of(pairs))
-
-
-def test_the_exit_status_is_one(
-    dogshape: Callable[..., Said], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(*_: Any) -> None:
-        raise EngineError("the engines do not agree")
-
-    monkeypatch.setattr("dogshape.pipeline.study.run_study", refuse)
-    said = dogshape("study", "mq200_paper", "--no-report")
-    assert said.status == 1
-    assert said.sentence == "dogshape: the engines do not agree"
-
-
-def test_a_study_has_the_compiled_engine_for_its_work_and_drake_for_its_judge() -> None:
-    study = load_study("mq200_paper")
-    assert study.clutch.solver.engine == "drake"
-    assert study.working.clutch.solver.engine == "planar"
-    assert study.working.judging is not None
-    assert study.working.judging.clutch == study.clutch
-    drake = load_study("mq200_paper", ["solver.engine=drake"])
-    assert (drake.working, drake.judging) == (drake, None)
-    planar = load_study("mq200_paper", ["solver.engine=planar"])
-    assert planar.working is planar
-    assert planar.judging is not None
-    assert planar.judging.clutch == study.clutch
-    hard = ["contact.set=adams2019", "mechanism.spline_friction=0.1"]
-    assert load_study("mq200_paper", hard).judging is None

@@ -14,7 +14,6 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.pipeline.diagnose import bank_diagnosis
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
-from dogshape.pipeline.store import journal as journals
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effects import load
 from dogshape.sim.files import writing
@@ -44,7 +43,7 @@ def _model(folder: Path, bench: Bench) -> Model:
 
 
 def _rows(folder: Path) -> list[Record]:
-    return list(ShiftJournal(folder / "shifts.jsonl", only_read=True).rows.values())
+    return list(ShiftJournal(folder / "shifts.jsonl").rows.values())
 
 
 def _same(one: Model, other: Model) -> bool:
@@ -75,18 +74,14 @@ def test_an_unfinished_bank_stays_whole_beside_a_finished_one(tmp_path: Path, qu
     assert quick.done == done
 
 
-@pytest.mark.parametrize("where", ["before the journal is touched", "while it is exchanged"])
 def test_a_kill_after_the_file_of_banks_loses_nothing(
-    tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch, where: str
+    tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def killed(*_: object) -> None:
         raise SystemExit(9)
 
     with monkeypatch.context() as patch:
-        if where == "while it is exchanged":
-            patch.setattr(journals, "write_whole", killed)
-        else:
-            patch.setattr(ShiftJournal, "drop", killed)
+        patch.setattr(ShiftJournal, "drop", killed)
         with pytest.raises(SystemExit):
             _model(tmp_path, _bench())
     done = quick.done

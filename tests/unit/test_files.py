@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 
 from dogshape.pipeline.store.folder import require_targets, write_json
-from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from tests.conftest import Said
@@ -84,29 +83,6 @@ def test_a_file_that_cannot_be_forced_to_the_disk_leaves_the_old_one(
     assert [file.name for file in tmp_path.iterdir()] == ["kept"]
 
 
-def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Nothing rests on a shift that a power cut would take away."""
-    path = tmp_path / "shifts.jsonl"
-    row = {"key": "a", "outcome": "engaged", "shift_time_s": 0.1, "landing_loads_N_mm": [0.0]}
-    journal, disk = ShiftJournal(path), Disk(monkeypatch)
-    append(path, row)
-    journal.add([row])
-    assert disk.calls == [("write", path), ("sync", path), ("sync folder", tmp_path)]
-    append(path, {**row, "key": "b"})
-    journal.add([{**row, "key": "b"}])
-    assert disk.calls[3:] == disk.calls[:3]
-
-    def broken(_: int) -> None:
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    monkeypatch.setattr("os.fsync", broken)
-    with pytest.raises(StorageError, match=r"shifts\.jsonl cannot be written \(Input/output error"):
-        journal.add([{**row, "key": "c"}])
-    assert set(journal.rows) == {"a", "b"}
-
-
 def test_a_full_disk_is_said_with_the_file(tmp_path: Path, dogshape: Any) -> None:
     (tmp_path / "full").symlink_to("/dev/full")
     said: Said = dogshape("export", "mq200_paper", "--svg", "full")
@@ -121,10 +97,9 @@ def test_targets_are_tried_and_left_as_they_are(tmp_path: Path) -> None:
     before = there.stat().st_mtime_ns
     require_targets({"--html": there, "--trace": tmp_path / "new.csv", "--svg": None})
     require_targets({"--html": Path("/dev/null")})
-    require_targets({"--out": tmp_path / "a" / "b" / "new.html"}, folders=True)
     assert there.read_text() == "old"
     assert there.stat().st_mtime_ns == before
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["a", "there.html"]
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["there.html"]
     for path, words in [
         (tmp_path, "--out is .*, which is a folder; name a file"),
         (tmp_path / "no" / "x.html", "but there is no folder .*/no; make it or name another file"),

@@ -12,14 +12,18 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.design import design_of, worth_simulating
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.train.design_rows import jobs_of, simulate_designs, simulated_rows
-from dogshape.pipeline.train.filling import SLACK, filling_designs, own_designs
 from dogshape.pipeline.train.training import (
     LEAST_ANGLES,
     LEAST_SHIFTS,
     MOST_DESIGNS,
+    SLACK,
     angles_of,
     count_of,
+    filling_designs,
+    jobs_of,
+    own_designs,
+    simulate_designs,
+    simulated_data,
 )
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.dataset import COLUMNS, rows_of
@@ -61,8 +65,6 @@ def test_rows_are_groups_of_whole_draws() -> None:
     assert len(rows_of(names, whole[:3])) == 0  # a draw that was cut off
     other = [_shift(a, seed=2) for a in (2.0, 10.0, 18.0)]
     assert len(rows_of(names, [*whole, *other])) == 2
-    given = [_shift(a, seed=None) for a in (1.0, 2.0, 3.0)]
-    assert rows_of(names, given)[0, -1] == -1
     hung = {"outcome": "blocked", "shift_time_s": None}
     (row,) = rows_of(names, [*whole[:3], _shift(19.0, **hung)])
     found = dict(zip((*names, *COLUMNS), row, strict=True))
@@ -74,10 +76,8 @@ def test_rows_are_groups_of_whole_draws() -> None:
 
 
 def test_own_designs_are_those_that_can_be_simulated() -> None:
-    reference = {"chamfer_deg": 10.0, "count": 18}
-    study = load_study("mq200_paper", {"search.reference": reference})
-    assert own_designs(study) == [study.prototype, {**study.prototype, **reference}]
-    assert len(own_designs(load_study("mq200_paper"))) == 1
+    study = load_study("mq200_paper")
+    assert own_designs(study) == [study.prototype]
     assert own_designs(load_study("mq200_paper", {"dog.chamfer_deg": 5.0})) == []  # it holds
     assert own_designs(load_study("mq200_paper", {"dog.count": 40})) == []  # its tip is too narrow
 
@@ -109,16 +109,6 @@ def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -
             count_of(few)
 
 
-def test_what_is_uncertain_has_even_angles() -> None:
-    """A time is no function of the angle there: between two of them nothing is halved."""
-    unsure = {"uncertain.friction_factor": {"distribution": "uniform", "low": 0.9, "high": 1.1}}
-    study = load_study("mq200_paper", {**ONE, **unsure})
-    (job,) = jobs_of([study.prototype], 128, 1)
-    assert job.rounds(study) == ()
-    (block,) = job.blocks(study)
-    assert len(block.angles) == 128
-
-
 def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_path: Path) -> None:
     """Half of a design's angles are where its times jump: they say what many even ones say."""
     study, path = load_study("mq200_paper", EIGHT).working, tmp_path / "simulated.jsonl"
@@ -126,17 +116,16 @@ def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_pat
     (even,) = jobs_of([study.prototype], 31, 5)  # below 32 fewer halve intervals
     counted: list[int] = []
     executor = scratch_executor(1, counted.append)
-    simulate_designs(study, path, jobs[:1], executor)
-    simulate_designs(study, path, jobs, executor)
+    simulate_designs(study, path, "some", jobs[:1], executor)
+    simulate_designs(study, path, "some", jobs, executor)
     assert sum(counted) == 2 * 8 * 32
-    rows = simulated_rows(study, path, jobs)
-    assert rows.shape == (16, 5 + len(COLUMNS))
-    first = dict(zip(COLUMNS, rows[:8, 5:].T, strict=True))
-    assert (first["shifts"] == 32).all()
-    assert (first["engaged"] <= 32).all()
-    simulate_designs(study, path, [even], executor)
-    other = dict(zip(COLUMNS, simulated_rows(study, path, [even])[:, 5:].T, strict=True))
-    error = np.hypot(first["standard_error_s"], other["standard_error_s"])
-    assert (np.abs(first["mean_s"] - other["mean_s"]) < 4.0 * error).all()
+    first = simulated_data(study, path, "some").grid
+    assert first.x.shape == (2, 5)
+    assert (first.shifts == 32).all()
+    assert (first.engaged <= 32).all()
+    simulate_designs(study, path, "other", [even], executor)
+    other = simulated_data(study, path, "other").grid
+    error = np.hypot(first.errors[1], other.errors[0])
+    assert (np.abs(first.means[1] - other.means[0]) < 4.0 * error).all()
     path.write_text(path.read_text().splitlines(keepends=True)[0] + '{"key": "to')  # as a kill does
-    assert len(simulated_rows(study, path, jobs)) == 8
+    assert len(simulated_data(study, path, "some", "other")) == 1

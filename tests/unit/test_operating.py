@@ -7,7 +7,7 @@ import pytest
 
 from dogshape.pipeline.config.operating import TABLE
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.state import Trial
+from dogshape.pipeline.search.state import Trial, not_dominated
 from dogshape.pipeline.simulate.design import exact_losses, leading
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
@@ -16,7 +16,6 @@ from dogshape.sim.statistics.blocks import even_blocks
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
-from dogshape.surrogate.hypervolume import not_dominated
 from dogshape.surrogate.query import require_same_physics
 
 TWO = "[{mismatch_rpm=-50, force_N=300, weight=3}, {mismatch_rpm=80, force_N=469}]"

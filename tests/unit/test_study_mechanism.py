@@ -9,9 +9,9 @@ from typing import Any
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.search.tolerance_effects import tolerance_time
+from dogshape.pipeline.simulate.design import tolerance_time
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.train.training_rows import known_surrogate, study_mix
+from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.sim.clutch_tables import MechanismSection
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
@@ -113,8 +113,7 @@ def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
 
 
 def test_a_wider_gap_adds_the_flight_of_all_that_moves() -> None:
-    stored = known_surrogate(load_study("mq200_paper"))
-    assert stored is not None
+    stored, _ = stored_surrogate(load_study("mq200_paper"), None)
     studies = [load_study("mq200_paper", more) for more in ({}, _mechanism(added_mass_kg=0.9))]
     plain, heavy = (
         tolerance_time(one, stored.surrogate, one.prototype, study_mix(one)) for one in studies

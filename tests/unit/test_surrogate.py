@@ -14,18 +14,17 @@ from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import DataError, InputError
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset, Grid, Mix, grid_of
-from dogshape.surrogate.model import Surrogate, coordinates, fit, shape_of
+from dogshape.surrogate.model import Surrogate, fit, shape_of
 from dogshape.surrogate.process import Effort
 from dogshape.surrogate.query import ask, in_range
-from dogshape.surrogate.store import Stored, load, save
-from dogshape.surrogate.validation_figures import validate
+from dogshape.surrogate.store import Stored, load, save, validate
 
 NAMES = ("chamfer_deg", "height_mm", "count")
 LOW, HIGH = np.array([0.0, 2.0, 6.0]), np.array([20.0, 6.0, 30.0])
 PHYSICS = {"contact_set": "made_up", "static_friction": 0.12, "dynamic_friction": 0.1}
 GRID = np.array([[m, f] for m in (5.0, 25.0, 100.0) for f in (250.0, 600.0)])
 MIX = Mix(GRID, np.array([0.1, 0.1, 0.2, 0.2, 0.2, 0.2]), retry=1.2)
-FIRST, THIRD, FOURTH = (Mix(GRID[k : k + 1], np.ones(1), 1.2) for k in (0, 2, 3))
+FIRST, THIRD = (Mix(GRID[k : k + 1], np.ones(1), 1.2) for k in (0, 2))
 QUICK = Effort(designs=60, steps=25)
 
 
@@ -88,18 +87,6 @@ def test_other_operating_points_are_interpolated_with_wider_intervals(surrogate:
     assert time == pytest.approx(truths, rel=0.1)
     assert (np.abs(time - truths) < 1.96 * error).mean() >= 0.9
     assert error.mean() > 3.0 * surrogate.predict(x, FIRST)[1].mean()
-    rows = surrogate.times_by_row(np.repeat(x[:1], 2, axis=0), np.array([[12.0, 400.0], GRID[3]]))
-    own = [surrogate.medians(x[:1], replace(m, retry=0.0))[0] for m in (between, FOURTH)]
-    assert rows == pytest.approx(own)
-
-
-def test_joint_errors_are_those_of_the_smooth_part(surrogate: Surrogate) -> None:
-    x = made(12, seed=3).x
-    time, covariance = surrogate.joint(x)
-    alone, error = surrogate.predict(x)
-    assert time == pytest.approx(alone, rel=1e-3)
-    assert (np.diag(covariance) <= 1.001 * error**2).all()
-    assert np.linalg.eigvalsh(covariance).min() > -1e-12
 
 
 def test_validation_tells_signal_from_noise(surrogate: Surrogate) -> None:
@@ -149,12 +136,6 @@ def test_share_stays_between_nought_and_one_and_costs_retries() -> None:
     assert cost == pytest.approx(0.25 * MIX.retry, rel=0.4)
     far = np.array([[500.0, 90.0, 900.0]])
     assert 0.0 < some_lose.engaged(far, MIX).min() < 1.0
-
-
-def test_interval_widens_with_the_distance_to_the_data(surrogate: Surrogate) -> None:
-    near, far = surrogate.data.x[0], np.array([40.0, 12.0, 60.0])
-    assert surrogate.expected(far, MIX).error > 3 * surrogate.expected(near, MIX).error
-    assert surrogate.distance(np.array([near, far])) == pytest.approx([0.0, 12.0], abs=8.0)
 
 
 def test_too_few_designs_are_refused() -> None:
@@ -223,33 +204,14 @@ def test_faces_that_hold_have_no_estimate(
     surrogate: Surrogate, chamfer: float, friction: float, holds: bool
 ) -> None:
     """The least chamfer that was simulated is 7 degrees, the friction angle of 0.12 is 6.84."""
-    data = surrogate.data.subset(surrogate.data.x[:, 0] > 7.0)
-    data = replace(data, physics={**PHYSICS, "static_friction": friction})
+    data, physics = surrogate.data, {**PHYSICS, "static_friction": friction}
+    data = replace(data, grid=data.grid.subset(data.x[:, 0] > 7.0), physics=physics)
     model = replace(surrogate, data=data)
     asked = {"chamfer_deg": chamfer, "height_mm": 4.0, "count": 18.0}
     answer = ask(model, asked, MIX, data.physics)
     assert (answer.expected is None) == holds
     assert answer.refusal.startswith("faces hold: no estimate") == holds
     assert bool(in_range(model, np.array([list(asked.values())]))[0]) <= (not holds)
-
-
-def test_a_simulated_chamfer_has_an_estimate_whatever_the_friction(surrogate: Surrogate) -> None:
-    """Faces of a creeping contact law let go below its friction angle, as its rows say."""
-    physics = {**PHYSICS, "static_friction": 0.9}
-    model = replace(surrogate, data=replace(surrogate.data, physics=physics))
-    asked = {"chamfer_deg": 10.0, "height_mm": 4.0, "count": 18.0}
-    assert ask(model, asked, MIX, physics).expected is not None
-
-
-def test_an_interval_is_split_into_retries_and_the_rest(surrogate: Surrogate) -> None:
-    x = np.array([10.0, 4.0, 18.0])
-    losing = replace(surrogate.share, engaged=surrogate.share.engaged * 0.9)
-    found = replace(surrogate, share=losing).expected(x, MIX)
-    bare, error = found.without_retries
-    engaging = surrogate.expected(x, replace(MIX, retry=0.0))
-    assert (bare, error) == pytest.approx((engaging.time, engaging.error))
-    assert found.retries > 0.0
-    assert np.hypot(error, found.retries_error) == pytest.approx(found.error)
 
 
 def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
@@ -259,9 +221,3 @@ def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
     assert found is not None
     of_dog = [dog.entry_play, dog.tip_width, dog.edge_drop]
     assert found[0] == pytest.approx([1e3 * value for value in of_dog], rel=1e-9)
-
-
-def test_without_the_shape_a_design_has_its_variables_and_an_angle_s_ridge() -> None:
-    where = coordinates(made(12), np.array([LOW, HIGH]))
-    assert where[:, :3] == pytest.approx(np.array([[0.0] * 3, [1.0] * 3]))
-    assert where[:, 3] == pytest.approx([np.tanh(-0.1 / 0.04), 1.0], abs=1e-4)

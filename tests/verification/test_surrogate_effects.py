@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.train.filling import filling_designs
+from dogshape.pipeline.train.training import filling_designs
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate, fit

@@ -10,7 +10,6 @@ from scipy.special import jv
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
-from dogshape.pipeline.search.guide import TERMS
 from dogshape.surrogate.covariance import (
     Array,
     Covariance,
@@ -49,28 +48,11 @@ def test_slopes_of_the_covariance_are_its_differences() -> None:
         assert slopes[k] == pytest.approx(difference, rel=1e-5, abs=1e-9)
 
 
-def test_the_covariance_is_positive() -> None:
-    whole, inputs = covariance(), places(130)
-    matrix = whole.between(inputs, inputs)
-    assert np.linalg.eigvalsh(matrix).min() > -1e-9
-    assert np.diag(matrix) == pytest.approx(whole.variance(), rel=1e-6)
-
-
 def test_matern_is_that_of_scikit_learn() -> None:
     a, b = places(20), places(30, seed=2)
     scales = np.array([0.3, 0.5, 1.0, 2.0, 0.7])
     found = matern(distance(a / scales, b / scales))
     assert found == pytest.approx(Matern(scales, nu=2.5)(a, b), abs=1e-12)
-
-
-def test_wendland_ends_at_one_and_is_positive_definite_over_eight_coordinates() -> None:
-    assert wendland(np.array([0.0, 0.5, 1.0, 3.0]), 8) == pytest.approx([1.0, 4.5 / 2**7, 0.0, 0.0])
-    places = np.random.default_rng(0).random((200, 8))
-    apart = np.sqrt(((places[:, None] - places[None]) ** 2).sum(axis=2))
-    for reach in (0.3, 1.0, 3.0):
-        correlation = wendland(apart / reach, 8)
-        assert (correlation == 0.0).any() == (reach < apart.max())
-        assert np.linalg.eigvalsh(correlation).min() > 0.0
 
 
 def density(coordinates: int, functions_for: int) -> Array:
@@ -89,18 +71,6 @@ def density(coordinates: int, functions_for: int) -> Array:
 @pytest.mark.parametrize("coordinates", [1, 5, 9, 10, 14, 20])
 def test_wendland_is_positive_definite_over_its_coordinates(coordinates: int) -> None:
     assert density(coordinates, coordinates).min() > 0.0
-
-
-def test_a_rough_term_over_twenty_coordinates_is_positive_semidefinite() -> None:
-    """The function of nine coordinates is not, as its density tells; a free guide's terms are."""
-    assert density(20, 9).min() < -1e-9  # rounding: 1e-17
-    theta, _ = first_parameters(TERMS, 20)
-    designs = np.random.default_rng(0).random((300, 20))
-    for spread in (0.02, 0.1, 1.0):  # within the reach of what is rough, and beyond
-        places = spread * designs
-        found = Covariance(TERMS, 20, theta).between(places, places)
-        assert np.linalg.eigvalsh(found).min() > -1e-12
-        assert found == pytest.approx(found.T)
 
 
 def smooth_process(noise: float) -> Process:
