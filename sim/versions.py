@@ -14,7 +14,7 @@ from pathlib import Path
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
     """Return the versions that a result depends on."""
-    names = ("dogshape", "drake", "numpy", "scipy", "optuna")
+    names = ("dogshape", "drake", "numpy", "scipy", "scikit-learn", "optuna")
     return {"python": platform.python_version(), **{n: metadata.version(n) for n in names}}
 
 

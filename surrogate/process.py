@@ -12,7 +12,7 @@ random part of the designs: the cost of a likelihood grows with their cube.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -102,41 +102,12 @@ def fit_process(
         theta = np.clip(start, bounds[:, 0], bounds[:, 1])
     covariance = Covariance(terms, inputs.shape[1], theta)
     if effort.steps:
+        from dogshape.surrogate.regression import likeliest  # noqa: PLC0415  slow to load
+
         few = np.random.default_rng(effort.seed).permutation(len(targets))[: effort.designs]
         data = inputs[few], (targets[few] - level) / scale, relative[few]
-        covariance = _likeliest(covariance, bounds, data, effort.steps)
+        covariance = likeliest(covariance, bounds, data, effort.steps)
     return Process(covariance, inputs, targets, relative, level, scale)
-
-
-def _likeliest(
-    covariance: Covariance, bounds: Array, data: tuple[Array, Array, Array], steps: int
-) -> Covariance:
-    """Maximise the likelihood of targets (n, k) at inputs (n, c) with noise (n,)."""
-    from scipy.linalg import cho_solve, cholesky  # noqa: PLC0415  slow to load
-    from scipy.optimize import minimize  # noqa: PLC0415
-
-    inputs, targets, noise = data
-
-    def loss(theta: Array) -> tuple[float, Array]:
-        """Compute the negative logarithm of the likelihood, and its slopes (size,)."""
-        matrix, slopes = replace(covariance, theta=theta).slopes(inputs)
-        try:
-            root = cholesky(matrix + np.diag(noise), lower=True, check_finite=False)
-        except np.linalg.LinAlgError:
-            return np.inf, np.zeros_like(theta)
-        weights = cho_solve((root, True), targets, check_finite=False)
-        inverse = cho_solve((root, True), np.eye(len(inputs)), check_finite=False)
-        size = targets.shape[1]
-        constant = np.log(np.diag(root)).sum() + 0.5 * len(inputs) * np.log(2.0 * np.pi)
-        value = 0.5 * np.einsum("ik,ik->", targets, weights) + size * constant
-        outer = size * inverse - weights @ weights.T
-        return float(value), 0.5 * np.einsum("ij,sij->s", outer, slopes)
-
-    found = minimize(
-        loss, covariance.theta, method="L-BFGS-B", jac=True, bounds=bounds,
-        options={"maxiter": steps},
-    )  # fmt: skip
-    return replace(covariance, theta=found.x)
 
 
 def draw_jointly(mean: Array, covariance: Array, rng: np.random.Generator, count: int) -> Array:

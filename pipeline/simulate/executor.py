@@ -14,10 +14,12 @@ import shutil
 import signal
 import tempfile
 import threading
+import time
 import warnings
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +39,7 @@ Progress = Callable[[int], None]  #: called with the number of shifts just finis
 
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 MANY = 100  #: blocks that a cluster is sent at once
+LOOK = 1.0  #: s between looks whether the parent is alive
 TRIES = 3  #: times that workers may die one after the other without a shift finished
 
 # The pool replaces a worker that has grown by plants and compiled code, and loses nothing by it.
@@ -169,9 +172,26 @@ def _work(block: Block, path: Path) -> list[Record]:
 
 
 def _work_alone(block: Block, path: Path) -> list[Record]:
-    """Work in a process of its own; Ctrl-C is the parent's business."""
+    """Work in a process of its own, no longer than its parent; Ctrl-C is the parent's business."""
+    _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return _work(block, path)
+
+
+@cache
+def _end_with_parent() -> None:
+    """End this process soon after its parent, of which nothing else tells it if it was killed.
+
+    A process whose parent is gone has another one. The thread is started once in a process.
+    """
+    parent = os.getppid()
+
+    def look() -> None:
+        while os.getppid() == parent:
+            time.sleep(LOOK)
+        os._exit(1)
+
+    threading.Thread(target=look, name="parent", daemon=True).start()
 
 
 def end_workers() -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.sim.errors import StorageError
+from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 
 
@@ -42,15 +43,24 @@ class ShiftJournal:
         return new
 
     def add(self, rows: Iterable[Record]) -> None:
-        """Take up rows that a worker has already written."""
+        """Take up rows that a worker has already written; from now on a power cut leaves them."""
+        if self.path.exists():
+            with _alone_in(self.path) as descriptor:
+                os.fsync(descriptor)
+                sync_folder(self.path.parent)
         self.rows.update((row["key"], row) for row in rows)
 
     def drop(self, keys: Collection[str]) -> None:
-        """Remove shifts whose results are stored elsewhere; StorageError as ``append``."""
+        """Remove shifts whose results are stored elsewhere; StorageError as ``append``.
+
+        A kill leaves the file before or after, whole; lines of other processes stay.
+        """
+        with _alone_in(self.path):
+            content = self.path.read_bytes()
+            lines = content[: content.rfind(b"\n") + 1].splitlines(keepends=True)
+            left = [line for line in lines if json.loads(line)["key"] not in keys]
+            write_whole(self.path, b"".join(left))
         self.rows = {key: row for key, row in self.rows.items() if key not in keys}
-        with _alone_in(self.path) as descriptor:
-            os.ftruncate(descriptor, 0)
-        append(self.path, *self.rows.values())
 
     def say_unfinished(self, say: Callable[[str], None]) -> None:
         """Report the number of shifts that the clock ended, if any."""
@@ -98,14 +108,20 @@ def append(path: Path, *rows: Record) -> None:
 
 @contextmanager
 def _alone_in(path: Path) -> Iterator[int]:
-    """Open a file for appending and hold its lock, which ends with the process."""
+    """Open a file for appending and hold its lock, which ends with the process.
+
+    Who waited while the file was exchanged (``ShiftJournal.drop``) takes the new one.
+    """
     try:
-        descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX)
-            yield descriptor
-        finally:
-            os.close(descriptor)
+        while True:
+            descriptor = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o644)
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX)
+                if path.exists() and os.path.samestat(os.stat(path), os.fstat(descriptor)):
+                    yield descriptor
+                    return
+            finally:
+                os.close(descriptor)
     except OSError as error:
         raise StorageError(
             f"{path} cannot be written ({error.strerror}); the shifts before are kept: make room "

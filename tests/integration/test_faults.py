@@ -10,6 +10,7 @@ import resource
 import signal
 import subprocess
 import time
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -199,6 +200,54 @@ def test_a_worker_that_is_killed_says_nothing_against_its_shift(
     executor, blocks = _broken(small_study, tmp_path, str(tmp_path / "done"))
     rows = executor.run(blocks)
     assert all(row["outcome"] == "engaged" for block in rows for row in block)
+
+
+def test_two_runs_in_one_folder(tmp_path: Path) -> None:
+    """The second is refused while the first runs, and the first does not notice."""
+    one = _command(tmp_path, "--jobs", "1", "--set", "search.trials=1")
+    first = subprocess.Popen(one, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+    end = time.monotonic() + 60
+    while not _lines(tmp_path) and time.monotonic() < end:
+        time.sleep(0.02)
+    os.kill(first.pid, signal.SIGSTOP)
+    second = subprocess.run(_command(tmp_path), cwd=ROOT, capture_output=True, text=True,
+                            timeout=120, check=False)  # fmt: skip
+    os.kill(first.pid, signal.SIGCONT)
+    _, err = first.communicate(timeout=120)
+    assert second.returncode == 2
+    assert "is in use by another run" in second.stderr
+    assert first.returncode == 0, err.decode()
+
+
+def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    """They hold memory, and nothing tells them: idle, they would wait five minutes for work."""
+    parent = subprocess.Popen(
+        _command(tmp_path, "--jobs", "2"),
+        cwd=ROOT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    end = time.monotonic() + 120
+    while len(_lines(tmp_path)) < 4 and time.monotonic() < end:
+        time.sleep(0.05)
+    assert len(_members(parent.pid)) >= 3
+    parent.kill()
+    parent.wait()
+    end = time.monotonic() + 60
+    while _members(parent.pid) and time.monotonic() < end:
+        time.sleep(0.2)
+    assert not _members(parent.pid)
+
+
+def _members(session: int) -> list[int]:
+    """Return the processes of a session that are no zombies."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/stat"):
+        with suppress(OSError):
+            state, _, _, its = path.read_text().rpartition(")")[2].split()[:4]
+            found += [int(path.parent.name)] if int(its) == session and state != "Z" else []
+    return found
 
 
 def test_workers_that_die_again_and_again_are_said(small_study: Setup, tmp_path: Path) -> None:

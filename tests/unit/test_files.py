@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from dogshape.pipeline.store.folder import require_targets, write_json
+from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from tests.conftest import Said
@@ -81,6 +82,40 @@ def test_a_file_that_cannot_be_forced_to_the_disk_leaves_the_old_one(
     assert refused.value.filename == str(path)
     assert path.read_text() == "old"
     assert [file.name for file in tmp_path.iterdir()] == ["kept"]
+
+
+def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing rests on a shift that a power cut would take away."""
+    path = tmp_path / "shifts.jsonl"
+    row = {"key": "a", "outcome": "engaged", "shift_time_s": 0.1, "landing_loads_N_mm": [0.0]}
+    journal, disk = ShiftJournal(path), Disk(monkeypatch)
+    append(path, row)
+    journal.add([row])
+    assert disk.calls == [("write", path), ("sync", path), ("sync folder", tmp_path)]
+    append(path, {**row, "key": "b"})
+    journal.add([{**row, "key": "b"}])
+    assert disk.calls[3:] == disk.calls[:3]
+
+    def broken(_: int) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    monkeypatch.setattr("os.fsync", broken)
+    with pytest.raises(StorageError, match=r"shifts\.jsonl cannot be written \(Input/output error"):
+        journal.add([{**row, "key": "c"}])
+    assert set(journal.rows) == {"a", "b"}
+
+
+def test_shifts_kept_elsewhere_leave_the_journal_and_others_stay(tmp_path: Path) -> None:
+    path = tmp_path / "shifts.jsonl"
+    row = {"outcome": "engaged", "shift_time_s": 0.1, "landing_loads_N_mm": [0.0]}
+    append(path, {"key": "a", **row}, {"key": "b", **row})
+    journal = ShiftJournal(path)
+    append(path, {"key": "c", **row})  # by another process
+    journal.drop({"a"})
+    assert set(journal.rows) == {"b"}
+    assert set(ShiftJournal(path).rows) == {"b", "c"}
 
 
 def test_a_full_disk_is_said_with_the_file(tmp_path: Path, dogshape: Any) -> None:

@@ -52,6 +52,7 @@ GUARDED = {
     "nptdms": ("diagnosis/bench/trace_files.py",),
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
+    "sklearn": ("surrogate/regression.py",),
     "tomlkit": ("pipeline/config/toml_text.py",),
     "dash": ("dogshape/app.py", "dogshape/app_page.py"),
     "flask": ("dogshape/app.py",),
