@@ -34,6 +34,7 @@ from dogshape.sim.shift.clutch import (
     contact_set,
     solver_for,
 )
+from dogshape.sim.shift.geometry import SCOPE
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.load_case import LoadCase
@@ -334,6 +335,7 @@ class StudyFile(Section):
             table, name = key.split(".")
             given = getattr(getattr(self, table), name)
             remedy = "narrow the range" if table == "variables" else "check the value and its unit"
+            remedy += f": {SCOPE}" if key.startswith("variables") and key.endswith("_deg") else ""
             for value in given if isinstance(given, list) else [given]:
                 if value is not None:
                     require_between(key, value, low, high, remedy)

@@ -40,7 +40,7 @@ def default() -> Setup:
 
 def _run(study: Setup, time: Time, precision: float, said: list[str]) -> Expectation:
     with WorkCounter(Listener(said), 1) as progress:
-        return expect_to(study, study.points, precision, MadeUp(time), progress).expectation  # type: ignore[arg-type]
+        return expect_to(study, study.points, precision, MadeUp(time), progress)[0]  # type: ignore[arg-type]
 
 
 def _slope(phase: float) -> float:

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from dogshape.sim.engines import engage
-from dogshape.sim.errors import InputError
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
@@ -158,13 +157,6 @@ def test_a_lagged_force_follows_drake(clutch: Clutch, point: Point) -> None:
     lagged = ForceProfile(base.profile.force, base.profile.rise, lag=0.02)
     mine, drake = _both(clutch, replace(base, profile=lagged), 15 * DEG)
     assert mine == pytest.approx(drake, rel=5e-3)
-
-
-def test_a_pressed_spline_with_two_coefficients_is_the_compiled_engines(clutch: Clutch) -> None:
-    contact, mechanism = contact_set("adams2019"), Mechanism(spline_friction=0.1)
-    own = replace(clutch, contact=contact, solver=solver_for(contact), mechanism=mechanism)
-    with pytest.raises(InputError, match=r"no torque for mechanism.spline_friction; take solver"):
-        ClutchPlant(own)
 
 
 def _profile() -> ForceProfile:

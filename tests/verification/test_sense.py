@@ -138,9 +138,7 @@ def _heavier(setting: Setting, values: Values) -> Setting:
     return setting.with_mechanism(added_mass=2.0)
 
 
-HEAVIER = Effect(
-    "heavier", "a mass of 2 kg is there or not", (), _heavier, BenchTest("look", "Look at it.")
-)
+HEAVIER = Effect("heavier", (), _heavier, BenchTest("look", "Look at it."))
 
 
 def test_an_effect_without_parameters_has_one_level() -> None:
