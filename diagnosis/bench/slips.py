@@ -32,7 +32,6 @@ from dogshape.diagnosis.bench.trace_slips import (
     TracedRow,
     force_ratio,
     median_of,
-    settled_force_ratio,
     short,
     speed_ratio,
     time_ratio,
@@ -250,8 +249,7 @@ class Range:
         yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
 
 
-FORCE = "force_N of the traces ends at {0} of what force_N of the table makes it"
-DURATION, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE = (
+DURATION, TRAVEL, SPEED, LAST_FORCE = (
     Range(
         "trace_time", time_ratio, 0.0, 100.0,
         "by t_s the travel of the traces takes {0} times the time of the shift",
@@ -278,12 +276,10 @@ DURATION, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE = (
         "another speed than the nominal one",
     ),
     Range(
-        "trace_force", force_ratio, 0.01, np.inf, FORCE,
-        (("trace_force=kN", "kilonewtons"),), "a sensor with a wrong scale",
-    ),
-    Range(
-        "trace_force", settled_force_ratio, 0.5, 1.5, FORCE,
-        (("force=arm", "the force at the robot arm in the table"),
+        "trace_force", force_ratio, 0.5, 1.5,
+        "force_N of the traces ends at {0} of what force_N of the table makes it",
+        (("trace_force=kN", "kilonewtons"),
+         ("force=arm", "the force at the robot arm in the table"),
          ("trace_force=arm", "the force at the robot arm in the traces")),
         "a sensor with a wrong scale",
     ),
@@ -372,6 +368,6 @@ def table_clock(stand: Stand, sheet: Sheet) -> Findings:
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Callable[[Stand, Sheet], Findings], ...] = (
     axes_by_rise, physical_ranges, force_by_calibration, early_times, DURATION,
-    trace_clock, TRAVEL, SPEED, LAST_FORCE, SETTLED_FORCE, trace_rest,
+    trace_clock, TRAVEL, SPEED, LAST_FORCE, trace_rest,
     repeated_rows, nearly_same_points, trace_notes, table_clock,
 )  # fmt: skip

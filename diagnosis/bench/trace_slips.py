@@ -28,6 +28,7 @@ from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, MS, RPM
 
+KILO = 0.01  #: ratio of forces below which those of traces are kilonewtons
 SETTLED = 0.25  #: s after the rise from which any delay of the force is over
 CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margin of a diagnosis
 REST = 0.02  #: of axial gap or nominal force, least reading at rest that is said
@@ -103,19 +104,18 @@ def time_ratio(one: TracedRow) -> float:
 
 
 def force_ratio(one: TracedRow) -> float | None:
-    """Compute the last force over the nominal one at that time."""
+    """Compute the last force over the nominal one at that time, once any delay is over.
+
+    A ratio below ``KILO`` counts at any time: no delay makes it so small.
+    """
     try:
         profile = ForceProfile(one.row.force, one.row.rise)
     except InputError:
         return None
     if not one.start or not (nominal := profile.at(float(one.trace.time[-1]) - one.start.time)):
         return None
-    return (float(np.median(one.trace.force[-5:])) - one.start.force) / nominal
-
-
-def settled_force_ratio(one: TracedRow) -> float | None:
-    """Compute the same where any delay of the force is over."""
-    return force_ratio(one) if one.trace.time[-1] > one.row.rise + SETTLED else None
+    ratio = (float(np.median(one.trace.force[-5:])) - one.start.force) / nominal
+    return ratio if ratio < KILO or one.trace.time[-1] > one.row.rise + SETTLED else None
 
 
 def median_of(ratio: Callable[[TracedRow], float | None], stand: Stand, sheet: Sheet) -> float:

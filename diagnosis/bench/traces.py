@@ -22,7 +22,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.diagnosis.settings import constant
 from dogshape.diagnosis.terms import Array
 
 Series = NDArray[np.float64]
@@ -56,29 +55,12 @@ class BenchTrace:
         return float(np.median(np.diff(self.time)))
 
 
-@dataclass(frozen=True)
-class StartRule:
-    """Settings by which the start of a force is found."""
-
-    threshold: float = constant(
-        0.05, "of the largest force", "force above rest that is seen as a rise", "judged",
-        "above the hum and drift of load cells, a percent or two of their range",
-    )  # fmt: skip
-    clear: float = constant(
-        4.0, "scatters", "the same, at least", "judged",
-        "a median of three samples passes four scatters by chance once in 10^8",
-    )  # fmt: skip
-    fitted: float = constant(
-        0.8, "of the largest force", "force up to which the rise is fitted", "judged",
-        "below the plateau and its corner; starts of simulated traces come back within 0.3 ms",
-    )  # fmt: skip
-    evidence: float = constant(
-        10.0, "of the information criterion", "advantage from which another shape is taken",
-        "judged", "Kass and Raftery (1995): very strong evidence",
-    )  # fmt: skip
-
-
-USUAL = StartRule()
+#: Force above rest that is seen as a rise, of the largest: above the hum and drift of load cells.
+THRESHOLD = 0.05
+CLEAR = 4.0  #: scatters, the same at least: by chance a median of three passes once in 10^8
+RISEN = 0.8  #: of the largest force, up to which the rise is fitted: below plateau and corner
+#: Advantage in the information criterion from which another shape is taken (Kass, Raftery 1995).
+EVIDENCE = 10.0
 Shape = Callable[[Array], list[Array]]  #: columns of a fit from times after the start
 
 FREE, ARRIVED = 0.2, 0.9  #: shares of the displacement: nothing touches before, and end of travel
@@ -114,18 +96,18 @@ def scatter(values: Array) -> float:
 
 
 @lru_cache(maxsize=512)
-def find_force_start(trace: BenchTrace, rise: float, rule: StartRule = USUAL) -> ForceStart | None:
+def find_force_start(trace: BenchTrace, rise: float) -> ForceStart | None:
     """Find the start of the force in a trace; ``rise`` is its nominal rise time in s.
 
     Returns None where no rise stands out from the noise.
     """
-    size = _undisturbed(trace, rule)
+    size = _undisturbed(trace)
     time, force = trace.time[:size], trace.force[:size]
     smooth, rest = smoothed(force), float(np.median(force[:FIRST]))
     top = float(smooth.max()) - rest
-    least = max(rule.threshold * top, rule.clear * scatter(force))
+    least = max(THRESHOLD * top, CLEAR * scatter(force))
     # From the rise backwards: hum and bursts before it may pass the threshold too.
-    end = int(np.argmax(smooth >= rest + rule.fitted * top)) + 1
+    end = int(np.argmax(smooth >= rest + RISEN * top)) + 1
     below = np.flatnonzero(smooth[:end] < rest + least)
     if top < 2.0 * least or not below.size:
         return None
@@ -133,18 +115,14 @@ def find_force_start(trace: BenchTrace, rise: float, rule: StartRule = USUAL) ->
     begin = max(0, place - RESTED * (end - place))
     start, error, level = float(time[place]) - 0.5 * trace.step, 0.0, rest
     if end - place >= FITTED:
-        start, error, level = _fit_start(
-            time[begin:end], force[begin:end], place - begin, rise, rule
-        )
+        start, error, level = _fit_start(time[begin:end], force[begin:end], place - begin, rise)
     still = trace.displacement[: max(FIRST, int(np.searchsorted(trace.time, start)))]
     # Between two samples a jump may be anywhere.
     error = float(np.hypot(error, trace.step / np.sqrt(12.0)))
     return ForceStart(start, error, level, float(np.median(still)))
 
 
-def _fit_start(
-    time: Array, force: Array, place: int, rise: float, rule: StartRule
-) -> tuple[float, float, float]:
+def _fit_start(time: Array, force: Array, place: int, rise: float) -> tuple[float, float, float]:
     span = float(time[-1] - time[place])
     # Times in lengths of the fitted rise keep the fit well conditioned.
     scaled, full = (time - time[place]) / span, max(rise / span, 1.0 / time.size)
@@ -158,18 +136,18 @@ def _fit_start(
     lows = ((early - float(time[place])) / span, float(scaled[0]), float(scaled[0]))
     fits = [_fit(scaled, force, shape, low) for shape, low in zip(shapes, lows, strict=True)]
     best = min(fits)
-    _, start, error, level = best if best[0] < fits[0][0] - rule.evidence else fits[0]
+    _, start, error, level = best if best[0] < fits[0][0] - EVIDENCE else fits[0]
     return float(time[place]) + span * start, span * error, level
 
 
-def _undisturbed(trace: BenchTrace, rule: StartRule) -> int:
+def _undisturbed(trace: BenchTrace) -> int:
     """Count the samples whose force no contact disturbs.
 
     Where the force falls, these are the samples before the first touch; before the end of travel,
     where it falls later (release, seating).
     """
     way, force = smoothed(trace.displacement), smoothed(trace.force)
-    least = max(rule.threshold * np.ptp(force), 2.0 * rule.clear * scatter(trace.force))
+    least = max(THRESHOLD * np.ptp(force), 2.0 * CLEAR * scatter(trace.force))
     fallen = np.maximum.accumulate(force) - force > least
     if not fallen.any():
         return way.size

@@ -199,23 +199,6 @@ def test_clocks_that_cannot_be_compared_are_refused(tmp_path: Path) -> None:
         assert str(tmp_path / "x.tdms") in str(refused.value)
 
 
-def test_a_slow_group_of_its_own_is_found(tmp_path: Path) -> None:
-    needed(find_spec("nptdms") is not None, "npTDMS")
-    nptdms = importlib.import_module("nptdms")
-    slow = regular(step=5e-3, count=13)
-    with nptdms.TdmsWriter(str(tmp_path / "x.tdms")) as writer:
-        for group, time, names in (
-            ("fast", regular(), ("displacement_mm", "force_N")),
-            ("slow", slow, ("sliding_speed_rpm", "output_speed_rpm")),
-        ):
-            channels = [("t_s", time), *((name, curve(name, time)) for name in names)]
-            writer.write_segment([nptdms.ChannelObject(group, *one) for one in channels])
-    trace = read_trace(tmp_path / "x.tdms")
-    assert trace.time.size == 61
-    check_values(trace)
-    assert "sliding_speed_rpm (13 samples, every 5 ms)" in trace.notes[0]
-
-
 def test_lost_samples_are_said_and_doubled_ones_refused(tmp_path: Path) -> None:
     path, time = tmp_path / "x.csv", regular()
     lost = np.concatenate([time[:20], time[40:]])

@@ -118,13 +118,6 @@ def test_layouts_are_read(bench: Bench, kind: str) -> None:
     assert left in bench.left_out
 
 
-def test_statistics_within_a_table_have_their_name(bench: Bench) -> None:
-    one = "V01;50;469;110\nV02;50;469;120\nMittel A;50;469;115\nStabw.;0;0;7,1\n"
-    text = f"Probe;{HEAD}\n{one}V03;100;469;100\nref;100;469;104\nØ;100;469;102\n"
-    assert [row[2] for row in bench.numbers(text)] == [110.0, 120.0, 100.0, 104.0]
-    assert all(f"{row}: statistic" in bench.left_out for row in (4, 5, 8))
-
-
 @pytest.mark.parametrize("words", ["1 2 2b 3", "1 2 3 4", "io nio A Max_Muster"])
 def test_shifts_that_only_look_like_sums_stay(bench: Bench, words: str) -> None:
     rows = zip(words.split(), ((50, 110), (100, 100), (150, 90), (100, 104)), strict=True)
@@ -204,19 +197,6 @@ def test_what_can_be_read_in_two_ways_is_refused_and_settled(bench: Bench, kind:
         assert bench.read(text, *_options(settled))
 
 
-def test_options_decide(bench: Bench) -> None:
-    assert bench.numbers(OPEN, "--decimal", ",")[0][1] == 1200.0
-    assert len(bench.numbers(WORD, "--rows", "2,4-5")) == 3
-    assert "3: not among --rows" in bench.left_out
-    assert [r.place for r in bench.read(COUNTED, "--column", "order=Number")] == [1.0, 2.0]
-    found = bench.numbers(OMEGA, "--column", "mismatch_rpm=domega:rad/s")
-    assert found[0][0] == pytest.approx(5.2 * 30.0 / np.pi, abs=1e-4)
-    for counts in ("5 10", "1 1", "12 9"):
-        one, other = counts.split()
-        text = COUNTED.replace("\n1,", f"\n{one},").replace("\n2,", f"\n{other},")
-        assert [r.n for r in bench.read(text)] == [int(one), int(other)]
-
-
 @pytest.mark.parametrize(
     ("cells", "form"),
     [
@@ -255,13 +235,6 @@ def test_time_outs_that_are_written_as_times(bench: Bench, times: str) -> None:
     assert "are shifts that did not engage" in " ".join(bench.json["assumed"])
     longer = bench.read(text, "--set", f"timeout_s={3 * most}")
     assert [r.time for r in longer] == [float(t) for t in times.split()]
-
-
-def test_equal_times_of_a_coarse_clock_are_no_time_outs(bench: Bench) -> None:
-    times = "0.05 0.06 0.06 0.07 0.12 0.06 0.07 0.12 0.08 0.09"
-    rows = "".join(f"50,469,{t}\n" for t in times.split())
-    assert len(bench.read(f"dn,F,shift time [s]\n{rows}")) == 10
-    assert "multiples of 10 ms" in " ".join(bench.json["warnings"])
 
 
 @pytest.mark.parametrize(
@@ -331,21 +304,6 @@ def test_set_values_stay_as_they_are(bench: Bench) -> None:
         rows = "".join(f"{n};469;{100 + k}\n" for n in values.split() for k in range(3))
         found = bench.numbers(f"{HEAD}\n{rows}")
         assert sorted({row[0] for row in found}) == sorted(map(float, values.split()))
-
-
-def test_each_quantity_is_told_as_it_was_read(bench: Bench) -> None:
-    text = ("Nr;rem;dn;Öltemp [°C];F;t_shift;leer\n1;a;50;60;469;116,5;\n2;b;100;61;469;104;\n"
-            "# Pause;;;;;;\n3;c;149;63;642;98;\n")  # fmt: skip
-    assert len(bench.read(text)) == 3
-    for words in ("Nr: numbers the rows", "Öltemp [°C]: no quantity of this name", "leer: empty",
-                  "4: has no number ('# Pause')"):  # fmt: skip
-        assert words in bench.left_out
-    (time,) = (c for c in bench.json["columns"] if c["quantity"] == "shift_time_s")
-    assert time == {
-        "file": "m.csv", "quantity": "shift_time_s", "column": "t_shift", "unit": "ms",
-        "decimals": "comma", "first": 0.1165, "least": 0.098, "largest": 0.1165,
-        "why": "name; ms by its size",
-    }  # fmt: skip
 
 
 def test_a_slip_is_settled_by_the_option_that_it_names(bench: Bench) -> None:

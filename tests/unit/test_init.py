@@ -16,15 +16,11 @@ from typer.testing import CliRunner
 from dogshape.cli.app import app
 from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_cells import SHIFTS, split_head
-from dogshape.diagnosis.bench.foreign_columns import Match, matched
-from dogshape.diagnosis.bench.foreign_table import Column
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.config.toml_text import SOURCE, with_values
 from dogshape.pipeline.diagnose.study_keys import study_of
-from dogshape.pipeline.drafts.study_folder import CLUTCH, USE
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
@@ -44,53 +40,6 @@ Nr.;Drehzahldifferenz [1/min];F_shift (kN);t_shift ms;Anzahl;i.O.
 3;149;0,6415;170,25;10;ja
 4;249;0,6415;1000;10;nein
 """
-
-
-def columns_of(*heads: str) -> list[Column]:
-    return [Column.of(place, head) for place, head in enumerate(heads, start=1)]
-
-
-def heads_of(found: list[Match]) -> dict[str, str]:
-    return {one.quantity.name: one.head for one in found}
-
-
-@pytest.mark.parametrize(
-    ("head", "name", "unit", "factor"),
-    [
-        ("Drehzahldifferenz [min⁻¹]", "Drehzahldifferenz", "min⁻¹", 1.0),
-        ("dn [rad/s]", "dn", "rad/s", 9.549297),
-        ("F_shift (kN)", "F_shift", "kN", 1e3),
-        ("t_mean_ms", "t_mean", "ms", 1e-3),
-        ("t [µs]", "t", "µs", 1e-6),
-        ("F/kN", "F", "kN", 1e3),
-        ("n/min^-1", "n", "min^-1", 1.0),
-        ("Schaltkraft in N", "Schaltkraft", "N", 1.0),
-        ("shift time (mean)", "shift time mean", None, None),
-    ],
-)
-def test_a_head_is_name_and_unit(
-    head: str, name: str, unit: str | None, factor: float | None
-) -> None:
-    found = split_head(head)
-    assert (found[0], found[1].text if found[1] else None) == (name, unit)
-    assert (found[1].factor if found[1] else None) == (factor and pytest.approx(factor))
-
-
-@pytest.mark.parametrize(
-    "heads",
-    [
-        ("dn_rpm", "force_N", "t_mean_ms", "n", "t_std_ms"),
-        ("Δn [rad/s]", "Schaltkraft in N", "Schaltzeit/ms", "Anzahl", "Zeitstempel"),
-        ("speed difference", "Force", "time", "count", "rise_time_ms"),
-        ("n/min^-1", "F/kN", "t/s", "Wiederholungen", "comment"),
-    ],
-)
-def test_columns_are_guessed_by_name_and_unit(heads: tuple[str, ...]) -> None:
-    found, faults = matched(columns_of(*heads), SHIFTS, {})
-    taken = heads_of(found)
-    assert not faults
-    wanted = ("mismatch_rpm", "force_N", "shift_time_s", "n_shifts")
-    assert [taken[name] for name in wanted] == list(heads[:4])
 
 
 def test_what_no_table_shows_is_unknown_until_it_is_stated(dogshape: Call) -> None:
@@ -166,14 +115,6 @@ def test_a_column_of_another_unit_is_refused_and_an_empty_folder_filled(dogshape
     assert said.status == 0
     assert "fill in shifts.csv" in said.out
     assert len(load_bench("my_bench").cells) == 28
-
-
-def test_times_that_cannot_be_true_are_refused_by_row(dogshape: Call) -> None:
-    Path("m.csv").write_text("dn_rpm,force_N,t_ms\n50,469,190\n\n100,469,2\n149,469,180\n")
-    said = dogshape("init", "bench", "m.csv")
-    assert said.status == 2
-    assert "m.csv, row 4, column shift_time_s is '0.002', but it must be a time in s" in said.err
-    assert not Path("m").exists()
 
 
 def test_traces_of_a_foreign_table_come_along(dogshape: Call) -> None:
@@ -274,39 +215,6 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     )
     assert bench.source.startswith("me, today; m.csv (SHA-256 ")
     assert bench.readings[0].time == pytest.approx(0.19)
-
-
-def test_a_wrong_answer_is_asked_about_again_and_the_others_stay(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    # The outer diameter is first less than the inner one, a word is no number, a rise is missing.
-    answers = {
-        "dog.count": "18",
-        "dog.height_mm": "3,2",
-        "dog.outer_diameter_mm": "40",
-        "load.torque_Nm": "150",
-        "actuation.force_N": "200 600",
-        "actuation.rise_s": "0.2",
-        "operating.mismatch_rpm": "x\n20 80",
-        "operating.force_N": "200 600",
-    }
-    gone = ("mechanism.spline_radius_mm", "mechanism.drag_torque_Nm")  # with another ring
-    keys = [key for key in (*CLUTCH, *USE) if key not in gone]
-    again = {"dog.outer_diameter_mm": "52", "actuation.rise_s": "0,25 0.15"}
-    said = [given.get(key, "") for given in (answers, again) for key in keys]
-    said_text = "\n".join(["", *said]) + "\n"
-    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=said_text)
-    assert done.exit_code == 0, done.stderr
-    assert "nothing is written yet" in done.stderr
-    assert "give numbers with blanks" in done.stderr
-    study = load_study("mine")
-    assert (study.clutch.dog.count, study.clutch.dog.height) == (18, pytest.approx(3.2e-3))
-    assert study.actuation.table.rises == (0.25, 0.15)
-    assert study.forces == [200.0, 600.0]
-    assert tomllib.loads(Path("mine/study.toml").read_text())["load"]["torque_Nm"] == 150.0
-    assert sorted({round(p.mismatch / RPM) for p in study.points}) == [20, 80]
 
 
 def test_values_are_replaced_in_place() -> None:

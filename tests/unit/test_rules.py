@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import product
 from pathlib import Path
 from typing import Any, get_args
@@ -18,7 +18,6 @@ from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.clutch_tables import RULES, broken_rule
 from dogshape.sim.errors import InputError
-from tests.conftest import Said
 
 #: One of these breaks any rule that a key may have.
 BAD: tuple[Any, ...] = (
@@ -122,22 +121,3 @@ def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
     assert [fault.split()[1] for fault in faults] == [
         "'dog.cuont'", "name", "dog.height_mm", "search.trials",
     ]  # fmt: skip
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("shift", "mq200_paper", "--mismatch-rpm", "3,7"), "must be a number; write 3.7"),
-        (("study", "mq200_paper", "--trials", "0"), "--trials is '0', but it must be at least 1"),
-        (("check", "mq200_paper", "--chamfer", "9"), "--set dog.chamfer_deg=9"),
-        (("study", "mq200_paper", "--out="), "--out is given nothing"),
-        (("report", ""), "an argument is given nothing"),
-    ],
-)
-def test_options_speak_the_same_language(
-    program: Callable[..., Said], arguments: tuple[str, ...], words: str
-) -> None:
-    said = program(*arguments)
-    assert said.status == 2
-    assert words in said.sentence
-    assert not any(theirs in said.err.lower() for theirs in THEIRS)

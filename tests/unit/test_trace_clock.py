@@ -11,16 +11,13 @@ import pytest
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.corrections import parse
-from dogshape.diagnosis.bench.traces import BenchTrace, StartRule, find_force_start
-from dogshape.sim.errors import DataError, InputError
+from dogshape.diagnosis.bench.traces import BenchTrace, find_force_start
+from dogshape.sim.errors import DataError
 from dogshape.sim.shift.actuation import cubic_step
 from tests.benches import good_set
-from tests.conftest import Said
 
 Series = NDArray[np.float64]
 Frame = Callable[[pd.DataFrame, int], pd.DataFrame]
-Call = Callable[..., Said]
 
 RISE, FORCE, NOISE = 0.15, 600.0, 1.5
 
@@ -75,16 +72,15 @@ def test_the_start_of_a_force_comes_back(
     assert [one.force for one in known] == pytest.approx([rest] * 6, abs=2.0)
 
 
-def test_noise_without_a_rise_has_no_start_and_the_threshold_is_a_setting() -> None:
+def test_noise_without_a_rise_has_no_start() -> None:
     time, still = np.arange(0.0, 0.3, 1e-3), np.zeros(300)
     noise = np.random.default_rng(1).normal(size=time.size)
     assert find_force_start(BenchTrace(Path(), time, still, noise, still, still), RISE) is None
     rise = noise + 12.0 * cubic_step((time - 0.1) / RISE, 1.0)
     weak = BenchTrace(Path(), time, still, rise, still, still)
-    found = find_force_start(weak, RISE, StartRule(clear=3.0))
+    found = find_force_start(weak, RISE)
     assert found is not None
     assert found.time == pytest.approx(0.1, abs=5.0 * found.error)
-    assert find_force_start(weak, RISE, StartRule(clear=20.0)) is None
 
 
 def spoilt(tmp_path: Path, change: Frame) -> Path:
@@ -214,31 +210,6 @@ def test_an_offset_at_rest_is_said_and_taken_away_as_asked(
         if mine.trace is not None and theirs.trace is not None:
             assert mine.trace.force == pytest.approx(theirs.trace.force, abs=2.0)
             assert mine.trace.displacement == pytest.approx(theirs.trace.displacement, abs=3e-5)
-
-
-def test_unit_and_zero_are_corrected_together(tmp_path: Path) -> None:
-    folder = spoilt(tmp_path, lambda f, _: f.assign(displacement_mm=(f.displacement_mm + 2) / 1e3))
-    bench = load_bench(folder, ["displacement=zeroed", "displacement=m"])
-    assert [str(one) for one in bench.corrections] == ["displacement=m", "displacement=zeroed"]
-    assert bench.warnings == ()
-    for pair in (["displacement=m", "displacement=arm"], ["trace_time=given", "trace_time=ms"]):
-        with pytest.raises(InputError, match="contradict each other; give one"):
-            parse(pair)
-
-
-def test_records_that_begin_after_the_force_are_said(tmp_path: Path) -> None:
-    """With the right clock little is lost; else time zero is not the start of the force."""
-    for number, cut in enumerate((0.003, 0.0065, 0.02)):
-        (tmp_path / str(number)).mkdir()
-        folder = spoilt(tmp_path / str(number), lambda f, _, cut=cut: f[f.t_s > cut])
-        known = load_bench(folder).warnings
-        assert [one.looks_like for one in known] == ["records that begin after the force"] * (
-            cut > 0.01
-        )
-    moved = spoilt(tmp_path, lambda f, k: later(-0.0225)(f[f.t_s > 0.022], k))
-    warnings = load_bench(moved).warnings
-    assert any("before shift_time_s of their rows" in one.sentence for one in warnings)
-    assert not any("wrong scale" in one.sentence for one in warnings)
 
 
 def test_without_a_force_its_start_is_not_invented(tmp_path: Path) -> None:
