@@ -113,11 +113,6 @@ class Calibration(Section):
     sleeve_force_N: float | None = None
     max_force_time_s: float | None = None
 
-    @property
-    def arm_displacement(self) -> float | None:
-        """Displacement of the arm, m; None where it has none."""
-        return None if self.arm_displacement_mm is None else self.arm_displacement_mm * MM
-
 
 class Tolerance(Section):
     """Standard uncertainties of one kind: of the nominal value, and whatever that is."""

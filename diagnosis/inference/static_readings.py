@@ -80,11 +80,11 @@ def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
 def facts_of(bench: Bench) -> tuple[Fact, ...]:
     """Derive the facts from the static readings of a data set."""
     ratio, efficiency = bench.sensor.linkage_ratio, bench.sensor.linkage_efficiency
-    pairs = [(c.arm_force_N, c.arm_displacement) for c in bench.calibration]
+    pairs = [(c.arm_force_N, c.arm_displacement_mm) for c in bench.calibration]
     known = [(f, x) for f, x in pairs if f is not None and x is not None]
     if ratio is None or len(known) < LEAST or np.ptp([f for f, _ in known]) <= 0.0:
         return ()
-    force, way = np.array(known).T
+    force, way = np.array(known).T * [[1.0], [MM]]
     line, matrix = np.polyfit(force, way, 1, cov="unscaled")
     slope, start = map(float, line)
     scatter = float(np.sqrt(((way - start - slope * force) ** 2).sum() / (len(known) - 2)))

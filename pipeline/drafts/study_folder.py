@@ -50,19 +50,13 @@ CLUTCH = {
     "sliding.inertia_kgm2": "inertia of the shifted ring and what turns with it, kg m2",
     "output.inertia_kgm2": "inertia of the other side, referred to the dogs, kg m2",
 }
-#: Words for the keys of what a study's clutch has to do, and of what it is made of.
+#: Words for the keys of what a study's clutch has to do.
 USE = {
     TORQUE: "rated torque at the dogs, N m",
     ACTUATOR: "forces that the actuator can have, N, with blanks between",
     "actuation.rise_s": "rise time of each of these forces, s",
     "operating.mismatch_rpm": "mismatches at which it shifts, 1/min",
     OPERATING: "forces with which it shifts, N",
-    "mechanism.spline_friction": "friction in the toothing that the ring slides on",
-    "mechanism.spline_radius_mm": "radius of that toothing, mm",
-    "mechanism.drag_torque_Nm": "drag torque on the shifted ring, N m",
-    "material.set": "material",
-    "manufacturing.tip_width_mm": "narrowest tip that may be made, mm",
-    "manufacturing.slot_width_mm": "narrowest slot that may be made, mm",
 }
 RING = (*DIAMETERS, *INERTIAS)
 ANY = (*RING, MASS, TORQUE, ACTUATOR)

@@ -58,15 +58,6 @@ def test_empty_cells_are_read_as_stated(
     assert (other.engaged, other.failed, other.unknown) == (1, 0, 0)
 
 
-def test_crosses_of_the_published_tables_were_not_made() -> None:
-    for name, place in (("mq200_stand", "actuator"), ("mq200_adams", "sleeve")):
-        bench = load_bench(name)
-        assert (bench.record.displacement_at, bench.record.empty_cells) == (place, "not_made")
-        assert [c.engaged for c in bench.cells[:5]] == [10, 0, 0, 0, 10]
-        assert sum(c.engaged > 0 for c in bench.cells) == 25  # thesis section 3.3.4
-        assert not any(c.failed or c.unknown for c in bench.cells)
-
-
 CYCLES = (0.12, 0.17, 0.09, 0.11, 0.21)
 
 

@@ -176,29 +176,6 @@ def test_samples_of_mdf_that_are_marked_invalid_are_left_out(tmp_path: Path) -> 
     assert "force_N without a sample from 0.02 to 0.04 s" in trace.notes[1]
 
 
-def test_clocks_that_cannot_be_compared_are_refused(tmp_path: Path) -> None:
-    needed(find_spec("nptdms") is not None, "npTDMS")
-    nptdms = importlib.import_module("nptdms")
-    told = {"wf_increment": 1e-3, "wf_start_offset": 0.0}
-    begun = {**told, "wf_start_time": BEGIN}
-    hours = {**told, "wf_start_time": BEGIN + np.timedelta64(2, "h")}
-    cases = [
-        ({"force_N": told}, begun, "has wf_start_time on one of the channels force_N and"),
-        ({"force_N": hours}, begun, "the channels have 0 samples of displacement_mm in common"),
-        ({}, {"wf_increment": 0.0, "wf_start_offset": 0.0}, "time must grow from sample to sample"),
-    ]
-    for own, others, words in cases:
-        with nptdms.TdmsWriter(str(tmp_path / "x.tdms")) as writer:
-            for name in COLUMNS[1:]:
-                values, properties = curve(name, regular()), own.get(name, others)
-                one = nptdms.ChannelObject("shift", name, values, properties=properties)
-                writer.write_segment([one])
-        with pytest.raises(DataError) as refused:
-            read_trace(tmp_path / "x.tdms")
-        assert words in str(refused.value)
-        assert str(tmp_path / "x.tdms") in str(refused.value)
-
-
 def test_lost_samples_are_said_and_doubled_ones_refused(tmp_path: Path) -> None:
     path, time = tmp_path / "x.csv", regular()
     lost = np.concatenate([time[:20], time[40:]])

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import json
 import math
-from collections.abc import Callable
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -22,11 +21,9 @@ from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.benches import GOOD
-from tests.conftest import Said
 from tests.diagnosed import EFFECTS, diagnosis_of
 from tests.toy import bench_of, points_of
 
-Call = Callable[..., Said]
 FRICTION, MASS = ("sleeve_friction",), ("moving_mass",)
 MIDDLE = 0.02  #: s, mean time at which a reading says nothing
 NATS = 1.0  #: per second and shift, log odds of friction over mass
@@ -191,15 +188,6 @@ def test_traces_go_along(tmp_path: Path) -> None:
     bench = ds.update_diagnosis(tmp_path / "out", tmp_path / "new.csv").diagnosis.inference.bench
     assert len(bench.readings) == len(found.inference.bench.readings) + 1
     assert (tmp_path / "out" / "data" / "traces" / "update-1" / "traces" / "0041.csv").is_file()
-
-
-def test_the_verb_says_before_now_and_why(stand: Path, dogshape: Call) -> None:
-    said = dogshape("gap", "update", stand / "out", _table(stand / "new.csv", 2, 20), "--json")
-    assert said.status == 0, said.err
-    assert said.json["after"]["causes"] == ["sleeve_friction"]
-    assert said.json["next_test"]["name"]
-    text = dogshape("gap", "update", stand / "out", _table(stand / "more.csv", 5, 3)).out
-    assert "The answer stays dry friction of the sliding ring" in " ".join(text.split())
 
 
 def _state(*chances: tuple[tuple[str, ...], float, float]) -> dict[str, Any]:

@@ -154,13 +154,6 @@ def test_a_bench_from_a_study_has_its_contact_and_what_moves_with_the_ring(dogsh
     assert again.clutch.contact.dissipation == study.clutch.contact.dissipation
 
 
-def test_a_study_is_no_data_set_and_says_how_to_make_one(dogshape: Call) -> None:
-    assert dogshape("init", "study", "--out", "mine", "--yes").status == 0
-    said = dogshape("gap", "mine")
-    assert said.status == 2
-    assert "mine is a study, from which 'dogshape init bench TABLE --from mine'" in said.err
-
-
 def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> None:
     _, study = _begun(dogshape, "dog.count=20", "load.torque_Nm=300.0")
     text = Path("own/study.toml").read_text()

@@ -92,16 +92,10 @@ def test_every_option_has_a_sentence() -> None:
     ("overrides", "words"),
     [
         (["name=a b"], "name is 'a b', but it must be letters, digits"),
-        (["name=."], "beginning with no '-' or '.'"),
         (["name='x" + "x" * 200 + "'"], "(203 characters), but it must be not longer than 100"),
         (["dog.height_mm='3,7'"], "but it must be a number in mm; write 3.7"),
-        (["dog.height_mm='\N{MINUS SIGN}3.7'"], "write -3.7"),
         (["dog.height_mm='3.7 mm'"], "write the number alone, without a unit"),
         (["dog=3"], "dog is 3, but it must be a table of keys; give its keys one by one"),
-        (
-            ["operating.force_N=[]"],
-            "operating.force_N is [], but it must be a list of at least one",
-        ),
         (["operating.force_N=469"], "must be a list in square brackets; write [469]"),
         (["search.trials=10001"], "search.trials is 10001, but it must be at most 10000; lower it"),
     ],

@@ -219,19 +219,3 @@ def test_without_a_force_its_start_is_not_invented(tmp_path: Path) -> None:
     assert "ends 2.00" in warning.sentence
     with pytest.raises(DataError, match=r"0041.csv: no rise of force_N stands out"):
         load_bench(folder, ["trace_time=from_force"])
-
-
-@pytest.mark.parametrize(
-    ("factor", "zero", "words"),
-    [
-        (1e3, 1.7e12, "this looks like milliseconds"),
-        (1e6, 4e6, "another unit than seconds or milliseconds"),
-    ],
-)
-def test_the_unit_of_a_clock_is_told_by_the_travel(
-    tmp_path: Path, factor: float, zero: float, words: str
-) -> None:
-    folder = spoilt(tmp_path, lambda f, _: f.assign(t_s=zero + factor * f.t_s))
-    with pytest.raises(DataError) as refused:
-        load_bench(folder)
-    assert words in str(refused.value)
