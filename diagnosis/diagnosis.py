@@ -39,7 +39,7 @@ from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.settings import USUAL, Settings
-from dogshape.diagnosis.terms import DELAY, NONE, REVERSED, UNKNOWN, Array, Hypothesis
+from dogshape.diagnosis.terms import DELAY, NONE, REVERSED, UNKNOWN, Array, Hypothesis, forward
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
@@ -234,7 +234,7 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
     flights = Flights(model.effects, model.settings)
     plausible = [h for h, p in evidence.items() if p > FITTED and h in best.samples]
     fits = {h: fit(likelihood, best.samples[h], flights) for h in dict.fromkeys((NONE, *plausible))}
-    shares = unseen(likelihood, fits, evidence)
+    shares = {h: unseen(likelihood, one, evidence) for h, one in fits.items() if forward(h)}
     posterior = seen_apart(shares, evidence)
     within = within_margin(likelihood, fits, evidence, bench.margin)
     known = [h for h in posterior if h in fits]

@@ -57,15 +57,15 @@ class Fit:
         """Values of the parameters, (K, p)."""
         return self.space.values(self.shares)
 
-    def interval(self, parameter: str) -> Interval:
-        """Summarise a parameter."""
-        names = [one.name for one in self.space.parameters]
-        return Interval.of(self.values[:, names.index(parameter)])
-
-    @property
+    @cached_property
     def intervals(self) -> dict[str, Interval]:
         """All parameters with their intervals."""
-        return {one.name: self.interval(one.name) for one in self.space.parameters}
+        columns = zip(self.space.parameters, self.values.T, strict=True)
+        return {parameter.name: Interval.of(column) for parameter, column in columns}
+
+    def interval(self, parameter: str) -> Interval:
+        """Summarise a parameter."""
+        return self.intervals[parameter]
 
 
 def fit(likelihood: Likelihood, sample: Sample, flights: Flights) -> Fit:

@@ -22,7 +22,6 @@ from dogshape.diagnosis.terms import NONE, REVERSED, UNKNOWN, Array, Hypothesis,
 
 Kind = Literal["effect", "none", "unknown", "ambiguous"]
 Probabilities = dict[Hypothesis, float]
-Unseen = Mapping[Hypothesis, Probabilities]  #: shares of draws that smaller hypotheses predict
 
 FOLDED = 100  #: draws of a hypothesis
 ALIKE = {"linkage_compliance": "moving_mass"}  #: a stiff linkage with mass is a mass
@@ -94,15 +93,13 @@ def decide(
     return Verdict(kind, causes, credible)
 
 
-def unseen(
-    likelihood: Likelihood, fits: Mapping[Hypothesis, Fit], known: Collection[Hypothesis]
-) -> Unseen:
-    """Compute for each fitted hypothesis the shares of its draws that fewer effects predict."""
-    return {h: _unseen(likelihood, one, known) for h, one in fits.items() if forward(h)}
+def seen_apart(
+    shares: Mapping[Hypothesis, Probabilities], raw: Mapping[Hypothesis, float]
+) -> Probabilities:
+    """Count what the data cannot show as absent: probabilities, the largest first.
 
-
-def seen_apart(shares: Unseen, raw: Mapping[Hypothesis, float]) -> Probabilities:
-    """Count what the data cannot show as absent: probabilities, the largest first."""
+    ``shares`` are those of the draws of each hypothesis that smaller ones predict (``unseen``).
+    """
     found = dict(raw)
     for smaller in (s for parts in shares.values() for s in parts):
         found.setdefault(smaller, 0.0)
@@ -115,7 +112,7 @@ def seen_apart(shares: Unseen, raw: Mapping[Hypothesis, float]) -> Probabilities
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def _unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> Probabilities:
+def unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> Probabilities:
     """Compute the shares of a hypothesis' draws that fewer effects predict as well."""
     rows = np.linspace(0, len(one.shares) - 1, FOLDED).astype(int)
     mine, shares = one.predicted.only(rows), one.shares[rows]

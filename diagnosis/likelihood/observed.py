@@ -74,20 +74,15 @@ class Observed:
 def observe(bench: Bench, model: Model) -> Observed:
     """Gather the observations of a data set at the operating points of a model."""
     drift = drift_of(bench.cells, model.far)
-    rows = []
-    for k, (cell, far) in enumerate(zip(bench.cells, model.far.tolist(), strict=True)):
-        rows.append(_observed(cell, far, 0.0 if drift is None else drift.mean * drift.places[k]))
+    rows = [
+        _observed(cell, far, 0.0 if drift is None else drift.mean * drift.places[k])
+        for k, (cell, far) in enumerate(zip(bench.cells, model.far.tolist(), strict=True))
+    ]
     count, mean, variance, freedom, late, hidden = np.array(rows, dtype=float).reshape(-1, 6).T
-    points = [cell.point for cell in bench.cells]
-    engaged, failed, mismatch, force = (
-        np.array(column, dtype=float)
-        for column in (
-            [cell.engaged for cell in bench.cells],
-            [cell.failed for cell in bench.cells],
-            [point.mismatch for point in points],
-            [point.profile.force for point in points],
-        )
-    )
+    engaged, failed, mismatch, force = np.array([
+        (cell.engaged, cell.failed, cell.point.mismatch, cell.point.profile.force)
+        for cell in bench.cells
+    ], dtype=float).T  # fmt: skip
     return Observed(
         count, mean, variance, freedom, late, hidden.astype(bool), engaged, failed, mismatch,
         force, drift, flights_of(bench),
