@@ -23,14 +23,7 @@ import numpy as np
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.events import (
-    Events,
-    Phase,
-    events_of,
-    faces_meet,
-    phases_of,
-    touching,
-)
+from dogshape.sim.shift.events import Events, Phase, events_of, faces_meet, phases_of, touching
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Loads, loads_of
 from dogshape.sim.shift.mesh import pressure_apex

@@ -141,10 +141,7 @@ def trace_of(clutch: Clutch, profile: ForceProfile, times: Series, states: Serie
         behind |= {"input_torque": _torque(near, state), "input_speed": state[:, 9]}
     if output is not None:
         twist, rate = state[:, 10] - state[:, 0], state[:, 11] - state[:, 3]
-        behind |= {
-            "output_torque": output.torque(twist, rate),
-            "output_far_speed": state[:, 11],
-        }
+        behind |= {"output_torque": output.torque(twist, rate), "output_far_speed": state[:, 11]}
     return Trace(
         time=time,
         displacement=state[:, 1],

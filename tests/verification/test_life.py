@@ -9,13 +9,7 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import Check
-from dogshape.sim.strength.dog_strength import (
-    Limits,
-    fatigue,
-    root_load,
-    root_of,
-    strength_checks,
-)
+from dogshape.sim.strength.dog_strength import Limits, fatigue, root_load, root_of, strength_checks
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.materials import MATERIALS, cycles_endured, damage, reserve
 
@@ -38,14 +32,6 @@ def test_one_class_is_the_check_of_a_life_of_so_many_cycles(prototype: Dog, cycl
     one = _checks(prototype, LoadCase(spectrum=((1.0, cycles),)))["root_fatigue"]
     assert one.value == pytest.approx(plain.value, rel=1e-12)
     assert one.limit == pytest.approx(plain.limit, rel=1e-9)
-
-
-def test_classes_of_one_torque_add_up_and_their_order_is_nothing(prototype: Dog) -> None:
-    parts = ((1.0, 3e4), (0.5, 1e6), (1.0, 7e4))
-    merged = LoadCase(spectrum=((0.5, 1e6), (1.0, 1e5)))
-    assert fatigue(prototype, Limits(load=LoadCase(spectrum=parts))) == pytest.approx(
-        fatigue(prototype, Limits(load=merged)), rel=1e-9
-    )
 
 
 def test_the_reserve_of_a_spectrum_on_one_slope_is_a_power_mean() -> None:
