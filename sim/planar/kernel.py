@@ -217,17 +217,9 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
 def _triangle(work, where, i, column, normal, turn, speed, law):
     """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
     mx, my, mz = normal
-    ax, ay, az = (
-        work[where, i, 0] - work[where, 0, 0],
-        work[where, i, 1] - work[where, 0, 1],
-        work[where, i, 2] - work[where, 0, 2],
-    )
-    j = i + 1
-    bx, by, bz = (
-        work[where, j, 0] - work[where, 0, 0],
-        work[where, j, 1] - work[where, 0, 1],
-        work[where, j, 2] - work[where, 0, 2],
-    )
+    p, q, r = work[where, 0], work[where, i], work[where, i + 1]
+    ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
     ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     weight = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
     axial, torque = 0.0, 0.0
@@ -235,11 +227,8 @@ def _triangle(work, where, i, column, normal, turn, speed, law):
         f0 = 2.0 / 3.0 if point == 0 else 1.0 / 6.0
         f1 = 2.0 / 3.0 if point == 1 else 1.0 / 6.0
         f2 = 2.0 / 3.0 if point == 2 else 1.0 / 6.0
-        x = f0 * work[where, 0, 0] + f1 * work[where, i, 0] + f2 * work[where, j, 0]
-        y = f0 * work[where, 0, 1] + f1 * work[where, i, 1] + f2 * work[where, j, 1]
-        depth = (
-            f0 * work[where, 0, column] + f1 * work[where, i, column] + f2 * work[where, j, column]
-        )
+        x, y = f0 * p[0] + f1 * q[0] + f2 * r[0], f0 * p[1] + f1 * q[1] + f2 * r[1]
+        depth = f0 * p[column] + f1 * q[column] + f2 * r[column]
         vx, vy, vz = turn * y, -turn * x, -speed
         closing = vx * mx + vy * my + vz * mz
         pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * weight
@@ -386,11 +375,9 @@ def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
         state[j] = was + small
         _motion(push, along + more[j], about + moved[j], state, changed, plain)
         state[j] = was
-        for i in range(SIZE):
-            slopes[j, i] = (changed[i] - now[i]) / small
+        slopes[j] = (changed - now) / small
     _motion(force_at(time + SMALL_TIME, knots), along, about, state, changed, plain)
-    for i in range(SIZE):
-        changed[i] = (changed[i] - now[i]) / SMALL_TIME
+    changed[:] = (changed - now) / SMALL_TIME
 
 
 @compiled
@@ -441,26 +428,18 @@ def _implicit(
     size = int(plain[USED])
     part = h * ROSENBROCK
     _factor(part, slopes, matrix, size)
-    one, two = np.empty(SIZE), np.empty(SIZE)
-    for i in range(SIZE):
-        one[i] = k1[i] + part * slopes[SIZE, i]
+    one = k1 + part * slopes[SIZE]
     _solve(matrix, one, size)
-    for i in range(SIZE):
-        trial[i] = state[i] + 0.5 * h * one[i]
+    trial[:] = state + 0.5 * h * one
     rates(time + 0.5 * h, trial, k2, plain, knots, surfaces, law, work)
-    for i in range(SIZE):
-        two[i] = k2[i] - one[i]
+    two = k2 - one
     _solve(matrix, two, size)
-    for i in range(SIZE):
-        two[i] += one[i]
-        trial[i] = state[i] + h * two[i]
+    two += one
+    trial[:] = state + h * two
     touch = rates(time + h, trial, k4, plain, knots, surfaces, law, work)
-    for i in range(SIZE):
-        k3[i] = k4[i] - (6.0 + math.sqrt(2.0)) * (two[i] - k2[i]) - 2.0 * (one[i] - k1[i])
-        k3[i] += part * slopes[SIZE, i]
+    k3[:] = k4 - (6.0 + math.sqrt(2.0)) * (two - k2) - 2.0 * (one - k1) + part * slopes[SIZE]
     _solve(matrix, k3, size)
-    for i in range(SIZE):
-        k3[i] = (one[i] - 2.0 * two[i] + k3[i]) / 6.0
+    k3[:] = (one - 2.0 * two + k3) / 6.0
     return touch
 
 
