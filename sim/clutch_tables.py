@@ -174,12 +174,8 @@ UNMODELLED = (
 
 def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
     """Build both rings."""
-    return Rings(
-        mass=sliding.mass_kg,
-        sliding_inertia=sliding.inertia_kgm2,
-        output_inertia=output.inertia_kgm2,
-        initial_speed=sliding.initial_speed_rpm * RPM,
-    )
+    speed = sliding.initial_speed_rpm * RPM
+    return Rings(sliding.mass_kg, sliding.inertia_kgm2, output.inertia_kgm2, speed)
 
 
 def dog_fields(values: dict[str, float]) -> dict[str, Any]:

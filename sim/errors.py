@@ -112,6 +112,12 @@ def did_you_mean(name: str, valid: Iterable[str]) -> str:
     return "valid are " + ", ".join(names)
 
 
+def require_known(name: str, value: str, kind: str, valid: Iterable[str]) -> None:
+    """Raise InputError unless a value is one of the valid ones; ``kind`` with its article."""
+    if value not in (known := tuple(valid)):
+        raise InputError(f"{name} is '{value}', which is not {kind}; {did_you_mean(value, known)}")
+
+
 def meant_number(text: str) -> float | None:
     """Return the number that a text means by a decimal comma or a typeset minus, if it does."""
     plain = text.strip().replace("\N{MINUS SIGN}", "-").replace("\N{EN DASH}", "-")

@@ -16,6 +16,7 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 from operator import add, attrgetter, mul
+from typing import Any
 
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
 from dogshape.sim.setting import Setting
@@ -29,13 +30,11 @@ def _changed(part: str, law: Callable[[float, float], float], **names: str) -> C
     """Return a change of fields of a part by the values of parameters, each in SI units."""
 
     def change(setting: Setting, values: Values) -> Setting:
-        profile = setting.point.profile
-        own = profile if part == "profile" else getattr(setting.clutch, part)
+        own: Any = setting.point.profile if part == "profile" else getattr(setting.clutch, part)
         new = {f: law(getattr(own, f), to_si(name, values[name])) for f, name in names.items()}
         if part == "profile":
-            return setting.with_point(profile=replace(profile, **new))
-        changed: Setting = getattr(setting, f"with_{part}")(**new)
-        return changed
+            return setting.with_point(profile=replace(own, **new))
+        return replace(setting, clutch=replace(setting.clutch, **{part: replace(own, **new)}))
 
     return change
 
@@ -74,12 +73,6 @@ def _with_spline(setting: Setting, values: Values) -> Setting:
         return setting
     radius = SPLINE * setting.clutch.dog.inner_radius
     return setting.with_mechanism(spline_friction=values["spline_friction"], spline_radius=radius)
-
-
-def _with_inertia(setting: Setting, values: Values) -> Setting:
-    rings = setting.clutch.rings
-    heavier = replace(rings, sliding_inertia=rings.sliding_inertia * values["inertia_factor"])
-    return replace(setting, clutch=replace(setting.clutch, rings=heavier))
 
 
 def _with_mismatch(setting: Setting, values: Values) -> Setting:
@@ -201,7 +194,7 @@ EFFECTS = (
         "sliding_inertia", (
             Parameter("inertia_factor", 1.0, 1.1, 8.0, "log-uniform", least=0.1, most=50.0,
                       ordinary=(2.0, "other wheels in mesh")),),
-        _with_inertia,
+        _changed("rings", mul, sliding_inertia="inertia_factor"),
         BenchTest("run-up of the sliding side", "Turn the free sliding side by a weight on a cord "
                   "and record its speed: torque over acceleration is its inertia."),
         title="inertia of the sliding side off nominal"),

@@ -116,7 +116,11 @@ RECORD_SIZE = 4096  #: steps that are recorded at once
 
 def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift; arguments and result as for ``sim.shift.engagement.engage``."""
-    return engaged(plant, point, relative_angle, planar_clutch, _run)
+    first = _run(plant, point, relative_angle)
+    return engaged(
+        plant.clutch, point, relative_angle, first,
+        lambda finer: _run(planar_clutch(finer), point, relative_angle),
+    )  # fmt: skip
 
 
 def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:

@@ -327,7 +327,7 @@ def _motion(push, along, about, state, out, plain):
         drag = plain[DRAG] * _smooth(state[9 if plain[BEHIND] > 0.0 else 5], plain[TURN_SPEED])
     out[0], out[1], out[2] = state[3], speed, state[5]
     out[4] = (drive - held - plain[DAMPING] * speed - along + behind) / plain[SLEEVE]
-    out[8], out[9], out[10], out[11] = 0.0, 0.0, 0.0, 0.0
+    out[8:] = 0.0
     if plain[BEHIND] > 0.0:
         out[5] = (about + drive_torque) / plain[SLIDING]
         out[8], out[9] = state[9], -(drive_torque + drag) / plain[BEHIND]

@@ -16,7 +16,6 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
-from typing import Protocol, TypeVar
 
 import numpy as np
 
@@ -253,35 +252,19 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     )
 
 
-class Built(Protocol):
-    """A clutch as an engine has built it."""
-
-    @property
-    def clutch(self) -> Clutch:
-        """The clutch itself."""
-
-
-Plant = TypeVar("Plant", bound=Built)
-
-
 def engaged(
-    plant: Plant,
-    point: OperatingPoint,
-    angle: float,
-    build: Callable[[Clutch], Plant],
-    run: Callable[[Plant, OperatingPoint, float], Run],
+    clutch: Clutch, point: OperatingPoint, angle: float, first: Run, rerun: Callable[[Clutch], Run]
 ) -> Engagement:
-    """Simulate one shift by ``run``, with the plant that an engine builds of a clutch.
+    """Conclude one shift from its ``first`` run; ``rerun`` simulates it with another clutch.
 
     Dogs that are fast enough pass through each other within one step; such a shift is simulated
     again with steps of at most a tenth, and has diverged only if it does so again.
     """
-    clutch, first = plant.clutch, run(plant, point, angle)
     found = conclude(clutch, point, angle, first)
     if found.outcome is not Outcome.DIVERGED or first.failure:
         return found
     solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
-    more = run(build(replace(clutch, solver=solver)), point, angle)
+    more = rerun(replace(clutch, solver=solver))
     again = conclude(clutch, point, angle, more)
     return replace(again, evaluations=first.evaluations + more.evaluations)
 

@@ -66,7 +66,11 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     point : mismatch and force.
     relative_angle : output ring's lead over dogs facing dogs at the start of the force, rad.
     """
-    return engaged(plant, point, relative_angle, ClutchPlant, _run)
+    first = _run(plant, point, relative_angle)
+    return engaged(
+        plant.clutch, point, relative_angle, first,
+        lambda finer: _run(ClutchPlant(finer), point, relative_angle),
+    )  # fmt: skip
 
 
 def _run(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Run:

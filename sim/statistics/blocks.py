@@ -23,7 +23,6 @@ from dogshape.sim.statistics.shift_records import (
     content_key,
     inputs,
     landing_record,
-    result_of,
 )
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import MM, RPM
@@ -85,18 +84,18 @@ class Block:
 def even_blocks(
     clutch: Clutch,
     points: Sequence[OperatingPoint],
-    count: int,
+    angles: int | Sequence[float],
     seed: int,
     base: int | None = None,
     *,
     uncertainty: Uncertainty | None = None,
 ) -> list[Block]:
-    """Return a block for each operating point, at ``count`` evenly spaced angles of its own.
+    """Return a block for each operating point, its angles as ``even_block`` has them.
 
     ``seed`` and ``base`` as for ``sim.statistics.expectation.even_phases``.
     """
     return [
-        even_block(clutch, point, count, (seed, index), base, uncertainty=uncertainty)
+        even_block(clutch, point, angles, (seed, index), base, uncertainty=uncertainty)
         for index, point in enumerate(points)
     ]
 
@@ -104,34 +103,22 @@ def even_blocks(
 def even_block(
     clutch: Clutch,
     point: OperatingPoint,
-    count: int,
+    angles: int | Sequence[float],
     draw: tuple[int, int],
     base: int | None = None,
     *,
     uncertainty: Uncertainty | None = None,
 ) -> Block:
-    """Return one operating point at evenly spaced angles; ``draw`` is their seed and index."""
-    angles = tuple((even_phases(count, *draw, base) * clutch.dog.pitch_angle).tolist())
-    variants = uncertainty.variants(point, count, *draw, base) if uncertainty else ()
-    return Block(clutch, point, angles, draw[0], variants)
+    """Return one operating point at so many even angles, or at those listed, rad.
 
-
-def listed_blocks(
-    clutch: Clutch,
-    points: Sequence[OperatingPoint],
-    angles: tuple[float, ...],
-    seed: int,
-    uncertainty: Uncertainty | None = None,
-) -> list[Block]:
-    """Return a block for each point at ``angles`` in rad; ``seed`` is of uncertain factors."""
-
-    def variants(point: OperatingPoint, index: int) -> tuple[Variant, ...]:
-        return uncertainty.variants(point, len(angles), seed, index) if uncertainty else ()
-
-    return [
-        Block(clutch, point, angles, variants=variants(point, index))
-        for index, point in enumerate(points)
-    ]
+    ``draw`` is seed and index of even angles and of uncertain factors.
+    """
+    seed = None
+    if isinstance(angles, int):
+        angles, seed = even_phases(angles, *draw, base) * clutch.dog.pitch_angle, draw[0]
+        angles = angles.tolist()
+    variants = uncertainty.variants(point, len(angles), *draw, base) if uncertainty else ()
+    return Block(clutch, point, tuple(angles), seed, variants)
 
 
 def events_record(result: Engagement) -> Record:
@@ -219,14 +206,10 @@ def numerical_error(
     fine = run([blocks[k].refined(place) for k, place, _ in chosen])
     if number < 2:
         return math.nan
-    timeout = blocks[0].clutch.timeout
-
-    def time(row: Record) -> float:
-        found = result_of(row).shift_time
-        return timeout if found is None else found
-
-    pairs = zip(chosen, fine, strict=True)
-    apart = np.array([time(row) - time(again) for (*_, row), (again,) in pairs])
+    pairs = [(row, again) for (*_, row), (again,) in zip(chosen, fine, strict=True)]
+    times = np.array([[one["shift_time_s"] for one in pair] for pair in pairs], dtype=float)
+    # None is NaN by now.
+    apart = -np.diff(np.where(np.isnan(times), blocks[0].clutch.timeout, times))[:, 0]
     weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k, *_ in chosen])
     weights /= weights.sum()
     mean = float(weights @ apart)

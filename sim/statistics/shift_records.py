@@ -21,6 +21,9 @@ from dogshape.sim.units import DEG, MM, RPM, from_si
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
 
+_LENGTHS = ("height_mm", "outer_diameter_mm", "inner_diameter_mm", "axial_gap_mm")
+_DOG_KEYS = ("chamfer_deg", "traction_deg", "braking_deg", *_LENGTHS)
+
 
 def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
@@ -31,13 +34,7 @@ def clutch_record(clutch: Clutch) -> Record:
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
         "count": dog.count,
-        "chamfer_deg": dog.chamfer / DEG,
-        "traction_deg": dog.traction / DEG,
-        "braking_deg": dog.braking / DEG,
-        "height_mm": dog.height / MM,
-        "outer_diameter_mm": dog.outer_diameter / MM,
-        "inner_diameter_mm": dog.inner_diameter / MM,
-        "axial_gap_mm": dog.axial_gap / MM,
+        **{key: from_si(key, getattr(dog, key.rpartition("_")[0])) for key in _DOG_KEYS},
         **({} if dog.edge_radius == 0.0 else {"edge_radius_mm": dog.edge_radius / MM}),
         "sliding_mass_kg": rings.mass,
         "sliding_inertia_kgm2": rings.sliding_inertia,

@@ -232,9 +232,5 @@ _UNITS = {"MPa": MPA, "mm": MM, "deg": DEG, "N": 1.0, "": 1.0}
 
 def checks_of(rows: Iterable[Row]) -> tuple[Check, ...]:
     """Return the checks of values and limits, which turn from SI to the units of their rules."""
-    found = []
-    for name, value, limit in rows:
-        rule = RULES[name]
-        unit = _UNITS[rule.unit]
-        found.append(Check(rule, value / unit, limit / unit))
-    return tuple(found)
+    found = ((RULES[name], _UNITS[RULES[name].unit], *numbers) for name, *numbers in rows)
+    return tuple(Check(rule, value / unit, limit / unit) for rule, unit, value, limit in found)
