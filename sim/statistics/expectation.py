@@ -109,12 +109,9 @@ class Expectation:
         One hung shift in some hundreds moves ``mean`` by milliseconds and this one hardly.
         """
         total = sum(p.point.weight for p in self.points)
-        known = [
-            (p.point.weight, p.mean_engaged) for p in self.points if p.mean_engaged is not None
-        ]
-        if len(known) < len(self.points):
+        if None in (p.mean_engaged for p in self.points):
             return None
-        return sum(weight / total * mean for weight, mean in known)
+        return sum(p.point.weight / total * (p.mean_engaged or 0.0) for p in self.points)
 
     @property
     def shifts(self) -> int:

@@ -40,19 +40,6 @@ def strike_torque(mismatch: float, stiffness: float, inertia: float) -> float:
     return mismatch * math.sqrt(stiffness * inertia)
 
 
-@pytest.mark.parametrize("count", [1, 50])
-def test_strikes_in_a_short_time_make_what_one_that_takes_all_makes(
-    clutch: Clutch, count: int
-) -> None:
-    inertia, mismatch = clutch.rings.reduced_inertia, 26.0
-    time = np.concatenate([[0.0], np.linspace(0.01, 0.0101, 2 * count), [0.2]])
-    torque = np.zeros(time.size - 1)
-    torque[1 : 2 * count : 2] = 1.0
-    torque *= inertia * mismatch / float((torque * np.diff(time)).sum())
-    made = torque_peak(clutch, _trace(clutch, time, torque), STIFFNESS)
-    assert made == pytest.approx(strike_torque(mismatch, STIFFNESS, inertia), rel=1e-3)
-
-
 def test_response_is_that_of_the_motion_under_any_torque(clutch: Clutch) -> None:
     rings, draw = clutch.rings, np.random.default_rng(3)
     time = np.concatenate([[0.0], np.cumsum(draw.uniform(1e-3, 8e-3, 30))])

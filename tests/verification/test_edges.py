@@ -175,18 +175,6 @@ def test_forces_beside_the_ridge_are_those_of_sections(clutch: Clutch, aside: fl
     assert tangential == pytest.approx(across, abs=0.01 * along)
 
 
-@pytest.mark.parametrize("radius", [0.1, 0.3])
-def test_both_engines_shift_alike(clutch: Clutch, point: Point, radius: float) -> None:
-    own = rounded(clutch, radius * MM)
-    fast = own.with_engine("planar")
-    for mismatch, force, degrees in ((10, 469.0, 9.0), (149, 641.5, 3.0)):
-        here = point(mismatch, force)
-        mine, drake = (engage(one, here, degrees * DEG) for one in (fast, own))
-        assert mine.outcome is drake.outcome
-        assert mine.shift_time == pytest.approx(drake.shift_time, rel=5e-3)
-        assert mine.shift_time != engage(clutch.with_engine("planar"), here, degrees * DEG)
-
-
 def test_a_rounded_crest_lands_later_by_what_it_lost(clutch: Clutch, point: Point) -> None:
     """Ridge on ridge: the first touch is at the gap and twice the loss of height."""
     own = rounded(clutch.with_engine("planar"), 0.3 * MM)

@@ -36,15 +36,6 @@ def test_prototype_dimensions(prototype: Dog, dimension: str, millimetres: float
     assert getattr(prototype, dimension) * 1e3 == pytest.approx(millimetres, abs=6e-4)
 
 
-def test_flank_planes_hold_a_radial_line_of_the_median_plane(prototype: Dog) -> None:
-    planes = dog_planes(prototype)
-    for name, side in (("traction", 1), ("braking", -1)):
-        quarter = side * 0.25 * prototype.pitch_angle
-        for radius in (0.0, prototype.inner_radius, prototype.outer_radius):
-            on_line = radius * np.array([math.cos(quarter), math.sin(quarter), 0.0])
-            assert planes[name].normal @ on_line == pytest.approx(planes[name].offset, abs=1e-15)
-
-
 def test_mating_flanks_coincide_at_full_depth(prototype: Dog) -> None:
     """One ring turned over about x and set half a pitch on: its flanks lie in ours."""
     planes = dog_planes(prototype)

@@ -146,17 +146,6 @@ def test_run_out_loads_flanks_and_tilt_loads_faces(prototype: Dog) -> None:
     assert tilted.sharing(prototype, 300.0) == plain.sharing(prototype, 300.0)
 
 
-def test_slow_errors_of_class_6(prototype: Dog) -> None:
-    """What docs/strength.md says of 15 dogs."""
-    for run_out, share in ((0.0, 0.615), (10e-6, 0.514), (30e-6, 0.362)):
-        load = LoadCase(accuracy=6, run_out=run_out)
-        assert load.sharing(prototype, 300.0) == pytest.approx(share, abs=0.005)
-    for line, plain, tilted in ((50e3, 0.151, 0.111), (20e3, 0.096, 0.083)):
-        for tilt, share in ((0.0, plain), (0.5e-3, tilted)):
-            load = LoadCase(accuracy=6, tilt=tilt)
-            assert load.landing(prototype, line) == pytest.approx(share, abs=0.003)
-
-
 def test_keys_of_accuracy() -> None:
     plain = load_study("mq200_paper")
     study = load_study("mq200_paper", ["load.pitch_sd_um=3.0", "load.dog_stiffness_N_um=120"])
