@@ -66,6 +66,15 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
         raise InputError(refusal(name, value, unit, rule, remedy))
 
 
+def require_part(
+    key: str, part: float, side: str, whole: float, remedy: str, *, rest: bool = False
+) -> None:
+    """Raise InputError where an inertia is more than its side's, or leaves no ``rest``, kg m2."""
+    if part > whole or (rest and part == whole):
+        rule = f"it is a part of {side}.inertia_kgm2 = {whole:.6g}"
+        raise InputError(refusal(key, part, "kg m2", rule, remedy))
+
+
 class Range(NamedTuple):
     """Key of a field in a file, range there, and remedy of a value beyond it."""
 

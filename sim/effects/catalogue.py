@@ -43,10 +43,6 @@ def _new(_: float, value: float) -> float:
     return value
 
 
-def _new_if_any(old: float, value: float) -> float:
-    return value or old
-
-
 def _with_elastic_linkage(setting: Setting, values: Values) -> Setting:
     mass = setting.clutch.mechanism.added_mass + values["mass_behind_kg"]
     compliance = to_si("compliance_mm_kN", values["compliance_mm_kN"])
@@ -210,7 +206,7 @@ EFFECTS = (
         "actuation_lag", (
             Parameter("lag_s", 0.0, 0.003, 0.45, "log-uniform", most=1.0,
                       ordinary=(0.3, "a cylinder behind its valve")),),
-        _changed("profile", _new_if_any, lag="lag_s"),
+        _changed("profile", lambda old, value: value or old, lag="lag_s"),
         BenchTest(_FORCE, "Record the force at the shift fork while the ring is blocked: its "
                   "course after the nominal rise shows the lag."),
         title="slow rise of the shift force"),

@@ -52,6 +52,9 @@ TOUCHED, BEATEN = range(2)
  LINKED, USED, BEHIND, SHAFT, SHAFT_LOSS, BACKLASH, AHEAD, OUT_SHAFT, OUT_LOSS,
  TWIST) = range(32)  # fmt: skip
 NUMBERS = 32
+_FAR, _NEAR = 2.0 / 3.0, 1.0 / 6.0
+#: Places of a triangle's three points, as shares of its corners.
+POINTS = ((_FAR, _NEAR, _NEAR), (_NEAR, _FAR, _NEAR), (_NEAR, _NEAR, _FAR))
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
 
 
@@ -223,10 +226,7 @@ def _triangle(work, where, i, column, normal, turn, speed, law):
     ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     weight = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
     axial, torque = 0.0, 0.0
-    for point in range(3):
-        f0 = 2.0 / 3.0 if point == 0 else 1.0 / 6.0
-        f1 = 2.0 / 3.0 if point == 1 else 1.0 / 6.0
-        f2 = 2.0 / 3.0 if point == 2 else 1.0 / 6.0
+    for f0, f1, f2 in POINTS:
         x, y = f0 * p[0] + f1 * q[0] + f2 * r[0], f0 * p[1] + f1 * q[1] + f2 * r[1]
         depth = f0 * p[column] + f1 * q[column] + f2 * r[column]
         vx, vy, vz = turn * y, -turn * x, -speed
@@ -300,10 +300,8 @@ def _motion(push, along, about, state, out, plain):
     drive = push
     out[6], out[7] = speed, 0.0
     if plain[LINKED] > 0.0:
-        drive = _spring(
-            state[6] - way, state[7] - speed, plain[STIFF], plain[LOSS], 0.0, plain[PLAY],
-            plain[DEEP_STOP],
-        )  # fmt: skip
+        u, rate, deep = state[6] - way, state[7] - speed, plain[DEEP_STOP]
+        drive = _spring(u, rate, plain[STIFF], plain[LOSS], 0.0, plain[PLAY], deep)
         out[6] = state[7]
         out[7] = (push - drive) / plain[FAR]
     held = 0.0
@@ -313,12 +311,9 @@ def _motion(push, along, about, state, out, plain):
         held += plain[DETENT] * bump * bump
     drive_torque, through = 0.0, about
     if plain[BEHIND] > 0.0:
-        half = 0.5 * plain[BACKLASH]
-        drive_torque = _spring(
-            state[8] - state[2], state[9] - state[5], plain[SHAFT], plain[SHAFT_LOSS], -half, half,
-            plain[TWIST],
-        )  # fmt: skip
-        through = drive_torque
+        half, u, rate = 0.5 * plain[BACKLASH], state[8] - state[2], state[9] - state[5]
+        law = plain[SHAFT], plain[SHAFT_LOSS]
+        through = drive_torque = _spring(u, rate, law[0], law[1], -half, half, plain[TWIST])
     rub = plain[FRICTION] + plain[SPLINE] * abs(through)
     if rub > 0.0:
         held += rub * _smooth(speed, plain[SLIP_SPEED])

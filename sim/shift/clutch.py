@@ -13,6 +13,7 @@ from dogshape.sim.errors import (
     refusal,
     require_between,
     require_known,
+    require_part,
     require_ranges,
     within,
 )
@@ -161,15 +162,12 @@ class Clutch:
     mechanism: Mechanism = NOTHING
 
     def __post_init__(self) -> None:
-        mechanism, rings = self.mechanism, self.rings
-        for key, part, side, whole in (
-            ("ring_inertia_kgm2", mechanism.ring_inertia, "sliding", rings.sliding_inertia),
-            ("wheel_inertia_kgm2", mechanism.wheel_inertia, "output", rings.output_inertia),
+        remedy, own, whole = "give what turns with the dogs alone", self.mechanism, self.rings
+        for key, part, side, inertia in (
+            ("mechanism.ring_inertia_kgm2", own.ring_inertia, "sliding", whole.sliding_inertia),
+            ("mechanism.wheel_inertia_kgm2", own.wheel_inertia, "output", whole.output_inertia),
         ):
-            if part >= whole:
-                rule = f"it is a part of {side}.inertia_kgm2 = {whole:.6g}"
-                remedy = "give what turns with the dogs alone"
-                raise InputError(refusal(f"mechanism.{key}", part, "kg m2", rule, remedy))
+            require_part(key, part, side, inertia, remedy, rest=True)
 
     @property
     def shift_travel(self) -> float:

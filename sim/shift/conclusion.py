@@ -49,13 +49,6 @@ MESSAGES = {
 
 #: Beginning of the reason of a failure that depends on the speed of the machine.
 TIME_LIMIT = "no end after solver.time_limit_s"
-
-
-def depends_on_clock(reason: str) -> bool:
-    """Decide whether a failure for this reason may not happen when the shift is simulated again."""
-    return reason.startswith(TIME_LIMIT)
-
-
 LONGEST_TURN = 0.05  #: pitches, by which a step may turn without a look at what is between
 #: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
 COVERED_DEPTH = 1.0 / 3.0

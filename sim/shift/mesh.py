@@ -259,7 +259,6 @@ def triangulated(face: Sequence[int]) -> list[tuple[int, int, int]]:
 
 
 Cells = NDArray[np.int64]  #: (m, 3) triangles or (m, 4) tetrahedra
-Quad = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
@@ -312,7 +311,7 @@ def rigid_dog(dog: Dog) -> Mesh:
     return Mesh(np.array(points), _in_triangles(touching_quads(dog)))
 
 
-def touching_quads(dog: Dog) -> list[Quad]:
+def touching_quads(dog: Dog) -> list[Face]:
     """Return the corners of each surface in ``rigid_dog``, in the order of ``touching_planes``."""
     if dog.edge_radius == 0.0:
         return [(5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2)]

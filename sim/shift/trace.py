@@ -143,8 +143,8 @@ def trace_of(clutch: Clutch, profile: ForceProfile, times: Series, states: Serie
     if near is not None:
         behind |= {"input_torque": _torque(near, state), "input_speed": state[:, 9]}
     if output is not None:
-        twist, rate = state[:, 10] - state[:, 0], state[:, 11] - state[:, 3]
-        behind |= {"output_torque": output.torque(twist, rate), "output_far_speed": state[:, 11]}
+        torque_out = output.torque(state[:, 10] - state[:, 0], state[:, 11] - state[:, 3])
+        behind |= {"output_torque": torque_out, "output_far_speed": state[:, 11]}
     return Trace(
         time=time,
         **{name: state[:, column] for name, column in _COLUMNS.items()},

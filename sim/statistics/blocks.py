@@ -70,11 +70,8 @@ class Block:
 
     def only(self, places: Sequence[int]) -> Block:
         """Return the block with the angles at ``places`` alone."""
-        return replace(
-            self,
-            angles=tuple(self.angles[k] for k in places),
-            variants=tuple(self.variants[k] for k in places) if self.variants else (),
-        )
+        variants = tuple(self.variants[k] for k in places) if self.variants else ()
+        return replace(self, angles=tuple(self.angles[k] for k in places), variants=variants)
 
     def refined(self, place: int) -> Block:
         """Return the shift at ``place`` alone, with a tolerance thirty times smaller."""
@@ -149,12 +146,9 @@ def loads_record(result: Engagement) -> Record:
 
 def shaft_record(trace: Trace) -> Record:
     """Return the largest torques of shafts that give way, N m; nothing for rigid ones."""
-    shafts = {"input": trace.input_torque, "output": trace.output_torque}
-    return {
-        f"{name}_torque_peak_Nm": float(np.abs(torque).max())
-        for name, torque in shafts.items()
-        if torque is not None
-    }
+    shafts = ("input", trace.input_torque), ("output", trace.output_torque)
+    peaks = [(name, float(np.abs(torque).max())) for name, torque in shafts if torque is not None]
+    return {f"{name}_torque_peak_Nm": peak for name, peak in peaks}
 
 
 def run_block(block: Block) -> Iterator[Record]:
