@@ -312,8 +312,8 @@ def _motion(push, along, about, state, out, plain):
     drive_torque, through = 0.0, about
     if plain[BEHIND] > 0.0:
         half, u, rate = 0.5 * plain[BACKLASH], state[8] - state[2], state[9] - state[5]
-        law = plain[SHAFT], plain[SHAFT_LOSS]
-        through = drive_torque = _spring(u, rate, law[0], law[1], -half, half, plain[TWIST])
+        stiff, loss = plain[SHAFT], plain[SHAFT_LOSS]
+        through = drive_torque = _spring(u, rate, stiff, loss, -half, half, plain[TWIST])
     rub = plain[FRICTION] + plain[SPLINE] * abs(through)
     if rub > 0.0:
         held += rub * _smooth(speed, plain[SLIP_SPEED])

@@ -39,7 +39,7 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
 
 def _run(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Run:
     simulator, clutch = plant.start(point, relative_angle), plant.clutch
-    #: Places in the state of what has not made its travel: ring, actuator.
+    # Places in the state of what has not made its travel: ring, actuator.
     under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
     # Beside where the run begins: the time in which the ring was held.
     times, states = plant.held[0][:-1].tolist(), [*plant.held[1][:-1]]
