@@ -232,5 +232,7 @@ _UNITS = {"MPa": MPA, "mm": MM, "deg": DEG, "N": 1.0, "": 1.0}
 
 def checks_of(rows: Iterable[Row]) -> tuple[Check, ...]:
     """Return the checks of values and limits, which turn from SI to the units of their rules."""
-    found = ((RULES[name], _UNITS[RULES[name].unit], *numbers) for name, *numbers in rows)
-    return tuple(Check(rule, value / unit, limit / unit) for rule, unit, value, limit in found)
+    return tuple(
+        Check(rule, value / _UNITS[rule.unit], limit / _UNITS[rule.unit])
+        for rule, value, limit in ((RULES[name], value, limit) for name, value, limit in rows)
+    )
