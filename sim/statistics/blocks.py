@@ -110,12 +110,13 @@ def even_block(
 
     ``draw`` is seed and index of even angles and of uncertain factors.
     """
-    seed = None
     if isinstance(angles, int):
-        angles, seed = even_phases(angles, *draw, base) * clutch.dog.pitch_angle, draw[0]
-        angles = angles.tolist()
-    variants = uncertainty.variants(point, len(angles), *draw, base) if uncertainty else ()
-    return Block(clutch, point, tuple(angles), seed, variants)
+        shares = even_phases(angles, *draw, base) * clutch.dog.pitch_angle
+        places: tuple[float, ...] = tuple(shares.tolist())
+    else:
+        places = tuple(angles)
+    variants = uncertainty.variants(point, len(places), *draw, base) if uncertainty else ()
+    return Block(clutch, point, places, draw[0] if isinstance(angles, int) else None, variants)
 
 
 def events_record(result: Engagement) -> Record:
