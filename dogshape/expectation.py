@@ -21,7 +21,7 @@ from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
 from dogshape.result import Figure, Frame, Result
 from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
-from dogshape.sim.statistics.blocks import even_blocks, listed_blocks, numerical_error, repeated
+from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.statistics.expectation import Expectation as Mean
 from dogshape.sim.strength.manufacture import require_makeable
@@ -123,11 +123,8 @@ def simulate_mean(
             error = numerical_error(blocks, rows, executor.run)
         return Expectation(config, replace(found, numerical_error=error))
     given = settings.angles if angles is None else angles
-    if isinstance(given, int):
-        blocks = even_blocks(clutch, points, given, settings.seed, uncertainty=config.uncertainty)
-    else:
-        listed = tuple(angle * DEG for angle in given)
-        blocks = listed_blocks(clutch, points, listed, settings.seed, config.uncertainty)
+    asked_at = given if isinstance(given, int) else [angle * DEG for angle in given]
+    blocks = even_blocks(clutch, points, asked_at, settings.seed, uncertainty=config.uncertainty)
     shifts = sum(len(block.angles) for block in blocks)
     with where.executor("expect", asked, shifts + repeated(shifts)) as (executor, _):
         rows = executor.run(blocks)

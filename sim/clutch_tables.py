@@ -32,20 +32,15 @@ RULES: Mapping[str, str] = {
     **dict.fromkeys(("float_parsing", "float_type"), _NUMBER),
     **dict.fromkeys(("int_from_float", "int_parsing", "int_type"), _WHOLE),
     "int_parsing_size": f"{_WHOLE} of a few digits",
-    "greater_than": "above {gt}",
-    "greater_than_equal": "at least {ge}",
-    "less_than": "below {lt}",
-    "less_than_equal": "at most {le}",
+    "greater_than": "above {gt}", "greater_than_equal": "at least {ge}",
+    "less_than": "below {lt}", "less_than_equal": "at most {le}",
+    "literal_error": "one of {expected}", "path_type": "a path",
+    "string_type": "a text in quotation marks", "string_pattern_mismatch": NAME,
+    "string_too_long": "not longer than {max_length} characters", "string_too_short": "not empty",
     "list_type": "a list in square brackets",
-    "literal_error": "one of {expected}",
-    "path_type": "a path",
-    "string_pattern_mismatch": NAME,
-    "string_too_long": "not longer than {max_length} characters",
-    "string_too_short": "not empty",
-    "string_type": "a text in quotation marks",
     "too_long": "a list of at most {max_length} values",
     "too_short": "a list of at least {min_length} values",
-}
+}  # fmt: skip
 
 
 def broken_rule(name: str, error: ErrorDetails) -> str:
@@ -174,12 +169,8 @@ UNMODELLED = (
 
 def rings(sliding: SlidingSection, output: OutputSection) -> Rings:
     """Build both rings."""
-    return Rings(
-        mass=sliding.mass_kg,
-        sliding_inertia=sliding.inertia_kgm2,
-        output_inertia=output.inertia_kgm2,
-        initial_speed=sliding.initial_speed_rpm * RPM,
-    )
+    speed = sliding.initial_speed_rpm * RPM
+    return Rings(sliding.mass_kg, sliding.inertia_kgm2, output.inertia_kgm2, speed)
 
 
 def dog_fields(values: dict[str, float]) -> dict[str, Any]:

@@ -12,7 +12,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from dogshape.sim.errors import DogshapeError, EffectError, InputError, did_you_mean, refusal
+from dogshape.sim.errors import (
+    DogshapeError,
+    EffectError,
+    InputError,
+    did_you_mean,
+    refusal,
+    require_known,
+)
 from dogshape.sim.setting import Setting
 from dogshape.sim.units import unit_of
 
@@ -48,9 +55,7 @@ class Parameter:
     ordinary: tuple[float, str] | None = None
 
     def __post_init__(self) -> None:
-        if self.scale not in SCALES:
-            hint = did_you_mean(self.scale, SCALES)
-            raise InputError(f"scale of {self.name} is '{self.scale}', which is no scale; {hint}")
+        require_known(f"scale of {self.name}", self.scale, "a scale", SCALES)
         least = 0.0 if self.scale == "log-uniform" else -math.inf
         if not least < self.low < self.high < math.inf:
             raise InputError(

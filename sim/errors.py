@@ -66,6 +66,15 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
         raise InputError(refusal(name, value, unit, rule, remedy))
 
 
+def require_part(
+    key: str, part: float, side: str, whole: float, remedy: str, *, rest: bool = False
+) -> None:
+    """Raise InputError where an inertia is more than its side's, or leaves no ``rest``, kg m2."""
+    if part > whole or (rest and part == whole):
+        rule = f"it is a part of {side}.inertia_kgm2 = {whole:.6g}"
+        raise InputError(refusal(key, part, "kg m2", rule, remedy))
+
+
 class Range(NamedTuple):
     """Key of a field in a file, range there, and remedy of a value beyond it."""
 
@@ -110,6 +119,12 @@ def did_you_mean(name: str, valid: Iterable[str]) -> str:
     if found:
         return "did you mean " + " or ".join(f"'{one}'" for one in found) + "?"
     return "valid are " + ", ".join(names)
+
+
+def require_known(name: str, value: str, kind: str, valid: Iterable[str]) -> None:
+    """Raise InputError unless a value is one of the valid ones; ``kind`` with its article."""
+    if value not in (known := tuple(valid)):
+        raise InputError(f"{name} is '{value}', which is not {kind}; {did_you_mean(value, known)}")
 
 
 def meant_number(text: str) -> float | None:

@@ -126,8 +126,8 @@ def require_body(body: float) -> None:
     """Raise GeometryError unless the body has a thickness, m."""
     if not 0.0 < body < 1.0:
         rule = "a ring needs a body between 0 and 1000 mm to carry its dogs"
-        message = refusal("body_mm", body * 1e3, "mm", rule, "give its thickness in millimetres")
-        raise GeometryError(message)
+        remedy = "give its thickness in millimetres"
+        raise GeometryError(refusal("body_mm", body * 1e3, "mm", rule, remedy))
 
 
 def ring_part(

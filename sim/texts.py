@@ -52,7 +52,7 @@ class TextTable:
         if len(self.head) == 1 < len(needed):
             only = f"its first line is '{self.head[0]}'"
             raise DataError(f"{self.path} {NO_TABLE}: {only}; {SAVE}")
-        unknown = [n for n in dict.fromkeys(self.head) if own is not None and n not in own]
+        unknown = {} if own is None else dict.fromkeys(n for n in self.head if n not in own)
         hints = {name: did_you_mean(name, own or ()) for name in unknown}
         faults = [f"'{name}' is not a known column; {hint}" for name, hint in hints.items()]
         others = [name for name in self.head if name not in needed]

@@ -16,54 +16,35 @@ RPM = 2.0 * math.pi / 60.0  #: radians per second in a revolution per minute
 MPA = 1e6  #: pascals in a megapascal
 MS = 1e-3  #: seconds in a millisecond
 
-#: Factor to SI and name of a unit by the suffix of a name; one without them is a pure number.
+#: Factor to SI and name of a unit by the suffix of a name; without one it is a pure number.
 UNITS: dict[str, tuple[float, str]] = {
-    "_mm": (MM, "mm"),
-    "_um": (1e-3 * MM, "um"),
-    "_deg": (DEG, "deg"),
-    "_mrad": (1e-3, "mrad"),
-    "_rpm": (RPM, "1/min"),
-    "_MPa": (MPA, "MPa"),
-    "_ms": (MS, "ms"),
-    "_m_s": (1.0, "m/s"),
-    "_m_s2": (1.0, "m/s2"),
-    "_Pa_m": (1.0, "Pa/m"),
-    "_s_m": (1.0, "s/m"),
-    "_N_mm": (1.0 / MM, "N/mm"),
-    "_N_um": (1e3 / MM, "N/um"),
-    "_HV": (1.0, "HV"),
-    "_Nm_rad": (1.0, "N m/rad"),
-    "_Nm": (1.0, "N m"),
-    "_mm3_Nm": (1e-9, "mm3/(N m)"),
-    "_Ns": (1.0, "N s"),
-    "_Ns_m": (1.0, "N s/m"),
-    "_mm_kN": (1e-6, "mm/kN"),
-    "_J": (1.0, "J"),
-    "_N": (1.0, "N"),
-    "_kgm2": (1.0, "kg m2"),
-    "_kg": (1.0, "kg"),
-    "_s": (1.0, "s"),
-}
-_PURE = (1.0, "")  # of a number without a unit
+    "_mm": (MM, "mm"), "_um": (1e-3 * MM, "um"), "_mm_kN": (1e-6, "mm/kN"),
+    "_deg": (DEG, "deg"), "_mrad": (1e-3, "mrad"), "_rpm": (RPM, "1/min"),
+    "_s": (1.0, "s"), "_ms": (MS, "ms"), "_m_s": (1.0, "m/s"), "_m_s2": (1.0, "m/s2"),
+    "_N": (1.0, "N"), "_Ns": (1.0, "N s"), "_Ns_m": (1.0, "N s/m"), "_s_m": (1.0, "s/m"),
+    "_N_mm": (1.0 / MM, "N/mm"), "_N_um": (1e3 / MM, "N/um"), "_Nm": (1.0, "N m"),
+    "_Nm_rad": (1.0, "N m/rad"), "_MPa": (MPA, "MPa"), "_Pa_m": (1.0, "Pa/m"),
+    "_HV": (1.0, "HV"), "_J": (1.0, "J"), "_mm3_Nm": (1e-9, "mm3/(N m)"),
+    "_kg": (1.0, "kg"), "_kgm2": (1.0, "kg m2"), "": (1.0, ""),
+}  # fmt: skip
 
 
 @lru_cache(maxsize=256)
 def suffix_of(name: str) -> str:
     """Return the unit suffix of ``name`` (``"_mm"``), or ``""`` for a pure number."""
-    matches = [suffix for suffix in UNITS if name.endswith(suffix)]
-    return max(matches, key=len, default="")
+    return max((suffix for suffix in UNITS if name.endswith(suffix)), key=len)
 
 
 def unit_of(name: str) -> str:
     """Return the unit that ``name`` ends in, for messages and labels (``"mm"``)."""
-    return UNITS.get(suffix_of(name), _PURE)[1]
+    return UNITS[suffix_of(name)][1]
 
 
 def to_si(name: str, value: float) -> float:
     """Convert ``value``, given in the unit that ``name`` ends in, to SI."""
-    return value * UNITS.get(suffix_of(name), _PURE)[0]
+    return value * UNITS[suffix_of(name)][0]
 
 
 def from_si(name: str, value: float) -> float:
     """Convert an SI ``value`` to the unit that ``name`` ends in."""
-    return value / UNITS.get(suffix_of(name), _PURE)[0]
+    return value / UNITS[suffix_of(name)][0]

@@ -15,7 +15,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from operator import add, mul
+from operator import add, attrgetter, mul
+from typing import Any
 
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
 from dogshape.sim.setting import Setting
@@ -29,13 +30,11 @@ def _changed(part: str, law: Callable[[float, float], float], **names: str) -> C
     """Return a change of fields of a part by the values of parameters, each in SI units."""
 
     def change(setting: Setting, values: Values) -> Setting:
-        profile = setting.point.profile
-        own = profile if part == "profile" else getattr(setting.clutch, part)
+        own: Any = setting.point.profile if part == "profile" else getattr(setting.clutch, part)
         new = {f: law(getattr(own, f), to_si(name, values[name])) for f, name in names.items()}
         if part == "profile":
-            return setting.with_point(profile=replace(profile, **new))
-        changed: Setting = getattr(setting, f"with_{part}")(**new)
-        return changed
+            return setting.with_point(profile=replace(own, **new))
+        return replace(setting, clutch=replace(setting.clutch, **{part: replace(own, **new)}))
 
     return change
 
@@ -44,16 +43,13 @@ def _new(_: float, value: float) -> float:
     return value
 
 
-def _new_if_any(old: float, value: float) -> float:
-    return value or old
-
-
 def _with_elastic_linkage(setting: Setting, values: Values) -> Setting:
     mass = setting.clutch.mechanism.added_mass + values["mass_behind_kg"]
     compliance = to_si("compliance_mm_kN", values["compliance_mm_kN"])
     return setting.with_mechanism(compliance=compliance, added_mass=mass)
 
 
+_FORCE = "force at the sleeve over time"
 _SLOW_PUSH = BenchTest(
     "slow push of the free ring",
     "Push the free ring slowly along its shaft, both ways, and record force over displacement: a "
@@ -75,12 +71,6 @@ def _with_spline(setting: Setting, values: Values) -> Setting:
     return setting.with_mechanism(spline_friction=values["spline_friction"], spline_radius=radius)
 
 
-def _with_inertia(setting: Setting, values: Values) -> Setting:
-    rings = setting.clutch.rings
-    heavier = replace(rings, sliding_inertia=rings.sliding_inertia * values["inertia_factor"])
-    return replace(setting, clutch=replace(setting.clutch, rings=heavier))
-
-
 def _with_mismatch(setting: Setting, values: Values) -> Setting:
     nominal = setting.point.mismatch
     offset = to_si("offset_rpm", values["offset_rpm"]) * math.copysign(1.0, nominal)
@@ -96,264 +86,174 @@ def _with_angles(setting: Setting, values: Values) -> Setting:
 
 EFFECTS = (
     Effect(
-        "contact_friction", title="other friction between the dogs",
-        parameters=(
-            Parameter(
-                "static_friction", neutral=lambda setting: setting.clutch.contact.static_friction,
-                low=0.05, high=0.45, scale="uniform", least=0.01, most=1.0,
-            ),
-            Parameter(
-                "dynamic_friction", neutral=lambda setting: setting.clutch.contact.dynamic_friction,
-                low=0.03, high=0.35, scale="uniform", least=0.01, most=1.0,
-            ),
-        ),
-        change=_changed(
-            "contact", _new, static_friction="static_friction", dynamic_friction="dynamic_friction"
-        ),
-        test=BenchTest("tilt test of the dogs",
-            "Press two dog faces on each other under a known load and measure the tangential "
-            "force, at rest and while sliding, oiled as on the bench."),
-    ),
+        "contact_friction", (
+            Parameter("static_friction", attrgetter("clutch.contact.static_friction"),
+                      0.05, 0.45, "uniform", least=0.01, most=1.0),
+            Parameter("dynamic_friction", attrgetter("clutch.contact.dynamic_friction"),
+                      0.03, 0.35, "uniform", least=0.01, most=1.0)),
+        _changed("contact", _new, static_friction="static_friction",
+                 dynamic_friction="dynamic_friction"),
+        BenchTest("tilt test of the dogs", "Press two dog faces on each other under a known load "
+                  "and measure the tangential force, at rest and while sliding, oiled as on the "
+                  "bench."),
+        title="other friction between the dogs"),
     Effect(
-        "contact_stiffness", title="other stiffness of the dogs",
-        parameters=(Parameter(
-            "stiffness_Pa_m", neutral=lambda setting: setting.clutch.contact.stiffness,
-            low=1e11, high=2e13, scale="log-uniform", least=1e10, most=1e14,
-        ),),
-        change=_changed("contact", _new, stiffness="stiffness_Pa_m"),
-        test=BenchTest("static stiffness of the engaged pair",
-            "Load the engaged pair with a torque and measure the twist between both rings."),
-    ),
+        "contact_stiffness", (
+            Parameter("stiffness_Pa_m", attrgetter("clutch.contact.stiffness"),
+                      1e11, 2e13, "log-uniform", least=1e10, most=1e14),),
+        _changed("contact", _new, stiffness="stiffness_Pa_m"),
+        BenchTest("static stiffness of the engaged pair",
+                  "Load the engaged pair with a torque and measure the twist between both rings."),
+        title="other stiffness of the dogs"),
     Effect(
-        "contact_dissipation", title="other rebound of the dogs",
-        parameters=(Parameter(
-            "dissipation_s_m", neutral=lambda setting: setting.clutch.contact.dissipation,
-            low=1.0, high=300.0, scale="log-uniform", least=0.1, most=3000.0,
-        ),),
-        change=_changed("contact", _new, dissipation="dissipation_s_m"),
-        test=BenchTest("drop test of the ring",
-            "Drop the ring on the fixed output ring, dog on dog, from some millimetres and record "
-            "the rebound."),
-    ),
+        "contact_dissipation", (
+            Parameter("dissipation_s_m", attrgetter("clutch.contact.dissipation"),
+                      1.0, 300.0, "log-uniform", least=0.1, most=3000.0),),
+        _changed("contact", _new, dissipation="dissipation_s_m"),
+        BenchTest("drop test of the ring", "Drop the ring on the fixed output ring, dog on dog, "
+                  "from some millimetres and record the rebound."),
+        title="other rebound of the dogs"),
     Effect(
-        "chamfer_angle", title="chamfer angle off nominal",
-        parameters=(Parameter(
-            "chamfer_offset_deg", neutral=0.0, low=-4.0, high=4.0, scale="uniform",
-        ),),
-        change=_changed("dog", add, chamfer="chamfer_offset_deg"),
-        test=BenchTest("chamfer by profile",
-            "Measure the profile of some dogs of either ring on a measuring machine or an "
-            "imprint."),
-    ),
+        "chamfer_angle", (Parameter("chamfer_offset_deg", 0.0, -4.0, 4.0, "uniform"),),
+        _changed("dog", add, chamfer="chamfer_offset_deg"),
+        BenchTest("chamfer by profile", "Measure the profile of some dogs of either ring on a "
+                  "measuring machine or an imprint."),
+        title="chamfer angle off nominal"),
     Effect(
-        "axial_gap", title="axial gap off nominal",
-        parameters=(Parameter(
-            "gap_offset_mm", neutral=0.0, low=-0.8, high=0.8, scale="uniform",
-        ),),
-        change=_changed("dog", add, axial_gap="gap_offset_mm"),
-        test=BenchTest("gap by feeler or travel",
-            "Push the ring from neutral until dogs meet dogs, face on face, and read the "
-            "displacement."),
-    ),
+        "axial_gap", (Parameter("gap_offset_mm", 0.0, -0.8, 0.8, "uniform"),),
+        _changed("dog", add, axial_gap="gap_offset_mm"),
+        BenchTest("gap by feeler or travel", "Push the ring from neutral until dogs meet dogs, "
+                  "face on face, and read the displacement."),
+        title="axial gap off nominal"),
     Effect(
-        "free_play", title="free play of the linkage",
-        parameters=(Parameter(
-            "free_play_mm", neutral=0.0, low=0.05, high=2.0, scale="log-uniform", most=6.0,
-            ordinary=(0.3, "a new fork in its groove"),
-        ),),
-        change=_changed("mechanism", _new, free_play="free_play_mm"),
-        test=BenchTest("hand test of the play",
-            "Hold the ring and move the actuator to and fro by hand with a dial gauge on it."),
-    ),
+        "free_play", (
+            Parameter("free_play_mm", 0.0, 0.05, 2.0, "log-uniform", most=6.0,
+                      ordinary=(0.3, "a new fork in its groove")),),
+        _changed("mechanism", _new, free_play="free_play_mm"),
+        BenchTest("hand test of the play", "Hold the ring and move the actuator to and fro by hand "
+                  "with a dial gauge on it."),
+        title="free play of the linkage"),
     Effect(
-        "linkage_compliance", title="elastic linkage",
-        parameters=(
-            Parameter(
-                "compliance_mm_kN", neutral=0.0, low=0.3, high=35.0, scale="log-uniform",
-                most=120.0, ordinary=(4.3, "Bowden cables"),
-            ),
-            Parameter(
-                "mass_behind_kg", neutral=0.0, low=0.03, high=18.0, scale="log-uniform", most=60.0,
-            ),
-        ),
-        change=_with_elastic_linkage,
-        test=BenchTest("static stiffness of the linkage",
-            "Block the ring, raise the force in steps and read the displacement at the actuator; "
-            "then strike the actuator and record its swing: frequency and stiffness give the "
-            "mass."),
-    ),
+        "linkage_compliance", (
+            Parameter("compliance_mm_kN", 0.0, 0.3, 35.0, "log-uniform", most=120.0,
+                      ordinary=(4.3, "Bowden cables")),
+            Parameter("mass_behind_kg", 0.0, 0.03, 18.0, "log-uniform", most=60.0)),
+        _with_elastic_linkage,
+        BenchTest("static stiffness of the linkage", "Block the ring, raise the force in steps and "
+                  "read the displacement at the actuator; then strike the actuator and record its "
+                  "swing: frequency and stiffness give the mass."),
+        title="elastic linkage"),
     Effect(
-        "moving_mass", title="mass of actuator and linkage",
-        parameters=(Parameter(
-            "added_mass_kg", neutral=0.0, low=0.03, high=18.0, scale="log-uniform", most=60.0,
-            ordinary=(1.0, "fork and rod"),
-        ),),
-        change=_changed("mechanism", add, added_mass="added_mass_kg"),
-        test=BenchTest("free flight at the sleeve",
-            "Shift with the output ring taken out and record the displacement at the sleeve: its "
-            "acceleration under a known force is the mass."),
-    ),
+        "moving_mass", (
+            Parameter("added_mass_kg", 0.0, 0.03, 18.0, "log-uniform", most=60.0,
+                      ordinary=(1.0, "fork and rod")),),
+        _changed("mechanism", add, added_mass="added_mass_kg"),
+        BenchTest("free flight at the sleeve", "Shift with the output ring taken out and record "
+                  "the displacement at the sleeve: its acceleration under a known force is the "
+                  "mass."),
+        title="mass of actuator and linkage"),
     Effect(
-        "sleeve_friction", title="dry friction of the sliding ring",
-        parameters=(Parameter(
-            "friction_N", neutral=0.0, low=3.0, high=200.0, scale="log-uniform", most=1000.0,
-        ),),
-        change=_changed("mechanism", _new, friction="friction_N"),
-        test=_SLOW_PUSH,
-    ),
+        "sleeve_friction",
+        (Parameter("friction_N", 0.0, 3.0, 200.0, "log-uniform", most=1000.0),),
+        _changed("mechanism", _new, friction="friction_N"), _SLOW_PUSH,
+        title="dry friction of the sliding ring"),
     Effect(
-        "viscous_damping", title="oil damping of the sliding ring",
-        parameters=(Parameter(
-            "damping_Ns_m", neutral=0.0, low=5.0, high=1600.0, scale="log-uniform",
-            most=6000.0, ordinary=(5.0, "shear of oil in a spline"),
-        ),),
-        change=_changed("mechanism", _new, damping="damping_Ns_m"),
-        test=BenchTest("free flight at two forces",
-            "Shift with the output ring taken out at two forces and two oil temperatures and "
-            "record the displacement."),
-    ),
+        "viscous_damping", (
+            Parameter("damping_Ns_m", 0.0, 5.0, 1600.0, "log-uniform", most=6000.0,
+                      ordinary=(5.0, "shear of oil in a spline")),),
+        _changed("mechanism", _new, damping="damping_Ns_m"),
+        BenchTest("free flight at two forces", "Shift with the output ring taken out at two forces "
+                  "and two oil temperatures and record the displacement."),
+        title="oil damping of the sliding ring"),
     Effect(
-        "detent_force", title="force of a detent",
-        parameters=(
-            Parameter(
-                "detent_N", neutral=0.0, low=10.0, high=200.0, scale="log-uniform", most=1000.0,
-                ordinary=(100.0, "ball detents of passenger cars"),
-            ),
-            Parameter(
-                "position_mm", neutral=0.5, low=0.5, high=4.5, scale="uniform",
-                least=0.5, most=4.5,
-            ),
-        ),
-        change=_with_detent,
-        test=_SLOW_PUSH,
-    ),
+        "detent_force", (
+            Parameter("detent_N", 0.0, 10.0, 200.0, "log-uniform", most=1000.0,
+                      ordinary=(100.0, "ball detents of passenger cars")),
+            Parameter("position_mm", 0.5, 0.5, 4.5, "uniform", least=0.5, most=4.5)),
+        _with_detent, _SLOW_PUSH, title="force of a detent"),
     Effect(
-        "spline_friction", title="friction in the loaded spline",
-        parameters=(Parameter(
-            "spline_friction", neutral=0.0, low=0.01, high=0.3, scale="log-uniform", most=1.0,
-        ),),
-        change=_with_spline,
-        test=BenchTest("push of the ring under torque",
-            "Hold the output ring, load the sliding ring with a known torque and measure the force "
-            "that moves it along its shaft."),
-    ),
+        "spline_friction",
+        (Parameter("spline_friction", 0.0, 0.01, 0.3, "log-uniform", most=1.0),),
+        _with_spline,
+        BenchTest("push of the ring under torque", "Hold the output ring, load the sliding ring "
+                  "with a known torque and measure the force that moves it along its shaft."),
+        title="friction in the loaded spline"),
     Effect(
-        "drag_torque", title="drag torque on the sliding ring",
-        parameters=(Parameter(
-            "drag_Nm", neutral=0.0, low=0.02, high=8.0, scale="log-uniform", most=40.0,
-            ordinary=(0.5, "bearings and seals of an input shaft"),
-        ),),
-        change=_changed("mechanism", _new, drag_torque="drag_Nm"),
-        test=BenchTest("run-down of the sliding ring",
-            "Turn the free sliding ring and record how its speed falls, or turn it by a torque "
-            "wrench."),
-    ),
+        "drag_torque", (
+            Parameter("drag_Nm", 0.0, 0.02, 8.0, "log-uniform", most=40.0,
+                      ordinary=(0.5, "bearings and seals of an input shaft")),),
+        _changed("mechanism", _new, drag_torque="drag_Nm"),
+        BenchTest("run-down of the sliding ring", "Turn the free sliding ring and record how its "
+                  "speed falls, or turn it by a torque wrench."),
+        title="drag torque on the sliding ring"),
     Effect(
-        "sliding_inertia", title="inertia of the sliding side off nominal",
-        parameters=(Parameter(
-            "inertia_factor", neutral=1.0, low=1.1, high=8.0, scale="log-uniform",
-            least=0.1, most=50.0, ordinary=(2.0, "other wheels in mesh"),
-        ),),
-        change=_with_inertia,
-        test=BenchTest("run-up of the sliding side",
-            "Turn the free sliding side by a weight on a cord and record its speed: torque over "
-            "acceleration is its inertia."),
-    ),
+        "sliding_inertia", (
+            Parameter("inertia_factor", 1.0, 1.1, 8.0, "log-uniform", least=0.1, most=50.0,
+                      ordinary=(2.0, "other wheels in mesh")),),
+        _changed("rings", mul, sliding_inertia="inertia_factor"),
+        BenchTest("run-up of the sliding side", "Turn the free sliding side by a weight on a cord "
+                  "and record its speed: torque over acceleration is its inertia."),
+        title="inertia of the sliding side off nominal"),
     Effect(
-        "actuation_delay", title="dead time of the actuation",
-        parameters=(Parameter(
-            "delay_s", neutral=0.0, low=0.0, high=0.4, scale="uniform", least=0.0, most=1.0,
-            ordinary=(0.15, "valve, pipe and filling of a cylinder"),
-        ),),
-        change=lambda setting, values: replace(setting, delay=setting.delay + values["delay_s"]),
-        test=BenchTest("force at the sleeve over time",
-            "Record the trigger and the force at the shift fork on one clock: the force must begin "
-            "to rise at time zero."),
-        aliases=("a shifted time zero of the record",),
-    ),
+        "actuation_delay", (
+            Parameter("delay_s", 0.0, 0.0, 0.4, "uniform", least=0.0, most=1.0,
+                      ordinary=(0.15, "valve, pipe and filling of a cylinder")),),
+        lambda setting, values: replace(setting, delay=setting.delay + values["delay_s"]),
+        BenchTest(_FORCE, "Record the trigger and the force at the shift fork on one clock: the "
+                  "force must begin to rise at time zero."),
+        aliases=("a shifted time zero of the record",), title="dead time of the actuation"),
     Effect(
-        "actuation_lag", title="slow rise of the shift force",
-        parameters=(Parameter(
-            "lag_s", neutral=0.0, low=0.003, high=0.45, scale="log-uniform", most=1.0,
-            ordinary=(0.3, "a cylinder behind its valve"),
-        ),),
-        change=_changed("profile", _new_if_any, lag="lag_s"),
-        test=BenchTest("force at the sleeve over time",
-            "Record the force at the shift fork while the ring is blocked: its course after the "
-            "nominal rise shows the lag."),
-    ),
+        "actuation_lag", (
+            Parameter("lag_s", 0.0, 0.003, 0.45, "log-uniform", most=1.0,
+                      ordinary=(0.3, "a cylinder behind its valve")),),
+        _changed("profile", lambda old, value: value or old, lag="lag_s"),
+        BenchTest(_FORCE, "Record the force at the shift fork while the ring is blocked: its "
+                  "course after the nominal rise shows the lag."),
+        title="slow rise of the shift force"),
     Effect(
-        "force_rise", title="rise time of the shift force off nominal",
-        parameters=(Parameter(
-            "rise_factor", neutral=1.0, low=0.4, high=2.5, scale="log-uniform",
-            least=0.05, most=20.0,
-        ),),
-        change=_changed("profile", mul, rise="rise_factor"),
-        test=BenchTest("force at the sleeve over time",
-            "Record the force at the shift fork while the ring is blocked: from its first rise to "
-            "its final value is the rise time."),
-    ),
+        "force_rise",
+        (Parameter("rise_factor", 1.0, 0.4, 2.5, "log-uniform", least=0.05, most=20.0),),
+        _changed("profile", mul, rise="rise_factor"),
+        BenchTest(_FORCE, "Record the force at the shift fork while the ring is blocked: from its "
+                  "first rise to its final value is the rise time."),
+        title="rise time of the shift force off nominal"),
     Effect(
-        "force_scale", title="shift force off nominal",
-        parameters=(Parameter(
-            "force_factor", neutral=1.0, low=0.5, high=1.5, scale="uniform",
-            least=0.05, most=3.0,
-        ),),
-        change=_changed("profile", mul, force="force_factor"),
-        test=BenchTest("static force at the sleeve",
-            "Block the ring and measure the force at the shift fork with a load cell at each "
-            "pressure."),
-    ),
+        "force_scale", (Parameter("force_factor", 1.0, 0.5, 1.5, "uniform", least=0.05, most=3.0),),
+        _changed("profile", mul, force="force_factor"),
+        BenchTest("static force at the sleeve", "Block the ring and measure the force at the shift "
+                  "fork with a load cell at each pressure."),
+        title="shift force off nominal"),
     Effect(
-        "force_loss", title="constant loss of shift force",
-        parameters=(Parameter(
-            "loss_N", neutral=0.0, low=2.0, high=150.0, scale="log-uniform", most=1000.0,
-            ordinary=(50.0, "return spring and seals of a cylinder"),
-        ),),
-        change=_changed("profile", add, loss="loss_N"),
-        test=BenchTest("static force at the sleeve",
-            "Block the ring and measure the force at the shift fork with a load cell at each "
-            "pressure: the same difference from nominal at all of them is a loss."),
-    ),
+        "force_loss", (
+            Parameter("loss_N", 0.0, 2.0, 150.0, "log-uniform", most=1000.0,
+                      ordinary=(50.0, "return spring and seals of a cylinder")),),
+        _changed("profile", add, loss="loss_N"),
+        BenchTest("static force at the sleeve", "Block the ring and measure the force at the shift "
+                  "fork with a load cell at each pressure: the same difference from nominal at all "
+                  "of them is a loss."),
+        title="constant loss of shift force"),
     Effect(
-        "mismatch_speed", title="mismatch off nominal",
-        parameters=(
-            Parameter(
-                "offset_rpm", neutral=0.0, low=-4.0, high=4.0, scale="uniform",
-            ),
-            Parameter(
-                "mismatch_factor", neutral=1.0, low=0.75, high=1.25, scale="uniform",
-                least=0.05, most=3.0,
-            ),
-        ),
-        change=_with_mismatch,
-        test=BenchTest("both speeds at the first touch",
-            "Record the speeds of both rings with encoders on the clock of the displacement and "
-            "read them at the first touch."),
-    ),
+        "mismatch_speed", (
+            Parameter("offset_rpm", 0.0, -4.0, 4.0, "uniform"),
+            Parameter("mismatch_factor", 1.0, 0.75, 1.25, "uniform", least=0.05, most=3.0)),
+        _with_mismatch,
+        BenchTest("both speeds at the first touch", "Record the speeds of both rings with encoders "
+                  "on the clock of the displacement and read them at the first touch."),
+        title="mismatch off nominal"),
     Effect(
-        "reversed_mismatch", title="reversed sense of rotation",
-        parameters=(),
+        "reversed_mismatch", (),
         # Nought stays +0, so that the point keeps its key.
-        change=lambda setting, _: setting.with_point(mismatch=0.0 - setting.point.mismatch),
-        test=BenchTest("sense of rotation at the rig",
-            "Look which way the driven ring turns, or which flanks of the dogs are marked after "
-            "some shifts: the traction flanks where the mismatch has the sign of the table."),
-    ),
+        lambda setting, _: setting.with_point(mismatch=0.0 - setting.point.mismatch),
+        BenchTest("sense of rotation at the rig", "Look which way the driven ring turns, or which "
+                  "flanks of the dogs are marked after some shifts: the traction flanks where the "
+                  "mismatch has the sign of the table."),
+        title="reversed sense of rotation"),
     Effect(
-        "relative_angle", title="uneven relative angles",
-        parameters=(
-            Parameter(
-                "concentration", neutral=0.0, low=0.1, high=10.0, scale="log-uniform", most=100.0,
-            ),
-            Parameter(
-                "centre_pitch", neutral=0.0, low=0.0, high=1.0, scale="uniform",
-                least=0.0, most=1.0,
-            ),
-        ),
-        change=_with_angles,
-        test=BenchTest("angle of each shift",
-            "Record the relative angle at the trigger with encoders of both rings, for some thirty "
-            "shifts."),
-    ),
+        "relative_angle", (
+            Parameter("concentration", 0.0, 0.1, 10.0, "log-uniform", most=100.0),
+            Parameter("centre_pitch", 0.0, 0.0, 1.0, "uniform", least=0.0, most=1.0)),
+        _with_angles,
+        BenchTest("angle of each shift", "Record the relative angle at the trigger with encoders "
+                  "of both rings, for some thirty shifts."),
+        title="uneven relative angles"),
 )  # fmt: skip

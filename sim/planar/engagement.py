@@ -18,7 +18,7 @@ from dogshape.sim.planar import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Run, engaged, failure_of, states_held
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
-from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN
+from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Shaft
 from dogshape.sim.shift.mesh import rigid_dog, touching_planes, touching_quads
 
 Floats = NDArray[np.float64]
@@ -65,45 +65,29 @@ def planar_clutch(clutch: Clutch) -> PlanarClutch:
 
 def numbers_of(clutch: Clutch) -> Floats:
     """Fill the numbers of a clutch, in the places of ``sim.planar.kernel``, (NUMBERS,)."""
-    dog, rings, mechanism = clutch.dog, clutch.rings, clutch.mechanism
-    near, far = clutch.shafts
-    stiff, loss = mechanism.linkage(rings.mass) if mechanism.has_linkage else (0.0, 0.0)
-    share = mechanism.spline_share(rings.mass, dog.mean_radius, rings.sliding_inertia)
-    used = kernel.LINKED_SIZE if mechanism.has_linkage else kernel.PLAIN_SIZE
+    dog, rings, own = clutch.dog, clutch.rings, clutch.mechanism
+    wholes = zip(clutch.shafts, (rings.sliding_inertia, rings.output_inertia), strict=True)
+    near, far = (shaft or Shaft(whole, 0.0, 0.0, 0.0) for shaft, whole in wholes)
+    stiff, loss = own.linkage(rings.mass) if own.has_linkage else (0.0, 0.0)
+    share = own.spline_share(rings.mass, dog.mean_radius, rings.sliding_inertia)
+    used = kernel.LINKED_SIZE if own.has_linkage else kernel.PLAIN_SIZE
+    stop = clutch.contact.stiffness * dog.count * dog.tip_width * dog.radial_width
     places: dict[int, float] = {
-        kernel.SLEEVE: mechanism.sleeve_mass(rings.mass),
-        kernel.FAR: mechanism.actuator_mass(rings.mass) or 1.0,
-        kernel.SLIDING: rings.sliding_inertia,
-        kernel.OUTPUT: rings.output_inertia,
-        kernel.DAMPING: mechanism.damping,
-        kernel.FRICTION: mechanism.friction,
-        kernel.DETENT: mechanism.detent,
-        kernel.DETENT_AT: mechanism.detent_position,
-        kernel.DETENT_WIDTH: mechanism.detent_width,
-        kernel.SPLINE: share * mechanism.spline_friction / mechanism.spline_radius,
-        kernel.DRAG: mechanism.drag_torque,
-        kernel.STIFF: stiff,
-        kernel.LOSS: loss,
-        kernel.PLAY: mechanism.free_play,
-        kernel.DOGS: dog.count,
-        kernel.REBOUND: clutch.rebound,
-        kernel.STOP: clutch.contact.stiffness * dog.count * dog.tip_width * dog.radial_width,
-        kernel.RADIUS: dog.mean_radius,
-        kernel.WAY: clutch.shift_travel,
-        kernel.SLIP_SPEED: SLIP,
-        kernel.TURN_SPEED: TURN,
-        kernel.DEEP_STOP: DEEP,
-        kernel.LINKED: mechanism.has_linkage,
-        kernel.USED: kernel.SIZE if mechanism.has_shafts else used,
-        kernel.TWIST: DEEP_TWIST,
-    }
-    if near is not None:
-        places |= {kernel.SLIDING: near.near, kernel.BEHIND: near.far}
-        places |= {kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping}
-        places |= {kernel.BACKLASH: near.backlash}
-    if far is not None:
-        places |= {kernel.OUTPUT: far.near, kernel.AHEAD: far.far}
-        places |= {kernel.OUT_SHAFT: far.stiffness, kernel.OUT_LOSS: far.damping}
+        kernel.SLEEVE: own.sleeve_mass(rings.mass), kernel.SLIDING: near.near,
+        kernel.FAR: own.actuator_mass(rings.mass) or 1.0, kernel.OUTPUT: far.near,
+        kernel.DAMPING: own.damping, kernel.FRICTION: own.friction, kernel.DETENT: own.detent,
+        kernel.DETENT_AT: own.detent_position, kernel.DETENT_WIDTH: own.detent_width,
+        kernel.SPLINE: share * own.spline_friction / own.spline_radius,
+        kernel.DRAG: own.drag_torque, kernel.STIFF: stiff, kernel.LOSS: loss,
+        kernel.PLAY: own.free_play, kernel.DOGS: dog.count, kernel.REBOUND: clutch.rebound,
+        kernel.STOP: stop, kernel.RADIUS: dog.mean_radius,
+        kernel.WAY: clutch.shift_travel, kernel.SLIP_SPEED: SLIP, kernel.TURN_SPEED: TURN,
+        kernel.DEEP_STOP: DEEP, kernel.TWIST: DEEP_TWIST, kernel.LINKED: own.has_linkage,
+        kernel.USED: kernel.SIZE if own.has_shafts else used,
+        kernel.BEHIND: near.far, kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping,
+        kernel.BACKLASH: near.backlash, kernel.AHEAD: far.far, kernel.OUT_SHAFT: far.stiffness,
+        kernel.OUT_LOSS: far.damping,
+    }  # fmt: skip
     numbers = np.zeros(kernel.NUMBERS)
     numbers[list(places)] = list(places.values())
     return numbers
@@ -116,7 +100,11 @@ RECORD_SIZE = 4096  #: steps that are recorded at once
 
 def engage(plant: PlanarClutch, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift; arguments and result as for ``sim.shift.engagement.engage``."""
-    return engaged(plant, point, relative_angle, planar_clutch, _run)
+    first = _run(plant, point, relative_angle)
+    return engaged(
+        plant.clutch, point, relative_angle, first,
+        lambda finer: _run(planar_clutch(finer), point, relative_angle),
+    )  # fmt: skip
 
 
 def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:

@@ -52,6 +52,9 @@ TOUCHED, BEATEN = range(2)
  LINKED, USED, BEHIND, SHAFT, SHAFT_LOSS, BACKLASH, AHEAD, OUT_SHAFT, OUT_LOSS,
  TWIST) = range(32)  # fmt: skip
 NUMBERS = 32
+_FAR, _NEAR = 2.0 / 3.0, 1.0 / 6.0
+#: Places of a triangle's three points, as shares of its corners.
+POINTS = ((_FAR, _NEAR, _NEAR), (_NEAR, _FAR, _NEAR), (_NEAR, _NEAR, _FAR))
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
 
 
@@ -217,29 +220,15 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
 def _triangle(work, where, i, column, normal, turn, speed, law):
     """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
     mx, my, mz = normal
-    ax, ay, az = (
-        work[where, i, 0] - work[where, 0, 0],
-        work[where, i, 1] - work[where, 0, 1],
-        work[where, i, 2] - work[where, 0, 2],
-    )
-    j = i + 1
-    bx, by, bz = (
-        work[where, j, 0] - work[where, 0, 0],
-        work[where, j, 1] - work[where, 0, 1],
-        work[where, j, 2] - work[where, 0, 2],
-    )
+    p, q, r = work[where, 0], work[where, i], work[where, i + 1]
+    ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
     ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     weight = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
     axial, torque = 0.0, 0.0
-    for point in range(3):
-        f0 = 2.0 / 3.0 if point == 0 else 1.0 / 6.0
-        f1 = 2.0 / 3.0 if point == 1 else 1.0 / 6.0
-        f2 = 2.0 / 3.0 if point == 2 else 1.0 / 6.0
-        x = f0 * work[where, 0, 0] + f1 * work[where, i, 0] + f2 * work[where, j, 0]
-        y = f0 * work[where, 0, 1] + f1 * work[where, i, 1] + f2 * work[where, j, 1]
-        depth = (
-            f0 * work[where, 0, column] + f1 * work[where, i, column] + f2 * work[where, j, column]
-        )
+    for f0, f1, f2 in POINTS:
+        x, y = f0 * p[0] + f1 * q[0] + f2 * r[0], f0 * p[1] + f1 * q[1] + f2 * r[1]
+        depth = f0 * p[column] + f1 * q[column] + f2 * r[column]
         vx, vy, vz = turn * y, -turn * x, -speed
         closing = vx * mx + vy * my + vz * mz
         pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * weight
@@ -311,10 +300,8 @@ def _motion(push, along, about, state, out, plain):
     drive = push
     out[6], out[7] = speed, 0.0
     if plain[LINKED] > 0.0:
-        drive = _spring(
-            state[6] - way, state[7] - speed, plain[STIFF], plain[LOSS], 0.0, plain[PLAY],
-            plain[DEEP_STOP],
-        )  # fmt: skip
+        u, rate, deep = state[6] - way, state[7] - speed, plain[DEEP_STOP]
+        drive = _spring(u, rate, plain[STIFF], plain[LOSS], 0.0, plain[PLAY], deep)
         out[6] = state[7]
         out[7] = (push - drive) / plain[FAR]
     held = 0.0
@@ -324,12 +311,9 @@ def _motion(push, along, about, state, out, plain):
         held += plain[DETENT] * bump * bump
     drive_torque, through = 0.0, about
     if plain[BEHIND] > 0.0:
-        half = 0.5 * plain[BACKLASH]
-        drive_torque = _spring(
-            state[8] - state[2], state[9] - state[5], plain[SHAFT], plain[SHAFT_LOSS], -half, half,
-            plain[TWIST],
-        )  # fmt: skip
-        through = drive_torque
+        half, u, rate = 0.5 * plain[BACKLASH], state[8] - state[2], state[9] - state[5]
+        stiff, loss = plain[SHAFT], plain[SHAFT_LOSS]
+        through = drive_torque = _spring(u, rate, stiff, loss, -half, half, plain[TWIST])
     rub = plain[FRICTION] + plain[SPLINE] * abs(through)
     if rub > 0.0:
         held += rub * _smooth(speed, plain[SLIP_SPEED])
@@ -338,7 +322,7 @@ def _motion(push, along, about, state, out, plain):
         drag = plain[DRAG] * _smooth(state[9 if plain[BEHIND] > 0.0 else 5], plain[TURN_SPEED])
     out[0], out[1], out[2] = state[3], speed, state[5]
     out[4] = (drive - held - plain[DAMPING] * speed - along + behind) / plain[SLEEVE]
-    out[8], out[9], out[10], out[11] = 0.0, 0.0, 0.0, 0.0
+    out[8:] = 0.0
     if plain[BEHIND] > 0.0:
         out[5] = (about + drive_torque) / plain[SLIDING]
         out[8], out[9] = state[9], -(drive_torque + drag) / plain[BEHIND]
@@ -386,11 +370,9 @@ def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
         state[j] = was + small
         _motion(push, along + more[j], about + moved[j], state, changed, plain)
         state[j] = was
-        for i in range(SIZE):
-            slopes[j, i] = (changed[i] - now[i]) / small
+        slopes[j] = (changed - now) / small
     _motion(force_at(time + SMALL_TIME, knots), along, about, state, changed, plain)
-    for i in range(SIZE):
-        changed[i] = (changed[i] - now[i]) / SMALL_TIME
+    changed[:] = (changed - now) / SMALL_TIME
 
 
 @compiled
@@ -441,26 +423,18 @@ def _implicit(
     size = int(plain[USED])
     part = h * ROSENBROCK
     _factor(part, slopes, matrix, size)
-    one, two = np.empty(SIZE), np.empty(SIZE)
-    for i in range(SIZE):
-        one[i] = k1[i] + part * slopes[SIZE, i]
+    one = k1 + part * slopes[SIZE]
     _solve(matrix, one, size)
-    for i in range(SIZE):
-        trial[i] = state[i] + 0.5 * h * one[i]
+    trial[:] = state + 0.5 * h * one
     rates(time + 0.5 * h, trial, k2, plain, knots, surfaces, law, work)
-    for i in range(SIZE):
-        two[i] = k2[i] - one[i]
+    two = k2 - one
     _solve(matrix, two, size)
-    for i in range(SIZE):
-        two[i] += one[i]
-        trial[i] = state[i] + h * two[i]
+    two += one
+    trial[:] = state + h * two
     touch = rates(time + h, trial, k4, plain, knots, surfaces, law, work)
-    for i in range(SIZE):
-        k3[i] = k4[i] - (6.0 + math.sqrt(2.0)) * (two[i] - k2[i]) - 2.0 * (one[i] - k1[i])
-        k3[i] += part * slopes[SIZE, i]
+    k3[:] = k4 - (6.0 + math.sqrt(2.0)) * (two - k2) - 2.0 * (one - k1) + part * slopes[SIZE]
     _solve(matrix, k3, size)
-    for i in range(SIZE):
-        k3[i] = (one[i] - 2.0 * two[i] + k3[i]) / 6.0
+    k3[:] = (one - 2.0 * two + k3) / 6.0
     return touch
 
 

@@ -172,14 +172,6 @@ class RiseTable:
         """Decide whether a force in N lies within the table."""
         return min(self.forces) <= force <= max(self.forces)
 
-    @property
-    def range_rule(self) -> str:
-        """Describe the forces that the table has a rise time for."""
-        low, high = min(self.forces), max(self.forces)
-        if low == high:
-            return f"the study has a rise time for {low:.6g} N alone"
-        return f"the rise times of the study cover {low:.6g} to {high:.6g} N"
-
     def profile(self, force: float, other_way: str = "") -> ForceProfile:
         """Return the force profile of a final ``force`` in N; one beyond raises InputError.
 
@@ -190,8 +182,12 @@ class RiseTable:
             rule = "it must point into engagement"
             raise InputError(refusal("shift force", force, "N", rule, remedy))
         if not self.covers(force):
+            low, high = min(self.forces), max(self.forces)
+            rule = f"the rise times of the study cover {low:.6g} to {high:.6g} N"
+            if low == high:
+                rule = f"the study has a rise time for {low:.6g} N alone"
             remedy = "extend actuation.force_N and actuation.rise_s" + other_way
-            raise InputError(refusal("shift force", force, "N", self.range_rule, remedy))
+            raise InputError(refusal("shift force", force, "N", rule, remedy))
         known, rises = zip(*sorted(zip(self.forces, self.rises, strict=True)), strict=True)
         return ForceProfile(force, float(np.interp(force, known, rises)))
 

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 
 from dogshape.sim.errors import (
     InputError,
-    did_you_mean,
     refusal,
     require_between,
+    require_known,
+    require_part,
     require_ranges,
     within,
 )
@@ -59,9 +60,7 @@ CONTACT_SETS: dict[str, ContactSet] = {
 
 def contact_set(name: str) -> ContactSet:
     """Return a named set; an unknown name raises InputError with the valid ones."""
-    if name not in CONTACT_SETS:
-        hint = did_you_mean(name, CONTACT_SETS)
-        raise InputError(f"contact.set is '{name}', which is not a contact set; {hint}")
+    require_known("contact.set", name, "a contact set", CONTACT_SETS)
     return CONTACT_SETS[name]
 
 
@@ -113,12 +112,8 @@ class Solver:
     engine: str = "drake"
 
     def __post_init__(self) -> None:
-        if self.engine not in ENGINES:
-            hint = did_you_mean(self.engine, ENGINES)
-            raise InputError(f"solver.engine is '{self.engine}', which is not an engine; {hint}")
-        if self.scheme not in SCHEMES:
-            hint = did_you_mean(self.scheme, SCHEMES)
-            raise InputError(f"solver.scheme is '{self.scheme}', which is not a scheme; {hint}")
+        require_known("solver.engine", self.engine, "an engine", ENGINES)
+        require_known("solver.scheme", self.scheme, "a scheme", SCHEMES)
         require_ranges(self, "solver", "correct the solver settings")
 
 
@@ -167,15 +162,12 @@ class Clutch:
     mechanism: Mechanism = NOTHING
 
     def __post_init__(self) -> None:
-        mechanism, rings = self.mechanism, self.rings
-        for key, part, side, whole in (
-            ("ring_inertia_kgm2", mechanism.ring_inertia, "sliding", rings.sliding_inertia),
-            ("wheel_inertia_kgm2", mechanism.wheel_inertia, "output", rings.output_inertia),
+        remedy, own, whole = "give what turns with the dogs alone", self.mechanism, self.rings
+        for key, part, side, inertia in (
+            ("mechanism.ring_inertia_kgm2", own.ring_inertia, "sliding", whole.sliding_inertia),
+            ("mechanism.wheel_inertia_kgm2", own.wheel_inertia, "output", whole.output_inertia),
         ):
-            if part >= whole:
-                rule = f"it is a part of {side}.inertia_kgm2 = {whole:.6g}"
-                remedy = "give what turns with the dogs alone"
-                raise InputError(refusal(f"mechanism.{key}", part, "kg m2", rule, remedy))
+            require_part(key, part, side, inertia, remedy, rest=True)
 
     @property
     def shift_travel(self) -> float:

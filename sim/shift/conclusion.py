@@ -16,21 +16,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import lru_cache
-from typing import Protocol, TypeVar
 
 import numpy as np
 
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.events import (
-    Events,
-    Phase,
-    events_of,
-    faces_meet,
-    phases_of,
-    touching,
-)
+from dogshape.sim.shift.events import Events, Phase, events_of, faces_meet, phases_of, touching
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Loads, loads_of
 from dogshape.sim.shift.mesh import pressure_apex
@@ -57,13 +49,6 @@ MESSAGES = {
 
 #: Beginning of the reason of a failure that depends on the speed of the machine.
 TIME_LIMIT = "no end after solver.time_limit_s"
-
-
-def depends_on_clock(reason: str) -> bool:
-    """Decide whether a failure for this reason may not happen when the shift is simulated again."""
-    return reason.startswith(TIME_LIMIT)
-
-
 LONGEST_TURN = 0.05  #: pitches, by which a step may turn without a look at what is between
 #: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
 COVERED_DEPTH = 1.0 / 3.0
@@ -260,35 +245,19 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     )
 
 
-class Built(Protocol):
-    """A clutch as an engine has built it."""
-
-    @property
-    def clutch(self) -> Clutch:
-        """The clutch itself."""
-
-
-Plant = TypeVar("Plant", bound=Built)
-
-
 def engaged(
-    plant: Plant,
-    point: OperatingPoint,
-    angle: float,
-    build: Callable[[Clutch], Plant],
-    run: Callable[[Plant, OperatingPoint, float], Run],
+    clutch: Clutch, point: OperatingPoint, angle: float, first: Run, rerun: Callable[[Clutch], Run]
 ) -> Engagement:
-    """Simulate one shift by ``run``, with the plant that an engine builds of a clutch.
+    """Conclude one shift from its ``first`` run; ``rerun`` simulates it with another clutch.
 
     Dogs that are fast enough pass through each other within one step; such a shift is simulated
     again with steps of at most a tenth, and has diverged only if it does so again.
     """
-    clutch, first = plant.clutch, run(plant, point, angle)
     found = conclude(clutch, point, angle, first)
     if found.outcome is not Outcome.DIVERGED or first.failure:
         return found
     solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
-    more = run(build(replace(clutch, solver=solver)), point, angle)
+    more = rerun(replace(clutch, solver=solver))
     again = conclude(clutch, point, angle, more)
     return replace(again, evaluations=first.evaluations + more.evaluations)
 

@@ -16,42 +16,6 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Run, engaged, failure_of
 from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.shift.trace import Series
-
-
-class _Record:
-    """Monitor of a run: keeps every step and says when to stop."""
-
-    def __init__(self, plant: ClutchPlant, point: OperatingPoint) -> None:
-        self.plant, self.point = plant, point
-        #: Places in the state of what has not made its travel: ring, actuator.
-        self.under_way = {1, 6} if plant.clutch.mechanism.has_linkage else {1}
-        # Beside where the run begins: the time in which the ring was held.
-        self.times: list[float] = plant.held[0][:-1].tolist()
-        self.states: list[Series] = [*plant.held[1][:-1]]
-        self.blocked, self.failure = False, ""
-        self._deadline = time.monotonic() + plant.clutch.solver.time_limit
-        self._check_at = STILL_WINDOW
-        self._last: Series | None = None
-
-    def __call__(self, context: Context) -> EventStatus | None:
-        now, state, clutch = context.get_time(), self.plant.state(), self.plant.clutch
-        self.times.append(now)
-        self.states.append(state)
-        self.under_way -= {i for i in self.under_way if state[i] >= clutch.shift_travel}
-        if not self.under_way:
-            return self._stop("engaged")
-        if len(self.times) > 1:
-            self.failure = failure_of(clutch, now, state, len(self.times), self._deadline)
-        if self.failure:
-            return self._stop("failed")
-        if now >= self._check_at:
-            last, self._last, self._check_at = self._last, state, now + STILL_WINDOW
-            self.blocked = stands_still(clutch, self.point, now, last, state)
-        return self._stop("blocked") if self.blocked else None
-
-    def _stop(self, reason: str) -> EventStatus:
-        return EventStatus.ReachedTermination(self.plant.plant, reason)
 
 
 def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Engagement:
@@ -66,22 +30,46 @@ def engage(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> 
     point : mismatch and force.
     relative_angle : output ring's lead over dogs facing dogs at the start of the force, rad.
     """
-    return engaged(plant, point, relative_angle, ClutchPlant, _run)
+    first = _run(plant, point, relative_angle)
+    return engaged(
+        plant.clutch, point, relative_angle, first,
+        lambda finer: _run(ClutchPlant(finer), point, relative_angle),
+    )  # fmt: skip
 
 
 def _run(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Run:
-    simulator = plant.start(point, relative_angle)
-    record = _Record(plant, point)
+    simulator, clutch = plant.start(point, relative_angle), plant.clutch
+    # Places in the state of what has not made its travel: ring, actuator.
+    under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
+    # Beside where the run begins: the time in which the ring was held.
+    times, states = plant.held[0][:-1].tolist(), [*plant.held[1][:-1]]
+    blocked, failure, last, check_at = False, "", None, STILL_WINDOW
+    deadline = time.monotonic() + clutch.solver.time_limit
+
+    def record(context: Context) -> EventStatus | None:
+        """Keep a step, and stop the run where it has ended."""
+        nonlocal blocked, failure, last, check_at
+        now, state = context.get_time(), plant.state()
+        times.append(now)
+        states.append(state)
+        under_way.difference_update([i for i in under_way if state[i] >= clutch.shift_travel])
+        if under_way and len(times) > 1:
+            failure = failure_of(clutch, now, state, len(times), deadline)
+        if under_way and not failure and now >= check_at:
+            blocked = stands_still(clutch, point, now, last, state)
+            last, check_at = state, now + STILL_WINDOW
+        ended = blocked or failure or not under_way
+        return EventStatus.ReachedTermination(plant.plant, "ended") if ended else None
+
     simulator.set_monitor(record)
     try:
         record(plant.context)
-        simulator.AdvanceTo(plant.clutch.timeout)
+        simulator.AdvanceTo(clutch.timeout)
     except RuntimeError as error:
-        if len(record.times) < 2:
+        if len(times) < 2:
             raise  # not a step was made: the model is wrong, not the motion
-        record.failure = str(error).split("\n")[0]
+        failure = str(error).split("\n")[0]
     finally:
         simulator.clear_monitor()
     spent = simulator.get_integrator().get_num_derivative_evaluations()
-    times, states = np.array(record.times), np.array(record.states)
-    return Run(times, states, record.blocked, record.failure, spent)
+    return Run(np.array(times), np.array(states), blocked, failure, spent)

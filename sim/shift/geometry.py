@@ -364,11 +364,6 @@ def crest_setback(dog: Dog, radius: float) -> float:
     return radius * cos(lean) / math.sin(half)
 
 
-def crest_cut(dog: Dog, root_radius: float) -> float:
-    """Compute the width of the face that the rounding of the crest takes, m."""
-    return root_radius * dog.edge_cuts[0]
-
-
 def root_radius_room(dog: Dog) -> float:
     """Return the largest radius of roots for which fillets and roundings fit side by side, m.
 

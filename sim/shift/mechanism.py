@@ -195,5 +195,3 @@ def smooth_sign(value: Number, small: float) -> Number:
 NOTHING = Mechanism()  #: no mechanism at all
 #: Field by key at the edge.
 FIELDS = {one.key: name for name, one in ranges_of(Mechanism).items()}
-#: Keys of a record that describe a mechanism; a shift without one has none.
-MECHANISM_KEYS = tuple(f"mechanism_{key}" for key in FIELDS)

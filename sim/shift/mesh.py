@@ -63,22 +63,16 @@ def dog_planes(dog: Dog) -> dict[str, Plane]:
         name: Plane(math.cos(angle) * across + math.sin(angle) * axis, 0.0)
         for name, (across, angle) in lean.items()
     }
-    planes["face"] = face_plane(dog)
+    # Through the crest, from where the face falls by the chamfer towards braking.
+    crest = -half * math.tan(dog.traction) * across_t + np.array([0.0, 0.0, half])
+    normal = np.array([0.0, 0.0, math.cos(dog.chamfer)]) - math.sin(dog.chamfer) * across_t
+    planes["face"] = Plane(normal, float(normal @ crest))
     planes["root"] = Plane(-axis, half)
     quarter = 0.25 * dog.pitch_angle
     radial = np.array([1.0, 0.0, 0.0])
     planes["inner"] = Plane(-radial, -dog.inner_radius * math.cos(quarter))
     planes["outer"] = Plane(radial, dog.outer_radius)
     return planes
-
-
-def face_plane(dog: Dog) -> Plane:
-    """Return the plane through the crest that falls by the chamfer towards braking."""
-    half = 0.5 * dog.height
-    _, across = flank_line(dog, +1)
-    crest = -half * math.tan(dog.traction) * across + np.array([0.0, 0.0, half])
-    normal = np.array([0.0, 0.0, math.cos(dog.chamfer)]) - math.sin(dog.chamfer) * across
-    return Plane(normal, float(normal @ crest))
 
 
 @dataclass(frozen=True)
@@ -265,7 +259,6 @@ def triangulated(face: Sequence[int]) -> list[tuple[int, int, int]]:
 
 
 Cells = NDArray[np.int64]  #: (m, 3) triangles or (m, 4) tetrahedra
-Quad = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
@@ -280,8 +273,7 @@ class Mesh:
         """Enclosed volume, m3: of tetrahedra, or of a closed triangle surface."""
         corners = self.vertices[self.cells]
         if self.cells.shape[1] == 4:
-            edges = corners[:, 1:] - corners[:, :1]
-            return float(np.linalg.det(edges).sum() / 6.0)
+            corners = corners[:, 1:] - corners[:, :1]
         return float(np.linalg.det(corners).sum() / 6.0)
 
 
@@ -307,7 +299,7 @@ def rigid_dog(dog: Dog) -> Mesh:
             ends = [Plane(along, radius) for radius in (dog.inner_radius, dog.outer_radius)]
             lines += [meeting(first, last, end) for end in ends]
         return Mesh(np.array(lines), _in_triangles(touching_quads(dog)))
-    face = face_plane(dog)
+    face = dog_planes(dog)["face"]
     points = []
     for side, angle in ((-1, dog.braking), (+1, dog.traction)):
         along, across = flank_line(dog, side)
@@ -319,7 +311,7 @@ def rigid_dog(dog: Dog) -> Mesh:
     return Mesh(np.array(points), _in_triangles(touching_quads(dog)))
 
 
-def touching_quads(dog: Dog) -> list[Quad]:
+def touching_quads(dog: Dog) -> list[Face]:
     """Return the corners of each surface in ``rigid_dog``, in the order of ``touching_planes``."""
     if dog.edge_radius == 0.0:
         return [(5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2)]
@@ -327,29 +319,25 @@ def touching_quads(dog: Dog) -> list[Quad]:
     return [(i, i + 1, i + 3, i + 2) for i in range(last, -2, -2)]
 
 
-def _in_triangles(quads: list[Quad]) -> Cells:
-    return np.array([tri for a, b, c, d in quads for tri in ((a, b, c), (a, c, d))])
+def _in_triangles(faces: Sequence[Sequence[int]]) -> Cells:
+    return np.array([(face[0], a, b) for face in faces for a, b in pairwise(face[1:])])
 
 
 def dog_solid(dog: Dog) -> Mesh:
     """Return one dog as a closed surface: the rigid side with its ends and root."""
     skin = rigid_dog(dog)
-    caps = _in_triangles([(1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0)])
+    caps: list[Face] = [(1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0)]
     if dog.edge_radius > 0.0:
         last = len(skin.vertices) - 1
-        ends = [(*range(2, last, 2), 0), (3, 1, *range(last, 3, -2)), (0, last - 1, last, 1)]
-        caps = np.array([(e[0], a, b) for e in ends for a, b in itertools.pairwise(e[1:])])
-    return Mesh(skin.vertices, np.concatenate([skin.cells, caps]))
+        caps = [(*range(2, last, 2), 0), (3, 1, *range(last, 3, -2)), (0, last - 1, last, 1)]
+    return Mesh(skin.vertices, np.concatenate([skin.cells, _in_triangles(caps)]))
 
 
 def ring_of(dog: Dog, one: Mesh) -> Mesh:
     """Return ``one`` repeated about the axis, once a pitch, as a single mesh."""
-    vertices, cells = [], []
-    for index in range(dog.count):
-        turn = rotation(index * dog.pitch_angle)
-        vertices.append(one.vertices @ turn.T)
-        cells.append(one.cells + index * len(one.vertices))
-    return Mesh(np.concatenate(vertices), np.concatenate(cells))
+    turns = [rotation(index * dog.pitch_angle) for index in range(dog.count)]
+    cells = [one.cells + index * len(one.vertices) for index in range(dog.count)]
+    return Mesh(np.concatenate([one.vertices @ turn.T for turn in turns]), np.concatenate(cells))
 
 
 def rotation(angle: float) -> NDArray[np.float64]:
@@ -391,11 +379,9 @@ def compliant_dog(dog: Dog) -> Mesh:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
     vertices = np.array([*corners(skin), apex])
-    cells = [(*triangle, 8) for face in _FACES for triangle in triangulated(face)]
+    faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    cells = [(*triangle, 8) for face in faces for triangle in triangulated(face)]
     return Mesh(vertices, _oriented(vertices, cells))
-
-
-_FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 
 
 def _oriented(vertices: Vertices, cells: list[tuple[int, ...]]) -> Cells:
@@ -416,14 +402,11 @@ def to_obj(mesh: Mesh) -> str:
 def to_vtk(mesh: Mesh) -> str:
     """Return a tetrahedral mesh as legacy VTK text."""
     n, m = len(mesh.vertices), len(mesh.cells)
-    lines = ["# vtk DataFile Version 3.0", "dog", "ASCII", "DATASET UNSTRUCTURED_GRID"]
-    lines.append(f"POINTS {n} double")
-    lines += [f"{x:.12g} {y:.12g} {z:.12g}" for x, y, z in mesh.vertices]
-    lines.append(f"CELLS {m} {5 * m}")
-    lines += [f"4 {a} {b} {c} {d}" for a, b, c, d in mesh.cells]
-    lines.append(f"CELL_TYPES {m}")
-    lines += ["10"] * m
-    return "\n".join(lines) + "\n"
+    points = [f"{x:.12g} {y:.12g} {z:.12g}" for x, y, z in mesh.vertices]
+    cells = [f"4 {a} {b} {c} {d}" for a, b, c, d in mesh.cells]
+    head = ["# vtk DataFile Version 3.0", "dog", "ASCII", "DATASET UNSTRUCTURED_GRID"]
+    parts = (f"POINTS {n} double", *points, f"CELLS {m} {5 * m}", *cells)
+    return "\n".join([*head, *parts, f"CELL_TYPES {m}", *["10"] * m, ""])
 
 
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])

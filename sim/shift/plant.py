@@ -89,23 +89,21 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         size = BasicVector(len(self._joints))
         self.DeclareVectorOutputPort("forces", size, self._calculate)
 
-    def _contact_torque(self, context: Context, turn: float, speed: float) -> float:
-        """Compute the contact's torque on one modelled sliding dog, N m; 0 where none is needed."""
-        if self.shapes is not None:
-            surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
-                geo.HydroelasticContactRepresentation.kTriangle
-            )
-            return ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
-        if self.contact is not None:
-            return float(self.contact.Eval(context)[self._torque])
-        return 0.0
-
     def _calculate(self, context: Context, output: BasicVector) -> None:
         state = self.state.Eval(context)[self._order].tolist()
         push = drive = float(self.push.Eval(context)[0])
         mechanism, share = self._mechanism, self._share
         way, speed = state[1], state[4]
-        torque = self._contact_torque(context, state[5] - state[3], speed) * self._spline
+        torque = 0.0  # of the contact on one modelled sliding dog, where the spline asks for it
+        if self.shapes is not None:
+            surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
+                geo.HydroelasticContactRepresentation.kTriangle
+            )
+            turn = state[5] - state[3]
+            torque = ring_torque(surfaces, self._dogs, turn, speed, self._contact_set)
+        elif self.contact is not None:
+            torque = float(self.contact.Eval(context)[self._torque])
+        torque *= self._spline
         forces = dict.fromkeys(self._joints, 0.0)
         for (ring, behind), shaft in zip(BEHIND.items(), self._shafts, strict=True):
             if shaft is not None:
@@ -140,7 +138,8 @@ def ring_torque(
     speed : of the sliding ring into engagement, m/s.
     contact : coefficients, stiction velocity and dissipation.
     """
-    torque = 0.0
+    torque, stiction = 0.0, contact.stiction_velocity
+    static, dynamic = contact.static_friction, contact.dynamic_friction
     for surface in surfaces:
         if surface.id_M() not in dogs and surface.id_N() not in dogs:
             continue  # the stop behind the ring
@@ -154,25 +153,17 @@ def ring_torque(
         parting = np.sum(velocity * normal, axis=1)
         across = velocity - parting[:, None] * normal
         load *= np.maximum(1.0 - contact.dissipation * parting, 0.0)
-        rub = _friction_over_slip(np.linalg.norm(across, axis=1), contact)
+        ratio = np.linalg.norm(across, axis=1) / stiction
+        late = ratio - 10.0
+        fall = late / np.sqrt(1.0 + late * late) * math.hypot(1.0, 10.0) / 10.0
+        coefficient = dynamic + 0.5 * (static - dynamic) * (1.0 - fall)
+        rub = coefficient / (stiction * np.sqrt(1.0 + ratio * ratio))
         force = load[:, None] * (normal - rub[:, None] * across)
         torque += float(np.sum(x * force[:, 1] - y * force[:, 0]))
     return torque
 
 
 _MIDDLE = np.full(3, 1.0 / 3.0)  # of a triangle, in barycentric coordinates
-
-
-def _friction_over_slip(slip: NDArray[np.float64], contact: ContactSet) -> NDArray[np.float64]:
-    static, dynamic = contact.static_friction, contact.dynamic_friction
-    ratio = slip / contact.stiction_velocity
-    late = ratio - 10.0
-    fall = late / np.sqrt(1.0 + late * late) * math.hypot(1.0, 10.0) / 10.0
-    coefficient = dynamic + 0.5 * (static - dynamic) * (1.0 - fall)
-    found: NDArray[np.float64] = coefficient / (
-        contact.stiction_velocity * np.sqrt(1.0 + ratio * ratio)
-    )
-    return found
 
 
 class ClutchPlant:

@@ -124,6 +124,9 @@ class Trace:
         return self.output_speed - self.sliding_speed
 
 
+_COLUMNS = {"displacement": 1, "axial_speed": 4, "sliding_speed": 5, "output_speed": 3}
+
+
 def trace_of(clutch: Clutch, profile: ForceProfile, times: Series, states: Series) -> Trace:
     """Return the trace of a run; a time in s that does not grow is left out.
 
@@ -140,17 +143,11 @@ def trace_of(clutch: Clutch, profile: ForceProfile, times: Series, states: Serie
     if near is not None:
         behind |= {"input_torque": _torque(near, state), "input_speed": state[:, 9]}
     if output is not None:
-        twist, rate = state[:, 10] - state[:, 0], state[:, 11] - state[:, 3]
-        behind |= {
-            "output_torque": output.torque(twist, rate),
-            "output_far_speed": state[:, 11],
-        }
+        torque_out = output.torque(state[:, 10] - state[:, 0], state[:, 11] - state[:, 3])
+        behind |= {"output_torque": torque_out, "output_far_speed": state[:, 11]}
     return Trace(
         time=time,
-        displacement=state[:, 1],
-        axial_speed=state[:, 4],
-        sliding_speed=state[:, 5],
-        output_speed=state[:, 3],
+        **{name: state[:, column] for name, column in _COLUMNS.items()},
         relative_angle=state[:, 0] - state[:, 2],
         shift_force=profile.at(time),
         contact_force=np.concatenate([[0.0], mean_force]),

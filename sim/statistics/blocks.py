@@ -23,7 +23,6 @@ from dogshape.sim.statistics.shift_records import (
     content_key,
     inputs,
     landing_record,
-    result_of,
 )
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import MM, RPM
@@ -71,11 +70,8 @@ class Block:
 
     def only(self, places: Sequence[int]) -> Block:
         """Return the block with the angles at ``places`` alone."""
-        return replace(
-            self,
-            angles=tuple(self.angles[k] for k in places),
-            variants=tuple(self.variants[k] for k in places) if self.variants else (),
-        )
+        variants = tuple(self.variants[k] for k in places) if self.variants else ()
+        return replace(self, angles=tuple(self.angles[k] for k in places), variants=variants)
 
     def refined(self, place: int) -> Block:
         """Return the shift at ``place`` alone, with a tolerance thirty times smaller."""
@@ -85,18 +81,18 @@ class Block:
 def even_blocks(
     clutch: Clutch,
     points: Sequence[OperatingPoint],
-    count: int,
+    angles: int | Sequence[float],
     seed: int,
     base: int | None = None,
     *,
     uncertainty: Uncertainty | None = None,
 ) -> list[Block]:
-    """Return a block for each operating point, at ``count`` evenly spaced angles of its own.
+    """Return a block for each operating point, its angles as ``even_block`` has them.
 
     ``seed`` and ``base`` as for ``sim.statistics.expectation.even_phases``.
     """
     return [
-        even_block(clutch, point, count, (seed, index), base, uncertainty=uncertainty)
+        even_block(clutch, point, angles, (seed, index), base, uncertainty=uncertainty)
         for index, point in enumerate(points)
     ]
 
@@ -104,34 +100,23 @@ def even_blocks(
 def even_block(
     clutch: Clutch,
     point: OperatingPoint,
-    count: int,
+    angles: int | Sequence[float],
     draw: tuple[int, int],
     base: int | None = None,
     *,
     uncertainty: Uncertainty | None = None,
 ) -> Block:
-    """Return one operating point at evenly spaced angles; ``draw`` is their seed and index."""
-    angles = tuple((even_phases(count, *draw, base) * clutch.dog.pitch_angle).tolist())
-    variants = uncertainty.variants(point, count, *draw, base) if uncertainty else ()
-    return Block(clutch, point, angles, draw[0], variants)
+    """Return one operating point at so many even angles, or at those listed, rad.
 
-
-def listed_blocks(
-    clutch: Clutch,
-    points: Sequence[OperatingPoint],
-    angles: tuple[float, ...],
-    seed: int,
-    uncertainty: Uncertainty | None = None,
-) -> list[Block]:
-    """Return a block for each point at ``angles`` in rad; ``seed`` is of uncertain factors."""
-
-    def variants(point: OperatingPoint, index: int) -> tuple[Variant, ...]:
-        return uncertainty.variants(point, len(angles), seed, index) if uncertainty else ()
-
-    return [
-        Block(clutch, point, angles, variants=variants(point, index))
-        for index, point in enumerate(points)
-    ]
+    ``draw`` is seed and index of even angles and of uncertain factors.
+    """
+    if isinstance(angles, int):
+        shares = even_phases(angles, *draw, base) * clutch.dog.pitch_angle
+        places: tuple[float, ...] = tuple(shares.tolist())
+    else:
+        places = tuple(angles)
+    variants = uncertainty.variants(point, len(places), *draw, base) if uncertainty else ()
+    return Block(clutch, point, places, draw[0] if isinstance(angles, int) else None, variants)
 
 
 def events_record(result: Engagement) -> Record:
@@ -162,12 +147,9 @@ def loads_record(result: Engagement) -> Record:
 
 def shaft_record(trace: Trace) -> Record:
     """Return the largest torques of shafts that give way, N m; nothing for rigid ones."""
-    shafts = {"input": trace.input_torque, "output": trace.output_torque}
-    return {
-        f"{name}_torque_peak_Nm": float(np.abs(torque).max())
-        for name, torque in shafts.items()
-        if torque is not None
-    }
+    shafts = ("input", trace.input_torque), ("output", trace.output_torque)
+    peaks = [(name, float(np.abs(torque).max())) for name, torque in shafts if torque is not None]
+    return {f"{name}_torque_peak_Nm": peak for name, peak in peaks}
 
 
 def run_block(block: Block) -> Iterator[Record]:
@@ -219,14 +201,10 @@ def numerical_error(
     fine = run([blocks[k].refined(place) for k, place, _ in chosen])
     if number < 2:
         return math.nan
-    timeout = blocks[0].clutch.timeout
-
-    def time(row: Record) -> float:
-        found = result_of(row).shift_time
-        return timeout if found is None else found
-
-    pairs = zip(chosen, fine, strict=True)
-    apart = np.array([time(row) - time(again) for (*_, row), (again,) in pairs])
+    pairs = [(row, again) for (*_, row), (again,) in zip(chosen, fine, strict=True)]
+    times = np.array([[one["shift_time_s"] for one in pair] for pair in pairs], dtype=float)
+    # None is NaN by now.
+    apart = -np.diff(np.where(np.isnan(times), blocks[0].clutch.timeout, times))[:, 0]
     weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k, *_ in chosen])
     weights /= weights.sum()
     mean = float(weights @ apart)

@@ -108,12 +108,10 @@ class Expectation:
 
         One hung shift in some hundreds moves ``mean`` by milliseconds and this one hardly.
         """
-        total, found = sum(p.point.weight for p in self.points), 0.0
-        for p in self.points:
-            if p.mean_engaged is None:
-                return None
-            found += p.point.weight / total * p.mean_engaged
-        return found
+        total = sum(p.point.weight for p in self.points)
+        if None in (p.mean_engaged for p in self.points):
+            return None
+        return sum(p.point.weight / total * (p.mean_engaged or 0.0) for p in self.points)
 
     @property
     def shifts(self) -> int:

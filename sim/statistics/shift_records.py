@@ -12,7 +12,7 @@ from typing import Any
 
 from dogshape.sim.errors import ranges_of
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, ContactSet, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome, depends_on_clock
+from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
@@ -20,6 +20,9 @@ from dogshape.sim.units import DEG, MM, RPM, from_si
 
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
+
+_LENGTHS = ("height_mm", "outer_diameter_mm", "inner_diameter_mm", "axial_gap_mm")
+_DOG_KEYS = ("chamfer_deg", "traction_deg", "braking_deg", *_LENGTHS)
 
 
 def clutch_record(clutch: Clutch) -> Record:
@@ -31,13 +34,7 @@ def clutch_record(clutch: Clutch) -> Record:
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
         "count": dog.count,
-        "chamfer_deg": dog.chamfer / DEG,
-        "traction_deg": dog.traction / DEG,
-        "braking_deg": dog.braking / DEG,
-        "height_mm": dog.height / MM,
-        "outer_diameter_mm": dog.outer_diameter / MM,
-        "inner_diameter_mm": dog.inner_diameter / MM,
-        "axial_gap_mm": dog.axial_gap / MM,
+        **{key: from_si(key, getattr(dog, key.rpartition("_")[0])) for key in _DOG_KEYS},
         **({} if dog.edge_radius == 0.0 else {"edge_radius_mm": dog.edge_radius / MM}),
         "sliding_mass_kg": rings.mass,
         "sliding_inertia_kgm2": rings.sliding_inertia,
@@ -112,7 +109,7 @@ def content_key(record: Record) -> str:
 
 def unfinished(record: Record) -> bool:
     """Test that the clock ended a shift: another run may finish it."""
-    return depends_on_clock(str(record.get("reason", "")))
+    return str(record.get("reason", "")).startswith(TIME_LIMIT)
 
 
 def result_of(record: Record) -> ShiftResult:

@@ -232,9 +232,7 @@ _UNITS = {"MPa": MPA, "mm": MM, "deg": DEG, "N": 1.0, "": 1.0}
 
 def checks_of(rows: Iterable[Row]) -> tuple[Check, ...]:
     """Return the checks of values and limits, which turn from SI to the units of their rules."""
-    found = []
-    for name, value, limit in rows:
-        rule = RULES[name]
-        unit = _UNITS[rule.unit]
-        found.append(Check(rule, value / unit, limit / unit))
-    return tuple(found)
+    return tuple(
+        Check(rule, value / _UNITS[rule.unit], limit / _UNITS[rule.unit])
+        for rule, value, limit in ((RULES[name], value, limit) for name, value, limit in rows)
+    )

@@ -20,7 +20,7 @@ from dataclasses import astuple, dataclass
 
 import numpy as np
 
-from dogshape.sim.shift.geometry import LAND, Dog, crest_cut, tip_radius
+from dogshape.sim.shift.geometry import LAND, Dog, tip_radius
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.strength.checks import RULES, Check, checks_of
 from dogshape.sim.strength.dog_strength import Limits
@@ -71,7 +71,7 @@ def exceeded(demands: Sequence[Demand], weights: Sequence[float], share: float) 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     """Compute what a landing makes faces, core and edges bear."""
     radius = tip_radius(dog, limits.root_radius)
-    lost = 2.0 * crest_cut(dog, radius)
+    lost = 2.0 * radius * dog.edge_cuts[0]
     spread = 2.0 * limits.material.case_depth
     classes = [
         (overlap - lost, w * (1.0 / math.sqrt(limits.load.landing(dog, w))))

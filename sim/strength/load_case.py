@@ -164,8 +164,7 @@ class LoadCase:
         if self.friction_hold > self.friction_release:
             rule = f"it must not exceed load.friction_release = {self.friction_release:.6g}"
             remedy = "holding is judged with the lower coefficient; exchange or correct them"
-            message = refusal("load.friction_hold", self.friction_hold, "", rule, remedy)
-            raise InputError(message)
+            raise InputError(refusal("load.friction_hold", self.friction_hold, "", rule, remedy))
 
     @property
     def design_torque(self) -> float:

@@ -15,7 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dogshape.sim.errors import InputError, did_you_mean, require_ranges, within
+from dogshape.sim.errors import require_known, require_ranges, within
 from dogshape.sim.units import MM, MPA
 
 STRESS_CORRECTION = 2.0  #: Y_ST of ISO 6336-3
@@ -97,9 +97,7 @@ MATERIALS: dict[str, Material] = {
 
 def material_of(name: str) -> Material:
     """Return a named set; an unknown name raises InputError with the valid ones."""
-    if name not in MATERIALS:
-        hint = did_you_mean(name, MATERIALS)
-        raise InputError(f"material.set is '{name}', which is not a material set; {hint}")
+    require_known("material.set", name, "a material set", MATERIALS)
     return MATERIALS[name]
 
 

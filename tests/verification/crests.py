@@ -101,12 +101,6 @@ class Crests:
             ratios.append(total(across, large) / total(along, large))
         return np.array(depths), np.array(ratios)
 
-    def window(self, force: float, friction: float) -> float:
-        """Return the width of overlap, m, over which friction holds one dog under a force, N."""
-        overlap = np.linspace(-self.width, self.width, 401)
-        ratio = self.balance(overlap, force)[1]
-        return float((np.abs(ratio) <= friction).sum() * (overlap[1] - overlap[0]))
-
 
 def _turn(angle: float) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)

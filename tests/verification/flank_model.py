@@ -169,9 +169,7 @@ class FlankModel:
         forces, approach = active_set(both, self.gap(angle, ends), force / slant)
         level = forces @ self.middles / forces.sum()
         return Contact(
-            height=float((level - band.low) / band.height),
-            approach=approach / slant,
-            force=forces,
+            height=float((level - band.low) / band.height), approach=approach / slant, force=forces
         )
 
 

@@ -40,48 +40,6 @@ def strike_torque(mismatch: float, stiffness: float, inertia: float) -> float:
     return mismatch * math.sqrt(stiffness * inertia)
 
 
-def _even(clutch: Clutch, mismatch: float, span: float) -> float:
-    """Return the response to a torque that takes a mismatch evenly over a time in s."""
-    time = np.concatenate([np.linspace(0.0, span, 40), [2.0 * span, 0.5]])
-    torque = np.where(time[1:] <= span * 1.0001, clutch.rings.reduced_inertia * mismatch / span, 0)
-    return torque_peak(clutch, _trace(clutch, time, torque), STIFFNESS)
-
-
-@pytest.mark.parametrize("count", [1, 50])
-def test_strikes_in_a_short_time_make_what_one_that_takes_all_makes(
-    clutch: Clutch, count: int
-) -> None:
-    inertia, mismatch = clutch.rings.reduced_inertia, 26.0
-    time = np.concatenate([[0.0], np.linspace(0.01, 0.0101, 2 * count), [0.2]])
-    torque = np.zeros(time.size - 1)
-    torque[1 : 2 * count : 2] = 1.0
-    torque *= inertia * mismatch / float((torque * np.diff(time)).sum())
-    made = torque_peak(clutch, _trace(clutch, time, torque), STIFFNESS)
-    assert made == pytest.approx(strike_torque(mismatch, STIFFNESS, inertia), rel=1e-3)
-
-
-@pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 3.0])
-def test_many_small_strikes_make_what_their_mean_torque_makes(clutch: Clutch, share: float) -> None:
-    """An even torque over ``share`` of half a period; beyond that twice the mean torque."""
-    inertia, mismatch = clutch.rings.reduced_inertia, 26.0
-    rate = math.sqrt(STIFFNESS / inertia)
-    span = share * math.pi / rate
-    mean = inertia * mismatch / span
-    known = 2.0 * mean * (math.sin(0.5 * rate * span) if share < 1.0 else 1.0)
-    assert _even(clutch, mismatch, span) == pytest.approx(known, rel=1e-9)
-
-
-def test_strikes_half_a_period_apart_cancel_and_a_whole_one_apart_add(clutch: Clutch) -> None:
-    inertia, mismatch = clutch.rings.reduced_inertia, 10.0
-    period = 2.0 * math.pi * math.sqrt(inertia / STIFFNESS)
-    one = strike_torque(mismatch, STIFFNESS, inertia)
-    for apart, made in ((0.5 * period, one), (period, 2.0 * one)):
-        time = np.array([0.0, 1e-6, apart, apart + 1e-6, 1.0])
-        torque = np.array([1e6, 0.0, 1e6, 0.0]) * inertia * mismatch
-        trace = _trace(clutch, time, torque)
-        assert torque_peak(clutch, trace, STIFFNESS) == pytest.approx(made, rel=1e-4)
-
-
 def test_response_is_that_of_the_motion_under_any_torque(clutch: Clutch) -> None:
     rings, draw = clutch.rings, np.random.default_rng(3)
     time = np.concatenate([[0.0], np.cumsum(draw.uniform(1e-3, 8e-3, 30))])

@@ -47,15 +47,6 @@ def test_added_mass_flies_with_the_ring(flight: Flight, point: Point) -> None:
     assert trace.displacement[-1] == pytest.approx(profile.free_flight(0.06, 2.0), rel=1e-3)
 
 
-def test_dry_friction_takes_its_part_of_a_constant_force(flight: Flight) -> None:
-    """x = (F - R) t2 / 2 m."""
-    trace = flight(ForceProfile(100.0, STEP), 0.02, friction=40.0)
-    exact = 0.5 * 60.0 / 0.3 * (trace.time - 0.5 * STEP) ** 2
-    late = trace.time > 0.007
-    assert late.sum() > 10
-    assert trace.displacement[late] == pytest.approx(exact[late], rel=3e-3)
-
-
 def test_friction_holds_the_ring_until_the_force_exceeds_it(flight: Flight, point: Point) -> None:
     """From the time t0 at which F = R on, m v is what F - R gave since."""
     profile, mass, friction = point(50, 235.2).profile, 0.3, 60.0

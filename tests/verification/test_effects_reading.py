@@ -22,27 +22,6 @@ Point = Callable[[float, float], OperatingPoint]
 EFFECTS = load()
 
 
-def test_a_delay_moves_the_time_zero_alone(setting: Setting) -> None:
-    late = EFFECTS["actuation_delay"].apply(setting, {"delay_s": 0.116})
-    angles = (0.1, 0.3)
-    assert late.block(angles).keys == setting.block(angles).keys
-    rows = list(run_block(setting.block(angles)))
-    for row in rows:
-        assert late.time_of(row) == pytest.approx(setting.time_of(row) + 0.116, rel=1e-12)
-
-
-@pytest.mark.parametrize("factor", [0.7, 1.3])
-def test_scaled_force_scales_the_free_flight(setting: Setting, factor: float) -> None:
-    """An untouched shift takes the free flight of mass over factor; the rise keeps its time."""
-    slow = setting.with_point(mismatch=0.1 * RPM)
-    changed = EFFECTS["force_scale"].apply(slow, {"force_factor": factor})
-    time = engage(ClutchPlant(changed.clutch), changed.point, 12.0 * DEG).shift_time
-    nominal = setting.point.profile
-    exact = nominal.free_flight_time(setting.clutch.shift_travel, 0.3 / factor)
-    assert time == pytest.approx(exact, rel=0.02)
-    assert changed.point.profile.rise == nominal.rise
-
-
 @pytest.mark.parametrize(
     ("nominal", "factor", "true"),
     [(10.0, 1.0, 7.0), (-10.0, 1.0, -7.0), (100.0, 0.8, 77.0), (-100.0, 1.2, -117.0)],

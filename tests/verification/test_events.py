@@ -76,14 +76,6 @@ def test_sliding_to_the_time_out_is_not_blocked(clutch: Clutch, point: Point) ->
     assert result.loads.impact_impulse < 0.5
 
 
-def test_blocked_dogs_are_held_all_the_time(clutch: Clutch, point: Point) -> None:
-    low = clutch.with_dog(replace(clutch.dog, chamfer=4.5 * DEG))
-    result = _shift(ClutchPlant(low), OperatingPoint(0.0, point(5, 641.5).profile), 0)
-    assert result.outcome is Outcome.BLOCKED
-    on_face = result.trace.time[-1] - result.phases[0].end
-    assert result.events.time_blocked == pytest.approx(on_face, rel=0.02)
-
-
 @pytest.mark.parametrize("mismatch", [50.0, -149.0])
 def test_momentum_that_the_contact_takes_up(
     plant: ClutchPlant, point: Point, mismatch: float

@@ -113,11 +113,3 @@ def test_standard_error_of_a_saw_tooth_and_of_scatter(point: Point) -> None:
     rng = np.random.default_rng(7)
     _, scatter, error = _errors(point, lambda _: 0.05 + 0.1 * rng.random(), 24)
     assert error == pytest.approx(scatter, rel=0.2)
-
-
-def test_weights_and_independent_errors(point: Point) -> None:
-    a = expect_point(point(50, 469.0), _shifts(0.04, 0.05, 0.06), 1.0, 0.2, even=False)
-    b = expect_point(point(100, 469.0), _shifts(0.10, 0.12, 0.14), 1.0, 0.2, even=False)
-    both = expect([a, b])
-    assert both.mean == pytest.approx(0.085)
-    assert both.standard_error == pytest.approx(0.5 * np.hypot(0.01, 0.02) / np.sqrt(3))

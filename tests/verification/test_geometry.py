@@ -11,15 +11,10 @@ import pytest
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.shift.mesh import (
-    Mesh,
-    compliant_dog,
     dog_planes,
     dog_solid,
-    pressure_apex,
-    rigid_dog,
 )
 from dogshape.sim.units import DEG
-from tests.conftest import dog_of
 
 
 @pytest.mark.parametrize(
@@ -39,23 +34,6 @@ from tests.conftest import dog_of
 )
 def test_prototype_dimensions(prototype: Dog, dimension: str, millimetres: float) -> None:
     assert getattr(prototype, dimension) * 1e3 == pytest.approx(millimetres, abs=6e-4)
-
-
-def test_edge_drop_is_where_face_and_braking_flank_meet(prototype: Dog) -> None:
-    """Two lines intersected by hand: z = -(w + z' tan g) tan a with z' = -z."""
-    a, g = math.tan(prototype.chamfer), math.tan(prototype.braking)
-    drop = prototype.edge_drop
-    assert drop == pytest.approx((prototype.tip_width + drop * g) * a, rel=1e-12)
-    assert prototype.braking_flank_height == pytest.approx(prototype.height - drop, rel=1e-12)
-
-
-def test_flank_planes_hold_a_radial_line_of_the_median_plane(prototype: Dog) -> None:
-    planes = dog_planes(prototype)
-    for name, side in (("traction", 1), ("braking", -1)):
-        quarter = side * 0.25 * prototype.pitch_angle
-        for radius in (0.0, prototype.inner_radius, prototype.outer_radius):
-            on_line = radius * np.array([math.cos(quarter), math.sin(quarter), 0.0])
-            assert planes[name].normal @ on_line == pytest.approx(planes[name].offset, abs=1e-15)
 
 
 def test_mating_flanks_coincide_at_full_depth(prototype: Dog) -> None:
@@ -94,58 +72,6 @@ SHAPES = [
     (15, 7, 25, 2.0, 34),
     (0, 4, 4, 6.0, 20),
 ]
-
-
-@pytest.mark.parametrize("shape", SHAPES)
-def test_compliant_dog_is_whole_and_its_pressure_is_depth(
-    prototype: Dog, shape: tuple[float, ...]
-) -> None:
-    """Tetrahedra fill the skin without overlap; below each face pressure grows with depth.
-
-    Twenty points on every face of the rigid dog, moved in by up to a third of
-    the apex's depth: the pressure of the cell around each is its depth below the
-    nearest of the three faces.
-    """
-    dog = dog_of(prototype, shape)
-    mesh, (apex, full) = compliant_dog(dog), pressure_apex(dog)
-    cells = mesh.vertices[mesh.cells]
-    volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0
-    assert (volumes > 0.0).all()
-    assert _boundary(mesh) == 12
-    assert mesh.vertices[8] == pytest.approx(apex)
-    touching = [dog_planes(dog)[name] for name in ("braking", "face", "traction")]
-    assert [p.offset - p.normal @ apex for p in touching] == pytest.approx([full] * 3)
-    rng = np.random.default_rng(3)
-    skin = rigid_dog(dog)
-    for triangle in skin.vertices[skin.cells]:
-        for weights in rng.dirichlet(np.ones(3), 10):
-            inward = np.cross(triangle[2] - triangle[0], triangle[1] - triangle[0])
-            inward /= np.linalg.norm(inward)
-            place = weights @ triangle + rng.uniform(0.0, full / 3.0) * inward
-            depth = min(plane.offset - plane.normal @ place for plane in touching)
-            if depth > 0.0:
-                assert _pressure(mesh, place) * full == pytest.approx(depth, abs=1e-12)
-
-
-def _boundary(mesh: Mesh) -> int:
-    """Count triangles that belong to one tetrahedron; no triangle may belong to three."""
-    faces: dict[tuple[int, ...], int] = {}
-    for cell in mesh.cells.tolist():
-        for left_out in cell:
-            face = tuple(sorted(v for v in cell if v != left_out))
-            faces[face] = faces.get(face, 0) + 1
-    assert set(faces.values()) == {1, 2}
-    return sum(n == 1 for n in faces.values())
-
-
-def _pressure(mesh: Mesh, place: np.ndarray) -> float:
-    """Return the field that is 1 at the apex and 0 on the skin, at a point of the mesh."""
-    for cell in mesh.cells:
-        matrix = np.vstack([mesh.vertices[cell].T, np.ones(4)])
-        shares = np.linalg.solve(matrix, [*place, 1.0])
-        if (shares > -1e-9).all():
-            return float(shares[cell == 8][0])
-    raise AssertionError(f"{place} lies in no cell")
 
 
 @pytest.mark.parametrize(

@@ -92,11 +92,3 @@ def test_what_is_not_flat_bears_on_edges(prototype: Dog) -> None:
     wide = limits.with_root_radius(0.6e-3)  # now 1.12 mm are rounded
     assert _checks(prototype, _landing(at_11=54.0), wide)[0].value == 0.0
     assert _checks(prototype, _landing(at_11=54.0), limits)[0].value > 0.0
-
-
-def test_uneven_landing_grows_with_the_root_of_the_share(prototype: Dog) -> None:
-    landing = _landing(at_3=20.0, at_14=100.0)
-    even = _checks(prototype, landing, Limits(load=LoadCase(load_sharing=1.0)))
-    half = _checks(prototype, landing, Limits(load=LoadCase(load_sharing=0.25)))
-    assert half[0].value == pytest.approx(2.0 * even[0].value)
-    assert half[2].value == pytest.approx(even[2].value * math.sqrt(2.0))

@@ -9,15 +9,9 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import Check
-from dogshape.sim.strength.dog_strength import (
-    Limits,
-    fatigue,
-    root_load,
-    root_of,
-    strength_checks,
-)
+from dogshape.sim.strength.dog_strength import Limits, fatigue, root_load, root_of, strength_checks
 from dogshape.sim.strength.load_case import LoadCase
-from dogshape.sim.strength.materials import MATERIALS, cycles_endured, damage, reserve
+from dogshape.sim.strength.materials import MATERIALS, damage, reserve
 
 STEEL = MATERIALS["16MnCr5"]
 
@@ -26,26 +20,12 @@ def _checks(dog: Dog, load: LoadCase) -> dict[str, Check]:
     return {check.name: check for check in strength_checks(dog, Limits(load=load))}
 
 
-@pytest.mark.parametrize("cycles", [1e3, 2e4, 1e5, 3e6, 1e8, 1e10])
-def test_cycles_endured_invert_the_life_factor(cycles: float) -> None:
-    strength = STEEL.life_factor(cycles)
-    assert cycles_endured(STEEL, strength) == pytest.approx(cycles, rel=1e-9)
-
-
 @pytest.mark.parametrize("cycles", [1.0, 100.0, 1e3, 1e5, 3e6, 1e9])
 def test_one_class_is_the_check_of_a_life_of_so_many_cycles(prototype: Dog, cycles: float) -> None:
     plain = _checks(prototype, LoadCase(shifts=cycles))["root_fatigue"]
     one = _checks(prototype, LoadCase(spectrum=((1.0, cycles),)))["root_fatigue"]
     assert one.value == pytest.approx(plain.value, rel=1e-12)
     assert one.limit == pytest.approx(plain.limit, rel=1e-9)
-
-
-def test_classes_of_one_torque_add_up_and_their_order_is_nothing(prototype: Dog) -> None:
-    parts = ((1.0, 3e4), (0.5, 1e6), (1.0, 7e4))
-    merged = LoadCase(spectrum=((0.5, 1e6), (1.0, 1e5)))
-    assert fatigue(prototype, Limits(load=LoadCase(spectrum=parts))) == pytest.approx(
-        fatigue(prototype, Limits(load=merged)), rel=1e-9
-    )
 
 
 def test_the_reserve_of_a_spectrum_on_one_slope_is_a_power_mean() -> None:

@@ -72,16 +72,6 @@ def test_a_spline_holds_with_the_lower_coefficient(prototype: Dog) -> None:
         assert less == pytest.approx(0.01 * 300 / 17.6e-3, rel=1e-12)
 
 
-def test_coast_scales_every_load_of_the_braking_flank_alone(prototype: Dog) -> None:
-    whole, coast = _by_name(prototype, LoadCase()), _by_name(prototype, LoadCase(coast_share=0.4))
-    for name in ("flank_pressure", "root_bending", "separating_force"):
-        braking, traction = f"{name}_braking", f"{name}_traction"
-        assert coast[braking].value == pytest.approx(0.4 * whole[braking].value, rel=1e-12)
-        assert coast[traction].value == whole[traction].value
-    assert coast["shear_stress"].value == whole["shear_stress"].value
-    assert coast["root_fatigue"].value == coast["root_bending_traction"].value
-
-
 @pytest.mark.parametrize("share", [1.0, 0.6, 0.3])
 def test_equivalent_stress_takes_tension_and_shear_of_one_flank(
     prototype: Dog, share: float

@@ -9,12 +9,7 @@ import pytest
 
 from dogshape.sim.shift.geometry import Dog, flank_contact
 from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
-from dogshape.sim.strength.manufacture import (
-    Tolerances,
-    losses,
-    moved,
-    tolerance_checks,
-)
+from dogshape.sim.strength.manufacture import Tolerances, losses, moved, tolerance_checks
 from dogshape.sim.units import DEG
 from tests.conftest import dog_of
 

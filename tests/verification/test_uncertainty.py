@@ -9,22 +9,15 @@ import pytest
 from numpy.typing import NDArray
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import (
     ShiftResult,
     even_phases,
-    mean_over,
     time_quantile,
     variance_of_mean,
 )
-from dogshape.sim.statistics.uncertainty import (
-    NEEDS,
-    Distribution,
-    Uncertainty,
-    Variant,
-)
+from dogshape.sim.statistics.uncertainty import NEEDS, Distribution, Uncertainty, Variant
 from dogshape.sim.units import RPM
 
 Array = NDArray[np.float64]
@@ -101,27 +94,6 @@ def test_a_known_mean_is_hit_and_its_error_is_told() -> None:
         assert 0.8 <= variances.mean() ** 0.5 / means.std(ddof=1) <= 1.3
 
 
-@pytest.mark.parametrize(("speed", "most"), [(2, 2.0), (4, 1.3)])
-def test_shifts_with_uncertain_factors_have_the_error_that_is_told(speed: int, most: float) -> None:
-    """Twelve angles at 50, 100 and 149 1/min, 60 draws: friction, force and inertia uncertain.
-
-    By the compiled engine, since it takes two thousand shifts. At 50 1/min the time jumps at two
-    angles and is smooth between: evenly spaced angles do better there than they are told.
-    """
-    study, unsure = _unsure()
-    point = [p for p in study.points if p.profile.force == 469.0][speed]
-    clutch, count, draws = study.clutch.with_engine("planar"), 12, 60
-    rows = np.empty((draws, count))
-    for seed in range(draws):
-        variants = unsure.variants(point, count, seed, 0)
-        angles = even_phases(count, seed, 0) * clutch.dog.pitch_angle
-        for place, (variant, angle) in enumerate(zip(variants, angles, strict=True)):
-            found = engage(variant.clutch(clutch), variant.point(point), float(angle))
-            rows[seed, place] = np.nan if found.shift_time is None else found.shift_time
-    told = np.mean([variance_of_mean(row) for row in rows]) ** 0.5
-    assert 0.8 <= told / rows.mean(axis=1).std(ddof=1) <= most
-
-
 def _shifts(times: Array) -> list[ShiftResult]:
     return [
         ShiftResult(Outcome.ENGAGED, float(t))
@@ -160,20 +132,6 @@ def test_quantile_counts_retries_as_a_drawn_experiment_does() -> None:
         found = time_quantile([1.0, 1.0], shifts, share, TIMEOUT, RETRACTION)
         assert found.value == pytest.approx(np.quantile(both, share), abs=2e-3)
     assert found.value > TIMEOUT + RETRACTION
-
-
-def test_numbers_of_the_mix_know_weights_by_their_ratio_alone() -> None:
-    rng = np.random.default_rng(2)
-    values = rng.random((3, 6)) * 0.05
-    shifts = [_shifts(row) for row in values]
-    weights = np.array([1.0, 2.0, 5.0])
-    once = time_quantile(weights.tolist(), shifts, 0.9, TIMEOUT, RETRACTION)
-    more = time_quantile((40.0 * weights).tolist(), shifts, 0.9, TIMEOUT, RETRACTION)
-    assert (more.value, more.standard_error) == pytest.approx((once.value, once.standard_error))
-    mean = mean_over(weights.tolist(), values.tolist())
-    again = mean_over((40.0 * weights).tolist(), values.tolist())
-    assert mean.value == pytest.approx(float(weights @ values.mean(axis=1) / 8.0))
-    assert (again.value, again.standard_error) == pytest.approx((mean.value, mean.standard_error))
 
 
 def test_a_variant_scales_what_it_says() -> None:

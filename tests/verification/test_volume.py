@@ -9,11 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part import (
-    lands,
-    part_volume,
-    ring_part,
-)
+from dogshape.sim.part import lands, part_volume, ring_part
 from dogshape.sim.shift.geometry import LAND, Dog, section
 from dogshape.sim.shift.mesh import Mesh, to_stl
 from dogshape.sim.units import DEG, MM
