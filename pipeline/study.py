@@ -21,7 +21,6 @@ from dogshape.pipeline.search.state import (
     PROTOTYPE,
     SearchState,
     Trial,
-    standings,
 )
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
@@ -118,16 +117,12 @@ def _searched(search: Search, how: Run) -> Record:
             counter.say(line)
             write_json(folder.result, collect(state, journals[1]))
 
-        def before_round(designs: int, line: str) -> None:
-            counter.rest(shifts_to_confirm(study, designs))
-            counter.say(line)
-
         executors = Executors(
-            *(Executor(j, how.jobs, counter.advance, how.cluster, counter.known) for j in journals)
+            *(Executor(j, how.jobs, counter.advance, how.cluster) for j in journals)
         )
         with counter.kept_in(folder.root, "--resume goes on"):
             searched = run(search, executors.search, after_round)
-            confirmation, state = confirm(searched, executors, before_round)
+            confirmation, state = confirm(searched, executors, counter.say)
             life = _life(confirmation, state, executors.search, counter)
             audited = _audit(searched, executors.kept, counter)
         for journal in journals:
@@ -161,8 +156,9 @@ def _most(search: Search) -> int:
     study = search.study
     left = max(0, study.file.search.trials - len(search.read().trials))
     each = len(study.points) * study.file.expectation.angles
-    audited = 0 if study.judging is None else study.file.search.audit_shifts
-    return left * each + shifts_to_confirm(study, study.file.search.confirm_designs) + 2 * audited
+    stages = 0 if study.file.wear is None else len(STAGES)
+    audited = 0 if study.judging is None else 2 * study.file.search.audit_shifts
+    return (left + stages) * each + shifts_to_confirm(study) + audited
 
 
 def _life(
@@ -173,7 +169,6 @@ def _life(
     if wear is None or confirmation is None:
         return None
     trial = next(t for t in state.trials if t.number == confirmation["chosen"])
-    counter.rest(len(STAGES) * len(study.points) * study.file.expectation.angles)
     counter.say(f"design {trial.number} over its life: half worn and worn")
     try:
         return [row.to_dict() for row in life_of(study, trial.params, wear, executor)]
@@ -188,7 +183,6 @@ def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Reco
     designs = [trial.params for trial in state.simulated]
     if study.judging is None or not shifts or not designs:
         return None
-    counter.rest(2 * shifts)
     counter.say(f"auditing {shifts} shifts of the search in Drake")
     found = audit(study, designs, executor, study.judging.clutch, shifts)
     counter.say(found.text)
@@ -218,7 +212,6 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
         "study": study.name,
         "engine": study.clutch.solver.engine,
         "objectives": study.file.search.objectives,
-        "maximised": [o.name for o in objectives_of(study) if o.maximise],
         "leading": leading(study).name,
         "quantile": study.file.search.quantile,
         "best": rows[best.number] if best is not None else None,
@@ -247,9 +240,8 @@ def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
 
 
 def rows_of(state: SearchState) -> dict[int, Record]:
-    """Record every design of a state as a row, by trial, feasible ones with their standing."""
-    known = standings(state)
-    return {t.number: row_of(state, t) | known.get(t.number, {}) for t in state.trials}
+    """Record every design of a state as a row, by trial."""
+    return {trial.number: row_of(state, trial) for trial in state.trials}
 
 
 def row_of(state: SearchState, trial: Trial) -> Record:

@@ -310,7 +310,7 @@ def expect_to(
         few = ", from too few to trust" if share <= precision else ""
         progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
         count *= 2
-        progress.extend(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
+        progress.rest(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
 
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life
