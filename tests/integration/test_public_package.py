@@ -147,14 +147,6 @@ def test_a_comparison_is_what_the_command_line_prints(folder: Path, dogshape: Do
     assert "corrected as asked: time=ms" in repr(corrected)
 
 
-@pytest.mark.parametrize("angles", [2, [0.0, 8.0], [], [0.0, float("nan"), 5.0]], ids=str)
-def test_angles_of_a_comparison_are_three_and_finite(
-    folder: Path, angles: int | list[float]
-) -> None:
-    with pytest.raises(ds.InputError, match=r"at least three|must be a finite angle"):
-        ds.validate(folder, angles)
-
-
 @pytest.mark.parametrize(
     ("asked", "words"),
     [
@@ -163,6 +155,8 @@ def test_angles_of_a_comparison_are_three_and_finite(
         (lambda: ds.Study(PAPER, chamfer=11), "with settings: 'dog.chamfer' is not a known key"),
         (lambda: ds.Study(PAPER).expect(precision="2%"), "precision is '2%', but it must be"),
         (lambda: ds.Study(PAPER).expect(angles="24"), "angles is '24', but it must be a number"),
+        (lambda: ds.validate("mq200_adams", [0.0, 8.0]), "at least three"),
+        (lambda: ds.validate("mq200_adams", [0.0, float("nan"), 5.0]), "must be a finite angle"),
         (
             lambda: ds.Study(PAPER).expect(precision=0.01, angles=3),
             "precision finds the number of angles itself; leave out angles",
