@@ -109,8 +109,6 @@ def _searched(search: Search, how: Run) -> Record:
             f"{len(study.points)} operating points, then prototype and up to "
             f"{settings.confirm_designs} of the front at new angles"
         )
-        if outside := _outside(study):
-            counter.say(f"the study's own dog is not among the designs searched: {outside}")
 
         def after_round(line: str, state: SearchState) -> None:
             counter.rest(_most(search))
@@ -140,15 +138,6 @@ def _searched(search: Search, how: Run) -> Record:
         result |= {"best": designs[confirmation["chosen"]], "front": front}
         result["n_simulated_shifts"] += confirmed_shifts(state, confirmation)
     return {**result, "confirmation": confirmation, "life": life, "audit": audited}
-
-
-def _outside(study: Setup) -> str:
-    """List the keys of the study's own dog that lie outside its search ranges."""
-    return ", ".join(
-        f"{name} is {study.prototype[name]:g}, the range {low:g} to {high:g}"
-        for name, (low, high) in study.variables.items()
-        if not low <= study.prototype[name] <= high
-    )
 
 
 def _most(search: Search) -> int:
@@ -196,7 +185,7 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
     except InputError as error:
         say(f"no surrogate: {error}")
         return
-    result["surrogate"] = stored.validation.as_dict()
+    result["surrogate"] = stored.validation.model_dump()
     best = [result["best"]] if result["best"] else []
     for row in (*result["trials"], *result["front"], *best):
         found = tolerance_time(study, stored.surrogate, row, study_mix(study))
@@ -220,10 +209,7 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
         "n_simulated_designs": len(state.simulated),
         "n_simulated_shifts": sum(trial.shifts for trial in state.simulated),
         "failed_shifts": dict(sum(failed, Counter[str]())),
-        "confirmation": None,
-        "life": None,
-        "audit": None,
-        "surrogate": None,
+        **dict.fromkeys(("confirmation", "life", "audit", "surrogate")),
         "versions": versions(),
         "config_hash": study.config_hash,
         "physics_hash": study.physics_hash,

@@ -387,7 +387,7 @@ def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
             f"{fitted['coverage_95']:.0%} within the 95 % interval, on {fitted['n']} designs "
             f"({fitted['source']})"
         )
-        judged = judged if Validation.from_dict(fitted).useful else Bad(f"{judged}: useless")
+        judged = judged if Validation(**fitted).useful else Bad(f"{judged}: useless")
     if result["confirmation"]:
         numerical = result["confirmation"]["best"].get("numerical_error_s")
     facts = {

@@ -36,7 +36,7 @@ from dogshape.pipeline.simulate.evaluation import (
     design_blocks,
     evaluate,
 )
-from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.result_records import ExpectedTime, check_record
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
@@ -131,8 +131,7 @@ def confirm(
     if not found:
         return None, state
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
-    order = sorted(found, key=lambda number: (loss[number], number))
-    ordered = {number: found[number] for number in order}
+    ordered = dict(sorted(found.items(), key=lambda item: (loss[item[0]], item[0])))
     return _record(searched, state, prototype[0], ordered, executors), state
 
 
@@ -346,5 +345,7 @@ def audit(
     own = cache(lambda place: design_blocks(study, designs[place], places[2], settings.seed))
     drawn_at = zip(*np.unravel_index(drawn, places), strict=True)
     blocks = [own(design)[point].only([int(angle)]) for design, point, angle in drawn_at]
-    pairs = _both(blocks, executor.scratch().run(blocks), judge, executor)
+    # Compiled shifts are quick to repeat: a journal of their own keeps them out of the study's.
+    quick = scratch_executor(executor.jobs, executor.progress, executor.cluster)
+    pairs = _both(blocks, quick.run(blocks), judge, executor)
     return agreement_of([pair for some in pairs for pair in some])

@@ -5,8 +5,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any, get_type_hints
+from typing import Any
 
 from pydantic import create_model, model_validator
 
@@ -24,14 +23,11 @@ from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
 OPTIONAL = {
-    **{
-        name: (f"value of `variables.{name}`, where it is searched", unit_of(name))
-        for name in (*VARIABLES, *OPERATED)
-    },
-    **{
-        one.name: (f"{one.label}, where it is an objective", one.unit)
-        for one in OBJECTIVES.values()
-    },
+    name: key(f"value of `variables.{name}`, where it is searched", unit_of(name), None)
+    for name in (*VARIABLES, *OPERATED)
+} | {
+    one.name: key(f"{one.label}, where it is an objective", one.unit, None)
+    for one in OBJECTIVES.values()
 }
 #: Keys that results of earlier versions have.
 RETIRED = {"low", "high", "probability_on_front", "gains_by_contact", "drake_angles", "maximised"}
@@ -47,9 +43,7 @@ class Kept(Record):
         return {k: v for k, v in data.items() if k not in RETIRED} if known else data
 
 
-_FIELDS: dict[str, Any] = {
-    name: (float | None, key(meaning, unit, None)) for name, (meaning, unit) in OPTIONAL.items()
-}
+_FIELDS: dict[str, Any] = {name: (float | None, known) for name, known in OPTIONAL.items()}
 DesignKeys = create_model("DesignKeys", __base__=Kept, **_FIELDS)
 
 
@@ -143,17 +137,6 @@ class Confirmation(Kept):
     gains: dict[str, Estimate] = key("gain in each simulated objective, in its unit")
 
 
-_FIGURES: dict[str, Any] = {
-    one.name: (get_type_hints(Validation)[one.name], key(**one.metadata))
-    for one in fields(Validation)
-}
-FigureKeys = create_model("FigureKeys", __base__=Record, **_FIGURES)
-
-
-class SurrogateFigures(FigureKeys):  # type: ignore[misc, valid-type]
-    """Validation of the surrogate on designs that the fit did not use."""
-
-
 class StudyRecord(Kept):
     """The whole record, ``result.json``."""
 
@@ -183,7 +166,7 @@ class StudyRecord(Kept):
         "",
         None,
     )
-    surrogate: SurrogateFigures | None = key("validation of the surrogate; null without one")
+    surrogate: Validation | None = key("validation of the surrogate; null without one")
     versions: dict[str, str] = key("versions of the programs that the result depends on")
     config_hash: str = key("hash of the study file as it was run")
     physics_hash: str = key("hash of what the simulation of a shift depends on")

@@ -131,8 +131,8 @@ class SearchState:
 
     @property
     def best(self) -> Trial | None:
-        """Feasible design that is best in the leading objective."""
-        return min(self.feasible, key=self.leading_loss, default=None)
+        """Design of the front that is best in the leading objective."""
+        return next(iter(self.front), None)
 
     def leading_loss(self, trial: Trial) -> float:
         """Give the leading objective of a simulated trial, to be minimised."""

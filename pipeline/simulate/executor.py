@@ -87,10 +87,6 @@ class Executor:
             self.progress(len(rows), 0)
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
 
-    def scratch(self) -> Executor:
-        """Return an executor with a journal of its own, for shifts quick to repeat."""
-        return scratch_executor(self.jobs, self.progress, self.cluster)
-
     def forget(self, kept: Collection[str] = ()) -> None:
         """Drop the shifts of the journal, but those ``kept`` by their keys: results have them."""
         self.journal.drop(self.journal.rows.keys() - set(kept))

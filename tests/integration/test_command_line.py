@@ -115,13 +115,10 @@ BAD = """
 strength nowhere | there is no study at nowhere
 strength mq200_paper --set dog.heigth_mm=3 | did you mean 'dog.height_mm'?
 strength mq200_paper --set 'dog.count=15\ndog.height_mm=3' | more than one value
-shift ONE --set dog.count=40 | width of the tip at the inner
-shift ONE --set dog.chamfer_deg=30 | braking flank is
 shift ONE --force-N -469 | shift force is -469 N
 shift ONE --force-N 5000 | actuation.rise_s, or give --force-rise-s.
 shift ONE --html no/such/a.html | --html is no/such/a.html, but there is no folder no/such; make it
 shift ONE --html a.x --trace a.x | give two files
-expect mq200_paper --mismatch-rpm 50 --force-N 5000 | actuation.rise_s, or give --force-rise-s.
 expect mq200_paper --force-rise-s 0.1 | goes with one operating point
 expect mq200_paper --angles few | --angles is 'few'
 check mq200_paper --mismatch-rpm 80 | needs --mismatch-rpm and --force-N

@@ -20,6 +20,8 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.expectation import Estimate, mean_over
 from tests.conftest import searching
 
+QUANTILE_S = "shift_time_quantile_s"
+
 
 def _tiny(name: str, *more: str) -> Setup:
     """A bundled study of two operating points, three angles and few designs, in Drake."""
@@ -51,10 +53,9 @@ def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
     for row in result["trials"][1:]:
         assert row["standard_errors"]["shift_time_quantile_s"] > 0.0
         assert row["shift_time_quantile_s"] > row["expected_shift_time_s"]
-    gain = result["confirmation"]["gains"]["shift_time_quantile_s"]
-    both = [result["confirmation"][k]["estimates"] for k in ("prototype", "best")]
-    told = [one["shift_time_quantile_s"]["value"] for one in both]
-    assert gain["value"] == pytest.approx(told[0] - told[1])
+    confirmed = result["confirmation"]
+    before, after = (confirmed[k]["estimates"][QUANTILE_S]["value"] for k in ("prototype", "best"))
+    assert confirmed["gains"][QUANTILE_S]["value"] == pytest.approx(before - after)
     assert write_report(StudyFolder(tmp_path)).stat().st_size > 0
     resumed = run_study(study, searching(tmp_path, jobs=1, resume=True))
     assert resumed["trials"] == result["trials"]

@@ -73,14 +73,12 @@ def test_a_result_is_what_the_command_line_prints(verb: str, dogshape: Dogshape)
         setattr(result, fields(result)[0].name, None)
 
 
-def test_times_as_table_figure_and_page(tmp_path: Path) -> None:
+def test_times_as_table_and_figure() -> None:
     (line,) = found("expect").plot().data
     assert line.x[0] == pytest.approx(1e3 * found("expect").to_frame()["mean_s"][0])
     shift = found("shift")
-    assert shift.engagement.clutch.dog == shift.config.clutch.dog
     assert shift.to_frame()["t_s"].iloc[-1] == pytest.approx(shift.time_s, abs=2e-3)
     assert [axis.title.text for axis in shift.plot().select_yaxes()] == [*("mm", "1/min", "N")]
-    assert shift.report(tmp_path / "shift.html").stat().st_size > 1_000_000
 
 
 @pytest.mark.parametrize("verb", ["check", "strength"])
