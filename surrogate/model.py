@@ -55,7 +55,8 @@ def coordinates(data: Dataset, x: Array) -> Array:
 def shape_of(data: Dataset, x: Array) -> Array:
     """Compute entry play, tip width and fall of the face, mm, (m, 3)."""
     known = dict(zip(data.variables, x.T, strict=True))
-    known |= {name: data.physics[name] for name in SHAPE if name not in known}
+    own = {name: float(data.physics[name]) for name in SHAPE if name not in known}
+    known |= {name: np.full(len(x), value) for name, value in own.items()}
     chamfer, traction, braking = (np.tan(np.radians(known[name])) for name in ANGLES)
     radius = 0.25 * (known["outer_diameter_mm"] + known["inner_diameter_mm"])
     play = known["height_mm"] * (traction + braking)

@@ -193,7 +193,8 @@ def test_effects_are_of_the_surrogate_as_it_is_now(
     learn_effects(folder, calls.append)
     assert len(calls) == 1
     assert stored_effects(folder) == known
-    save(folder.surrogate, replace(stored, validation=replace(stored.validation, n=7)))
+    few = stored.validation.model_copy(update={"n": 7})
+    save(folder.surrogate, replace(stored, validation=few))
     assert stored_effects(folder) is None
 
 
