@@ -68,7 +68,7 @@ class Fitted(Result):
         """Give the validation, what was fitted, and the file."""
         data = self.stored.surrogate.data
         return {
-            **self.stored.validation.as_dict(),
+            **self.stored.validation.model_dump(),
             "engine": self.engine,
             "shifts_drake": data.shifts if self.engine == "drake" else 0,
             "shifts_planar": data.shifts if self.engine == "planar" else 0,

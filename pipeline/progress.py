@@ -75,14 +75,6 @@ class WorkCounter:
         total = max(self._count.total, done)
         self._change(done=done, known=self._count.known + known, total=total)
 
-    def known(self, count: int) -> None:
-        """Count ``count`` more as done by an earlier run."""
-        self.advance(count, count)
-
-    def extend(self, count: int) -> None:
-        """Expect ``count`` more than before."""
-        self._change(total=self._count.total + count)
-
     def rest(self, count: int) -> None:
         """Expect ``count`` more than those that are done."""
         self._change(total=self._count.done + count)

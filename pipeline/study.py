@@ -21,7 +21,6 @@ from dogshape.pipeline.search.state import (
     PROTOTYPE,
     SearchState,
     Trial,
-    standings,
 )
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
@@ -110,24 +109,18 @@ def _searched(search: Search, how: Run) -> Record:
             f"{len(study.points)} operating points, then prototype and up to "
             f"{settings.confirm_designs} of the front at new angles"
         )
-        if outside := _outside(study):
-            counter.say(f"the study's own dog is not among the designs searched: {outside}")
 
         def after_round(line: str, state: SearchState) -> None:
             counter.rest(_most(search))
             counter.say(line)
             write_json(folder.result, collect(state, journals[1]))
 
-        def before_round(designs: int, line: str) -> None:
-            counter.rest(shifts_to_confirm(study, designs))
-            counter.say(line)
-
         executors = Executors(
-            *(Executor(j, how.jobs, counter.advance, how.cluster, counter.known) for j in journals)
+            *(Executor(j, how.jobs, counter.advance, how.cluster) for j in journals)
         )
         with counter.kept_in(folder.root, "--resume goes on"):
             searched = run(search, executors.search, after_round)
-            confirmation, state = confirm(searched, executors, before_round)
+            confirmation, state = confirm(searched, executors, counter.say)
             life = _life(confirmation, state, executors.search, counter)
             audited = _audit(searched, executors.kept, counter)
         for journal in journals:
@@ -147,22 +140,14 @@ def _searched(search: Search, how: Run) -> Record:
     return {**result, "confirmation": confirmation, "life": life, "audit": audited}
 
 
-def _outside(study: Setup) -> str:
-    """List the keys of the study's own dog that lie outside its search ranges."""
-    return ", ".join(
-        f"{name} is {study.prototype[name]:g}, the range {low:g} to {high:g}"
-        for name, (low, high) in study.variables.items()
-        if not low <= study.prototype[name] <= high
-    )
-
-
 def _most(search: Search) -> int:
     """Count the shifts that the rest of a study takes at most."""
     study = search.study
     left = max(0, study.file.search.trials - len(search.read().trials))
     each = len(study.points) * study.file.expectation.angles
-    audited = 0 if study.judging is None else study.file.search.audit_shifts
-    return left * each + shifts_to_confirm(study, study.file.search.confirm_designs) + 2 * audited
+    stages = 0 if study.file.wear is None else len(STAGES)
+    audited = 0 if study.judging is None else 2 * study.file.search.audit_shifts
+    return (left + stages) * each + shifts_to_confirm(study) + audited
 
 
 def _life(
@@ -173,7 +158,6 @@ def _life(
     if wear is None or confirmation is None:
         return None
     trial = next(t for t in state.trials if t.number == confirmation["chosen"])
-    counter.rest(len(STAGES) * len(study.points) * study.file.expectation.angles)
     counter.say(f"design {trial.number} over its life: half worn and worn")
     try:
         return [row.to_dict() for row in life_of(study, trial.params, wear, executor)]
@@ -188,7 +172,6 @@ def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Reco
     designs = [trial.params for trial in state.simulated]
     if study.judging is None or not shifts or not designs:
         return None
-    counter.rest(2 * shifts)
     counter.say(f"auditing {shifts} shifts of the search in Drake")
     found = audit(study, designs, executor, study.judging.clutch, shifts)
     counter.say(found.text)
@@ -202,7 +185,7 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
     except InputError as error:
         say(f"no surrogate: {error}")
         return
-    result["surrogate"] = stored.validation.as_dict()
+    result["surrogate"] = stored.validation.model_dump()
     best = [result["best"]] if result["best"] else []
     for row in (*result["trials"], *result["front"], *best):
         found = tolerance_time(study, stored.surrogate, row, study_mix(study))
@@ -218,7 +201,6 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
         "study": study.name,
         "engine": study.clutch.solver.engine,
         "objectives": study.file.search.objectives,
-        "maximised": [o.name for o in objectives_of(study) if o.maximise],
         "leading": leading(study).name,
         "quantile": study.file.search.quantile,
         "best": rows[best.number] if best is not None else None,
@@ -227,10 +209,7 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
         "n_simulated_designs": len(state.simulated),
         "n_simulated_shifts": sum(trial.shifts for trial in state.simulated),
         "failed_shifts": dict(sum(failed, Counter[str]())),
-        "confirmation": None,
-        "life": None,
-        "audit": None,
-        "surrogate": None,
+        **dict.fromkeys(("confirmation", "life", "audit", "surrogate")),
         "versions": versions(),
         "config_hash": study.config_hash,
         "physics_hash": study.physics_hash,
@@ -247,9 +226,8 @@ def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
 
 
 def rows_of(state: SearchState) -> dict[int, Record]:
-    """Record every design of a state as a row, by trial, feasible ones with their standing."""
-    known = standings(state)
-    return {t.number: row_of(state, t) | known.get(t.number, {}) for t in state.trials}
+    """Record every design of a state as a row, by trial."""
+    return {trial.number: row_of(state, trial) for trial in state.trials}
 
 
 def row_of(state: SearchState, trial: Trial) -> Record:

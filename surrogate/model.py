@@ -47,19 +47,16 @@ def coordinates(data: Dataset, x: Array) -> Array:
     tangents = np.tan(np.radians(x[:, places]))
     ridge = np.tanh((tangents - data.physics["dynamic_friction"]) / WIDTH)
     shape, known = shape_of(data, x), shape_of(data, data.x)
-    if shape is None or known is None:
-        return np.concatenate([data.scaled(x), ridge], axis=1)
     low, span = known.min(axis=0), np.ptp(known, axis=0)
     shape = (shape - low) / np.where(span > 0.0, span, 1.0)
     return np.concatenate([data.scaled(x), ridge, shape], axis=1)
 
 
-def shape_of(data: Dataset, x: Array) -> Array | None:
-    """Compute entry play, tip width and fall of the face, mm, (m, 3); None if not known."""
-    known = {name: x[:, place] for place, name in enumerate(data.variables)}
-    known |= {k: np.full(len(x), float(data.physics[k])) for k in SHAPE if k in data.physics}
-    if any(name not in known for name in SHAPE):
-        return None
+def shape_of(data: Dataset, x: Array) -> Array:
+    """Compute entry play, tip width and fall of the face, mm, (m, 3)."""
+    known = dict(zip(data.variables, x.T, strict=True))
+    own = {name: float(data.physics[name]) for name in SHAPE if name not in known}
+    known |= {name: np.full(len(x), value) for name, value in own.items()}
     chamfer, traction, braking = (np.tan(np.radians(known[name])) for name in ANGLES)
     radius = 0.25 * (known["outer_diameter_mm"] + known["inner_diameter_mm"])
     play = known["height_mm"] * (traction + braking)

@@ -126,16 +126,15 @@ def _point_warnings(data: Dataset, points: Array) -> list[str]:
     for column, (name, unit) in enumerate((("mismatch", "1/min"), ("shift force", "N"))):
         known, asked = data.mix.points[:, column], points[:, column]
         low, high = float(known.min()), float(known.max())
-        ends = np.array([asked.min(), asked.max()])
-        outside = ends[~_within(ends, low, high)].tolist()
         found += [
             f"{name} {value:.4g} {unit} is outside what was simulated ({low:.4g} to {high:.4g})"
-            for value in dict.fromkeys(outside)
+            for value in dict.fromkeys([asked.min(), asked.max()])
+            if not _within(value, low, high)
         ]
     return found
 
 
-def _within(values: Array, low: Array | float, high: Array | float) -> Mask:
+def _within(values: Array | float, low: Array | float, high: Array | float) -> Mask:
     """Mark values in their range or a hundredth of it beside, of their shape."""
     slack = 0.01 * (high - low)
     return np.asarray((values >= low - slack) & (values <= high + slack), dtype=bool)

@@ -7,13 +7,15 @@ from __future__ import annotations
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import Field
 
+from dogshape.sim.clutch_tables import Section
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.files import write_whole
 from dogshape.sim.versions import versions
@@ -30,11 +32,10 @@ FLOOR = 2e-4  #: s, added to a standard deviation before its logarithm is taken
 
 def _figure(meaning: str, unit: str = "") -> Any:
     """Declare a figure with its meaning and unit, as ``result.json`` documents it."""
-    return field(metadata={"meaning": meaning, "unit": unit})
+    return Field(description=meaning, json_schema_extra={"unit": unit})
 
 
-@dataclass(frozen=True)
-class Validation:
+class Validation(Section):
     """Validation of the surrogate on designs that the fit did not use."""
 
     q2: float = _figure("share of the variance of expected times that it explains", "1")
@@ -60,15 +61,6 @@ class Validation:
     def useful(self) -> bool:
         """Test for half of the variance: of expected times, with few designs at single points."""
         return (self.q2 if self.n >= LEAST else self.q2_points) >= LEAST_Q2
-
-    @classmethod
-    def from_dict(cls, record: dict[str, Any]) -> Validation:
-        """Read the figures from a record; KeyError where it lacks some."""
-        return cls(**{field.name: record[field.name] for field in fields(cls)})
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return the figures by name."""
-        return asdict(self)
 
 
 def validate(surrogate: Surrogate, reference: Dataset | None = None) -> Validation:
@@ -121,7 +113,7 @@ def ranked(validation: Validation, surrogate: Surrogate, best: Dataset) -> Valid
     if len(grid.x) < LEAST:
         return validation
     rank = rank_correlation(grid.means @ mix.weights, surrogate.predict(grid.x, mix)[0])
-    return replace(validation, rank_best=rank, n_best=len(grid.x))
+    return validation.model_copy(update={"rank_best": rank, "n_best": len(grid.x)})
 
 
 def rank_correlation(one: Array, other: Array) -> float:
@@ -168,7 +160,7 @@ def save(path: Path, stored: Stored) -> None:
         "time": surrogate.time.covariance.theta.tolist(),
         "each_point": surrogate.points.covariance.theta.tolist(),
         "share": [_finite(surrogate.share.length), surrogate.share.strength],
-        "validation": stored.validation.as_dict(),
+        "validation": stored.validation.model_dump(),
         "versions": versions(),
     }
     content["hash"] = _hash(content)
@@ -203,7 +195,7 @@ def _stored(path: Path, text: str) -> Stored:
     if content.pop("hash", None) != _hash(content):
         raise DataError(f"{path} was changed or damaged: it does not match its hash; {AGAIN}")
     try:
-        return Stored(_surrogate(content), Validation.from_dict(content["validation"]))
+        return Stored(_surrogate(content), Validation(**content["validation"]))
     except (KeyError, TypeError, ValueError) as error:
         raise DataError(f"{path} is incomplete ({error}); {AGAIN}") from error
 

@@ -35,12 +35,6 @@ KEYS = {"rings.sliding_inertia": "sliding.inertia_kgm2"} | {
     )
     for name, one in ranges_of(kind).items()
 }
-#: What a study gives by keys of its own, by the table of a field: what to do instead.
-ELSEWHERE = {
-    "dog": "the dog, which [dog] and [variables] give; give the true shape there",
-    "mismatch": "the mismatch, which [operating] gives; give the true one there",
-    "angles": "how often each relative angle comes, but a study takes all alike; leave it out",
-}
 
 
 def with_mechanism(
@@ -109,9 +103,10 @@ def _of_effects(given: Mapping[str, Any], base: Setting) -> Iterator[tuple[str, 
         found = _difference(base, changed)
         for field in found:
             if field not in KEYS:
-                what = f"{field}, which no study takes from an effect; leave it out"
-                what = ELSEWHERE.get(field.partition(".")[0], what)
-                raise InputError(f"effects.{name} changes {what}")
+                raise InputError(
+                    f"effects.{name} changes {field}, which no study takes from an effect; give "
+                    "the true dog in [dog], the true mismatch in [operating], or leave it out"
+                )
         yield f"effects.{name}", found
 
 

@@ -96,7 +96,7 @@ def shifts_of(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
             WorkCounter(means.progress, left) as progress,
             progress.kept_in(means.bank, "the same command goes on from there"),
         ):
-            executor = Executor(journal, means.jobs, progress.advance, known=progress.known)
+            executor = Executor(journal, means.jobs, progress.advance)
             rows = store.times(blocks, executor.run)
         journal.say_unfinished(means.progress.say)
         with suppress(StorageError):  # the file of banks has them

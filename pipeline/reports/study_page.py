@@ -247,11 +247,6 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         words += minus(f" ({100 * gain / abs(before):.0f} %)") if before else ""
         words += " (not clear)" if abs(gain) < 2.0 * error else ""
         yield f"gain in the {goal.label}", Bad(words) if gain < 0.0 else words
-    if gains := [
-        f"{one['contact']}: {ms_with_error(one['gain_s'], one['gain_standard_error_s'])} ms"
-        for one in c.get("gains_by_contact", ()) if one["gain_s"] is not None
-    ]:  # fmt: skip
-        yield "gain with another contact", "; ".join(gains)
     if is_measured(c["best"]) and is_measured(c["prototype"]):
         found = point_differences(c["prototype"], c["best"])
         most = max(found, key=lambda one: float(one["difference_s"]))
@@ -392,7 +387,7 @@ def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
             f"{fitted['coverage_95']:.0%} within the 95 % interval, on {fitted['n']} designs "
             f"({fitted['source']})"
         )
-        judged = judged if Validation.from_dict(fitted).useful else Bad(f"{judged}: useless")
+        judged = judged if Validation(**fitted).useful else Bad(f"{judged}: useless")
     if result["confirmation"]:
         numerical = result["confirmation"]["best"].get("numerical_error_s")
     facts = {

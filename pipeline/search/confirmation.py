@@ -5,9 +5,7 @@ checks of prototype and front are those of ``DENSER`` times as many new angles. 
 of them too; a design on which both engines do not agree leaves the front, as does one that fails a
 check or is beaten. Those that come onto it are confirmed next, up to ``search.confirm_designs``.
 
-The gain is simulated at the ends of what contact may be, too: friction a third less and more (oiled
-steel 0.08 to 0.16, VDI 2230-1), dissipation of dry steel and of faces that meet through oil
-(``docs/simulation.md``). An *audit* simulates random shifts of the search again in Drake.
+An *audit* simulates random shifts of the search again in Drake.
 """
 
 from __future__ import annotations
@@ -21,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.record import SHARE, Record, key
+from dogshape.pipeline.record import Record, key
 from dogshape.pipeline.search.state import SearchState, Trial
 from dogshape.pipeline.simulate.design import (
     SIMULATED,
@@ -37,19 +35,16 @@ from dogshape.pipeline.simulate.evaluation import (
     Simulated,
     design_blocks,
     evaluate,
-    expectation_of,
 )
-from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.result_records import ExpectedTime, check_record
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.clutch import Clutch, ContactSet
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import result_of
 
-ANGLES = 32  #: of each operating point, for either design under other contact
-FRICTION, DISSIPATION = (2.0 / 3.0, 4.0 / 3.0), (1.0, 60.0)  #: factors; s/m
 DENSER = 2  #: times the angles of the search that the compiled engine has at the new ones
 APART = 3.0  #: standard errors from which search and confirmation of a design do not agree
 #: Share of shifts that may end differently in both engines: at the angles between two slots a
@@ -58,48 +53,6 @@ FLIPS = 0.01
 MEAN = 0.01  #: difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %
 SURE = 3.0  #: standard errors from which a difference of the engines counts
 Estimates = dict[str, dict[str, float]]  #: value and standard error of objectives, by name
-BeforeRound = Callable[[int, str], None]  #: gets the number of designs that are next, and a line
-
-
-class ContactGain(Record):
-    """The gain under another contact, by the compiled engine."""
-
-    contact: str = key("what differs from the study's contact")
-    gain_s: float | None = key("gain in expected shift time; null where one has none", "s")
-    gain_standard_error_s: float | None = key("its standard error", "s")
-    gain_share: float | None = key("gain over the time of the prototype", SHARE)
-
-
-def gains_by_contact(study: Setup, params: Params, executor: Executor) -> list[ContactGain]:
-    """Simulate the gain in expected shift time under each contact."""
-    own, named = study.clutch.contact, dict[str, ContactSet]()
-    for factor in FRICTION:
-        static, dynamic = (factor * f for f in (own.static_friction, own.dynamic_friction))
-        varied = replace(own, static_friction=static, dynamic_friction=dynamic)
-        named[f"friction {dynamic:.3g}"] = varied
-    named |= {f"dissipation {d:g} s/m": replace(own, dissipation=d) for d in DISSIPATION}
-    asked = []
-    for contact in named.values():
-        clutch = replace(study.clutch.with_engine("planar"), contact=contact)
-        quick = replace(study, clutch=clutch)
-        asked += [design_blocks(quick, d, ANGLES, _seed(study)) for d in (study.prototype, params)]
-    rows = iter(executor.scratch().run([block for blocks in asked for block in blocks]))
-    found = [
-        expectation_of(study, [b.point for b in blocks], [next(rows) for _ in blocks])
-        for blocks in asked
-    ]
-    gains = []
-    for name, before, after in zip(named, found[::2], found[1::2], strict=True):
-        known, gain = before.engages and after.engages, before.mean - after.mean
-        error = math.hypot(before.standard_error, after.standard_error)
-        one = ContactGain(
-            contact=name,
-            gain_s=gain if known else None,
-            gain_standard_error_s=error if known else None,
-            gain_share=gain / before.mean if known else None,
-        )
-        gains.append(one)
-    return gains
 
 
 @dataclass(frozen=True)
@@ -136,12 +89,8 @@ class EngineAgreement(Record):
         )
 
 
-@dataclass(frozen=True)
-class Confirmed:
-    """A design at new angles, and the agreement of both engines there; None without two."""
-
-    simulated: Simulated
-    agreement: EngineAgreement | None
+#: A design at new angles, and the agreement of both engines there; None without two.
+Confirmed = tuple[Simulated, EngineAgreement | None]
 
 
 def new_angles(study: Setup) -> int:
@@ -152,15 +101,15 @@ def new_angles(study: Setup) -> int:
     return few * math.ceil(DENSER * study.file.expectation.angles / few)
 
 
-def shifts_to_confirm(study: Setup, designs: int) -> int:
-    """Count the shifts that confirm prototype and designs, at most, with the numerical errors."""
+def shifts_to_confirm(study: Setup) -> int:
+    """Count the shifts of a confirmation, at most, with the numerical errors."""
     few, many = study.file.search.confirm_angles, new_angles(study)
     both = len(study.points) * (many if many == few else many + few)
-    return (1 + designs) * both + 2 * repeated(len(study.points) * few)
+    return (1 + study.file.search.confirm_designs) * both + 2 * repeated(len(study.points) * few)
 
 
 def confirm(
-    searched: SearchState, executors: Executors, before_round: BeforeRound
+    searched: SearchState, executors: Executors, say: Callable[[str], None]
 ) -> tuple[dict[str, Any] | None, SearchState]:
     """Simulate prototype and front of an ended search at angles that it did not use.
 
@@ -172,7 +121,7 @@ def confirm(
         line = f"confirming prototype and {len(trials)} of the front at new angles"
         if found:
             line = f"confirming {len(trials)} more that the new angles put on the front"
-        before_round(len(trials), line)
+        say(line)
         named = {} if found else {"the prototype": study.prototype}
         named |= {f"design {trial.number}": trial.params for trial in trials}
         new = _resimulated(study, named, executors)
@@ -182,14 +131,13 @@ def confirm(
     if not found:
         return None, state
     loss = {trial.number: searched.leading_loss(trial) for trial in searched.simulated}
-    order = sorted(found, key=lambda number: (loss[number], number))
-    ordered = {number: found[number] for number in order}
+    ordered = dict(sorted(found.items(), key=lambda item: (loss[item[0]], item[0])))
     return _record(searched, state, prototype[0], ordered, executors), state
 
 
 def _renewed(study: Setup, trial: Trial, found: Confirmed) -> Trial:
     """Replace the values of a trial by those of new angles, and add its rows there."""
-    one = found.simulated
+    one, agreement = found
     values = {name: estimate.value for name, estimate in one.estimates.items()}
     return replace(
         trial,
@@ -198,7 +146,7 @@ def _renewed(study: Setup, trial: Trial, found: Confirmed) -> Trial:
         measured=one.measured,
         rows=[*trial.rows, *row_record(one.rows)],
         confirmed=True,
-        judged=found.agreement is None or found.agreement.agrees,
+        judged=agreement is None or agreement.agrees,
     )
 
 
@@ -221,13 +169,12 @@ def _resimulated(
     if study.judging is None:
         executors.kept.run(blocks)  # for the single shifts of the report
         executors.search.forget()
-        return [Confirmed(one, None) for one in found]
+        return [(one, None) for one in found]
     both = _both(blocks, executor.run(blocks), study.judging.clutch, executors.kept)
     executors.search.forget()
-    size = len(study.points)
-    groups = [both[k : k + size] for k in range(0, len(both), size)]
+    groups = np.array_split(np.arange(len(both)), len(found))  # the points of each design
     return [
-        Confirmed(one, agreement_of([pair for pairs in group for pair in pairs]))
+        (one, agreement_of([pair for place in group for pair in both[place]]))
         for one, group in zip(found, groups, strict=True)
     ]
 
@@ -238,9 +185,9 @@ def _with_numerical_error(
     """Add the numerical error, from some of the shifts repeated."""
     executor, blocks = _executor(study, executors), _thinned(study, params)
     error = numerical_error(blocks, executor.run(blocks), executor.run)
-    one = found.simulated
+    one, agreement = found
     expectation = replace(one.expectation, numerical_error=error)
-    return replace(found, simulated=replace(one, expectation=expectation))
+    return replace(one, expectation=expectation), agreement
 
 
 def _seed(study: Setup) -> int:
@@ -280,7 +227,6 @@ def _record(
     )
     return {
         "angles": new_angles(study),
-        "drake_angles": None if old.agreement is None else study.file.search.confirm_angles,
         "prototype": _confirmed(study, study.prototype, old),
         "chosen": chosen,
         "best": _confirmed(study, params, new),
@@ -288,15 +234,12 @@ def _record(
             {
                 "trial": number,
                 **_confirmed(study, trials[number].params, one),
-                **_beside_search(searched, trials[number], one.simulated),
+                **_beside_search(searched, trials[number], one[0]),
             }
             for number, one in found.items()
         ],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
-        **_gain(study, {} if own else _estimates(old.simulated), _estimates(new.simulated)),
-        "gains_by_contact": []
-        if own
-        else [gain.to_dict() for gain in gains_by_contact(study, params, executors.search)],
+        **_gain(study, {} if own else _estimates(old[0]), _estimates(new[0])),
     }
 
 
@@ -343,12 +286,12 @@ def _estimates(found: Simulated) -> Estimates:
 
 
 def _confirmed(study: Setup, params: Params, found: Confirmed) -> dict[str, Any]:
-    design = design_of(study, params, found.simulated.measured)
+    one, agreement = found
     return {
-        **ExpectedTime.of(found.simulated.expectation).to_dict(),
-        "estimates": _estimates(found.simulated),
-        "checks": [check_record(check) for check in design.checks],
-        "drake": None if found.agreement is None else found.agreement.to_dict(),
+        **ExpectedTime.of(one.expectation).to_dict(),
+        "estimates": _estimates(one),
+        "checks": [check_record(c) for c in design_of(study, params, one.measured).checks],
+        "drake": agreement and agreement.to_dict(),
     }
 
 
@@ -402,5 +345,7 @@ def audit(
     own = cache(lambda place: design_blocks(study, designs[place], places[2], settings.seed))
     drawn_at = zip(*np.unravel_index(drawn, places), strict=True)
     blocks = [own(design)[point].only([int(angle)]) for design, point, angle in drawn_at]
-    pairs = _both(blocks, executor.scratch().run(blocks), judge, executor)
+    # Compiled shifts are quick to repeat: a journal of their own keeps them out of the study's.
+    quick = scratch_executor(executor.jobs, executor.progress, executor.cluster)
+    pairs = _both(blocks, quick.run(blocks), judge, executor)
     return agreement_of([pair for some in pairs for pair in some])

@@ -5,16 +5,15 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
-from typing import Any, get_type_hints
+from typing import Any
 
-from pydantic import create_model
+from pydantic import create_model, model_validator
 
 from dogshape.pipeline import record
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import VARIABLES
 from dogshape.pipeline.record import SHARE, Record, key
-from dogshape.pipeline.search.confirmation import ContactGain, EngineAgreement
+from dogshape.pipeline.search.confirmation import EngineAgreement
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
@@ -24,19 +23,28 @@ from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
 OPTIONAL = {
-    **{
-        name: (f"value of `variables.{name}`, where it is searched", unit_of(name))
-        for name in (*VARIABLES, *OPERATED)
-    },
-    **{
-        one.name: (f"{one.label}, where it is an objective", one.unit)
-        for one in OBJECTIVES.values()
-    },
+    name: key(f"value of `variables.{name}`, where it is searched", unit_of(name), None)
+    for name in (*VARIABLES, *OPERATED)
+} | {
+    one.name: key(f"{one.label}, where it is an objective", one.unit, None)
+    for one in OBJECTIVES.values()
 }
-_FIELDS: dict[str, Any] = {
-    name: (float | None, key(meaning, unit, None)) for name, (meaning, unit) in OPTIONAL.items()
-}
-DesignKeys = create_model("DesignKeys", __base__=Record, **_FIELDS)
+#: Keys that results of earlier versions have.
+RETIRED = {"low", "high", "probability_on_front", "gains_by_contact", "drake_angles", "maximised"}
+
+
+class Kept(Record):
+    """A record that earlier versions wrote too; keys that they had are ignored."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _leave_retired(cls, data: Any) -> Any:
+        known = isinstance(data, dict)
+        return {k: v for k, v in data.items() if k not in RETIRED} if known else data
+
+
+_FIELDS: dict[str, Any] = {name: (float | None, known) for name, known in OPTIONAL.items()}
+DesignKeys = create_model("DesignKeys", __base__=Kept, **_FIELDS)
 
 
 class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
@@ -76,15 +84,6 @@ class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
     time_within_tolerances: ToleranceTime | None = key(
         "change of the expected shift time within tolerances; null without a surrogate"
     )
-    low: float | None = key(
-        "lower end of the 95 % interval of the leading objective, in its unit; feasible designs",
-        "",
-        None,
-    )
-    high: float | None = key("upper end of that interval; feasible designs", "", None)
-    probability_on_front: float | None = key(
-        "probability that no other design dominates this one; feasible designs", SHARE, None
-    )
 
 
 class Estimate(Record):
@@ -114,13 +113,10 @@ class ConfirmedDesign(ExpectedTime):
     )
 
 
-class Confirmation(Record):
+class Confirmation(Kept):
     """Re-simulation of the prototype and of designs of the front at new angles."""
 
     angles: int = key("relative angles at each operating point")
-    drake_angles: int | None = key(
-        "angles of these that Drake simulated too; null where none", "", None
-    )
     prototype: ConfirmedDesign = key("the study's own design")
     chosen: int = key(
         "trial of the chosen design: first of the front by the search; where none passes, of all"
@@ -139,30 +135,14 @@ class Confirmation(Record):
     gain_standard_error_s: float | None = key("standard error of `gain_s`", "s")
     gain_share: float | None = key("gain over the time of the prototype", SHARE)
     gains: dict[str, Estimate] = key("gain in each simulated objective, in its unit")
-    gains_by_contact: list[ContactGain] = key(
-        "gain with friction and dissipation at the ends of what they may be; empty where the "
-        "prototype is chosen"
-    )
 
 
-_FIGURES: dict[str, Any] = {
-    one.name: (get_type_hints(Validation)[one.name], key(**one.metadata))
-    for one in fields(Validation)
-}
-FigureKeys = create_model("FigureKeys", __base__=Record, **_FIGURES)
-
-
-class SurrogateFigures(FigureKeys):  # type: ignore[misc, valid-type]
-    """Validation of the surrogate on designs that the fit did not use."""
-
-
-class StudyRecord(Record):
+class StudyRecord(Kept):
     """The whole record, ``result.json``."""
 
     study: str = key("name of the study")
     engine: str = key("engine that simulated the shifts, `drake` or `planar`", "", "drake")
     objectives: list[str] = key("objectives, in the order of the study file")
-    maximised: list[str] = key("objectives of which more is better")
     leading: str = key("objective that decides which design is best")
     quantile: float = key("level of the quantile of the shift time", SHARE)
     best: DesignRow | None = key("the chosen design; null where none passes every check")
@@ -186,7 +166,7 @@ class StudyRecord(Record):
         "",
         None,
     )
-    surrogate: SurrogateFigures | None = key("validation of the surrogate; null without one")
+    surrogate: Validation | None = key("validation of the surrogate; null without one")
     versions: dict[str, str] = key("versions of the programs that the result depends on")
     config_hash: str = key("hash of the study file as it was run")
     physics_hash: str = key("hash of what the simulation of a shift depends on")

@@ -110,39 +110,30 @@ class Space:
         return found
 
 
-@dataclass(frozen=True)
-class Response:
-    """A process over designs of one objective or constraint."""
+def fit_response(
+    x: Array, values: Array, errors: Array | float = 0.0, least: float = 0.0
+) -> Process:
+    """Fit an objective or constraint (n,) at coordinates (n, c), with its standard errors, (n,).
 
-    process: Process
+    ``least`` is a standard deviation that values of other designs have at least. Parameters of
+    fewer than ``MIN_VALUES`` values are given.
+    """
+    scale = max(float(values.std()), least) or abs(float(values.mean())) or 1.0
+    noise = np.broadcast_to(MIN_NOISE * scale**2 + np.square(errors), values.shape)[:, None]
+    theta, effort = None, EFFORT
+    if len(values) < MIN_VALUES:
+        theta, effort = first_parameters(TERMS, x.shape[1])[0], NONE
+        theta[[0, -1]] = np.log([1.0, 0.1])  # variances of the smooth part and the rough one
+    given: dict[str, Any] = {"start": theta, "effort": effort, "scale": np.array([scale])}
+    return fit_process(TERMS, x, values[:, None], noise, **given)
 
-    @classmethod
-    def fitted(
-        cls, x: Array, values: Array, errors: Array | None = None, least: float = 0.0
-    ) -> Response:
-        """Fit values (n,) at coordinates (n, c); ``errors`` are their standard errors, (n,).
 
-        ``least`` is a standard deviation that values of other designs have at least. Parameters of
-        fewer than ``MIN_VALUES`` values are given. InputError where there is none.
-        """
-        if not len(values):
-            raise InputError("no design was simulated yet")
-        scale = max(float(values.std()), least) or abs(float(values.mean())) or 1.0
-        unsure = np.zeros(len(values)) if errors is None else errors
-        noise = MIN_NOISE * scale**2 + unsure[:, None] ** 2
-        theta, effort = None, EFFORT
-        if len(values) < MIN_VALUES:
-            theta, effort = first_parameters(TERMS, x.shape[1])[0], NONE
-            theta[[0, -1]] = np.log([1.0, 0.1])  # variances of the smooth part and the rough one
-        given: dict[str, Any] = {"start": theta, "effort": effort, "scale": np.array([scale])}
-        return cls(fit_process(TERMS, x, values[:, None], noise, **given))
-
-    def below(self, x: Array, limit: float = 0.0) -> Array:
-        """Return the probability of values below a limit, (m,), its level being as unsure."""
-        mean, variance = (found[:, 0] for found in self.process.predict(x))
-        level = (1.0 / len(self.process.targets) + MIN_NOISE) * self.process.scale[0] ** 2
-        chance: Array = ndtr((limit - mean) / np.sqrt(variance + level))
-        return chance
+def chance_below_zero(response: Process, x: Array) -> Array:
+    """Return the probability of values below zero, (m,), their level being as unsure."""
+    mean, variance = (found[:, 0] for found in response.predict(x))
+    level = (1.0 / len(response.targets) + MIN_NOISE) * response.scale[0] ** 2
+    chance: Array = ndtr(-mean / np.sqrt(variance + level))
+    return chance
 
 
 class Guide:
@@ -172,12 +163,12 @@ class Guide:
         hardest = np.array([max(values, default=-1.0) for values in landed])
         limits = [
             # A loss may be fifty times its limit: far from it the size says little.
-            Response.fitted(x, np.arcsinh([constraints[t.number][name] for t in every]))
+            fit_response(x, np.arcsinh([constraints[t.number][name] for t in every]))
             for name in simulated_limits(study)
         ]
         found = [trial.losses(study) for trial in every]
         losses, errors = (np.array([pair[i] for pair in found]) for i in (0, 1))
-        landing = Response.fitted(x, hardest, least=LANDING_SPREAD)
+        landing = fit_response(x, hardest, least=LANDING_SPREAD)
         timed, others = None, {}
         for column, objective in enumerate(objectives_of(study)):
             if objective.name == SIMULATED:
@@ -185,7 +176,7 @@ class Guide:
                 data = with_rows(study, np.array(rows, dtype=float))
                 timed = column, fit(data, replace(EFFORT, seed=study.file.search.seed), NONE)
             elif objective.simulated:
-                others[column] = Response.fitted(x, losses[:, column], errors[:, column])
+                others[column] = fit_response(x, losses[:, column], errors[:, column])
         return Prediction(self, timed, others, (landing, *limits))
 
     def exact(self, params: Sequence[Params]) -> Array:
@@ -202,8 +193,8 @@ class Prediction:
 
     guide: Guide
     timed: tuple[int, Surrogate] | None
-    others: dict[int, Response]
-    limits: tuple[Response, ...]
+    others: dict[int, Process]
+    limits: tuple[Process, ...]
 
     def draws(self, params: Sequence[Params], rng: np.random.Generator, count: int) -> Array:
         """Draw all objectives of designs jointly, to be minimised, (count, m, k).
@@ -217,13 +208,15 @@ class Prediction:
             losses[:, :, column] = draw_jointly(*expected, rng, count)
         x = self.guide.space.coordinates(params)
         for column, response in self.others.items():
-            losses[:, :, column] = draw_jointly(*response.process.joint(x), rng, count)
+            losses[:, :, column] = draw_jointly(*response.joint(x), rng, count)
         return losses
 
     def chances(self, params: Sequence[Params]) -> Array:
         """Return the probability that designs keep each limit, as if independent, (m,)."""
         x = self.guide.space.coordinates(params)
-        return np.asarray(np.prod([one.below(x) for one in self.limits], axis=0), dtype=float)
+        return np.asarray(
+            np.prod([chance_below_zero(one, x) for one in self.limits], axis=0), dtype=float
+        )
 
 
 @dataclass(frozen=True)

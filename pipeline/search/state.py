@@ -1,4 +1,4 @@
-"""A search at one moment: its designs as values, the front, and how sure that is."""
+"""A search at one moment: its designs as values, and the front."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.statistics.expectation import Estimate
 from dogshape.sim.strength.landing import Demand
 from dogshape.surrogate.covariance import Array, Mask
-from dogshape.surrogate.model import interval
 
 SIMULATION = "simulation"  #: attribute of a trial: what the shifts of its design gave
 FAILED = "failed_shifts"  #: attribute of a trial: how many shifts failed, by reason
@@ -92,9 +91,6 @@ def not_dominated(values: Array) -> Mask:
     return np.logical_not(np.any(better & strictly, axis=-2)).astype(bool)
 
 
-DRAWS, PARTS = 2000, 40  #: draws, and parts of them that are compared at once
-
-
 @dataclass(frozen=True)
 class SearchState:
     """Finished trials of a study in the order of their numbers, and what follows from them."""
@@ -135,8 +131,8 @@ class SearchState:
 
     @property
     def best(self) -> Trial | None:
-        """Feasible design that is best in the leading objective."""
-        return min(self.feasible, key=self.leading_loss, default=None)
+        """Design of the front that is best in the leading objective."""
+        return next(iter(self.front), None)
 
     def leading_loss(self, trial: Trial) -> float:
         """Give the leading objective of a simulated trial, to be minimised."""
@@ -147,27 +143,3 @@ class SearchState:
         """Replace trials by those of the same numbers."""
         new = {trial.number: trial for trial in trials}
         return replace(self, trials=tuple(new.get(t.number, t) for t in self.trials))
-
-
-def standings(state: SearchState) -> dict[int, dict[str, float]]:
-    """Compute 95 % interval of the leading objective and probability of the front, by trial.
-
-    Feasible designs have them. The probability is the share of draws of all objectives, by their
-    standard errors, in which no other feasible design dominates.
-    """
-    if not state.feasible:
-        return {}
-    rng = np.random.default_rng(state.study.file.search.seed)
-    pairs = [trial.losses(state.study) for trial in state.feasible]
-    means, errors = (np.array([pair[k] for pair in pairs]) for k in (0, 1))
-    losses = means + errors * rng.standard_normal((DRAWS, *means.shape))
-    on_front = np.concatenate([not_dominated(part) for part in np.array_split(losses, PARTS)])
-    name, found = leading(state.study).name, {}
-    for trial, probability in zip(state.feasible, on_front.mean(axis=0).tolist(), strict=True):
-        known = (trial.estimates or {})[name]
-        value, error = known.value, known.standard_error
-        low, high = value - 1.96 * error, value + 1.96 * error
-        if value > 0.0:
-            low, high = (float(end) for end in interval(np.array(value), np.array(error)))
-        found[trial.number] = {"low": low, "high": high, "probability_on_front": probability}
-    return found

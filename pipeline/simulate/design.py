@@ -139,8 +139,8 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
 class Objective:
     """Something to minimise, or to maximise: label and unit for reports.
 
-    ``exact`` gives its value from the shape, ``by_checks`` if through the checks; None where it is
-    simulated (``pipeline.simulate.evaluation``). No value lies beyond ``least`` and ``most``.
+    ``exact`` gives its value from shape and checks; None where it is simulated
+    (``pipeline.simulate.evaluation``). No value lies beyond ``least`` and ``most``.
     """
 
     name: str
@@ -148,7 +148,6 @@ class Objective:
     unit: str
     exact: Callable[[Setup, Design, Dog], float] | None = None
     maximise: bool = False
-    by_checks: bool = False
     least: float = 0.0
     most: float = math.inf
 
@@ -227,7 +226,7 @@ OBJECTIVES = {
                   most=1.0),
         Objective(WORST, "smallest margin at worst-case tolerances", "",
                   lambda study, design, _dog: weakest_within(study, design)[1],
-                  maximise=True, by_checks=True, least=-math.inf, most=1.0),
+                  maximise=True, least=-math.inf, most=1.0),
         Objective("axial_length_mm", "axial length, root to root", "mm",
                   lambda _study, _design, dog: dog.axial_length / MM),
         Objective("separating_force_N", "axial separating force", "N",
@@ -235,8 +234,7 @@ OBJECTIVES = {
                       separating_force(dog, study.limits.load, flank) for flank in FLANKS),
                   least=-math.inf),
         Objective("utilisation", "utilisation of the most loaded check", "",
-                  lambda _study, design, _dog: max(check.utilisation for check in design.checks),
-                  by_checks=True),
+                  lambda _study, design, _dog: max(check.utilisation for check in design.checks)),
     ]
 }  # fmt: skip
 
@@ -324,7 +322,7 @@ def exact_losses(study: Setup, designs: Sequence[dict[str, float]]) -> Array:
     """Return the objectives of designs as losses, (m, k): NaN where a simulation has to say."""
     objectives, rows = objectives_of(study), []
     # Most follow from the dog; its checks take most of the time of a whole design.
-    checked = any(o.by_checks for o in objectives)
+    checked = any(o.exact and o.name in SUMMARIES for o in objectives)
     for params in designs:
         try:
             dog = None if checked else study.dog_with(params)
@@ -381,26 +379,25 @@ class ToleranceTime(Record):
 
 def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
     """Return every check as a record, with its margins ``within`` the tolerances."""
-    empty: dict[str, float] = {}
     return [
-        check_record(check)
-        | {
-            f"margin_{kind}": number_or_none(within.get(check.name, empty).get(kind))
-            for kind in KINDS
-        }
+        check_record(check) | {f"margin_{kind}": number_or_none(left.get(kind)) for kind in KINDS}
         for check in design.checks
+        for left in [within.get(check.name, {})]
     ]
 
 
 def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
     """Return the smallest margin and its check in the worst case, and by root sum of squares."""
     if design.dog is None:
-        return {**{f"margin_{kind}": None for kind in KINDS}, "weakest_check_worst_case": None}
+        return dict.fromkeys(
+            ("margin_worst_case", "margin_root_sum_square", "weakest_check_worst_case")
+        )
     own = study.operated(design.params)
-    found = {kind: weakest_within(own, design, kind) for kind in KINDS}
+    worst, squares = (weakest_within(own, design, kind) for kind in KINDS)
     return {
-        **{f"margin_{kind}": number_or_none(margin) for kind, (_, margin) in found.items()},
-        "weakest_check_worst_case": found["worst_case"][0],
+        "margin_worst_case": number_or_none(worst[1]),
+        "margin_root_sum_square": number_or_none(squares[1]),
+        "weakest_check_worst_case": worst[0],
     }
 
 
@@ -424,8 +421,11 @@ def tolerance_time(
     if gap := tolerances.get("axial_gap"):
         moves["axial_gap"] = _gap_time(study, mix, gap)
     spread = Spread(moves, sum(abs(move) for move in moves.values()))
-    whole, squares = spread.worst_case, spread.root_sum_square
-    return ToleranceTime(worst_case_s=whole, root_sum_square_s=squares, by_dimension_s=moves)
+    return ToleranceTime(
+        worst_case_s=spread.worst_case,
+        root_sum_square_s=spread.root_sum_square,
+        by_dimension_s=moves,
+    )
 
 
 def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:

@@ -80,10 +80,6 @@ def integrated(
     return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
 
 
-def _expected_time(shifts: Shifts) -> Estimate:
-    return Estimate(shifts.expectation.mean, shifts.expectation.standard_error)
-
-
 def _quantile(shifts: Shifts) -> Estimate:
     study = shifts.study
     results = [[result_of(row) for row in mine] for mine in shifts.rows]
@@ -111,7 +107,7 @@ def _strike_torque(shifts: Shifts) -> Estimate:
 
 #: What each simulated objective is worked out by.
 ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
-    SIMULATED: _expected_time,
+    SIMULATED: lambda shifts: Estimate(shifts.expectation.mean, shifts.expectation.standard_error),
     "shift_time_quantile_s": _quantile,
     "worst_shift_time_s": lambda shifts: max(
         (Estimate(point.mean, point.standard_error) for point in shifts.expectation.points),
@@ -299,18 +295,18 @@ def expect_to(
         rows = executor.run(blocks)
         found = expectation_of(study, points, rows)
         share, shifts = found.standard_error / found.mean, len(points) * count
-        if any(p.mean_engaged is None for p in found.points):
+        silent = any(p.mean_engaged is None for p in found.points)
+        late = share > precision and count >= MOST
+        if silent:
             progress.say("nothing engages at some operating point: no precision can be reached")
-            return found, blocks, rows
-        if share <= precision and shifts >= ENOUGH:
-            return found, blocks, rows
-        if share > precision and count >= MOST:
+        elif late:
             progress.say(f"{share:.1%} is what {MOST} angles at each operating point give")
+        if silent or late or (share <= precision and shifts >= ENOUGH):
             return found, blocks, rows
         few = ", from too few to trust" if share <= precision else ""
         progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
         count *= 2
-        progress.extend(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
+        progress.rest(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
 
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life

@@ -35,7 +35,7 @@ from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions
 
-Progress = Callable[[int], None]  #: called with the number of shifts just finished
+Progress = Callable[[int, int], None]  #: gets the shifts just finished, and those known before
 
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 MANY = 100  #: blocks that a cluster is sent at once
@@ -48,7 +48,7 @@ warnings.filterwarnings("ignore", message="A worker stopped while some jobs", ca
 _one_at_a_time = threading.Lock()  #: a process has one plant, and a cluster's worker has threads
 
 
-def _silent(_: int) -> None:
+def _silent(_: int, __: int) -> None:
     """Report no progress."""
 
 
@@ -62,15 +62,13 @@ class Executor:
     """Runs blocks in worker processes and keeps their shifts in a journal.
 
     ``jobs`` 0 means one worker for each core; one forks nothing. ``cluster`` is the address of a
-    Dask scheduler, whose workers take the place of the cores. ``known`` is called with the number
-    of shifts that the journal has already, instead of ``progress``.
+    Dask scheduler, whose workers take the place of the cores.
     """
 
     journal: ShiftJournal
     jobs: int = 0
     progress: Progress = field(default=_silent)
     cluster: str | None = None
-    known: Progress | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
@@ -83,15 +81,11 @@ class Executor:
         known = [key for key in asked - self._counted if key in self.journal.rows]
         self._counted |= asked
         if known:
-            (self.known or self.progress)(len(known))
+            self.progress(len(known), len(known))
         for rows in self._simulate(self._unfinished(blocks)):
             self.journal.add(rows)
-            self.progress(len(rows))
+            self.progress(len(rows), 0)
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
-
-    def scratch(self) -> Executor:
-        """Return an executor with a journal of its own, for shifts quick to repeat."""
-        return scratch_executor(self.jobs, self.progress, self.cluster)
 
     def forget(self, kept: Collection[str] = ()) -> None:
         """Drop the shifts of the journal, but those ``kept`` by their keys: results have them."""
@@ -303,7 +297,7 @@ def kept_shifts(
             return
         journal = ShiftJournal(folder / "shifts.jsonl")
         try:
-            yield Executor(journal, jobs, progress.advance, cluster, progress.known)
+            yield Executor(journal, jobs, progress.advance, cluster)
             journal.say_unfinished(progress.say)
         except BaseException as error:
             journal.read_new()

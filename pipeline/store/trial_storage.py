@@ -14,7 +14,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from optuna.exceptions import StorageInternalError
 from optuna.storages import (
@@ -29,7 +28,6 @@ from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.errors import StorageError
-from dogshape.sim.files import naming
 
 DRIVER = "postgresql+psycopg"  #: of the extra 'machines'
 BEAT, SILENCE = 5, 60  #: s between heartbeats of a trial, and without one until it has failed
@@ -114,7 +112,7 @@ def _journal(path: Path) -> BaseStorage:
     if path.exists():
         os.truncate(path, path.read_bytes().rfind(b"\n") + 1)  # a line that a kill cut off
     try:
-        return JournalStorage(_TrialsFile(path))
+        return JournalStorage(JournalFileBackend(str(path)))
     except OSError:
         raise
     except Exception as error:
@@ -122,19 +120,6 @@ def _journal(path: Path) -> BaseStorage:
             f"{path} is damaged; remove the file and run again with --resume: finished shifts are "
             "kept in shifts.jsonl and not simulated again"
         ) from error
-
-
-class _TrialsFile(JournalFileBackend):
-    """Optuna's journal file, which names itself where the disk is full."""
-
-    def __init__(self, path: Path) -> None:
-        super().__init__(str(path))
-        self._path = path
-
-    def append_logs(self, logs: list[dict[str, Any]]) -> None:
-        """Append lines of the journal."""
-        with naming(self._path):
-            super().append_logs(logs)
 
 
 def _address(url: str) -> URL:
@@ -157,9 +142,12 @@ def _address(url: str) -> URL:
 
 @contextmanager
 def kept(url: str | None, folder: StudyFolder) -> Iterator[None]:
-    """Turn the loss of a database in mid-run into one sentence."""
+    """Turn the loss of a database in mid-run into one sentence; name the file that is full."""
     try:
         yield
+    except OSError as error:  # of Optuna's journal where it names no other file
+        error.filename = error.filename or str(folder.trials)
+        raise
     except (SQLAlchemyError, StorageInternalError) as error:
         where = "its file" if url is None else _address(url)
         raise StorageError(

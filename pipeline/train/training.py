@@ -167,9 +167,8 @@ def simulate_designs(
     """Simulate the designs of a part that the file lacks; the journal forgets their shifts."""
     known, keys = {line["key"] for line in _lines(path)}, {job.key(study): job for job in jobs}
     left = [key for key in keys if key not in known]
-    if len(left) < len(keys) and executor.known is not None:
-        there = sum(job.angles for key, job in keys.items() if key in known)
-        executor.known(there * len(study.points))
+    there = len(study.points) * sum(keys[key].angles for key in keys.keys() & known)
+    executor.progress(there, there)
     for batch in (left[start : start + BATCH] for start in range(0, len(left), BATCH)):
         found = _shifts(study, [keys[key] for key in batch], executor)
         for key, shifts in zip(batch, found, strict=True):
@@ -288,7 +287,7 @@ def fill(
             counter.kept_in(folder.root, "the same command goes on"),
         ):
             journal = ShiftJournal(folder.running)
-            executor = Executor(journal, jobs, counter.advance, cluster, counter.known)
+            executor = Executor(journal, jobs, counter.advance, cluster)
 
             def simulate(part: str, designs: Sequence[Values], angles: int, apart: int = 0) -> None:
                 some = jobs_of(designs, angles, settings.seed + apart)

@@ -7,13 +7,11 @@ import os
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import pytest
-
-from tests.conftest import SMALL, Said
+from tests.conftest import SMALL
 from tests.integration.studies import Finished
 from tests.server import ROOT, Cluster, command_of, dask_cluster
 
@@ -44,29 +42,6 @@ def _call(cluster: Cluster, verb: str, *arguments: str) -> subprocess.CompletedP
     with _started(cluster, verb, *arguments) as process:
         out, err = process.communicate(timeout=300)
     return subprocess.CompletedProcess(process.args, process.returncode, out, err)
-
-
-@pytest.fixture(scope="module")
-def cluster() -> Iterator[Cluster]:
-    """A cluster of one worker."""
-    with dask_cluster(1) as running:
-        yield running
-
-
-def test_a_cluster_gives_what_one_machine_gives(
-    cluster: Cluster, dogshape: Callable[..., Said]
-) -> None:
-    away = _call(cluster, "expect", *EXPECT)
-    assert away.returncode == 0, away.stderr
-    assert json.loads(away.stdout) == dogshape("expect", *EXPECT, "--jobs", 1).json
-    # One worker must do it, and not this machine in its place.
-    busy = sum(float(t) for t in _times(cluster.workers[0].pid))
-    assert busy > 0.3
-
-
-def _times(pid: int) -> list[float]:
-    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    return [int(fields[k]) / os.sysconf("SC_CLK_TCK") for k in (11, 12)]
 
 
 def test_a_killed_worker_loses_no_trial(in_drake: Finished, tmp_path: Path) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import re
 import shlex
-import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,7 +14,6 @@ import pandas as pd
 import pytest
 
 from dogshape.cli.app import VERBS
-from dogshape.sim.versions import bundled_root
 from tests.conftest import SMALL, Said
 from tests.integration.studies import Finished
 
@@ -38,12 +36,9 @@ def test_shift(dogshape: Call, tmp_path: Path) -> None:
     assert said.status == 0
     assert said.json["outcome"] == "engaged"
     assert said.json["shift_time_s"] == pytest.approx(0.0826, rel=0.02)
-    assert said.json["phases"][0]["name"] == "free fly"
     assert said.json["phases"][-1]["end"] == pytest.approx(said.json["shift_time_s"])
     assert 469 < said.json["peak_axial_force_N"] < 2 * 1090
-    loads = said.json["loads"]
-    assert loads["torque_peak_Nm"] > 0.0
-    assert said.json["solver"]["scheme"] == "runge_kutta3"
+    assert said.json["loads"]["torque_peak_Nm"] > 0.0
     with (tmp_path / "a.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert float(rows[0]["output_speed_rpm"]) == pytest.approx(50)
@@ -82,30 +77,19 @@ def studied(finished: Finished, tmp_path: Path) -> Path:
     return tmp_path / "home"
 
 
-def test_study_then_report_fit_and_check(
+def test_study_then_fit_and_check(
     dogshape: Call, studied: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(studied)
-    report = studied / "results/mq200_paper/report.html"
-    assert not report.exists()
-    assert dogshape("report", "results/mq200_paper", "--json").json == {
-        "report": "results/mq200_paper/report.html"
-    }
-    assert report.stat().st_size > 1_000_000
     fitted = dogshape("fit", "results/mq200_paper", "--out", "mine.json", "--json")
     assert set(fitted.json) >= {"q2", "coverage_95", "rmse_s", "n"}
     assert fitted.json["n"] == 12
-
     own = ("check", "mq200_paper", *SETS)
     mine = (*own, "--surrogate", "mine.json")
     checked = dogshape(*mine, "--json")
     assert checked.status == 0
     assert checked.json["low_s"] < checked.json["expected_shift_time_s"] < checked.json["high_s"]
     assert checked.json["feasible"] is checked.json["in_range"] is True
-    one = dogshape(*mine, "--mismatch-rpm", 80, "--force-N", 469, "--json")
-    assert one.json["operating_points"] == 1
-    assert one.json["expected_shift_time_s"] != checked.json["expected_shift_time_s"]
-
     Path("designs.csv").write_text("name,chamfer_deg,count\na,8,15\nb,9.5,17\n")
     many = dogshape(*mine, "--designs", "designs.csv")
     assert "wrote designs-times.csv: designs 2" in many.out
@@ -114,9 +98,6 @@ def test_study_then_report_fit_and_check(
     assert answers["expected_shift_time_s"][0] == pytest.approx(
         checked.json["expected_shift_time_s"], rel=0.02
     )
-    Path("designs.csv").write_text("chamfr_deg\n8\n")
-    assert "did you mean 'chamfer_deg'?" in dogshape(*mine, "--designs", "designs.csv").sentence
-
     far = dogshape(*own, "--set", "dog.height_mm=7", "--json")
     assert far.json["in_range"] is False
     assert "height_mm = 7 is outside" in far.json["warnings"][0]
@@ -129,35 +110,15 @@ def test_study_then_report_fit_and_check(
     assert "add --resume" in dogshape("study", "mq200_paper", *SETS).sentence
 
 
-def test_validate_own_data_set(dogshape: Call, tmp_path: Path) -> None:
-    folder = tmp_path / "mine"
-    shutil.copytree(bundled_root() / "bench/mq200_adams", folder)
-    table = folder / "shifts.csv"
-    lines = table.read_text().splitlines()
-    table.write_text("\n".join([lines[0], lines[2], lines[25]]))
-    said = dogshape("validate", folder, "--jobs", 1, "--json")
-    tried, timed = said.json["points"]
-    assert tried["bench_s"] is tried["z"] is None
-    assert tried["simulated_s"] > 0
-    assert timed["bench_s"] == 0.067867
-    gap = timed["bench_s"] - timed["simulated_s"]
-    assert said.json["rmse_s"] == pytest.approx(abs(gap))
-    assert timed["z"] == pytest.approx(gap / timed["standard_error_s"])
-    assert {point["n"] for point in said.json["points"]} == {10}
-
-
 #: Commands, and words of the sentence that refuses each.
 BAD = """
 strength nowhere | there is no study at nowhere
 strength mq200_paper --set dog.heigth_mm=3 | did you mean 'dog.height_mm'?
 strength mq200_paper --set 'dog.count=15\ndog.height_mm=3' | more than one value
-shift ONE --set dog.count=40 | width of the tip at the inner
-shift ONE --set dog.chamfer_deg=30 | braking flank is
 shift ONE --force-N -469 | shift force is -469 N
 shift ONE --force-N 5000 | actuation.rise_s, or give --force-rise-s.
 shift ONE --html no/such/a.html | --html is no/such/a.html, but there is no folder no/such; make it
 shift ONE --html a.x --trace a.x | give two files
-expect mq200_paper --mismatch-rpm 50 --force-N 5000 | actuation.rise_s, or give --force-rise-s.
 expect mq200_paper --force-rise-s 0.1 | goes with one operating point
 expect mq200_paper --angles few | --angles is 'few'
 check mq200_paper --mismatch-rpm 80 | needs --mismatch-rpm and --force-N
@@ -182,18 +143,14 @@ def test_bad_input_is_one_sentence(dogshape: Call, line: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("command", "words"),
     [
-        (("strength", "mq200_paper", "--colour", "red"), "--colour"),
-        (("shift", "mq200_paper"), "Missing option"),
-        (("shrength", "mq200_paper"), "shrength"),
-        (("expect", "mq200_paper", "--jobs", "-1"), "--jobs"),
+        ("strength mq200_paper --colour red", "--colour"), ("shift mq200_paper", "Missing option"),
+        ("shrength mq200_paper", "shrength"), ("expect mq200_paper --jobs -1", "--jobs"),
     ],
-)
-def test_wrong_options_are_one_sentence(
-    program: Call, arguments: tuple[str, ...], words: str
-) -> None:
-    said = program(*arguments)
+)  # fmt: skip
+def test_wrong_options_are_one_sentence(program: Call, command: str, words: str) -> None:
+    said = program(*command.split())
     assert said.status == 2
     assert words in said.sentence
     assert said.out == ""

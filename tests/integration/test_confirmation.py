@@ -125,12 +125,6 @@ def test_the_whole_front_is_confirmed_and_has_the_values_of_the_new_angles(
         assert row[TIME] == designs[row["trial"]][TIME]
         assert row["standard_error_s"] == designs[row["trial"]]["standard_error_s"]
     assert found["chosen"] == next(number for number in designs if number in front)
-    by_contact = {one["contact"]: one["gain_s"] for one in found["gains_by_contact"]}
-    assert [*by_contact] == [
-        "friction 0.0667", "friction 0.133", "dissipation 1 s/m", "dissipation 60 s/m"
-    ]  # fmt: skip
-    true = _mean(result["trials"][0]) - _mean(result["best"])
-    assert [*by_contact.values()] == pytest.approx([true] * 4, abs=2e-3)
 
 
 def test_designs_that_were_lucky_or_fail_later_leave_the_front(searched: Searched) -> None:
@@ -185,5 +179,3 @@ def test_designs_that_do_not_engage_have_no_time_and_no_gain(
     assert confirmation["prototype"][TIME] is None
     assert confirmation["gain_s"] is confirmation["gain_share"] is None
     assert confirmation["gains"] == {}
-    count = confirmation["prototype"]["shifts"]
-    assert f"{count} of {count} shifts; prototype {count // 3} of {count}" in page

@@ -13,8 +13,7 @@ import pandas as pd
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import gather
-from dogshape.diagnosis.terms import NONE
-from dogshape.pipeline.reports.gap_page import cells_figure, cells_of, publish
+from dogshape.pipeline.reports.gap_page import publish
 from dogshape.sim.units import RPM
 from tests.browser import Chromium
 from tests.diagnosed import POSTERIOR, STAND, diagnosis_of, reading
@@ -50,13 +49,7 @@ def test_every_part_is_there_in_its_order(page: Path) -> None:
     parts = re.findall(r'<section id="([^"]+)"', text)
     assert " ".join(parts) == ("hypotheses next-test residuals design-choice data-and-settings")
     assert re.findall(r'href="#([^"]+)"', text) == parts
-    for words in (
-        "Part of the cause: dead time of the actuation", "The best design hardly moves.", "0.9 ms",
-        "height h, mm", "run-down of the sliding ring", "times start with the force",
-        "best rival, dead time of the actuation, drag torque on the sliding ring and oil damping",
-        "chance alone", "4 of them without a time", "rig &lt;b&gt;7&lt;/b&gt;",
-        "made &amp; measured", "from &lt;here&gt;",
-    ):  # fmt: skip
+    for words in ("rig &lt;b&gt;7&lt;/b&gt;", "made &amp; measured", "from &lt;here&gt;"):
         assert words in text, words
     assert not re.search(r'<(script|link|img)[^>]*(src|href)="?(http|//)', text)
 
@@ -71,16 +64,6 @@ def test_record_and_table_lie_beside_the_report(full: Any, page: Path) -> None:
     assert table["predicted_s"].tolist() == pytest.approx(full.held_out.mean.tolist())
     known = table["bench_error_s"].notna()
     assert known.tolist() == [cell.n > 0 for cell in full.bench.cells]
-
-
-def test_bench_and_both_simulations_have_their_times(full: Any) -> None:
-    sides = {trace.name: trace for trace in cells_figure(cells_of(full)).data}
-    assert list(sides) == ["without effects", "leading hypothesis, point held out", "bench"]
-    held_out = sides["leading hypothesis, point held out"].x
-    assert sorted(held_out) == pytest.approx(sorted(1e3 * full.held_out.mean))
-    assert len(sides["bench"].x) == sum(cell.n > 0 for cell in full.bench.cells)
-    alone = cells_figure(cells_of(diagnosis_of({NONE: 1.0}))).data
-    assert [trace.name for trace in alone] == ["without effects", "bench"]
 
 
 def test_report_in_a_browser_and_on_paper(page: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks.pages import PICTURES, Command, commands_of, files_told, lines_told, steps_of
+from benchmarks.pages import Command, commands_of, files_told, lines_told, steps_of
 from dogshape.cli.app import app
 from tests.conftest import Said
 
@@ -78,11 +78,3 @@ def _unknown(command: Command) -> set[str]:
     assert told.exit_code == 0, f"no such verb: {verb}"
     known = set(re.findall(r"^  (--[\w-]+)", told.stdout, re.MULTILINE))
     return {word for word in command.words if word.startswith("--")} - known
-
-
-def test_the_tutorial_has_its_pictures_and_they_stay_small() -> None:
-    names = [f"{name}.png" for name in PICTURES] + ["dog.svg"]
-    text = (DOCS / "tutorial.md").read_text(encoding="utf-8")
-    for name in names:
-        assert f"](tutorial/{name})" in text
-        assert (DOCS / "tutorial" / name).stat().st_size < 300_000

@@ -80,16 +80,12 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
     failed = [row for row in judged if row["margins"]["worst_shift_time_s"] < 0.0]
     assert failed
     assert not any(row["feasible"] for row in failed)
-    for row in judged[:3]:
-        (own,) = evaluate(study, [_dog(row)], scratch_executor(), 24, 1)
-        margin = 1.0 - own.measured.limited["worst_shift_time_s"] / limit
-        assert row["margins"]["worst_shift_time_s"] == pytest.approx(margin, rel=1e-9)
+    dog = {key: judged[0][key] for key in VARIABLES}
+    (own,) = evaluate(study, [dog], scratch_executor(), 24, 1)
+    margin = 1.0 - own.measured.limited["worst_shift_time_s"] / limit
+    assert judged[0]["margins"]["worst_shift_time_s"] == pytest.approx(margin, rel=1e-9)
     (check,) = (
         c for c in result["confirmation"]["best"]["checks"] if c["name"] == "worst_shift_time_s"
     )
     assert check["value"] <= limit
     assert check["limit"] == limit
-
-
-def _dog(row: dict[str, Any]) -> dict[str, float]:
-    return {key: row[key] for key in VARIABLES}

@@ -1,4 +1,4 @@
-"""Bundled studies with other objectives, run at smoke size."""
+"""Bundled studies with other objectives, run at smoke size; objectives of failed shifts."""
 
 from __future__ import annotations
 
@@ -6,14 +6,21 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dogshape.pipeline.config.schema import QUANTILE
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.reports.study_page import write_report
+from dogshape.pipeline.search.confirmation import Executors, _resimulated
+from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
+from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.expectation import Estimate, mean_over
 from tests.conftest import searching
+
+QUANTILE_S = "shift_time_quantile_s"
 
 
 def _tiny(name: str, *more: str) -> Setup:
@@ -46,11 +53,33 @@ def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
     for row in result["trials"][1:]:
         assert row["standard_errors"]["shift_time_quantile_s"] > 0.0
         assert row["shift_time_quantile_s"] > row["expected_shift_time_s"]
-    gain = result["confirmation"]["gains"]["shift_time_quantile_s"]
-    both = [result["confirmation"][k]["estimates"] for k in ("prototype", "best")]
-    told = [one["shift_time_quantile_s"]["value"] for one in both]
-    assert gain["value"] == pytest.approx(told[0] - told[1])
+    confirmed = result["confirmation"]
+    before, after = (confirmed[k]["estimates"][QUANTILE_S]["value"] for k in ("prototype", "best"))
+    assert confirmed["gains"][QUANTILE_S]["value"] == pytest.approx(before - after)
     assert write_report(StudyFolder(tmp_path)).stat().st_size > 0
     resumed = run_study(study, searching(tmp_path, jobs=1, resume=True))
     assert resumed["trials"] == result["trials"]
     assert resumed["n_simulated_shifts"] == result["n_simulated_shifts"]
+
+
+def test_a_mean_of_nothing_is_unknown_and_a_point_of_nothing_is_left_out() -> None:
+    nothing = mean_over([1.0, 2.0], [[], []])
+    assert np.isnan([nothing.value, nothing.standard_error]).all()
+    assert mean_over([1.0, 2.0], [[], [3.0, 3.0, 3.0]]) == Estimate(3.0, 0.0)
+
+
+def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -> None:
+    """Their times count as not engaged; what they strike is unknown, and never the best."""
+    study = _tiny("mq200_three", "solver.max_steps=20", "search.trials=2")
+    result, shifts = _run(study, tmp_path)
+    assert not shifts
+    assert result["failed_shifts"] == {"no end after solver.max_steps = 20": 12}
+    assert result["n_simulated_designs"] == 0
+    assert result["best"] is result["confirmation"] is None
+    for row in result["trials"]:
+        assert row["peak_impact_force_N"] is None
+        assert row["failed"] == ["simulation"]
+        assert not row["feasible"]
+    executors = Executors(scratch_executor(1), scratch_executor(1))
+    with pytest.raises(InputError, match="every shift of design 0 at new angles failed"):
+        _resimulated(study, {"design 0": study.prototype}, executors)

@@ -1,16 +1,21 @@
-"""A search over shape and shift control together, from trials to report."""
+"""Searches over shape and shift control together, and of a clutch with its mechanism."""
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import dogshape as ds
+from dogshape.check import check_design
 from dogshape.pipeline.config.operating import OPERATED
-from dogshape.pipeline.train.training_rows import study_mix
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.study import run_study
+from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.surrogate.store import load
+from tests.conftest import SMALL, searching
 
 SETTINGS = {
     "operating": {
@@ -52,9 +57,7 @@ def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     assert [row["crest_loss_mm"] for row in life] == [0.0, 0.05, 0.1]
     time = confirmed["best"]["expected_shift_time_s"]
     assert life[0]["expected_shift_time_s"] == pytest.approx(time, rel=0.1)
-    page = (out / "report.html").read_text()
-    assert "set-point of the mismatch" in page
-    assert '<section id="life">' in page
+    assert '<section id="life">' in (out / "report.html").read_text()
     # The surrogate is over both; designs that are operated differently meet at the same points.
     assert record["surrogate"] is not None
     surrogate = load(out / "surrogate.json").surrogate
@@ -64,8 +67,22 @@ def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     designs = study.config.rows(told)
     simulated = np.array([row["expected_shift_time_s"] for row in told])
     assert np.corrcoef(surrogate.medians(designs, mix), simulated)[0, 1] > 0.9
-    # A set-point far from the simulated one is another design: the answer follows it.
-    other = designs[0].copy()
-    other[1] = -other[1]
-    moved, own = surrogate.medians(np.array([other, designs[0]]), mix)
-    assert moved != pytest.approx(own, rel=0.02)
+
+
+def test_a_search_is_one_of_the_clutch_with_its_mechanism(tmp_path: Path) -> None:
+    """Search, confirmation, surrogate and folder, by the compiled engine."""
+    keys = ["mechanism.spline_friction=0.1", "mechanism.delay_s=0.05", "effects.drag_torque=0.2"]
+    plain, study = (
+        load_study("mq200_paper", [*SMALL, "solver.engine=planar", *more]) for more in ([], keys)
+    )
+    result = run_study(study, searching(tmp_path, jobs=1))
+    assert result["physics_hash"] == study.physics_hash
+    rows = [json.loads(line) for line in (tmp_path / "shifts.jsonl").read_text().splitlines()]
+    expected = {"mechanism_spline_friction": 0.1, "mechanism_drag_torque_Nm": 0.2,
+                "force_delay_s": 0.05}  # fmt: skip
+    assert all(row.items() >= expected.items() and "engine" not in row for row in rows)
+    stored, path = stored_surrogate(study, tmp_path / "surrogate.json")
+    assert stored.surrogate.data.physics == study.physics
+    assert check_design(study, None, None, path).to_dict()["low_s"] > 0.06
+    with pytest.raises(ds.InputError, match="mechanism_spline_friction is absent here"):
+        check_design(plain, None, None, path)

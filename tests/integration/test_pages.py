@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import re
-import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -18,7 +17,6 @@ from dogshape.designs import write_data_sheet
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.shift_page import write_animation
-from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -88,25 +86,6 @@ def test_a_data_sheet_prints_on_one_page(tmp_path: Path, name: str) -> None:
     with Chromium(tmp_path / "profile") as browser:
         browser.look(page)
         assert re.findall(rb"/Count (\d+)", browser.print_pdf()) == [b"1"]
-
-
-def test_report_is_written_again_without_what_it_links(reported: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "copy"
-    shutil.copytree(reported, folder, ignore=shutil.ignore_patterns("shifts", "effects.json"))
-    text = write_report(StudyFolder(folder)).read_text()
-    assert 'href="shifts/' not in text
-    assert "fastest shift" in text
-
-
-def test_report_before_the_first_design_passes(tmp_path: Path) -> None:
-    study = load_study(
-        "mq200_paper", [*SMALL, "search.sampler=space_filling", "search.trials=2",
-                  "search.limits.worst_shift_time_s=0.001"]
-    )  # fmt: skip
-    result = run_study(study, Run(StudyFolder(tmp_path), jobs=1))
-    assert result["best"] is None
-    page = write_report(StudyFolder(tmp_path)).read_text()
-    assert "No design of this search passes every check" in page
 
 
 @pytest.mark.parametrize(

@@ -67,14 +67,3 @@ def test_the_record_has_the_contract(found: ds.Diagnosis) -> None:
     assert 0.9 < gap["shrink"] <= 1.0
     assert record["inclusion"]["actuation_delay"] > 0.95
     assert {"name", "why"} <= record["next_test"].keys()
-
-
-def test_points_as_table_and_figure(found: ds.Diagnosis) -> None:
-    frame = found.to_frame()
-    assert len(frame) == 12
-    apart = frame["bench_s"] - frame["simulated_s"] - frame["gap_s"]
-    assert apart.abs().max() < 1e-12
-    left = frame["bench_s"] - frame["predicted_s"]
-    assert (left**2).mean() ** 0.5 == pytest.approx(found.inference.held_out.held_out)
-    names = {trace.name for trace in found.plot().data}
-    assert {"bench", "without effects"} < names

@@ -3,11 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
-import subprocess
-import time
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,21 +10,17 @@ import numpy as np
 import pytest
 from optuna.trial import FrozenTrial, TrialState
 
-from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.search.confirmation import shifts_to_confirm
+from dogshape.pipeline.config.schema import VariablesSection
+from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.state import SIMULATION
-from dogshape.pipeline.simulate import executor
-from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.design import design_of, worth_simulating
 from dogshape.pipeline.store.journal import ShiftJournal, append
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
-from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
 from tests.conftest import SMALL, searching
 from tests.integration.studies import Finished
-from tests.server import command_of
 
 
 def _rows(folder: Path) -> list[dict[str, Any]]:
@@ -39,11 +30,6 @@ def _rows(folder: Path) -> list[dict[str, Any]]:
 def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
     names = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
     return [(*(row[n] for n in names), row["expected_shift_time_s"]) for row in result["trials"]]
-
-
-def _command(out: Path, *more: str) -> list[str]:
-    overrides = [part for text in SMALL for part in ("--set", text)]
-    return command_of("study", "mq200_paper", "--out", str(out), "--no-report", *overrides, *more)
 
 
 def test_a_study_ends_with_everything(finished: Finished) -> None:
@@ -60,8 +46,6 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
     assert {row["trial"] for row in result["front"]} <= {d["trial"] for d in confirmed}
     # At the new angles twice as many of the compiled engine, three of them of Drake too.
     assert result["n_simulated_shifts"] == 12 * 6 + 2 * (12 + 6)
-    study = load_study("mq200_paper", SMALL).working
-    assert shifts_to_confirm(study, len(confirmed)) == 2 * (12 + 6) + 2 * 4
     assert len(_rows(folder)) == 2 * 6 + 4  # of confirmation and audit, in Drake
     assert not (folder / "running.jsonl").read_text()
     assert result["audit"]["shifts"] == 4
@@ -83,47 +67,6 @@ def test_same_seed_gives_the_same_trials_on_more_workers(
     again = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, jobs=2))
     assert _designs(again) == _designs(finished.result)
     assert json.loads((tmp_path / "result.json").read_text()) == again
-
-
-def test_stopped_and_resumed_equals_uninterrupted(in_drake: Finished, tmp_path: Path) -> None:
-    """Ctrl-C loses no finished shift and changes nothing of what follows."""
-    # A shell starts background jobs with Ctrl-C ignored, and children inherit that.
-    process = subprocess.Popen(
-        _command(tmp_path, "--jobs", "1", "--engine", "drake"),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
-    )
-    journal = tmp_path / "running.jsonl"
-    deadline = time.monotonic() + 120
-    while time.monotonic() < deadline:
-        if journal.exists() and journal.read_bytes().count(b"\n") >= 8:
-            break
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGINT)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 130, err.decode()
-    assert "finished shifts are kept" in err.decode()
-    assert "Traceback" not in err.decode()
-    whole = journal.read_bytes().count(b"\n")
-    assert whole >= 8
-    simulated: list[int] = []
-    study = load_study("mq200_paper", [*SMALL, "solver.engine=drake"])
-    with pytest.MonkeyPatch.context() as patched:
-        usual = executor.run_block
-
-        def counted(block: Block) -> Iterator[Record]:
-            if block.clutch.solver.engine == "drake":  # the gain under other contact is not kept
-                simulated.append(len(block.angles))
-            return usual(block)
-
-        patched.setattr(executor, "run_block", counted)
-        resumed = run_study(study, searching(tmp_path, jobs=1, resume=True))
-    told = 12 * 6 - whole
-    assert sum(simulated) <= told + len(_rows(tmp_path))
-    assert _designs(resumed) == _designs(in_drake.result)
-    assert resumed["n_simulated_shifts"] == in_drake.result["n_simulated_shifts"]
 
 
 def test_a_journal_of_trials_is_mended_or_refused(
@@ -229,3 +172,17 @@ def test_journal_drops_a_torn_line_and_refuses_a_broken_one(tmp_path: Path) -> N
         path.write_bytes(wrong + whole)
         with pytest.raises(StorageError, match="line 1 is not a finished shift"):
             ShiftJournal(path)
+
+
+def test_a_search_ends_where_every_design_was_tried(tmp_path: Path) -> None:
+    file = load_study("mq200_paper", [*SMALL, "search.trials=40"]).file
+    few = VariablesSection(count=[13, 20])
+    study = build_study(file.model_copy(update={"variables": few}))
+    allowed = [n for n in range(13, 21) if worth_simulating(study, {"count": n})]
+    assert 1 < len(allowed) < 10
+    how = searching(tmp_path, jobs=1, resume=True)
+    result = run_study(study, how)
+    assert sorted(row["count"] for row in result["trials"]) == allowed
+    assert result["best"] is not None
+    again = run_study(study, how)
+    assert [row["count"] for row in again["trials"]] == [row["count"] for row in result["trials"]]

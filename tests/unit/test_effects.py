@@ -204,7 +204,9 @@ def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:
     rubbing = EFFECTS["sleeve_friction"].apply(setting, {"friction_N": 20.0})
     angles = (0.2094395102393195,)
     done: list[int] = []
-    runner = Executor(ShiftJournal(tmp_path / "shifts.jsonl"), jobs=1, progress=done.append)
+    runner = Executor(
+        ShiftJournal(tmp_path / "shifts.jsonl"), jobs=1, progress=lambda some, _: done.append(some)
+    )
     rows = runner.run([one.block(angles) for one in (setting, late, rubbing)])
     assert len(runner.journal.rows) == 2
     assert late.time_of(rows[1][0]) == pytest.approx(rows[0][0]["shift_time_s"] + 0.1)

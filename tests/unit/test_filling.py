@@ -115,7 +115,7 @@ def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_pat
     jobs = jobs_of([study.prototype, {**study.prototype, "chamfer_deg": 7.5}], 32, 1)
     (even,) = jobs_of([study.prototype], 31, 5)  # below 32 fewer halve intervals
     counted: list[int] = []
-    executor = scratch_executor(1, counted.append)
+    executor = scratch_executor(1, lambda done, known: counted.append(done - known))
     simulate_designs(study, path, "some", jobs[:1], executor)
     simulate_designs(study, path, "some", jobs, executor)
     assert sum(counted) == 2 * 8 * 32

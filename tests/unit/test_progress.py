@@ -35,10 +35,10 @@ def test_the_rate_outlasts_a_change_of_the_total(
     now = 0.0
     monkeypatch.setattr("rich.console.monotonic", lambda: now)
     with WorkCounter(ProgressBar(), 400) as progress:
-        progress.known(200)
+        progress.advance(200, 200)
         now = 14.0
         progress.advance(10)  # too soon for a line
-        progress.known(100)  # not of this run
+        progress.advance(100, 100)  # not of this run
         now = 100.0
         progress.advance(10)
         progress.rest(120)
@@ -51,27 +51,22 @@ def test_the_rate_outlasts_a_change_of_the_total(
     ]
 
 
-@pytest.mark.parametrize(
-    ("seconds", "said"),
-    [
-        (50.0, "about a minute"),
-        (7140.0, "about 119 minutes"),
-        (7200.0, "about 2 h"),
-        (7900.0, "about 2 h 10 min"),
-        (86_400.0, "about 24 h"),
-    ],
-)
-def test_times_are_said_in_minutes_and_hours(seconds: float, said: str) -> None:
-    assert about(seconds) == said
+def test_times_are_said_in_minutes_and_hours() -> None:
+    for seconds, said in (
+        (50.0, "about a minute"), (7140.0, "about 119 minutes"), (7200.0, "about 2 h"),
+        (7900.0, "about 2 h 10 min"), (86_400.0, "about 24 h"),
+    ):  # fmt: skip
+        assert about(seconds) == said
 
 
 def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:
     counted: list[int] = []
     blocks = even_blocks(small_study.clutch, small_study.points[:1], 3, 1)
     journal = ShiftJournal(tmp_path / "shifts.jsonl")
-    executor = Executor(journal, 1, counted.append)
+    executor = Executor(journal, 1, lambda done, _: counted.append(done))
     executor.run(blocks)
     executor.run(blocks)
     assert sum(counted) == 3
-    Executor(journal, 1, counted.append).run(blocks)  # one that was stopped goes on
+    again = Executor(journal, 1, lambda done, known: counted.append(known))  # stopped before
+    again.run(blocks)
     assert sum(counted) == 6

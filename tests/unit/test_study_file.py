@@ -10,6 +10,7 @@ import pytest
 
 from dogshape.pipeline.config.schema import SearchSection, keys_like
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
+from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.simulate.design import objectives_of
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.units import RPM
@@ -24,26 +25,19 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("chamfer_deg=9", "'chamfer_deg' is not a known key; did you mean 'dog.chamfer_deg'?"),
     ("surprise.key=1", "'surprise' is not a known key; valid are"),
     ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but it must be a number in mm; "),
-    ("dog.height_mm=0.0037", "dog.height_mm is 0.0037 mm"),
     ("dog.chamfer_deg=nan", "dog.chamfer_deg is nan deg"),
     ("dog.count=70", "tip width at the inner radius is -"),
-    ("dog.chamfer_deg=30", "height of the braking flank is"),
-    ("sliding.mass_kg=-0.3", "sliding.mass_kg is -0.3 kg"),
     ("contact.set=lubricated_stel", "did you mean 'lubricated_steel'?"),
     ("contact.dynamic_friction=0.5", "it must not exceed contact.static_friction = 0.12"),
     ("shift.timeout_s=-1", "shift.timeout_s is -1 s, but it must lie between 0.001 and 60 s"),
     ("driveline.stiffness_Nm_rad=0", "must lie between 1 and 1e+07 N m/rad; check the value"),
     ("actuation.rise_s=[0.1]", "actuation.force_N has 4 and actuation.rise_s 1 values"),
-    ("variables.count=[24, 6]", "variables.count is [24, 6]"),
     ("variables.braking_deg=[5, 70]", "variables.braking_deg is 70 deg, but it must lie between"),
     ("load.load_height=0.4", "load.load_height is 0.4, but it must lie between 0.5 and 1"),
     ("load.friction_hold=0.2", "load.friction_hold is 0.2, but it must not exceed"),
     ("load.spectrum=[[1.0]]", "load.spectrum.0 is [1.0], but it must be a list of at least 2"),
     ("strike.ring_inertia_kgm2=1", "'strike.input_stiffness_Nm_rad' is missing; add it"),
     ("material.set=16MnCr", "which is not a material set; did you mean '16MnCr5'?"),
-    ("material.proof_stress_MPa=1", "material.proof_stress_MPa is 1 MPa"),
-    ("tolerance.height_mm=-1", "tolerance.height_mm is -1 mm"),
-    ("manufacturing.chamfer_share=0.6", "manufacturing.chamfer_share is 0.6"),
     ("wear.crest_loss_mm=9", "wear.crest_loss_mm is 9 mm, but it must lie between 0 and 2 mm"),
     ("solver.scheme=rk4", "solver.scheme is 'rk4', which is not a scheme"),
     ("format=2", "format is 2, but this version reads format 1"),
@@ -57,12 +51,10 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     (f"{DRAWN}'normal', mean=1}}", "lacks 'sd'"),
     (f"{DRAWN}'uniform', low=1, high=2, sd=3}}", "sd is nothing that a uniform distribution has"),
     (f"{DRAWN}'normal', mean=9, sd=0}}", "mismatch_rpm.sd is 0, but it must be more than 0"),
-    (f"{DRAWN}'normal', mean=nan, sd=1}}", "mismatch_rpm.mean is nan, but it must be finite"),
     (f"{DRAWN}'normal', mean=0, sd=1, low=9}}", "next to nothing of the normal distribution lies"),
     (f"{FORCE}'uniform', low=500, high=300}}", "low is 500, but it must lie below high = 300"),
     (f"{FORCE}'triangular', low=300, mode=200, high=400}}", "lie between low = 300 and high = 400"),
     ("operating.seed=8", "operating.seed cannot stand beside lists of values; remove one"),
-    ("operating.mismatch_weight=[1]", "operating.mismatch_weight has 1 and"),
     ("operating.force_weight=[1, 1, 0, 1]", "force_weight.2 is 0, but it must be above 0.0"),
     ([f"{DRAWN}'normal', mean=9, sd=1}}", "operating.force_weight=[1]"], "beside a distribution"),
     ("operating={set='ampt'}", "operating.set is 'ampt', which is not a set of points; did"),
@@ -70,7 +62,6 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     (f"operating.points=[{POINT}}}]", "operating.mismatch_rpm cannot stand beside"),
     ("operating={force_N=[300]}", "'operating.mismatch_rpm' is missing"),
     (f"operating={{points=[{POINT}, wight=1}}]}}", "did you mean 'operating.points.0.weight'?"),
-    (f"operating={{points=[{POINT}, weight=0}}]}}", "weight is 0, but it"),
     (f"operating={{points=[{POINT}}}, {POINT}}}]}}", "has 5 1/min with 300 N 2 times"),
     (f"{FRICTION}'normal', mean=1, sd=0.1}}", "a factor must be positive and at most 10"),
     ("uncertain.force_factor={distribution='uniform', low=0.7, high=1.3}",
@@ -79,7 +70,6 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
      "contact.static_friction is 2.97"),
     # mechanism and effects
     ("effects.spline_fricton=0.1", "is not a known effect; did you mean 'spline_friction'"),
-    ("mechanism.spline_friction=2", "mechanism.spline_friction is 2, but it must lie between 0"),
     ("effects.sleeve_friction=-3", "effects.sleeve_friction: mechanism.friction_N is -3 N, but"),
     ("effects.actuation_delay=-0.1", "mechanism.delay_s is -0.1 s, but"),
     ("mechanism.lag_s=1e-7", "lag of the force is 1e-07 s, but it must lie between"),
@@ -93,10 +83,8 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("effects.contact_friction=0.1", "must be numbers, as {static_friction = 0.25, dynamic"),
     ("effects.drag_torque='low'", "effects.drag_torque is 'low', but it must be numbers, as {drag"),
     ("effects.reversed_mismatch=1", "effects.reversed_mismatch is 1, but it must be true or false"),
-    ("effects.reversed_mismatch=true", "changes the mismatch, which [operating] gives"),
-    ("effects.axial_gap=0.1", "effects.axial_gap changes the dog, which [dog] and [variables]"),
-    ("effects.relative_angle={concentration=2.0, centre_pitch=0.3}",
-     "effects.relative_angle changes how often each relative angle comes"),
+    ("effects.reversed_mismatch=true", "changes mismatch, which no study takes from an effect"),
+    ("effects.axial_gap=0.1", "effects.axial_gap changes dog.axial_gap, which no study takes"),
 ]  # fmt: skip
 
 
@@ -136,6 +124,7 @@ def test_paper_study_is_the_prototype_at_the_published_points() -> None:
 def test_kept_results_are_those_of_the_bundled_study(name: str) -> None:
     study = load_study(name)
     kept = json.loads((bundled_root() / name / "result.json").read_text(encoding="utf-8"))
+    require_result(kept, name)
     assert (study.name, study.config_hash) == (name, kept["config_hash"])
     assert any(objective.simulated for objective in objectives_of(study))
 

@@ -21,7 +21,10 @@ from dogshape.surrogate.store import Stored, load, save, validate
 
 NAMES = ("chamfer_deg", "height_mm", "count")
 LOW, HIGH = np.array([0.0, 2.0, 6.0]), np.array([20.0, 6.0, 30.0])
-PHYSICS = {"contact_set": "made_up", "static_friction": 0.12, "dynamic_friction": 0.1}
+PHYSICS = {
+    "contact_set": "made_up", "static_friction": 0.12, "dynamic_friction": 0.1,
+    "traction_deg": 12.0, "braking_deg": 22.0, "outer_diameter_mm": 52.0, "inner_diameter_mm": 44.0,
+}  # fmt: skip
 GRID = np.array([[m, f] for m in (5.0, 25.0, 100.0) for f in (250.0, 600.0)])
 MIX = Mix(GRID, np.array([0.1, 0.1, 0.2, 0.2, 0.2, 0.2]), retry=1.2)
 FIRST, THIRD = (Mix(GRID[k : k + 1], np.ones(1), 1.2) for k in (0, 2))
@@ -218,6 +221,5 @@ def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
     study = load_study("mq200_paper", {})
     dog, about = study.clutch.dog, with_rows(study, np.zeros((0, 13)))
     found = shape_of(about, study.rows([study.prototype]))
-    assert found is not None
     of_dog = [dog.entry_play, dog.tip_width, dog.edge_drop]
     assert found[0] == pytest.approx([1e3 * value for value in of_dog], rel=1e-9)
