@@ -82,9 +82,6 @@ def layout(
                  className="cards"),
         html.P(id="refused", className="bad"), html.Div(id="cautions"),
         html.Img(id="section", alt="Section of both rings, unrolled at the mean radius"),
-        html.Div([
-            html.H2("Predicted time over each number"), dcc.Graph("trends", config=still),
-        ], id="curves", hidden=True),
         html.H2("Checks"), html.Div(id="checks", className="scroll"),
         html.P("Margin: distance to the limit over the limit. A check shows its formula, source "
                "and key where the mouse points at it.", className="note"),
