@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 from markupsafe import Markup
@@ -17,7 +18,6 @@ from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports.charts import effects_figure, front_figure, times_by_point
 from dogshape.pipeline.reports.data_sheet import (
-    dates_of,
     difference,
     point_differences,
     provenance_of,
@@ -384,7 +384,8 @@ def life_table(stages: list[Row]) -> Table:
 
 def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
     """Tabulate command, dates, numerical error, surrogate and versions."""
-    fitted, numerical = result["surrogate"], None
+    fitted, numerical, now = result["surrogate"], None, datetime.now(UTC)
+    stored = datetime.fromtimestamp(folder.result.stat().st_mtime, UTC)
     judged = "none: it needs a finished search with at least ten simulated designs"
     if fitted:
         judged = (
@@ -397,7 +398,7 @@ def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
         numerical = result["confirmation"]["best"].get("numerical_error_s")
     facts = {
         **provenance_of(study, result),
-        "dates (UTC)": dates_of(folder.result),
+        "dates (UTC)": f"result stored {stored:%Y-%m-%d}, report written {now:%Y-%m-%d}",
         "numerical error": "" if numerical is None else f"{1e3 * numerical:.2g} ms",
         "surrogate": judged,
     }
