@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.pipeline.reports.shift_page import event_facts, load_facts, phase_table
 
 COMPILED = {"solver.engine": "planar"}
 PLAY = {
@@ -36,18 +35,6 @@ def test_a_shift_says_whether_finer_steps_move_it(
     moved = abs((found.refined.shift_time or 1.0) / (found.time_s or 1.0) - 1.0)
     assert found.converged is (moved <= 0.01)
     assert any("not converged: engaged in" in one for one in found.warnings) is not found.converged
-
-
-def test_a_calm_shift_has_its_events_and_loads_in_words() -> None:
-    """People read free flight; the record keeps its key."""
-    calm = ds.Study("mq200_paper").shift(mismatch_rpm=50, force_N=469, angle_deg=10)
-    assert (calm.refined is None, calm.converged, calm.warnings) == (True, True, ())
-    assert calm.engagement.phases[0].name == "free fly"
-    assert phase_table(calm.engagement).rows[0][0] == "free flight"
-    listed = [*event_facts(calm.engagement), *load_facts(calm.engagement, 12.3)]
-    assert "face contacts 1" in listed
-    assert f"peak axial force {calm.engagement.loads.peak_axial_force:.4g} N" in listed
-    assert listed[-1] == "driveline peak 12.3 N m"
 
 
 @pytest.mark.parametrize(
