@@ -105,7 +105,7 @@ class Desk:
     def unpredicted(self, study: Study) -> str:
         """Explain why the surrogate does not apply to a study; empty where it does."""
         if self.stored is None:
-            return "there is no surrogate of the study"
+            return "there is no surrogate of the study; 'dogshape fit' makes one"
         apart = other_physics(self.stored.surrogate.data, study.config.physics)
         return apart and f"the surrogate is of other physics: {apart}"
 
@@ -199,7 +199,7 @@ def build_app(desk: Desk) -> Dash:
     if desk.result is not None:
         others = [goal.name for goal in goals_of(desk.result)[1:]] or [MARGIN]
         front = front_figure(desk.result, list(config.variables), others[0])
-    app.layout = page.layout(config, desk.numbers, front, desk.stored)
+    app.layout = page.layout(config, desk.numbers, front)
     app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
     _connect_fields(app, desk)
     _connect_answers(app, desk)

@@ -49,7 +49,6 @@ from dogshape.pipeline.reports.gap_page import (
     hypothesis_table,
     publish,
     residual_table,
-    write_page,
 )
 from dogshape.pipeline.store.folder import require_targets
 from dogshape.result import Figure, Frame, Result
@@ -121,12 +120,6 @@ class Diagnosis(Result):
     def plot(self) -> Figure:
         """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
         return cells_figure(cells_of(self.inference))
-
-    def report(self, path: str | Path) -> Path:
-        """Write the report as one page that opens offline; give its path."""
-        found = self.inference
-        write_page(found, Path(path), self.consequence)
-        return Path(path)
 
     def calibrated(
         self,

@@ -114,12 +114,3 @@ def test_nothing_is_written_where_the_extra_is_missing(
     assert said.status == 2
     assert "STEP files need build123d" in said.sentence
     assert list(Path().iterdir()) == []
-
-
-def test_a_torque_in_the_wrong_unit_is_asked_about(dogshape: Call) -> None:
-    """0.2 kN m for 200 N m loads nothing; what the study has is no cause for a question."""
-    words = "is load.torque_Nm in N m?"
-    slip = dogshape("strength", "mq200_paper", "--no-simulation", "--set", "load.torque_Nm=0.2")
-    assert "uses at most 0.10%" in slip.out
-    assert words in " ".join(slip.out.split())
-    assert words not in dogshape("strength", "mq200_paper", "--no-simulation").out
