@@ -57,9 +57,7 @@ def test_a_shift_beyond_the_checked_range_says_so(
     ("settings", "engine", "accuracy"),
     [
         ({}, "drake", 1e-7),
-        ({"mechanism.added_mass_kg": 0.3}, "drake", 1e-7),
         ({"mechanism.compliance_mm_kN": 0.3}, "planar", 1e-4),
-        ({"effects": {"free_play": {"free_play_mm": 0.5}}}, "planar", 1e-4),
         ({"mechanism.compliance_mm_kN": 0.3, "solver.engine": "drake"}, "drake", 1e-9),
         ({"mechanism.compliance_mm_kN": 0.3, "solver.accuracy": 1e-8}, "planar", 1e-8),
     ],
