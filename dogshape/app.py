@@ -21,9 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import quote, urlencode
 
-import numpy as np
-import pandas as pd
-from dash import ALL, MATCH, Dash, Input, Output, State, ctx, no_update
+from dash import ALL, MATCH, Dash, Input, Output, State, ctx, no_update, set_props
 from dash.exceptions import PreventUpdate
 from flask import Response, request
 from werkzeug.serving import BaseWSGIServer, make_server
@@ -35,7 +33,7 @@ from dogshape.pipeline.config.study_file import Setup, pair_of
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.reports.charts import front_figure, trend_figure
+from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.designs import MARGIN, Row, goals_of, is_measured
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import own_surrogate
@@ -48,7 +46,6 @@ from dogshape.surrogate.store import Stored
 
 HOST = "127.0.0.1"
 BODY = 3.0 * MM  #: thickness of a ring below the slots in a STEP file, as ``export`` has it
-PLACES = 25  #: values of a number at which its curve is predicted
 POINT, ANGLE = ("mismatch_rpm", "force_N"), "angle_deg"
 FRICTION = {
     "contact.static_friction": ("in the shift, static", 0.6),
@@ -60,6 +57,7 @@ FILES = {"shift.html": "text/html", "sheet.html": "text/html", "dog.svg": "image
          "rings.step": "application/step"}  # fmt: skip
 TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
 Texts = Mapping[str, str]  #: what stands in the fields, by key
+Answer = dict[str, Any]  #: content of the page by place, ``component.property``
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +105,7 @@ class Desk:
     def unpredicted(self, study: Study) -> str:
         """Explain why the surrogate does not apply to a study; empty where it does."""
         if self.stored is None:
-            return "there is no surrogate of the study"
+            return "there is no surrogate of the study; 'dogshape fit' makes one"
         apart = other_physics(self.stored.surrogate.data, study.config.physics)
         return apart and f"the surrogate is of other physics: {apart}"
 
@@ -117,25 +115,6 @@ class Desk:
         if self.unpredicted(study):
             return study.strength(simulate=False)
         return study.check(**_point(texts, where), surrogate=self.surrogate)
-
-    def trends(self, texts: Texts, where: str) -> pd.DataFrame | None:
-        """Predict the design, and the time over each searched number.
-
-        Rows are those of ``Study.predict``; ``moved`` is the number, ``""`` in the first. None
-        where no surrogate applies.
-        """
-        study, ranges = self.changed(texts), self.study.config.variables
-        if self.unpredicted(study):
-            return None
-        own, moved = study.config.prototype, [""]
-        rows = [own]
-        for key in (key for key in ranges if key in study.dog):
-            values = np.linspace(*ranges[key], PLACES)
-            places = np.unique(values.round()) if key == "count" else values
-            rows += [{**own, key: value} for value in places]
-            moved += [key] * len(places)
-        designs, point = pd.DataFrame(rows).assign(moved=moved), _point(texts, where)
-        return study.predict(designs, **point, surrogate=self.surrogate).to_frame()
 
     def write(self, name: str, texts: Texts, why: str, path: Path) -> None:
         """Write a file of ``FILES``: single shift, data sheet, drawing or solids."""
@@ -220,7 +199,7 @@ def build_app(desk: Desk) -> Dash:
     if desk.result is not None:
         others = [goal.name for goal in goals_of(desk.result)[1:]] or [MARGIN]
         front = front_figure(desk.result, list(config.variables), others[0])
-    app.layout = page.layout(config, desk.numbers, front, desk.stored)
+    app.layout = page.layout(config, desk.numbers, front)
     app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
     _connect_fields(app, desk)
     _connect_answers(app, desk)
@@ -267,84 +246,83 @@ def _connect_fields(app: Dash, desk: Desk) -> None:
 
 
 def _connect_answers(app: Dash, desk: Desk) -> None:
-    """Answer what the fields ask: at once, and after that what takes longer."""
-    checked = [Output("margins", "children"), Output("margins", "className"),
-               Output("checks", "children")]  # fmt: skip
+    """Answer what the fields ask: at once, and after that by simulation."""
 
     @app.callback(
-        Output("asked", "data"), Output("answer", "className"), Output("refused", "children"),
-        Output({"fault": ALL}, "children"), Output("predicted", "children"), *checked,
-        Output("section", "src"), Output("cautions", "children"), Output("simulated", "children"),
-        Input({"number": ALL, "kind": "field"}, "value"), Input("where", "value"),
-        State("asked", "data"),
+        Output("asked", "data"), Input({"number": ALL, "kind": "field"}, "value"),
+        Input("where", "value"), State("asked", "data"),
     )  # fmt: skip
-    def predict(_: Any, where: str, before: Row | None) -> tuple[Any, ...]:
+    def predict(_: Any, where: str, before: Row | None) -> Row | None:
         texts = {one["id"]["number"]: str(one.get("value") or "") for one in ctx.inputs_list[0]}
         asked = {"texts": texts, "where": where}
         if asked == before:
             raise PreventUpdate
-        answer = answer_at_once(desk, asked)
-        return (None if answer[0] else asked, *answer)
+        faults, answer = answer_at_once(desk, asked)
+        for key, words in faults.items():
+            set_props({"fault": key}, {"children": words})
+        _show(answer)
+        return None if answer["answer.className"] else asked
 
-    again = [Output(one.component_id, one.component_property, allow_duplicate=True)
-             for one in (Output("simulated", "children"), *checked)]  # fmt: skip
-    for answer, links in (
-        (answer_by_simulation, again),
-        (answer_by_trends, [Output("trends", "figure"), Output("curves", "hidden")]),
-        (link_files, [Output("files", "children"), Output("shift-link", "children"),
-                      Output("command", "children"), Input("why", "value")]),
-    ):  # fmt: skip
+    @app.callback(Input("asked", "data"), prevent_initial_call=True)
+    def simulate(asked: Row | None) -> None:
+        _show(answer_by_simulation(desk, asked) if asked else {})
 
-        @app.callback(*links, Input("asked", "data"), prevent_initial_call=True)
-        def _(*given: Any, answer: Any = answer) -> tuple[Any, ...]:
-            *more, asked = given
-            if asked is None:
-                raise PreventUpdate
-            found: tuple[Any, ...] = answer(desk, asked, *more)
-            return found
+    @app.callback(Input("asked", "data"), Input("why", "value"), prevent_initial_call=True)
+    def link(asked: Row | None, why: str | None) -> None:
+        _show(link_files(desk, asked, why) if asked else {})
 
 
-def answer_at_once(desk: Desk, asked: Row) -> tuple[Any, ...]:
-    """Fill the page with what is known at once; a refusal stands at its number."""
+def _show(answer: Answer) -> None:
+    for place, content in answer.items():
+        name, _, part = place.partition(".")
+        set_props(name, {part: content})
+
+
+def _judged(found: Checked) -> Answer:
+    card, kind = page.margin_card(found)
+    table = page.check_table(found)
+    return {"margins.children": card, "margins.className": kind, "checks.children": table}
+
+
+def answer_at_once(desk: Desk, asked: Row) -> tuple[dict[str, str], Answer]:
+    """Give the sentences at the numbers, and what is known at once; a refusal stops the rest."""
     try:
         found, study = desk.predict(**asked), desk.changed(asked["texts"])
     except DogshapeError as error:
         words = str(error).removeprefix(f"the study {desk.study.name}: ")
-        faults = [words if key in words else "" for key in asked["texts"]]
-        rest = "" if any(faults) else f"There is no such dog: {words}"
-        return "stale", rest, faults, *[no_update] * 7
+        faults = {key: words if key in words else "" for key in asked["texts"]}
+        rest = "" if any(faults.values()) else f"There is no such dog: {words}"
+        return faults, {"answer.className": "stale", "refused.children": rest}
     svg = open_section_svg(study.config.clutch.dog, desk.study.config.clutch.dog)
-    return (
-        "", "", [""] * len(asked["texts"]), page.predicted_card(found, desk.unpredicted(study)),
-        *page.margin_card(found), page.check_table(found), f"data:image/svg+xml,{quote(svg)}",
-        page.cautions(found),
-        page.card("simulated shift time", "…"),
-    )  # fmt: skip
+    return dict.fromkeys(asked["texts"], ""), {
+        "answer.className": "",
+        "refused.children": "",
+        "predicted.children": page.predicted_card(found, desk.unpredicted(study)),
+        **_judged(found),
+        "section.src": f"data:image/svg+xml,{quote(svg)}",
+        "cautions.children": page.cautions(found),
+        "simulated.children": page.card("simulated shift time", "…"),
+    }
 
 
-def answer_by_simulation(desk: Desk, asked: Row) -> tuple[Any, ...]:
-    """Fill the page with the simulated time, and the checks with the landing."""
+def answer_by_simulation(desk: Desk, asked: Row) -> Answer:
+    """Give the simulated time, and the checks with the landing."""
     try:
         found = desk.changed(asked["texts"]).check(**_point(**asked))
     except DogshapeError as error:
-        return page.card("simulated shift time", "none", str(error)), *[no_update] * 3
-    return page.simulated_card(found), *page.margin_card(found), page.check_table(found)
+        return {"simulated.children": page.card("simulated shift time", "none", str(error))}
+    return {"simulated.children": page.simulated_card(found), **_judged(found)}
 
 
-def answer_by_trends(desk: Desk, asked: Row) -> tuple[Any, ...]:
-    """Fill the page with the curves."""
-    found = desk.trends(**asked)
-    return no_update if found is None else trend_figure(found), found is None
-
-
-def link_files(desk: Desk, asked: Row, why: str | None) -> tuple[Any, ...]:
+def link_files(desk: Desk, asked: Row, why: str | None) -> Answer:
     """Link the files of a design, and give the command that checks it."""
     query = urlencode({**asked["texts"], "why": why or ""})
     sets = "".join(f" --set {shlex.quote(one)}" for one in desk.changes(asked["texts"]))
     point = _point(**asked).items()
     at = "".join(f" --{key.replace('_', '-')} {value:.12g}" for key, value in point)
-    links = {name: f"/file/{name}?{query}" for name in FILES}
-    return *page.file_links(links), f"dogshape check {desk.command}{sets}{at}"
+    files, shift = page.file_links({name: f"/file/{name}?{query}" for name in FILES})
+    command = f"dogshape check {desk.command}{sets}{at}"
+    return {"files.children": files, "shift-link.children": shift, "command.children": command}
 
 
 def start_server(desk: Desk, port: int) -> BaseWSGIServer:

@@ -17,7 +17,6 @@ from dogshape.pipeline.store.result_records import check_table as record_table
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.model import Expected
-from dogshape.surrogate.store import Stored
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
@@ -61,9 +60,7 @@ def number_field(one: Number) -> html.Div:
     ], className="number")  # fmt: skip
 
 
-def layout(
-    config: Setup, numbers: Sequence[Number], front: go.Figure | None, stored: Stored | None
-) -> html.Div:
+def layout(config: Setup, numbers: Sequence[Number], front: go.Figure | None) -> html.Div:
     """Lay out the page of a study with what it knows."""
     name, still = config.name, cast(Any, {"displayModeBar": False})
     fields = {group: [number_field(n) for n in numbers if n.group == group]
@@ -82,9 +79,6 @@ def layout(
                  className="cards"),
         html.P(id="refused", className="bad"), html.Div(id="cautions"),
         html.Img(id="section", alt="Section of both rings, unrolled at the mean radius"),
-        html.Div([
-            html.H2("Predicted time over each number"), dcc.Graph("trends", config=still),
-        ], id="curves", hidden=True),
         html.H2("Checks"), html.Div(id="checks", className="scroll"),
         html.P("Margin: distance to the limit over the limit. A check shows its formula, source "
                "and key where the mouse points at it.", className="note"),
@@ -96,20 +90,9 @@ def layout(
         html.H2("Files of this design"),
         html.P(["reason of a decision, for the data sheet ", dcc.Input("", id="why")]),
         html.P(id="files"), html.H2("The same from the command line"), html.Code(id="command"),
-        html.P(_origin(stored), className="note"),
     ], id="answer")  # fmt: skip
     desk = html.Div([aside, main], className="desk")
     return html.Div([html.H1(f"{name}: live"), desk, dcc.Store("asked")])
-
-
-def _origin(stored: Stored | None) -> str:
-    if stored is None:
-        return "Without a surrogate nothing is predicted; 'dogshape fit' makes one of the study."
-    found = stored.validation
-    return (
-        f"Surrogate: root-mean-square error {time_text(found.rmse_s)} on {found.n} designs outside "
-        f"its fit, Q² {found.q2:.2f}, {found.coverage_95:.0%} within the 95 % interval."
-    )
 
 
 def card(title: str, value: str, *lines: str, exact: Expected | None = None) -> Children:

@@ -25,7 +25,7 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.pipeline.train.training_rows import mix_over, own_surrogate
-from dogshape.result import Figure, Frame, Result
+from dogshape.result import Frame, Result
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED, Expectation
 from dogshape.sim.strength.checks import feasible, smallest_margin
@@ -126,12 +126,6 @@ class Checked(Result):
     def to_frame(self) -> Frame:
         """Give a row for each check: value and limit in ``unit``, margins as shares."""
         return frame_of(self.rows)
-
-    def plot(self) -> Figure:
-        """Draw the margin of each check, and what is left of it in the worst case."""
-        from dogshape.pipeline.reports.charts import margins  # noqa: PLC0415  # loads plotly
-
-        return margins(self.design.checks, self.within)
 
 
 LEAST_ANGLES = 16  #: at an operating point

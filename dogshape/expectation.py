@@ -14,11 +14,10 @@ from scipy.stats import norm
 from dogshape.pipeline.config.study_file import Setup, load_study, points_of
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.record import Table, frame_of, number_or_none, tabulate
-from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
-from dogshape.result import Figure, Frame, Result
+from dogshape.result import Frame, Result
 from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
@@ -29,6 +28,9 @@ from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG
 
 OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
+#: Mismatch in 1/min, force in N and rise time in s of one operating point, or all of a study's.
+Place = tuple[float | None, float | None, float | None]
+EVERYWHERE: Place = (None, None, None)
 LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
 TAILS = 0.05, 0.95  #: of the interval over draws
 MIN_ANGLES = 3  #: at an operating point of a draw, of which fewer tell no error
@@ -90,32 +92,21 @@ class Expectation(Result):
         """Give a row for each operating point: mean, standard error, spread, share engaged."""
         return frame_of(self.record.points)
 
-    def plot(self) -> Figure:
-        """Draw the mean time of each operating point with its 95 % interval."""
-        return times_by_point(self.to_dict()["points"], {"mean": ("mean_s", "standard_error_s")})
-
 
 def simulate_mean(
-    config: Setup,
-    where: Where,
-    mismatch_rpm: float | None = None,
-    force_N: float | None = None,
-    force_rise_s: float | None = None,
-    *,
-    angles: Angles = None,
-    precision: float | None = None,
+    config: Setup, where: Where, place: Place, angles: Angles, precision: float | None = None
 ) -> Expectation:
     """Simulate the expected shift time as ``Study.expect`` does, for a study that is read."""
     config = config.working
     clutch, settings = config.clutch, config.file.expectation
     require_makeable(clutch.dog, config.limits.manufacturing)
     require_angles(angles)
-    if force_rise_s is not None and force_N is None:
+    if place[2] is not None and place[1] is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
-    points = points_of(config, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
+    points = points_of(config, *place, OWN_RISE)
     if precision is not None and angles is not None:
         raise InputError("--precision finds the number of angles itself; leave out --angles")
-    asked = config.config_hash, mismatch_rpm, force_N, force_rise_s, angles, precision
+    asked = config.config_hash, *place, angles, precision
     if precision is not None:
         require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
         with where.executor("expect", asked, FIRST * len(points)) as (executor, counter):
@@ -238,7 +229,7 @@ def expect_draws(
     means = []
     with WorkCounter(progress, len(studies), unit="draws") as counter:
         for one in studies:
-            means.append(simulate_mean(one, Where(jobs), angles=angles))
+            means.append(simulate_mean(one, Where(jobs), EVERYWHERE, angles))
             counter.advance(1)
     times = np.array([mean.time_s for mean in means], dtype=float)
     errors = np.array([mean.standard_error_s for mean in means])

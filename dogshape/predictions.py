@@ -71,14 +71,12 @@ class Predictions(Result):
 def predict_designs(
     config: Setup,
     designs: str | Path | Frame,
-    out: str | Path | None = None,
-    *,
-    mismatch_rpm: float | None = None,
-    force_N: float | None = None,
-    surrogate: str | Path | None = None,
+    out: str | Path | None,
+    place: tuple[float | None, float | None],
+    surrogate: str | Path | None,
 ) -> Predictions:
     """Predict the shift times of designs as ``Study.predict`` does, for a study that is read."""
-    mix = mix_over(config, points_of(config, mismatch_rpm, force_N))
+    mix = mix_over(config, points_of(config, *place))
     stored, _ = stored_surrogate(config, None if surrogate is None else Path(surrogate))
     target = None if out is None else Path(out)
     if target is not None and isinstance(designs, str | Path):

@@ -15,12 +15,12 @@ from dogshape.pipeline.reports.shift_page import (
     phase_table,
     trace_frame,
     write_animation,
-    write_trace,
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
 from dogshape.result import Figure, Frame, Result
 from dogshape.running import require_angles
 from dogshape.sim.engines import engage
+from dogshape.sim.files import naming
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
@@ -142,7 +142,8 @@ class Shift(Result):
 
     def write_trace(self, path: str | Path) -> Path:
         """Write the time series as CSV, columns as in bench traces; give its path."""
-        write_trace(self.engagement, Path(path))
+        with naming(Path(path)):
+            self.to_frame().to_csv(path, index=False, float_format="%.9g")
         return Path(path)
 
     def report(self, path: str | Path) -> Path:
@@ -152,18 +153,12 @@ class Shift(Result):
 
 
 def simulate_shift(
-    config: Setup,
-    mismatch_rpm: float,
-    force_N: float,
-    angle_deg: float,
-    force_rise_s: float | None = None,
-    *,
-    all_dogs: bool = False,
+    config: Setup, place: tuple[float, float, float | None], angle_deg: float, all_dogs: bool
 ) -> Shift:
     """Simulate one shift as ``Study.shift`` does, for a study that is read."""
     require_makeable(config.clutch.dog, config.limits.manufacturing)
     clutch = replace(config.clutch, solver=replace(config.clutch.solver, all_dogs=all_dogs))
-    point = point_of(config, mismatch_rpm, force_N, force_rise_s, OWN_RISE)
+    point = point_of(config, *place, OWN_RISE)
     require_angles([angle_deg])
     result = engage(clutch, point, angle_deg * DEG)
     chaotic = result.events.slots_skipped > 0 or result.events.face_contacts > 1

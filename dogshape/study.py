@@ -96,9 +96,8 @@ class Study:
         """
         from dogshape.shift import simulate_shift  # noqa: PLC0415
 
-        return simulate_shift(
-            self.config, mismatch_rpm, force_N, angle_deg, force_rise_s, all_dogs=all_dogs
-        )
+        place = mismatch_rpm, force_N, force_rise_s
+        return simulate_shift(self.config, place, angle_deg, all_dogs)
 
     def expect(
         self,
@@ -131,9 +130,9 @@ class Study:
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
         from dogshape.running import Where  # noqa: PLC0415
 
-        point = mismatch_rpm, force_N, force_rise_s
+        place = mismatch_rpm, force_N, force_rise_s
         where = Where(jobs, cluster, keep, progress)
-        return simulate_mean(self.config, where, *point, angles=angles, precision=precision)
+        return simulate_mean(self.config, where, place, angles, precision)
 
     def search(
         self,
@@ -214,8 +213,7 @@ class Study:
         """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
 
-        point = {"mismatch_rpm": mismatch_rpm, "force_N": force_N}
-        return predict_designs(self.config, designs, out, **point, surrogate=surrogate)
+        return predict_designs(self.config, designs, out, (mismatch_rpm, force_N), surrogate)
 
     def strength(
         self,

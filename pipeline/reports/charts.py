@@ -16,10 +16,9 @@ from plotly.subplots import make_subplots
 from dogshape.pipeline.reports.designs import Row, design_name, goals_of, is_measured, of_kinds
 from dogshape.pipeline.reports.text import axis, check_name, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
-from dogshape.sim.strength.checks import GROUPS, Check
 
 if TYPE_CHECKING:
-    import pandas as pd
+    pass
 
 INK, GREY = "#1b2733", "#9aa5b1"
 BLUE, ORANGE, GREEN, RED = "#1f5fa8", "#c8590c", "#2e7d4f", "#b3261e"
@@ -157,29 +156,6 @@ def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) ->
     return styled(figure, 110 + 22 * len(names))
 
 
-def trend_figure(found: pd.DataFrame) -> go.Figure:
-    """Draw the predicted time over each number that ``moved`` names; the design itself as a dot.
-
-    ``found`` has the rows of ``Study.predict``; the design is the first one.
-    """
-    moved = [key for key in found["moved"].unique() if key in found.columns]
-    figure = make_subplots(1, len(moved), shared_yaxes=True, horizontal_spacing=0.025)
-    for column, key in enumerate(moved, start=1):
-        rows, own = found[found["moved"] == key], found.iloc[:1]
-        for drawn, look in (
-            (rows, {"mode": "lines", "line_color": BLUE}),
-            (own, {"mode": "markers", "marker": {"color": ORANGE, "size": 10}}),
-        ):
-            figure.add_scatter(
-                x=drawn[key], y=1e3 * drawn[SIMULATED], row=1, col=column, **look,
-                hovertemplate="%{x:.4g}: %{y:.1f} ms<extra></extra>",
-            )  # fmt: skip
-        figure.update_xaxes(title=axis(key), row=1, col=column)
-    figure.update_yaxes(title="ms", col=1)
-    figure = styled(figure, 230).update_layout(showlegend=False)
-    return figure.update_layout(margin={"l": 50, "r": 5, "t": 10, "b": 50}, font_size=12)
-
-
 def effects_figure(found: Row) -> go.Figure:
     """Draw the main effect of each variable on the expected shift time, ms, with its band."""
     shown = found["variables"]
@@ -203,30 +179,3 @@ def effects_figure(found: Row) -> go.Figure:
     figure.update_yaxes(matches="y", showticklabels=True)
     figure.update_yaxes(title="effect, ms", col=1)
     return styled(figure, 90 + 250 * rows)
-
-
-def margins(checks: Sequence[Check], within: Mapping[str, Mapping[str, float]]) -> go.Figure:
-    """Draw the margin of each check as a bar, with a mark at that of the worst case.
-
-    ``within`` has the margins left within the tolerances by check and kind.
-    """
-    ordered = sorted(checks, key=lambda check: list(GROUPS).index(check.rule.group))
-    names, figure = [check.name for check in ordered], go.Figure()
-    for name, passed, marker in (
-        ("passed", True, {"color": BLUE}),
-        ("failed", False, {"color": RED, "pattern": {"shape": "/", "fgcolor": "white"}}),
-    ):
-        mine = [check for check in ordered if check.passed == passed]
-        figure.add_bar(
-            x=[100.0 * check.margin for check in mine], y=[check.name for check in mine],
-            name=name, orientation="h", marker=marker,
-        )  # fmt: skip
-    worst = {name: 100.0 * within[name]["worst_case"] for name in names if name in within}
-    figure.add_scatter(
-        x=list(worst.values()), y=list(worst), name="worst case within the tolerances",
-        mode="markers", marker={"color": INK, "symbol": "line-ns-open", "size": 14},
-    )  # fmt: skip
-    title = "margin to the limit, % of the limit"
-    figure.update_xaxes(title=title, zeroline=True, zerolinecolor=INK)
-    figure.update_yaxes(categoryarray=names, autorange="reversed", automargin=True)
-    return styled(figure, 150 + 24 * len(names)).update_layout(barmode="overlay")

@@ -100,31 +100,10 @@ def publish(
 ) -> Path:
     """Write ``report.html``, ``gap.json`` and ``cells.csv`` into a folder; return the report.
 
-    The folder is made where it is missing; files of these names are replaced.
+    The folder is made where it is missing; files of these names are replaced. ``consequence`` is
+    that of the cause for the designs of a study, ``history`` has sentences on updates, by name.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    write_page(found, folder / REPORT, consequence, history)
-    record = json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n"
-    table: str = frame_of(cells_of(found)).to_csv(index=False)
-    for name, text in ((RECORD, record), (TABLE, table)):
-        with naming(folder / name):
-            (folder / name).write_text(text, encoding="utf-8")
-    return folder / REPORT
-
-
-def write_page(
-    found: Diagnosis,
-    path: Path,
-    consequence: Consequence | None = None,
-    history: Mapping[str, str] | None = None,
-) -> None:
-    """Write the report alone, one HTML file that opens offline.
-
-    Parameters
-    ----------
-    consequence : of the cause for the designs of a study.
-    history : sentences on updates, by name.
-    """
     page = Report(
         f"{found.bench.name}: difference between bench and simulation",
         headline_of(found.verdict, found.effects),
@@ -150,7 +129,13 @@ def write_page(
         Table(("if", "probability", "answer"), readings, {}, (2,)) if readings else None,
         Table(("", ""), list((_facts(found) | dict(history or {})).items())),
     )
-    page.save(path)
+    page.save(folder / REPORT)
+    record = json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n"
+    table: str = frame_of(cells_of(found)).to_csv(index=False)
+    for name, text in ((RECORD, record), (TABLE, table)):
+        with naming(folder / name):
+            (folder / name).write_text(text, encoding="utf-8")
+    return folder / REPORT
 
 
 def hypothesis_table(found: Diagnosis) -> Table:

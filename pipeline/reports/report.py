@@ -9,7 +9,6 @@ import re
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
-from urllib.parse import quote
 
 import plotly.graph_objects as go
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
@@ -72,12 +71,6 @@ def figure_html(figure: go.Figure, name: str) -> Markup:
     settings = {"displayModeBar": False, "responsive": True}
     html = figure.to_html(full_html=False, include_plotlyjs=False, div_id=name, config=settings)
     return Markup(html)
-
-
-def link(text: str, kind: str, name: str, words: str) -> Markup:
-    """Write a link that saves a text as a file, without a network; ``kind`` as ``text/csv``."""
-    data = f"data:{kind};charset=utf-8," + quote(text)
-    return Markup('<p class="note"><a href="{}" download="{}">{}</a></p>').format(data, name, words)
 
 
 def script(code: str) -> Markup:

@@ -47,12 +47,6 @@ CURVES: dict[str, tuple[int, dict[str, Any]]] = {
 }
 
 
-def write_trace(result: Engagement, path: Path) -> None:
-    """Write the time series of a shift as CSV, columns as in bench traces."""
-    with naming(path):
-        trace_frame(result.trace).to_csv(path, index=False, float_format="%.9g")
-
-
 def trace_frame(trace: Trace) -> pd.DataFrame:
     """Tabulate the time series of a shift, columns as in bench traces."""
     return pd.DataFrame(

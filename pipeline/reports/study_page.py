@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 from markupsafe import Markup
@@ -17,7 +18,6 @@ from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports.charts import effects_figure, front_figure, times_by_point
 from dogshape.pipeline.reports.data_sheet import (
-    dates_of,
     difference,
     point_differences,
     provenance_of,
@@ -40,7 +40,7 @@ from dogshape.pipeline.reports.designs import (
     margins_of,
     simulated_frame,
 )
-from dogshape.pipeline.reports.report import Part, Report, link
+from dogshape.pipeline.reports.report import Part, Report
 from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
 from dogshape.pipeline.reports.surrogate_findings import learn_effects, prices_table, stored_effects
 from dogshape.pipeline.reports.text import (
@@ -87,9 +87,8 @@ def publish(folder: StudyFolder, say: Callable[[str], None]) -> Path:
 def write_report(folder: StudyFolder) -> Path:
     """Write ``report.html`` and ``designs.csv`` from what the study stored; return the report."""
     study, result = folder.stored_study(), folder.stored_result()
-    table = simulated_frame(result, list(study.variables)).to_csv(index=False)
     with naming(folder.designs):
-        folder.designs.write_text(table, encoding="utf-8")
+        simulated_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
     page = Report(f"{study.name}: shape of the dogs", headline(result))
     best, effects = result["best"], stored_effects(folder)
     if best is not None:
@@ -97,7 +96,7 @@ def write_report(folder: StudyFolder) -> Path:
         title = f"{design_name(best).capitalize()}, dimensioned section"
         section = Markup(open_section_svg(dog, study.clutch.dog, "prototype"))
         page.add("", *summary_tables(study, result), section)
-        page.add("Front", *front_parts(study, result, table))
+        page.add("Front", *front_parts(study, result))
         if effects is not None:
             page.add("Variables", *effect_parts(effects["effects"]))
             page.add("Limits", prices_table(effects["prices"]))
@@ -286,19 +285,18 @@ def _most_failed(result: Row) -> str:
     return failing_words(every)
 
 
-def front_parts(study: Setup, result: Row, table: str) -> list[Part]:
+def front_parts(study: Setup, result: Row) -> list[Part]:
     """Build the figures of the front, the table of all designs and that of every margin."""
     variables, trials = list(study.variables), result["trials"]
     others = [goal.name for goal in goals_of(result)[1:]] or [MARGIN]
     barred = sum(row[SIMULATED] is None for row in trials)
-    count = result["n_simulated_designs"]
+    words = f"All {result['n_simulated_designs']} simulated designs with every column (CSV)"
     return [
         *(front_figure(result, variables, name) for name in others),
         "No design beats one of the front, named by its number, in every objective. Bars are 95 % "
         "intervals. Point at a mark to read its design; designs far off lie outside the axes. "
         f"{barred} of {len(trials)} proposed designs failed a check and were not simulated.",
-        link(table, "text/csv", f"{study.name}-designs.csv",
-             f"All {count} simulated designs with every column (CSV)"),
+        Markup('<p class="note"><a href="designs.csv">{}</a></p>').format(words),
         margin_table(result),
     ]  # fmt: skip
 
@@ -379,7 +377,8 @@ def life_table(stages: list[Row]) -> Table:
 
 def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
     """Tabulate command, dates, numerical error, surrogate and versions."""
-    fitted, numerical = result["surrogate"], None
+    fitted, numerical, now = result["surrogate"], None, datetime.now(UTC)
+    stored = datetime.fromtimestamp(folder.result.stat().st_mtime, UTC)
     judged = "none: it needs a finished search with at least ten simulated designs"
     if fitted:
         judged = (
@@ -392,7 +391,7 @@ def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
         numerical = result["confirmation"]["best"].get("numerical_error_s")
     facts = {
         **provenance_of(study, result),
-        "dates (UTC)": dates_of(folder.result),
+        "dates (UTC)": f"result stored {stored:%Y-%m-%d}, report written {now:%Y-%m-%d}",
         "numerical error": "" if numerical is None else f"{1e3 * numerical:.2g} ms",
         "surrogate": judged,
     }

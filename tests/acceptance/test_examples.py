@@ -34,13 +34,6 @@ def _main(name: str) -> Any:
     return module.main
 
 
-def test_the_table_lists_all_scripts() -> None:
-    text = (EXAMPLES / "README.md").read_text(encoding="utf-8")
-    scripts = [p.relative_to(EXAMPLES.parent).as_posix() for p in EXAMPLES.glob("*/own_*.py")]
-    assert len(scripts) == 4
-    assert all(f"`python {script}`" in text for script in scripts)
-
-
 def test_a_clutch_of_ones_own() -> None:
     found = _main("own_clutch")(angles=3)
     assert found["expected_s"] == pytest.approx(0.0739, rel=0.02)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -24,15 +23,9 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Diagnosis:
     return diagnosis
 
 
-@pytest.fixture(scope="module")
-def stand(found: Diagnosis) -> dict[str, Any]:
-    """The record of the stand."""
-    record: dict[str, Any] = found.to_dict()
-    return record
-
-
-def test_the_stand_has_a_dead_time_and_a_drag(found: Diagnosis, stand: dict[str, Any]) -> None:
+def test_the_stand_has_a_dead_time_and_a_drag(found: Diagnosis) -> None:
     """Dead time over all plausible hypotheses, and a drag above that of bearings and seals."""
+    stand = found.to_dict()
     assert {"actuation_delay", "drag_torque"} <= set(stand["inclusion"])
     assert stand["inclusion"]["drag_torque"] > 0.5
     delay, drag = stand["sizes"]["actuation_delay"]["delay_s"], stand["sizes"]["drag_torque"]
@@ -41,7 +34,8 @@ def test_the_stand_has_a_dead_time_and_a_drag(found: Diagnosis, stand: dict[str,
     assert found.fits[found.leading].p > 0.01
 
 
-def test_residuals_of_the_stand_at_held_out_points(stand: dict[str, Any]) -> None:
+def test_residuals_of_the_stand_at_held_out_points(found: Diagnosis) -> None:
+    stand = found.to_dict()
     gap = stand["gap"]
     assert 0.12 < gap["baseline_rmse_s"] < 0.15
     assert gap["heldout_rmse_s"] < 0.4 * gap["baseline_rmse_s"]

@@ -18,15 +18,10 @@ from dogshape.sim.versions import bundled_root
 KEPT = json.loads((bundled_root() / "mq200_paper" / "result.json").read_text(encoding="utf-8"))
 
 
-def best_kept() -> dict[str, float]:
-    """Return what ``make studies`` found for the paper's study."""
-    return {key: KEPT["best"][key] for key in VARIABLES}
-
-
 def test_best_design_beats_the_prototype_by_many_standard_errors() -> None:
     """All 28 operating points, six angles that neither search nor confirmation used."""
     study = load_study("mq200_paper")
-    best_design = best_kept()
+    best_design = {key: KEPT["best"][key] for key in VARIABLES}
     design = design_of(study, best_design)
     assert design.feasible
     assert design.dog is not None

@@ -82,12 +82,9 @@ def test_times_as_table_and_figure() -> None:
 
 
 @pytest.mark.parametrize("verb", ["check", "strength"])
-def test_margins_as_table_and_figure(verb: str) -> None:
+def test_margins_as_table(verb: str) -> None:
     frame = found(verb).to_frame().set_index("name")
-    passed, failed, worst = (dict(zip(t.y, t.x, strict=True)) for t in found(verb).plot().data)
-    assert passed | failed == pytest.approx(dict(100 * frame["margin"]))
-    assert worst == pytest.approx(dict(100 * frame["margin_worst_case"].dropna()))
-    assert set(failed) == set(found(verb).failed) == set(frame.index[~frame["passed"]])
+    assert set(found(verb).failed) == set(frame.index[~frame["passed"]])
     # A surrogate knows no landing.
     at_once = ds.Study(PAPER).check(surrogate=BROUGHT).design.not_checked
     assert set(frame.index[frame["group"] == "impact"]) == set(at_once)
@@ -130,11 +127,6 @@ def test_a_comparison_is_what_the_command_line_prints(folder: Path, dogshape: Do
     asked = ("validate", folder, "--angles", "0,5,10", "--jobs", 1)
     assert dogshape(*asked, "--json").json == result.to_dict()
     assert dogshape(*asked).out.split() == repr(result).split()
-    frame = result.to_frame()
-    drawn = {trace.name: trace for trace in result.plot().data if trace.name}
-    assert set(drawn) == {"simulation", "bench"}
-    for name, column in (("simulation", "simulated_s"), ("bench", "bench_s")):
-        assert sorted(drawn[name].x) == pytest.approx(sorted(1e3 * frame[column].dropna()))
     # The same in milliseconds wants a correction.
     table = folder / "shifts.csv"
     table.write_text(table.read_text().replace(",0.12,", ",120,").replace(",0.09,", ",90,"))

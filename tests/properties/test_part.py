@@ -5,15 +5,12 @@ Thousands of designs from the ranges of the search, with other diameters and zer
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
 
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import (
     SMALLEST_RADIUS,
-    dog_corners,
     lands,
     profile,
     ring_part,
@@ -186,14 +183,6 @@ def test_mating_dogs_fill_their_slots_and_nothing_more(many: list[Design]) -> No
         gap = clearance(dog, radius, mate_points(dog, radius))
         assert gap.min() > -NEAR, f"{dog}, root radius {radius}: {gap.min()}"
         assert gap.min() < NEAR
-
-
-def test_sharp_tips_do_not_fit_filled_slots(prototype: Dog) -> None:
-    """Why tips are rounded: a sharp one would stand in the fillet."""
-    sharp = clearance(prototype, 0.3 * MM, mate_points(prototype, 0.0)).min()
-    corner = dog_corners(prototype, 0.3 * MM)[3]
-    stands_in = 0.3 * MM * (1.0 / math.cos(0.5 * corner.arc) - 1.0)
-    assert sharp == pytest.approx(-stands_in, rel=1e-9)
 
 
 def _overlap(one: Mesh, other: Mesh) -> float:

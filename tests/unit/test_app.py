@@ -14,7 +14,6 @@ from dogshape.app import (
     FILES,
     Desk,
     answer_at_once,
-    answer_by_trends,
     build_app,
     link_files,
     open_desk,
@@ -60,55 +59,34 @@ def test_every_study_has_a_page_and_keys_as_on_the_command_line(name: str) -> No
     assert replace_keys(study, {}).config_hash == study.config_hash
     desk = open_desk(ds.Study(name))
     assert build_app(desk).layout is not None
-    answer = answer_at_once(desk, _asked(desk))
-    assert answer[0] == ""
-    assert len(_marked(answer[6], "data-check")) > 15
+    faults, answer = answer_at_once(desk, _asked(desk))
+    assert not any(faults.values())
+    assert len(_marked(answer["checks.children"], "data-check")) > 15
 
 
 @pytest.mark.parametrize(
     ("key", "text", "sentence"),
     [
         ("dog.chamfer_deg", "abc", "dog.chamfer_deg is 'abc', but it must be a number in deg"),
-        ("dog.count", "15.5", "dog.count is 15.5, but it must be a whole number"),
         ("dog.height_mm", "", "dog.height_mm is '', but it must be a number in mm"),
         ("mismatch_rpm", "x", "mismatch_rpm is 'x', but it must be a number"),
         ("load.friction_hold", "0.5", "load.friction_hold is 0.5, but it must not exceed"),
     ],
 )
 def test_a_refusal_stands_at_its_number(desk: Desk, key: str, text: str, sentence: str) -> None:
-    asked = _asked(desk, "one", **{key: text})
-    kind, rest, faults, *_ = answer_at_once(desk, asked)
-    assert (kind, rest) == ("stale", "")
-    assert dict(zip(asked["texts"], faults, strict=True))[key].startswith(sentence)
-
-
-def test_an_impossible_shape_is_refused_above_the_answers(desk: Desk) -> None:
-    kind, rest, faults, *_ = answer_at_once(
-        desk, _asked(desk, dog__traction_deg="50", dog__height_mm="9")
-    )
-    assert (kind, any(faults)) == ("stale", False)
-    assert rest.startswith("There is no such dog: ")
+    """That of an impossible shape stands above the answers."""
+    faults, answer = answer_at_once(desk, _asked(desk, "one", **{key: text}))
+    assert (answer["answer.className"], answer["refused.children"]) == ("stale", "")
+    assert faults[key].startswith(sentence)
+    faults, answer = answer_at_once(desk, _asked(desk, dog__traction_deg="50", dog__height_mm="9"))
+    assert not any(faults.values())
+    assert answer["refused.children"].startswith("There is no such dog: ")
 
 
 def test_other_physics_have_checks_and_no_prediction(desk: Desk) -> None:
-    asked = _asked(desk, dog__axial_gap_mm="1.2")
-    answer = answer_at_once(desk, asked)
-    assert "other physics" in answer[3][-1].children
-    assert _marked(answer[6], "data-check")
-    assert answer_by_trends(desk, asked)[1]
-
-
-def test_curves_are_predictions_of_the_package(desk: Desk) -> None:
-    found = desk.trends(**_asked(desk, dog__chamfer_deg="10"))
-    assert found is not None
-    assert list(dict.fromkeys(found["moved"])) == ["", *PAPER.variables]
-    known = ds.Study("mq200_paper", chamfer_deg=10).check(surrogate=desk.surrogate).time_s
-    assert found["expected_shift_time_s"].iloc[0] == pytest.approx(known, rel=1e-6)
-    figure, hidden = answer_by_trends(desk, _asked(desk, dog__chamfer_deg="10"))
-    assert not hidden
-    assert len(figure.data) == 2 * len(PAPER.variables)
-    chamfer = found.loc[found["moved"] == "chamfer_deg", "chamfer_deg"]
-    assert list(figure.data[0].x) == list(chamfer)
+    _, answer = answer_at_once(desk, _asked(desk, dog__axial_gap_mm="1.2"))
+    assert "other physics" in answer["predicted.children"][-1].children
+    assert _marked(answer["checks.children"], "data-check")
 
 
 def test_designs_of_a_search_are_offered_where_its_physics_are_the_studys(
@@ -142,11 +120,10 @@ def test_the_verb_takes_the_folder_of_a_search(
 
 
 def test_links_and_command_say_the_design(desk: Desk) -> None:
-    asked = _asked(desk, "one", dog__count="18", force_N="300")
-    files, shift, command = link_files(desk, asked, "why not")
+    found = link_files(desk, _asked(desk, "one", dog__count="18", force_N="300"), "why not")
     said = "dogshape check mq200_paper --set dog.count=18 --mismatch-rpm 50 --force-N 300"
-    assert command == said
-    every = [*files, *shift]
+    assert found["command.children"] == said
+    every = [*found["files.children"], *found["shift-link.children"]]
     assert {one.href.partition("?")[0] for one in every} == {f"/file/{name}" for name in FILES}
     assert all("dog.count=18" in one.href and "why=why+not" in one.href for one in every)
 

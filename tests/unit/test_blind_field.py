@@ -16,10 +16,10 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import cases as field_cases
 from dogshape.validation.blind import expected_means, field_set, figures, sealed
-from dogshape.validation.blind.cases import DRAWS, Case
-from dogshape.validation.blind.data import series_draws, series_places, true_points
+from dogshape.validation.blind.cases import Case
+from dogshape.validation.blind.data import true_points
 from dogshape.validation.blind.field_set import base, cases_of, make_field
-from dogshape.validation.blind.stand import read_points, read_stand
+from dogshape.validation.blind.stand import read_points
 from dogshape.validation.blind.true_effects import RANGES
 
 DRAWN = tuple(cases_of().values())
@@ -49,18 +49,6 @@ def test_a_full_set_has_what_was_asked_for() -> None:
     assert all(len(set(one.numbers)) > 1 for one in CASES)
 
 
-def test_candidates_differ_in_their_truth_alone() -> None:
-    for some in DRAWN:
-        first = some[0]
-        assert len(some) == DRAWS.get(first.engine, {}).get(first.kind, 1)
-        for other in some[1:]:
-            same = replace(
-                other, parameters=first.parameters, outside=first.outside, seed=first.seed
-            )
-            assert same == first
-            assert other.seed != first.seed
-
-
 def test_nominal_values_are_off_by_their_errors() -> None:
     case = replace(PLAIN, places=(0,) * 24, numbers=(3,) * 24, force_error=0.03, speed_error=0.01)
     ratios = []
@@ -72,15 +60,6 @@ def test_nominal_values_are_off_by_their_errors() -> None:
     off = np.std(np.array(ratios) - 1.0, axis=0)
     assert off == pytest.approx([0.03, 0.01], rel=0.1)
     assert true_points(case, GRID) == true_points(case, GRID)
-
-
-def test_a_drift_goes_by_the_place_in_the_series() -> None:
-    case = replace(PLAIN, contact={"drift": 0.5}, places=(0, 1), numbers=(3, 5))
-    fades = [d.fade for mine in series_draws(case, read_stand(base("large"))) for d in mine]
-    assert fades == pytest.approx(1.0 - 0.5 * np.arange(8) / 7)
-    mixed = replace(case, shuffled=True)
-    assert sorted(k for mine in series_places(mixed) for k in mine) == list(range(1, 9))
-    assert series_places(mixed) != series_places(case)
 
 
 def _likelihood(folder: Path, sensor: str, model: Any) -> Any:

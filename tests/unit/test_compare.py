@@ -14,7 +14,6 @@ from dogshape.check import check_design
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.versions import bundled_root
 from tests.conftest import Said
-from tests.kept import kept_folder
 
 Call = Callable[..., Said]
 KEPT = json.loads((bundled_root() / "mq200_paper/result.json").read_text())
@@ -50,25 +49,6 @@ def test_margins_at_worst_case_tolerances_have_the_check_behind_them() -> None:
     for key in ("weakest_check_worst_case", "margin_worst_case"):
         assert [item[key] for item in items[:2]] == [row[key] for row in rows]
     assert "smallest_margin_worst" not in [item["weakest_check"] for item in items]
-
-
-def test_a_design_that_does_not_engage_has_counts_and_no_time(tmp_path: Path) -> None:
-    folder = kept_folder(tmp_path / "mine")
-    result = folder.stored_result()
-    for one in (result["confirmation"]["best"], *result["confirmation"]["designs"]):
-        one["points"][0]["engaged"] = 0.25
-    folder.result.write_text(json.dumps(result))
-    item = ds.compare(*(f"{folder.root}#{trial}" for trial in (OTHER, CHOSEN))).items[1]
-    engaged, count = item["shifts_engaged"]
-    assert item["expected_shift_time_s"] is None
-    assert engaged < count
-    assert (item["difference_s"], item["gain_s"]) == (None, None)
-
-
-def test_a_study_without_a_number_is_its_chosen_design(tmp_path: Path) -> None:
-    here = str(kept_folder(tmp_path / "mine").root)
-    items = ds.compare("mq200_paper", here, f"{here}#{OTHER}").items
-    assert [item["design"] for item in items[1:]] == [CHOSEN, OTHER]
 
 
 def test_keys_of_the_study_files_that_differ_are_rows(tmp_path: Path) -> None:

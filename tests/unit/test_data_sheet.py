@@ -51,17 +51,6 @@ def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) 
     assert sizes["height_mm"] == pytest.approx(sheet["height_mm"])
 
 
-def test_a_design_that_was_not_confirmed_has_the_time_of_the_search(folder: StudyFolder) -> None:
-    known = {0, *(one["trial"] for one in RESULT["confirmation"]["designs"])}
-    row = next(r for r in RESULT["trials"] if r["trial"] not in known and r["feasible"])
-    path = ds.load_result(folder.root).data_sheet(row["trial"], folder.root / "sheet.json")
-    sheet = json.loads(path.read_text())
-    assert (sheet["source"], sheet["why"]) == ("search", None)
-    assert sheet["expected_shift_time_s"] == row["expected_shift_time_s"]
-    margins = {check["name"]: check["margin"] for check in sheet["checks"]}
-    assert margins["edge_pressure_impact"] == row["margins"]["edge_pressure_impact"]
-
-
 def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
     keys = ("--set", "dog.chamfer_deg=12")
     assert dogshape("export", "mq200", *keys, "--sheet", "sheet.json").status == 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import combinations
@@ -11,8 +10,6 @@ from pathlib import Path
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import EffectError, GeometryError, InputError
@@ -45,17 +42,6 @@ def test_effects_are_those_of_the_contract_and_work(setting: Setting) -> None:
     assert reversed_.apply(setting, {}) == setting.with_point(mismatch=-setting.point.mismatch)
     still = setting.with_point(mismatch=0.0)
     assert reversed_.apply(still, {}).block((0.1,)).keys == still.block((0.1,)).keys
-
-
-def test_the_notes_list_every_effect_with_its_range() -> None:
-    notes = (Path(__file__).parents[2] / "docs" / "effects.md").read_text(encoding="utf-8")
-    named = re.findall(r"^\| `(\w+)` \| \*\*", notes, re.MULTILINE)
-    assert sorted(named) == NAMES, "the names that stored diagnoses use"
-    for effect in EFFECTS.values():
-        row = next(line for line in notes.splitlines() if line.startswith(f"| `{effect.name}` |"))
-        assert f"**{effect.plain}**:" in row
-        for p in effect.parameters:
-            assert f"`{p.name}` {p.low:g} to {p.high:g}, {p.scale}" in row
 
 
 @pytest.mark.parametrize("effect", [e for e in EFFECTS.values() if e.parameters])
@@ -218,13 +204,8 @@ def test_a_bank_is_stored_and_goes_on(tmp_path: Path, setting: Setting) -> None:
 def test_neutral_values_that_change_a_shift_are_refused(
     tmp_path: Path, dogshape: Callable[..., Said]
 ) -> None:
-    mine = tmp_path / "mine"
-    mine.mkdir()
-    text = OWN.format(name="thick_oil")
-    wrong = text.replace('"damping_Ns_m", 0.0', '"damping_Ns_m", 400.0')
-    assert wrong != text
-    (mine / "thick_oil.py").write_text(wrong)
-    said = dogshape("gap", "mq200_stand", "--effects", mine)
+    text = OWN.format(name="thick_oil").replace('"damping_Ns_m", 0.0', '"damping_Ns_m", 400.0')
+    (tmp_path / "thick_oil.py").write_text(text)
+    said = dogshape("gap", "mq200_stand", "--effects", tmp_path)
     assert said.status == 2
     assert "with its neutral values (damping_Ns_m = 400) the effect thick_oil" in said.sentence
-    assert "neutral values have to change nothing" in said.sentence

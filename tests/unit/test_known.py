@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.check import ENGINE_ERROR, SHIFTS, check_design
-from dogshape.expectation import simulate_mean
+from dogshape.expectation import EVERYWHERE, simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.train.training_rows import own_surrogate, stored_surrogate
 from dogshape.running import Where
@@ -62,6 +62,7 @@ def test_a_clutch_without_a_surrogate_is_simulated_by_the_compiled_engine(
     mean = simulate_mean(
         load_study("mq200_paper", [*few, "solver.engine=planar", "expectation.seed=7"]),
         Where(jobs=1),
+        EVERYWHERE,
         angles=40,
     ).mean
     error = math.hypot(record["standard_error_s"], mean.standard_error)

@@ -72,14 +72,3 @@ def test_tolerances_at_their_worst_are_a_limit_with_a_price(
     assert row["without_s"] == pytest.approx(fastest(replace(study, limits=exact)))
     assert bool(prices_table([row]).rows) == cost
     assert all(one["now_s"] == row["now_s"] for one in rows.values())
-
-
-def test_the_price_of_a_natural_step() -> None:
-    """A millisecond for a tenth of 1.5 mm is two thirds of one for a tenth of a millimetre."""
-    row = {"name": "tip_width", "key": "k", "unit": "mm", "limit": 1.5, "at_most": False,
-           "less_s": 0.0500, "now_s": 0.0501, "more_s": 0.0520, "without_s": None}  # fmt: skip
-    (line,) = prices_table([row]).rows
-    assert line == ["tip width k", "≥ 1.5 mm", "50.0", "50.1", "52.0", "no design",
-                    "0.67 ms per 0.1 mm"]  # fmt: skip
-    assert prices_table([row | {"less_s": None}]).rows[0][-1] == ""
-    assert prices_table([row | {"more_s": 0.0501, "without_s": 0.0501}]).rows == []

