@@ -14,7 +14,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_times
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan, shift_plan
-from dogshape.diagnosis.report.wording import chance, findings_record, summary
+from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
     Means,
@@ -184,11 +184,17 @@ def diagnose(
     if study is not None:
         studied(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
-        found = diagnosed(given, means)
-        price = None if study is None else price_of(found, study, means, folder or Path(bank))
+        found, where = diagnosed(given, means), "not written, for lack of --out"
+        if folder is not None:
+            where = f"written to {publish(found, folder)}"
+            keep_data(given, folder, means.effects)
+        if study is None:
+            return Diagnosis(found, None, folder)
+        verdict = headline_of(found.verdict, found.effects)
+        progress.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
+        price = price_of(found, study, means, folder or Path(bank))
         if folder is not None:
             publish(found, folder, price)
-            keep_data(given, folder, means.effects)
     return Diagnosis(found, price, folder)
 
 

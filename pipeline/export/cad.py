@@ -9,7 +9,9 @@ operation of it that fails for small lands. build123d is an optional extra and s
 from __future__ import annotations
 
 import io
+import itertools
 import math
+import re
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -70,7 +72,14 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
     written = io.BytesIO()
     cad.export_step(pair, written, timestamp=TIME)
     with naming(path):
-        path.write_bytes(written.getvalue())
+        path.write_bytes(_numbered(written.getvalue()))
+
+
+def _numbered(text: bytes) -> bytes:
+    """Number the parts of the assembly from 1; the kernel goes on counting from file to file."""
+    count = itertools.count(1)
+    pattern = rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'"
+    return re.sub(pattern, lambda found: b"%b%d'" % (found[1], next(count)), text)
 
 
 def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:

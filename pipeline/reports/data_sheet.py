@@ -387,6 +387,12 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
     return {name: words for name, words in facts.items() if words}
 
 
+def dates_of(result: Path) -> str:
+    """Write the days on which a result was stored, by its file, and its report written."""
+    stored = datetime.fromtimestamp(result.stat().st_mtime, UTC)
+    return f"result stored {stored:%Y-%m-%d}, report written {datetime.now(UTC):%Y-%m-%d}"
+
+
 def command_of(study: Setup) -> str | None:
     """Compose the command that runs a study like this one; None unless ``--set`` leads to it.
 

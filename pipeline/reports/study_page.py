@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
-from datetime import UTC, datetime
 from pathlib import Path
 
 from markupsafe import Markup
@@ -18,6 +17,7 @@ from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports.charts import effects_figure, front_figure, times_by_point
 from dogshape.pipeline.reports.data_sheet import (
+    dates_of,
     difference,
     point_differences,
     provenance_of,
@@ -377,8 +377,7 @@ def life_table(stages: list[Row]) -> Table:
 
 def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
     """Tabulate command, dates, numerical error, surrogate and versions."""
-    fitted, numerical, now = result["surrogate"], None, datetime.now(UTC)
-    stored = datetime.fromtimestamp(folder.result.stat().st_mtime, UTC)
+    fitted, numerical = result["surrogate"], None
     judged = "none: it needs a finished search with at least ten simulated designs"
     if fitted:
         judged = (
@@ -391,7 +390,7 @@ def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
         numerical = result["confirmation"]["best"].get("numerical_error_s")
     facts = {
         **provenance_of(study, result),
-        "dates (UTC)": f"result stored {stored:%Y-%m-%d}, report written {now:%Y-%m-%d}",
+        "dates (UTC)": dates_of(folder.result),
         "numerical error": "" if numerical is None else f"{1e3 * numerical:.2g} ms",
         "surrogate": judged,
     }
