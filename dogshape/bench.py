@@ -15,7 +15,7 @@ from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Table, frame_of, tabulate
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.store.result_records import BenchPoint, engaged_record
-from dogshape.result import Frame, Result
+from dogshape.result import Figure, Frame, Result
 from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated
@@ -80,6 +80,13 @@ class Comparison(Result):
             "numerical_error_s": result.numerical_error,
             **findings_record(result.bench),
         }
+
+    def plot(self) -> Figure:
+        """Draw bench times beside the simulated ones with their 90 % band, a panel a force."""
+        from dogshape.pipeline.reports.charts import times_by_point  # noqa: PLC0415
+
+        sides = {"simulation": ("simulated_s", "standard_error_s"), "bench": ("bench_s", "")}
+        return times_by_point(self.to_dict()["points"], sides)
 
     def to_frame(self) -> Frame:
         """Give a row for each operating point: bench, simulation, standard error, z."""

@@ -14,10 +14,11 @@ from scipy.stats import norm
 from dogshape.pipeline.config.study_file import Setup, load_study, points_of
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.record import Table, frame_of, number_or_none, tabulate
+from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
-from dogshape.result import Frame, Result
+from dogshape.result import Figure, Frame, Result
 from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
@@ -87,6 +88,10 @@ class Expectation(Result):
         engine, mechanism = self.config.clutch.solver.engine, self.config.mechanism
         more = {"mechanism": mechanism} if mechanism else {}
         return {"engine": engine, **self.record.to_dict(), **more}
+
+    def plot(self) -> Figure:
+        """Draw the mean time of each operating point with its 95 % interval."""
+        return times_by_point(self.to_dict()["points"], {"mean": ("mean_s", "standard_error_s")})
 
     def to_frame(self) -> Frame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""

@@ -10,6 +10,8 @@ from pathlib import Path
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import EffectError, GeometryError, InputError

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -220,3 +221,39 @@ print(*sorted({set(SLOW) - {"numpy"}} & set(sys.modules)))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
     assert "(surrogate); single shifts scatter" in done.stderr
+
+
+def test_one_place_makes_consoles() -> None:
+    """It turns markup off: names and paths of users have square brackets."""
+    making = [path for path in MODULES if "Console(" in path.read_text(encoding="utf-8")]
+    assert making == [ROOT / "dogshape" / "cli" / "console.py"]
+
+
+def test_no_room_asks_for_the_time_of_day() -> None:
+    """Only a report's provenance does, and what reads the times that a bench wrote."""
+    reading = ("foreign_cells", "table")
+    allowed = {ROOT / f"diagnosis/bench/{name}.py" for name in reading}
+    allowed.add(ROOT / "pipeline/reports/data_sheet.py")
+    words = re.compile(r"time\.time\(|datetime|time_ns\(|st_mtime")
+    product = {p for p in MODULES if not p.is_relative_to(ROOT / "validation")}
+    assert not [p for p in product - allowed if words.search(p.read_text(encoding="utf-8"))]
+
+
+#: First words of a docstring that name no thing, and words with a better one in the glossary.
+EMPTY = re.compile(
+    r"(Return (what|which|whether|how|when|where|by how|that|those|it)\b|Tell |What |Say )"
+)
+WORN = re.compile(
+    r"\b(fore(tell|told|tells)|beliefs?|lateness|afresh|fresh|nought)\b", re.IGNORECASE
+)
+
+
+def test_docstrings_name_a_thing_first_and_use_the_words_of_the_glossary() -> None:
+    found = []
+    for path in MODULES:
+        for node in ast.walk(_tree(path)):
+            if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef):
+                text = re.sub(r"``[^`]*``", "", ast.get_docstring(node) or "")
+                if EMPTY.match(text) or WORN.search(text):
+                    found.append((path, getattr(node, "name", ""), text))
+    assert found == []
