@@ -82,12 +82,6 @@ def diagnosis_of(
     return SimpleNamespace(**(given | more))
 
 
-def at_times(fit: Fit, mean: Array) -> Fit:
-    """Return a fit with other mean times, (K, C) or (C,)."""
-    whole = np.broadcast_to(mean, fit.predicted.mean.shape)
-    return replace(fit, predicted=replace(fit.predicted, mean=np.array(whole)))
-
-
 class ToyModel:
     """The toy's times, with errors of 1 ms."""
 

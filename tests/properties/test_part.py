@@ -9,12 +9,7 @@ import numpy as np
 import pytest
 
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.part import (
-    SMALLEST_RADIUS,
-    lands,
-    profile,
-    ring_part,
-)
+from dogshape.sim.part import SMALLEST_RADIUS, lands, profile, ring_part
 from dogshape.sim.shift.geometry import LAND, Dog, root_radius_room
 from dogshape.sim.shift.mesh import Lines, Mesh, Plane, dog_planes, rotation
 from dogshape.sim.strength.manufacture import ManufacturingLimits, manufacturing_checks

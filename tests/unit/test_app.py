@@ -10,14 +10,7 @@ from xml.etree import ElementTree
 import pytest
 
 import dogshape as ds
-from dogshape.app import (
-    FILES,
-    Desk,
-    answer_at_once,
-    build_app,
-    link_files,
-    open_desk,
-)
+from dogshape.app import FILES, Desk, answer_at_once, build_app, link_files, open_desk
 from dogshape.pipeline.config.study_file import bundled_studies, load_study, replace_keys
 from dogshape.pipeline.export.drawing import open_section_svg
 from dogshape.pipeline.store.folder import StudyFolder

@@ -80,13 +80,6 @@ def test_finer_or_few_times_show_none(folder: Path, values: tuple[float, ...]) -
     assert (bench.clock_step, bench.warnings) == (0.0, ())
 
 
-@pytest.mark.parametrize("step", [5.0, 0.0])
-def test_a_stated_step_is_taken_without_a_word(folder: Path, step: float) -> None:
-    times(folder, *CYCLES)
-    state(folder, f"[errors]\nclock_step_ms = {step}")
-    assert (load_bench(folder).clock_step, load_bench(folder).warnings) == (1e-3 * step, ())
-
-
 def test_a_step_that_the_times_do_not_have_is_refused(folder: Path) -> None:
     times(folder, *CYCLES, 0.1234)
     state(folder, "[errors]\nclock_step_ms = 10.0")

@@ -7,12 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from dogshape.sim.statistics.expectation import (
-    Values,
-    even_phases,
-    halves,
-    mean_round_the_pitch,
-)
+from dogshape.sim.statistics.expectation import Values, even_phases, halves, mean_round_the_pitch
 
 Time = Callable[[Values], Values]
 

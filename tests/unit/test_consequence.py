@@ -11,10 +11,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.diagnose.consequence import (
-    consequence,
-    studied,
-)
+from dogshape.pipeline.diagnose.consequence import consequence, studied
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.effects import load
 from dogshape.sim.errors import DataError

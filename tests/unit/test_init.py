@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import hashlib
-import tomllib
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,10 +18,9 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study
-from dogshape.pipeline.config.toml_text import SOURCE, with_values
+from dogshape.pipeline.config.toml_text import SOURCE
 from dogshape.pipeline.diagnose.study_keys import study_of
 from dogshape.sim.clutch_tables import validate
-from dogshape.sim.errors import InputError
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.benches import GOOD
@@ -208,38 +206,6 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     )
     assert bench.source.startswith("me, today; m.csv (SHA-256 ")
     assert bench.readings[0].time == pytest.approx(0.19)
-
-
-def test_values_are_replaced_in_place() -> None:
-    text = """\
-x = 1 # one
-[op]  # every speed; source: table 1
-speed = [
- 1,
- 2]  # 1/min; source: page 3
-force = [3]
-[m]
-# about c
-c = "#"
-mass = 0.3  # source: scales
-[l]
-a = 1.0  # of a flank
-"""
-    values = {"x": 2, "op": {"set": "amt"}, "m.mass": None, "m.f": True, "l.a": 1, "s.t": {"z": 1}}
-    done = with_values(text, values)
-    assert tomllib.loads(done) == {
-        "x": 2, "op": {"set": "amt"}, "m": {"c": "#", "f": True}, "l": {"a": 1.0},
-        "s": {"t": {"z": 1}},
-    }  # fmt: skip
-    assert all(
-        f"# {comment}" in done for comment in ("one", "every speed", "about c", "of a flank")
-    )
-    assert "source" not in done
-    spread = with_values(text, {"op.speed": {"distribution": "normal", "mean": 0.0}})
-    assert tomllib.loads(spread)["op"]["speed"] == {"distribution": "normal", "mean": 0.0}
-    assert "# 1/min\n" in spread
-    with pytest.raises(InputError, match="force is a value and not a table"):
-        with_values(text, {"op.force.low": 1})
 
 
 def _begun(dogshape: Call, *sets: str, origin: str = "mq200") -> tuple[Said, Setup]:

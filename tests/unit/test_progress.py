@@ -8,7 +8,7 @@ import pytest
 
 from dogshape.cli.console import ProgressBar
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.progress import WorkCounter, about
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.journal import ShiftJournal
 from dogshape.sim.statistics.blocks import even_blocks
@@ -27,36 +27,6 @@ def test_progress_says_an_upper_bound_as_such(
         exact.advance(1)
     said = [line.partition(" shifts")[0] for line in capsys.readouterr().err.splitlines()]
     assert said == ["4 of at most 10", "5 of at most 7", "10 of at most 10", "1 of 2"]
-
-
-def test_the_rate_outlasts_a_change_of_the_total(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    now = 0.0
-    monkeypatch.setattr("rich.console.monotonic", lambda: now)
-    with WorkCounter(ProgressBar(), 400) as progress:
-        progress.advance(200, 200)
-        now = 14.0
-        progress.advance(10)  # too soon for a line
-        progress.advance(100, 100)  # not of this run
-        now = 100.0
-        progress.advance(10)
-        progress.rest(120)
-        progress.advance(20)  # too soon again
-        now = 200.0
-        progress.advance(20)
-    assert capsys.readouterr().err.splitlines() == [
-        "320 of 400 shifts, about 7 minutes left",
-        "360 of 440 shifts, about 4 minutes left",
-    ]
-
-
-def test_times_are_said_in_minutes_and_hours() -> None:
-    for seconds, said in (
-        (50.0, "about a minute"), (7140.0, "about 119 minutes"), (7200.0, "about 2 h"),
-        (7900.0, "about 2 h 10 min"), (86_400.0, "about 24 h"),
-    ):  # fmt: skip
-        assert about(seconds) == said
 
 
 def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:

@@ -5,19 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from dogshape.diagnosis.bench.stand_file import Sensor
-from dogshape.diagnosis.report.wording import (
-    between,
-    summary,
-)
+from dogshape.diagnosis.report.wording import between, summary
 from dogshape.diagnosis.terms import NONE
-from tests.diagnosed import (
-    DAMPED,
-    HEAVY,
-    STAND,
-    diagnosed,
-    diagnosis_of,
-    reading,
-)
+from tests.diagnosed import DAMPED, HEAVY, STAND, diagnosed, diagnosis_of, reading
 
 
 def test_the_summary_has_sizes_over_all_plausible_hypotheses() -> None:

@@ -19,13 +19,7 @@ from dogshape.sim.part import dog_corners, ring_part
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.geometry import (
-    FLANKS,
-    Dog,
-    crest_loss,
-    crest_setback,
-    flank_contact,
-)
+from dogshape.sim.shift.geometry import FLANKS, Dog, crest_loss, crest_setback, flank_contact
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.shift.mesh import (
     DEVIATION,
@@ -37,9 +31,7 @@ from dogshape.sim.shift.mesh import (
     touching_planes,
 )
 from dogshape.sim.strength.dog_strength import Limits, notch_factor
-from dogshape.sim.strength.landing import (
-    demand_of,
-)
+from dogshape.sim.strength.landing import demand_of
 from dogshape.sim.strength.manufacture import (
     ManufacturingLimits,
     manufacturing_checks,

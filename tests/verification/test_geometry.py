@@ -10,10 +10,7 @@ import pytest
 
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.shift.geometry import Dog, section
-from dogshape.sim.shift.mesh import (
-    dog_planes,
-    dog_solid,
-)
+from dogshape.sim.shift.mesh import dog_planes, dog_solid
 from dogshape.sim.units import DEG
 
 

@@ -16,13 +16,7 @@ from dogshape.sim.engines import engage
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import (
-    Clutch,
-    ContactSet,
-    OperatingPoint,
-    contact_set,
-    solver_for,
-)
+from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import penetration
 from dogshape.sim.shift.mechanism import SLIP, Mechanism, smooth_sign
 from dogshape.sim.shift.plant import SHIFT, ClutchPlant
