@@ -80,4 +80,12 @@ def test_flat_faces_mirror_by_exchanging_the_flanks(
 def test_units_go_there_and_back(suffix: str, value: float) -> None:
     name = f"quantity{suffix}"
     assert from_si(name, to_si(name, value)) == pytest.approx(value, rel=1e-12, abs=1e-300)
-    assert unit_of(name)
+    assert bool(unit_of(name)) == bool(suffix)
+
+
+def test_units_of_names() -> None:
+    assert to_si("height_mm", 3.7) == pytest.approx(3.7e-3)
+    assert to_si("mismatch_rpm", 60.0) == pytest.approx(6.283185307)
+    assert to_si("stiction_velocity_m_s", 2.0) == 2.0
+    assert to_si("count", 15) == 15
+    assert unit_of("proof_stress_MPa") == "MPa"
