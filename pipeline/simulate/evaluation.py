@@ -289,9 +289,11 @@ def expect_to(
 
     The last round is returned, with its shifts; progress says why that was not reached.
     """
-    count, seed, unsure = FIRST, study.file.expectation.seed, study.uncertainty
+    count, seed = FIRST, study.file.expectation.seed
     while True:
-        blocks = even_blocks(study.clutch, points, count, seed, FIRST, uncertainty=unsure)
+        blocks = even_blocks(
+            study.clutch, points, count, seed, FIRST, uncertainty=study.uncertainty
+        )
         rows = executor.run(blocks)
         found = expectation_of(study, points, rows)
         share, shifts = found.standard_error / found.mean, len(points) * count
@@ -306,7 +308,7 @@ def expect_to(
         few = ", from too few to trust" if share <= precision else ""
         progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
         count *= 2
-        progress.rest(shifts if unsure is None else 2 * shifts)  # factors are drawn anew
+        progress.rest(shifts)
 
 
 STAGES = (0.0, 0.5, 1.0)  #: shares of the life

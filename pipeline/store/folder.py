@@ -24,7 +24,7 @@ class StudyFolder:
         self.root = root
         self.manifest = root / "study.json"  # study file as it was run, hashes and versions
         self.trials = root / "trials.log"  # Optuna's journal
-        self.running = root / "running.jsonl"  # shifts of designs under way, until they are told
+        self.running = root / "running.jsonl"  # shifts of designs under way
         self.shifts = root / "shifts.jsonl"  # shifts of Drake: kept
         self.result = root / "result.json"  # front, best design, confirmation and audit
         self.rows = root / "rows.json"  # what the surrogate learns of a search

@@ -242,7 +242,7 @@ EFFECTS = (
         title="mismatch off nominal"),
     Effect(
         "reversed_mismatch", (),
-        # Nought stays +0, so that the point keeps its key.
+        # Zero stays +0, so that the point keeps its key.
         lambda setting, _: setting.with_point(mismatch=0.0 - setting.point.mismatch),
         BenchTest("sense of rotation at the rig", "Look which way the driven ring turns, or which "
                   "flanks of the dogs are marked after some shifts: the traction flanks where the "

@@ -128,7 +128,7 @@ def test_the_whole_front_is_confirmed_and_has_the_values_of_the_new_angles(
 
 
 def test_designs_that_were_lucky_or_fail_later_leave_the_front(searched: Searched) -> None:
-    """What one had beaten is confirmed; the trials stay those of the search."""
+    """A design that a withdrawn one dominated is confirmed; trials stay those of the search."""
     plain = searched()
     first = _dominating(plain["trials"])
     number, beaten = first["trial"], _front(plain["trials"], first["trial"])
