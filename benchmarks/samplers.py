@@ -271,6 +271,12 @@ class Truth:
         return tuple(design[name] for name in self._study.variables)
 
 
+def covered(values: Array, beyond: Array) -> float:
+    """Compute the hypervolume of objectives (n, 2) up to a point; those beyond it add nothing."""
+    inside = values[(values <= beyond).all(axis=1)]
+    return float(compute_hypervolume(inside, beyond)) if len(inside) else 0.0
+
+
 def tell(runs: Sequence[Run], minutes: Sequence[float], truth: Truth) -> None:
     """Judge the fronts of all runs and print the tables."""
     study = problem()
@@ -281,9 +287,9 @@ def tell(runs: Sequence[Run], minutes: Sequence[float], truth: Truth) -> None:
     truth.learn(every)
     prototype = truth.of([study.prototype])[0]
     beyond, values = BEYOND * prototype, truth.of(every)
-    reference = compute_hypervolume(values, beyond)
+    reference = covered(values, beyond)
     shares = {
-        key: np.array([compute_hypervolume(truth.of(part), beyond) / reference for part in parts])
+        key: np.array([covered(truth.of(part), beyond) / reference for part in parts])
         for key, parts in fronts.items()
     }
     best = int(not_dominated(np.unique(values, axis=0)).sum())
