@@ -58,7 +58,7 @@ def stored_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path]:
     """Return the surrogate to ask and its file; DataError where there is none.
 
     The one that is named; else that of the study's space, the package's of the same physics, that
-    of the study's search, and the package's of the same name, whose differences are told.
+    of the study's search, and the package's of the same name, whose differences are named.
     """
     space, own = (StudyFolder(root).surrogate for root in (space_out(study), default_out(study)))
     if named is None and not space.is_file() and (brought := _brought(study)) is not None:
