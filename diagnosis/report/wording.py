@@ -18,7 +18,7 @@ from dogshape.sim.units import suffix_of, unit_of
 
 OPEN = 0.05  #: probability from which an open effect, or a reading of the record, is stated
 LIKELY = 0.5  #: probability from which the size of an open effect is compared with its source
-MOST = 4  #: open effects, or possible hypotheses, in a sentence
+MOST = 4  #: open effects in a sentence
 EXPLAINED = 0.1  #: share of the gap below which a reading at rest is refuted as its cause
 BEYOND = 1.5  #: times the usual size from which a size is called large
 #: Readings of a record by key and value, as the clause "where ...".
@@ -79,8 +79,7 @@ def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
         return "Unknown: no known effect explains the gap"
     if names:
         return f"Part of the cause: {names}; the rest is open"
-    more = " and others" if len(verdict.credible) > MOST else ""
-    return f"Open: {listed([plain(h, effects) for h in verdict.credible[:MOST]], 'or')}{more}"
+    return f"Open: most probable is {plain(verdict.credible[0], effects)}"
 
 
 def summary(found: Diagnosis) -> str:
