@@ -38,9 +38,9 @@ class ShiftJournal:
             landing_of(row)
 
         found = {row["key"]: row for row in read_lines(self.path, require, "a finished shift")}
-        new = [row for key, row in found.items() if key not in self.rows]
-        self.add(new)
-        return new
+        new = {key: row for key, row in found.items() if key not in self.rows}
+        self.rows.update(new)
+        return list(new.values())
 
     def add(self, rows: Iterable[Record]) -> None:
         """Take up rows that a worker has already written; from now on a power cut leaves them."""

@@ -118,6 +118,20 @@ def test_shifts_kept_elsewhere_leave_the_journal_and_others_stay(tmp_path: Path)
     assert set(ShiftJournal(path).rows) == {"b", "c"}
 
 
+def test_a_journal_is_read_without_a_right_to_write(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "shifts.jsonl"
+    append(path, {"key": "a", "outcome": "engaged", "shift_time_s": 0.1,
+                  "landing_loads_N_mm": [0.0]})  # fmt: skip
+
+    def refused(*_: object) -> int:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr("dogshape.pipeline.store.journal.os.open", refused)
+    assert set(ShiftJournal(path).rows) == {"a"}
+
+
 def test_a_full_disk_is_said_with_the_file(tmp_path: Path, dogshape: Any) -> None:
     (tmp_path / "full").symlink_to("/dev/full")
     said: Said = dogshape("export", "mq200_paper", "--svg", "full")
