@@ -344,7 +344,7 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         manufacturing=file.manufacturing.value,
         tolerances=file.tolerance.value,
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
-        strike=file.strike.strike(clutch.rings, points) if file.strike else None,
+        strikes=tuple(file.strike.at_ends(clutch.rings, points)) if file.strike else (),
     )
 
 
