@@ -98,6 +98,7 @@ class Checked(Result):
             f"feasible: {verdict}{open_ones}",
             f"smallest margin: {weakest.margin:.1%}, {weakest.name}",
             f"at worst-case tolerances: {self.worst_case}",
+            *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
             *(f"warning: {note}" for note in self.notes),
             f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
         ]
@@ -348,15 +349,15 @@ class Strength(Checked):
     def strikes(self) -> list[dict[str, Any]]:
         """Flank strikes: speed, torque, and force on the dog that bears most, by flank."""
         dog, limits = self.config.clutch.dog, self.config.limits
-        strike = limits.strike
-        return [] if strike is None else [
+        return [
             {
                 "flank": flank,
+                "ends": strike.ends,
                 "mismatch_rpm": strike.speed(flank) / RPM,
                 "torque_Nm": strike_torque(dog, limits, strike, flank),
                 "force_per_dog_N": strike_force(dog, limits, strike, flank),
             }
-            for flank in strike.flanks
+            for strike in limits.strikes for flank in strike.flanks
         ]  # fmt: skip
 
     def to_parts(self) -> list[str | Table]:
@@ -368,8 +369,9 @@ class Strength(Checked):
             *([] if sharing is None else [f"load sharing by number and accuracy: {sharing:.2f}"]),
             *(
                 "{flank} flanks that strike at {mismatch_rpm:.4g} 1/min make {torque_Nm:.0f} N m, "
-                "{force_per_dog_N:.0f} N on one dog".format(**one)
+                "{force_per_dog_N:.0f} N on one dog{at}".format(**one, at=at)
                 for one in self.strikes
+                for at in [f" at {one['ends']}" * bool(one["ends"])]
             ),
         ]
 

@@ -10,11 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable
 from functools import reduce
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
 ARRAY: Any = np.ndarray
+Value = TypeVar("Value", float, str)
 
 
 def _elementwise(one: Callable[[float], float], many: Any) -> Callable[[float], float]:
@@ -47,7 +48,7 @@ def smallest(*values: float) -> float:
     return reduce(np.minimum, values) if _hold_array(values) else min(values)
 
 
-def where(condition: bool, one: float, other: float) -> float:
+def where(condition: bool, one: Value, other: Value) -> Value:
     """Select ``one`` where a condition holds, else ``other``."""
     if isinstance(condition, ARRAY):
         found: Any = np.where(condition, one, other)

@@ -5,11 +5,12 @@ Lengths, angles and speeds are in the unit that a key ends in. Values are SI.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Literal, get_type_hints
+from typing import Annotated, Any, ClassVar, Literal, Optional, get_type_hints
 
-from pydantic import Field, create_model
+from pydantic import Discriminator, Field, Tag, create_model
 
 from dogshape.pipeline.config.operating import ActuationSection, Numbers, OperatingSection
 from dogshape.sim.clutch_tables import (
@@ -51,6 +52,11 @@ AUDIT_SHIFTS = 200  #: of a search, again in Drake
 MIX_SHIFTS = 135_000  #: of a fit, at all operating points of designs
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+#: A number, or the range that it lies in, which is judged at its worst end; tags as in ``Spread``.
+Ends = Annotated[
+    Annotated[float, Tag("a number")] | Annotated[Range, Tag("a range")],
+    Discriminator(lambda value: "a range" if isinstance(value, list) else "a number"),
+]
 
 #: Least and largest value of keys that no value of ``sim`` checks.
 RANGES = {
@@ -93,12 +99,14 @@ class Keys(Section):
 
 
 def keys_of(
-    of: Any, named_by: Any = None, *, leave: Sequence[str] = (), late: Sequence[str] = ()
-) -> Any:
+    of: Any, named_by: Any = None, *, leave: Sequence[str] = (), late: Sequence[str] = (),
+    kind_of_number: Any = None,
+) -> Any:  # fmt: skip
     """Make the base of a section from the ranges of a value of ``sim`` (``within``).
 
     An absent key has the value's default, or None beside the ``set`` that a name gives. Fields of
     ``leave`` have no key. Those of ``late``, and of the default None, came later (``later``).
+    ``kind_of_number`` is what keys hold where that is not a number alone.
     """
 
     class Base(Keys):
@@ -109,7 +117,8 @@ def keys_of(
     hints = get_type_hints(of)
     for name, (key, *_) in ranges_of(of).items():
         default: Any = None if named_by else getattr(of, name, None if name in late else ...)
-        hint = hints[name] | None if default is None else hints[name]
+        hint = kind_of_number or hints[name]
+        hint = Optional[hint] if default is None else hint  # noqa: UP045  # no '|' for Annotated
         if default not in (None, ...):
             default = from_si(key, default)
         if name in late or (default is None and not named_by):
@@ -175,16 +184,22 @@ class LoadSection(keys_of(LoadCase, late=("coast_share", "run_out", "tilt"))):  
 
 
 class StrikeSection(
-    keys_of(Strike, leave=("sliding_inertia", "output_inertia"), late=("wheel_inertia",))  # type: ignore[misc]
-):
+    keys_of(  # type: ignore[misc]
+        Strike, leave=("sliding_inertia", "output_inertia"), late=("wheel_inertia",),
+        kind_of_number=Ends,
+    )
+):  # fmt: skip
     """Flank strike of the strength checks (``sim.strength.strike``); absent, it is not judged."""
 
     mismatch_rpm: Numbers | None = later()
 
-    def strike(self, rings: Rings, points: Sequence[OperatingPoint]) -> Strike:
-        """Build the strike, at the mismatches of the points where it gives none of its own."""
-        given = self.si("mismatch_rpm")
-        if ("wheel_inertia" in given) != ("output_stiffness" in given):
+    def at_ends(self, rings: Rings, points: Sequence[OperatingPoint]) -> Iterator[Strike]:
+        """Build the strike at the ends of all ranges together, or the one that the keys give.
+
+        It has the mismatches of the points where it gives none of its own.
+        """
+        given = self.model_dump(exclude={"mismatch_rpm"}, exclude_none=True)
+        if ("wheel_inertia_kgm2" in given) != ("output_stiffness_Nm_rad" in given):
             raise InputError(
                 "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together; "
                 "give both, or none for a rigid output side"
@@ -193,7 +208,12 @@ class StrikeSection(
         own = self.mismatch_rpm
         speeds = [p.mismatch for p in points] if own is None else [v * RPM for v in own]
         rigid = {"wheel_inertia": rings.output_inertia}
-        return Strike(**(rigid | whole | given), mismatch=tuple(speeds))
+        ranges = [key for key, value in given.items() if isinstance(value, list)]
+        for ends in itertools.product(*(given[key] for key in ranges)):
+            taken = dict(zip(ranges, ends, strict=True))
+            words = ", ".join(f"{key} = {end:g}" for key, end in taken.items())
+            values = rigid | whole | si_fields(given | taken)
+            yield Strike(**values, mismatch=tuple(speeds), ends=words)
 
 
 class MaterialSection(keys_of(Material, material_of)):  # type: ignore[misc]

@@ -214,6 +214,10 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     landing = [one for one in margins_of(best, c["best"]).items() if one[0].endswith(LANDING)]
     if landing:
         yield "hardest landing at the new angles", margin_cell(*min(landing, key=lambda m: m[1]))
+    if ranged := [check for check in c["best"]["checks"] if check.get("ends")]:
+        worst = min(ranged, key=lambda check: float(check["margin"]))
+        words = f"{margin_cell(worst['name'], worst['margin'])}, at {worst['ends']}"
+        yield "at the worst end of ranges", Bad(words) if worst["margin"] < 0.0 else words
     if words := failed_words(c["best"]):
         yield "fails at the new angles", Bad(words)
     yield from _confirmation_facts(result)

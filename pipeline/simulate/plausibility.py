@@ -36,7 +36,7 @@ def notes_of(study: Setup) -> list[str]:
 def slips_of(study: Setup) -> list[str]:
     """Return questions about units in doubt, and a warning of flanks without play."""
     dog, rings, notes = study.clutch.dog, study.clutch.rings, list[str]()
-    steady = replace(study.limits, strike=None)
+    steady = replace(study.limits, strikes=())
     loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]
     if (used := max(check.utilisation for check in loaded)) < IDLE:
         notes.append(f"the torque uses at most {used:.2%} of what the dogs bear; "

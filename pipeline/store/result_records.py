@@ -122,16 +122,21 @@ class CheckRow(Record):
     margin_root_sum_square: float | None = key(
         "margin with tolerances as root of the sum of squares", "1", None, head="rss", form=".0%"
     )
+    ends: str | None = key(
+        "ends of ranges in the study file at which the margin is smallest; absent without ranges",
+        *("", None),
+    )  # fmt: skip
 
 
 def check_record(check: Check) -> dict[str, Any]:
     """Record a check as JSON takes it."""
     rule = check.rule
+    ends: dict[str, Any] = {"ends": check.ends} if check.ends else {}
     row = CheckRow(
         name=check.name, value=number_or_none(check.value), limit=check.limit, unit=check.unit,
         margin=number_or_none(check.margin), passed=check.passed, group=rule.group,
         at_most=rule.at_most, meaning=rule.meaning, formula=rule.formula, source=rule.source,
-        limit_key=rule.key,
+        limit_key=rule.key, **ends,
     )  # fmt: skip
     return row.to_dict()
 

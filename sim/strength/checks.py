@@ -10,6 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
+from dogshape.sim.elementwise import where
 from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.units import DEG, MM, MPA
 
@@ -43,14 +44,23 @@ class Rule:
     at_most: bool
     summary: bool = False
 
+    @property
+    def assumed(self) -> bool:
+        """Whether the limit has no source."""
+        return "assumption" in self.source
+
 
 @dataclass(frozen=True)
 class Check:
-    """Value against limit, both in the unit of ``rule``; of many designs arrays (n,)."""
+    """Value against limit, both in the unit of ``rule``; of many designs arrays (n,).
+
+    ``ends`` are those of ranges in the study file at which the margin is smallest.
+    """
 
     rule: Rule
     value: float
     limit: float
+    ends: str = ""
 
     @property
     def name(self) -> str:
@@ -79,7 +89,8 @@ class Check:
         """Value and limit in words, for a check that fails."""
         value, limit = (f"{one:.4g} {self.unit}".strip() for one in (self.value, self.limit))
         bound = "at most" if self.rule.at_most else "at least"
-        return f"{self.rule.meaning} is {value}, but it must be {bound} {limit}"
+        at = f" at {self.ends}" if self.ends else ""
+        return f"{self.rule.meaning} is {value}{at}, but it must be {bound} {limit}"
 
     @property
     def passed(self) -> bool:
@@ -95,6 +106,13 @@ def feasible(checks: Iterable[Check]) -> bool:
 def smallest_margin(checks: Iterable[Check]) -> Check:
     """Return the check with the smallest margin; one that sums up others names none of them."""
     return min((c for c in checks if not c.rule.summary), key=lambda check: check.margin)
+
+
+def worse(one: Check, other: Check) -> Check:
+    """Return the check with the smaller margin of two of one rule, design by design."""
+    first = one.margin <= other.margin
+    value, limit = where(first, one.value, other.value), where(first, one.limit, other.limit)
+    return Check(one.rule, value, limit, where(first, one.ends, other.ends))
 
 
 _STATIC = "Jasny et al. 2019, with the static coefficient"
@@ -152,7 +170,7 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "axial force that pulls the ring out under the rated torque, the worse flank; below 0 it "
          "comes by itself",
          "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
-         "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the largest shift "
+         "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest shift "
          "force of the operating points"),
     ),
     "load": (
@@ -230,9 +248,9 @@ Row = tuple[str, float, float]  #: name of a rule, value and limit, SI
 _UNITS = {"MPa": MPA, "mm": MM, "deg": DEG, "N": 1.0, "": 1.0}
 
 
-def checks_of(rows: Iterable[Row]) -> tuple[Check, ...]:
+def checks_of(rows: Iterable[Row], ends: str = "") -> tuple[Check, ...]:
     """Return the checks of values and limits, which turn from SI to the units of their rules."""
     return tuple(
-        Check(rule, value / _UNITS[rule.unit], limit / _UNITS[rule.unit])
+        Check(rule, value / _UNITS[rule.unit], limit / _UNITS[rule.unit], ends)
         for rule, value, limit in ((RULES[name], value, limit) for name, value, limit in rows)
     )

@@ -17,13 +17,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial, reduce
 from typing import NamedTuple
 
 from dogshape.sim.elementwise import each, hypot, largest, log, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
-from dogshape.sim.strength.checks import Check, checks_of, feasible
+from dogshape.sim.strength.checks import Check, checks_of, feasible, worse
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import locking_checks
 from dogshape.sim.strength.manufacture import (
@@ -139,8 +139,8 @@ THICK, THINNEST = 1.2, 0.5  #: heights of a rim: no effect above, no formula bel
 class Limits:
     """Everything that a design is checked against.
 
-    ``seated_tolerance`` is how far short of full depth a shift may end, m; without ``strike`` no
-    flank strike is judged.
+    ``seated_tolerance`` is how far short of full depth a shift may end, m. ``strikes`` are those
+    at the ends of what is known of the flank strike; without one it is not judged.
     """
 
     load: LoadCase = field(default_factory=LoadCase)
@@ -148,7 +148,7 @@ class Limits:
     manufacturing: ManufacturingLimits = field(default_factory=ManufacturingLimits)
     tolerances: Tolerances = field(default_factory=Tolerances)
     seated_tolerance: float = 5e-5
-    strike: Strike | None = None
+    strikes: tuple[Strike, ...] = ()
 
     @property
     def root_radius(self) -> float:
@@ -257,10 +257,14 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
     return worst, factor * worst
 
 
+#: Dogs of one number and size are alike stiff: designs of a search have few torques of a strike.
+_torque = lru_cache(maxsize=2**14)(Strike.torque)
+
+
 def strike_torque(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
     """Return the torque of a strike on a flank, N m."""
     stiffness = dog.count * limits.load.stiffness(dog) * dog.mean_radius**2
-    return each(strike.torque, strike.speed(flank), stiffness)
+    return each(partial(_torque, strike), strike.speed(flank), stiffness)
 
 
 def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> float:
@@ -330,21 +334,19 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
 
 
 def _strike_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
-    strike, root = limits.strike, limits.static_root_stress
-    if strike is None:
-        return ()
-    tension = pressure = 0.0
-    for flank in strike.flanks:
-        force = strike_force(dog, limits, strike, flank)
-        load = _at_load_height(dog, limits, flank, force)
-        tension = largest(tension, root_of(dog, limits, load).tension)
-        pressure = largest(pressure, flank_pressure(dog, limits, flank, force))
-    if strike.strikes is not None:
-        root = min(root, limits.endurance(strike.strikes))
-    bears = limits.material.case_yield / limits.load.safety
-    return checks_of(
-        [("flank_strike_root", tension, root), ("flank_strike_flank", pressure, bears)]
-    )
+    root, bears = limits.static_root_stress, limits.material.case_yield / limits.load.safety
+    found = []
+    for strike in limits.strikes:
+        tension = pressure = 0.0
+        for flank in strike.flanks:
+            force = strike_force(dog, limits, strike, flank)
+            load = _at_load_height(dog, limits, flank, force)
+            tension = largest(tension, root_of(dog, limits, load).tension)
+            pressure = largest(pressure, flank_pressure(dog, limits, flank, force))
+        endured = root if strike.strikes is None else min(root, limits.endurance(strike.strikes))
+        rows = ("flank_strike_root", tension, endured), ("flank_strike_flank", pressure, bears)
+        found.append(checks_of(rows, strike.ends))
+    return tuple(reduce(worse, ends) for ends in zip(*found, strict=True))
 
 
 _STRIKE_KEYS = "[strike], with ring_inertia_kgm2 and input_stiffness_Nm_rad"

@@ -33,7 +33,7 @@ class Strike:
     ``sliding_inertia`` and ``output_inertia`` are those of all on a side, ring and wheel included;
     ``output_stiffness`` None is a rigid shaft. ``backlash`` is the play of the ring's spline, rad.
     Positive ``mismatch`` (rad/s) strikes traction flanks, negative braking ones. ``strikes`` over
-    the life are for fatigue; None for a static limit alone.
+    the life are for fatigue; None for a static limit alone. ``ends`` are those of ranges, in words.
     """
 
     ring_inertia: float = within("ring_inertia_kgm2", 1e-7, 100.0)
@@ -46,6 +46,7 @@ class Strike:
     restitution: float = within("restitution", 0.0, 0.5, RESTITUTION)
     mismatch: tuple[float, ...] = ()
     strikes: float | None = within("strikes", 1.0, 1e12, None)
+    ends: str = ""
 
     def __post_init__(self) -> None:
         require_ranges(self, "strike", REMEDY)

@@ -36,7 +36,7 @@ SETTINGS: dict[str, tuple[str, ...]] = {
     ),
     "load spectrum and flank strike": (
         "load.spectrum=[[1.0, 1e4], [0.6, 1e6], [-0.8, 1e5]]", "load.accuracy=7",
-        "strike.ring_inertia_kgm2=2e-4", "strike.input_stiffness_Nm_rad=5000",
+        "strike.ring_inertia_kgm2=[2e-4,1e-3]", "strike.input_stiffness_Nm_rad=5000",
     ),
 }  # fmt: skip
 

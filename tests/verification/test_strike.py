@@ -159,7 +159,7 @@ def test_ring_is_thrown_again_as_a_spring_with_a_moving_end_throws_it(backlash: 
 
 
 def test_dogs_bear_the_strike_as_by_hand(prototype: Dog) -> None:
-    limits = Limits(strike=CAR)
+    limits = Limits(strikes=(CAR,))
     torque = CAR.torque(SPEED, DOGS)
     assert strike_torque(prototype, limits, CAR, "traction") == pytest.approx(torque)
     force = torque / 0.024 / 15 * math.sqrt(2.0)
@@ -171,7 +171,7 @@ def test_dogs_bear_the_strike_as_by_hand(prototype: Dog) -> None:
     assert checks["flank_strike_root"].limit == pytest.approx(2 * 430 * 2.5 / 1.2)
     assert checks["flank_strike_flank"].value == pytest.approx(force / contact.area / MPA)
     assert checks["flank_strike_flank"].limit == pytest.approx(2288 / 1.2, rel=1e-3)
-    rough = Limits(load=LoadCase(accuracy=8), strike=CAR)
+    rough = Limits(load=LoadCase(accuracy=8), strikes=(CAR,))
     share = rough.load.landing(prototype, torque / 0.024 / 15 / 4e-3)
     assert strike_force(prototype, rough, CAR, "traction") == pytest.approx(
         torque / 0.024 / 15 / math.sqrt(share)
@@ -180,7 +180,7 @@ def test_dogs_bear_the_strike_as_by_hand(prototype: Dog) -> None:
 
 def test_a_number_of_strikes_asks_for_fatigue_too(prototype: Dog) -> None:
     def limit(strikes: float | None) -> float:
-        limits = Limits(strike=replace(CAR, strikes=strikes))
+        limits = Limits(strikes=(replace(CAR, strikes=strikes),))
         return {c.name: c.limit for c in strength_checks(prototype, limits)}["flank_strike_root"]
 
     assert limit(1e5) == pytest.approx(Limits().fatigue_stress / MPA)
@@ -194,7 +194,7 @@ def test_each_sign_of_the_mismatch_strikes_its_own_flank(prototype: Dog) -> None
     assert both.speed("traction") == SPEED
     assert both.speed("braking") == pytest.approx(0.4 * SPEED)
     assert CAR.flanks == ("traction",)
-    still = Limits(strike=replace(CAR, mismatch=(0.0,)))
+    still = Limits(strikes=(replace(CAR, mismatch=(0.0,)),))
     checks = {c.name: c for c in strength_checks(prototype, still)}
     assert checks["flank_strike_root"].value == 0.0
 
@@ -204,10 +204,9 @@ KEYS = ["strike.ring_inertia_kgm2=5e-4", "strike.input_stiffness_Nm_rad=15e3"]
 
 def test_keys_of_the_strike() -> None:
     plain, study = load_study("mq200_paper"), load_study("mq200_paper", KEYS)
-    assert plain.limits.strike is None
+    assert plain.limits.strikes == ()
     assert study.physics_hash == plain.physics_hash
-    strike = study.limits.strike
-    assert strike is not None
+    (strike,) = study.limits.strikes
     assert strike.speed("traction") == pytest.approx(SPEED)
     assert strike.wheel_inertia == strike.output_inertia == 0.6048
     assert notes_of(study) == notes_of(plain)
@@ -216,6 +215,31 @@ def test_keys_of_the_strike() -> None:
         ([*KEYS, "strike.wheel_inertia_kgm2=0.01"], "go together"),
         ([*KEYS, "strike.ring_inertia_kgm2=0.02"], r"it is a part of sliding.inertia_kgm2 = 0.01"),
         ([*KEYS, "strike.strikes=0"], "strike.strikes is 0"),
+        ([*KEYS, "strike.ring_inertia_kgm2=[1e-4]"], "must be a list of at least 2 values"),
+        ([*KEYS, "strike.ring_inertia_kgm2=[1e-4,0.02]"], "it is a part of sliding.inertia_kgm2"),
     ):
         with pytest.raises(InputError, match=words):
             load_study("mq200_paper", wrong)
+
+
+def test_a_range_is_judged_at_its_worst_end() -> None:
+    """Between the ends no torque is larger, and the check has the margin of the worst one."""
+    inertia, stiffness = (2e-4, 1e-3), (10e3, 20e3)
+    keys = {"strike.ring_inertia_kgm2": [*inertia], "strike.input_stiffness_Nm_rad": [*stiffness]}
+    study = load_study("mq200_paper", keys)
+    dog, ends = study.clutch.dog, study.limits.strikes
+    assert len(ends) == 4
+    between = [
+        replace(ends[0], ring_inertia=one, input_stiffness=other).torque(SPEED, DOGS)
+        for one in np.geomspace(*inertia, 9)
+        for other in np.geomspace(*stiffness, 9)
+    ]
+    assert max(between) == max(end.torque(SPEED, DOGS) for end in ends)
+    for check in strength_checks(dog, study.limits):
+        alone = [
+            {one.name: one for one in strength_checks(dog, replace(study.limits, strikes=(end,)))}
+            for end in ends
+        ]
+        assert check.margin == min(one[check.name].margin for one in alone)
+        if check.name.startswith("flank_strike"):
+            assert check.ends == "ring_inertia_kgm2 = 0.001, input_stiffness_Nm_rad = 20000"
