@@ -169,12 +169,13 @@ class DrivelineSection(Section):
     stiffness_Nm_rad: float | None = None
 
 
-class LoadSection(keys_of(LoadCase, late=("coast_share", "run_out", "tilt"))):  # type: ignore[misc]
+class LoadSection(keys_of(LoadCase, late=("coast_share", "run_out", "tilt", "pull_out_share"))):  # type: ignore[misc]
     """Load case of the strength checks (``sim.strength.load_case``)."""
 
     spectrum: list[Range] | None = later()
     axial_vibration_m_s2: float = later(0.0)
     release_by_itself: bool = later(True)
+    faces_release: bool = later(True)
 
     def case(self, **more: Any) -> LoadCase:
         """Build the load case with fields that follow from the clutch; InputError for mistakes."""
@@ -226,7 +227,7 @@ class ManufacturingSection(keys_of(ManufacturingLimits)):  # type: ignore[misc]
     """Limits of the workshop (``sim.strength.manufacture``)."""
 
 
-class ToleranceSection(keys_of(Tolerances)):  # type: ignore[misc]
+class ToleranceSection(keys_of(Tolerances, late=("chamfer_back", "backlash"))):  # type: ignore[misc]
     """Largest deviation of each dimension either way (``sim.strength.manufacture``)."""
 
 

@@ -192,7 +192,7 @@ def design_record(
         "weakest_check": weakest,
         "margin_worst_case": worst and number_or_none(worst[1]),
         "weakest_check_worst_case": worst and worst[0],
-        "locking_friction": friction,
+        "locking_friction": number_or_none(friction),
         "locking_surface": surface,
         "engine": study.clutch.solver.engine,
         "contact": study.clutch.contact.name,
@@ -291,7 +291,7 @@ def words_of(one: Row) -> dict[str, str]:
         "at worst-case tolerances":
             "no dog" if worst is None else margin_cell(one["weakest_check_worst_case"], worst),
         "locks above friction":
-            f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})",
+            f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})" if surface else "-",
         "length, mm": f"{one['axial_length_mm']:.2f}",
     }  # fmt: skip
 

@@ -229,6 +229,8 @@ OBJECTIVES = {
                   maximise=True, least=-math.inf, most=1.0),
         Objective("axial_length_mm", "axial length, root to root", "mm",
                   lambda _study, _design, dog: dog.axial_length / MM),
+        Objective("backlash_mm", "backlash at the mean radius", "mm",
+                  lambda _study, _design, dog: dog.backlash / MM, least=-math.inf),
         Objective("separating_force_N", "axial separating force", "N",
                   lambda study, _design, dog: max(
                       separating_force(dog, study.limits.load, flank) for flank in FLANKS),

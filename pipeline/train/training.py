@@ -36,6 +36,7 @@ from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
 from dogshape.sim.statistics.shift_records import Record, content_key, result_of, unfinished
 from dogshape.sim.strength.checks import feasible
 from dogshape.sim.strength.dog_strength import strength_checks
+from dogshape.sim.strength.locking import face_angle
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.versions import engine
 from dogshape.surrogate.covariance import Array
@@ -76,8 +77,9 @@ def own_designs(study: Setup) -> list[Values]:
         require_makeable(study.clutch.dog, study.limits.manufacturing)
     except GeometryError:
         return []
-    slides = study.clutch.dog.chamfer > math.atan(study.limits.load.friction_release)
-    return [study.prototype] if slides else []
+    load = study.limits.load
+    slides = face_angle(study.clutch.dog) > math.atan(load.friction_release)
+    return [study.prototype] if slides or not load.faces_release else []
 
 
 def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = True) -> list[Values]:

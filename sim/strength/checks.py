@@ -133,9 +133,9 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "h over the slot's width at the inner radius",
          "reach of a short end mill, three diameters (assumption)"),
         ("flank_height", "mm", "manufacturing.flank_height_mm", False,
-         "height of the braking flank at the outer radius, where it is lowest",
-         "h - d, d depth of the face at its edge there",
-         "keeps a flank on the side that brakes (assumption)"),
+         "height of the lower flank at the outer radius, where it is lowest",
+         "h - d, d depth of the tip at its lower edge there",
+         "keeps a flank on either side (assumption)"),
         ("root_radius", "mm", "manufacturing.root_radius_mm", False,
          "largest root radius that fits into slot and tip",
          "two fillets on the slot's floor, two roundings on the tip, one of each on a flank",
@@ -145,7 +145,7 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "R of the edges, at least that of the roots",
          "geometry: a ball that fits into the tip fits into the slot"),
         ("chamfer_share", "", "manufacturing.chamfer_share", True,
-         "depth of the face at its edge over the height of the dog", "d/h",
+         "depth of the tip at its lower edge over the height of the dog", "d/h",
          "leaves a flank of two thirds (assumption)"),
         ("module", "mm", "manufacturing.module_mm", False, "mean diameter over the number of dogs",
          "2 r/N", "distortion in hardening (assumption)"),
@@ -155,7 +155,7 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
     ),
     "lock": (
         ("chamfer_release", "deg", "load.friction_release", False,
-         "chamfer, which slides from rest above the friction angle",
+         "chamfer, of a roof the smaller, which slides from rest above the friction angle",
          "angle against arctan of the static coefficient", _STATIC),
         ("{flank}_release", "deg", "load.friction_release", False,
          "{flank} flank, which is self-locking below the friction angle",
@@ -167,8 +167,8 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "low dynamic coefficient, mu_t and r_t of the spline, T of coast on the braking flank",
          "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)"),
         ("pull_out_force", "N", "load.pull_out_force_limit_N", True,
-         "axial force that pulls the ring out under the rated torque, the worse flank; below 0 it "
-         "comes by itself",
+         "axial force that pulls the ring out under the share of the rated torque that is left then, "
+         "the worse flank; below 0 it comes by itself",
          "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
          "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest shift "
          "force of the operating points"),

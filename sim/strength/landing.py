@@ -71,7 +71,7 @@ def exceeded(demands: Sequence[Demand], weights: Sequence[float], share: float) 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     """Compute what a landing makes faces, core and edges bear."""
     radius = tip_radius(dog, limits.root_radius)
-    lost = 2.0 * radius * dog.edge_cuts[0]
+    lost = 2.0 * radius * dog.crest_cut
     spread = 2.0 * limits.material.case_depth
     classes = [
         (overlap - lost, w * (1.0 / math.sqrt(limits.load.landing(dog, w))))

@@ -120,7 +120,8 @@ class LoadCase:
     ways. ``friction_release`` is the static coefficient, ``friction_hold`` the low dynamic one.
     ``vibration_force`` is the inertia of the ring in gearbox vibration. Without
     ``pull_out_force_limit`` there is no such check, without ``release_by_itself`` flanks may need a
-    pull. Without ``accuracy`` (ISO 1328-1) or ``pitch_sd``, ``run_out`` and ``tilt`` the load
+    pull, at ``pull_out_share`` of the torque; without ``faces_release`` faces may hold dog on dog
+    until the rings turn. Without ``accuracy`` (ISO 1328-1) or ``pitch_sd``, ``run_out`` and ``tilt`` the load
     sharing is fixed. ``dog_stiffness`` is of a pair of dogs, None for 25 N/(mm um) of width.
     ``landing_share`` of the shifts may land harder than the checks take, None for no shift.
     """
@@ -140,6 +141,8 @@ class LoadCase:
     coast_share: float = within("coast_share", 0.0, 1.0, 1.0)
     pull_out_force_limit: float | None = within("pull_out_force_limit_N", 1.0, 1e6, None)
     release_by_itself: bool = True
+    faces_release: bool = True
+    pull_out_share: float = within("pull_out_share", 0.0, 1.0, 1.0)
     spectrum: tuple[tuple[float, float], ...] = ()
     abuse_torque: float | None = within("abuse_torque_Nm", 1e-3, 1e6, None)
     accuracy: int | None = within("accuracy", 1, 11, None)

@@ -1,9 +1,10 @@
 r"""Engaging and letting go: friction angles and the axial force of a loaded flank.
 
-- The chamfer slides from rest when :math:`\tan\alpha > \mu_s`.
+- A face slides from rest when :math:`\tan\alpha > \mu_s`; of a roof both faces.
 - A flank lets go under torque when :math:`\beta \ge \rho + \arctan(\mu_t r/r_t)`, :math:`\rho =
   \arctan \mu_s`, with the friction :math:`\mu_t` of the spline at radius :math:`r_t`; below it
-  takes the pull :math:`F = \mu_t T/r_t - T/r \tan(\beta - \rho)` at the rated torque.
+  takes the pull :math:`F = \mu_t T/r_t - T/r \tan(\beta - \rho)` at the share of the rated torque
+  that is left as the ring is pulled out. An undercut flank, :math:`\beta < 0`, holds itself.
 - The blocking mechanism holds :math:`K_A T/r \tan(\gamma - \rho) - \mu K_A T/r_t + m a`, with the
   low dynamic coefficient, the lower one of spline and flank, and the axial vibration *a* of the
   gearbox.
@@ -15,7 +16,7 @@ from __future__ import annotations
 
 import math
 
-from dogshape.sim.elementwise import arctan, largest, tan
+from dogshape.sim.elementwise import arctan, largest, smallest, tan, where
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
 from dogshape.sim.strength.checks import Check, checks_of
 from dogshape.sim.strength.load_case import LoadCase
@@ -34,7 +35,7 @@ def release_angle(dog: Dog, load: LoadCase) -> float:
 
 def pull_out_force(dog: Dog, load: LoadCase, flank: Flank) -> float:
     """Return the axial force that pulls the ring out under torque, N; below 0 it lets go."""
-    torque = load.torque * load.share_of(flank)
+    torque = load.torque * load.share_of(flank) * load.pull_out_share
     push = axial_force(dog, torque, side_angle(dog, flank), load.friction_release)
     return load.spline_friction * torque / load.spline_radius - push
 
@@ -55,9 +56,17 @@ def blocking_force(dog: Dog, load: LoadCase) -> float:
     return max(0.0, *(separating_force(dog, load, flank) for flank in FLANKS))
 
 
+def face_angle(dog: Dog) -> float:
+    """Return the fall of the flatter face of the tip, rad."""
+    back, face = dog.chamfer_back, dog.chamfer
+    return where(dog.crest == 1.0, face, where(dog.crest == 0.0, back, smallest(face, back)))
+
+
 def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
     """Return the checks of release and holding, and of pulling out where that has a limit."""
-    rows = [("chamfer_release", dog.chamfer, math.atan(load.friction_release))]
+    rows = []
+    if load.faces_release:
+        rows.append(("chamfer_release", face_angle(dog), math.atan(load.friction_release)))
     if load.release_by_itself:
         least = release_angle(dog, load)
         rows += [(f"{flank}_release", side_angle(dog, flank), least) for flank in FLANKS]
@@ -73,12 +82,14 @@ def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
 def locking_friction(dog: Dog, load: LoadCase) -> tuple[float, str]:
     """Return the static friction above which a surface locks first, and that surface's check.
 
-    A flank locks where its release angle reaches its side angle, the chamfer where it no longer
-    slides from rest. Flanks do not count where the actuator may pull them out.
+    A flank locks where its release angle reaches its side angle, a face where it no longer slides
+    from rest. Those do not count that the load case lets hold.
     """
     spline = math.atan(load.spline_friction * dog.mean_radius / load.spline_radius)
-    found = {"chamfer_release": dog.chamfer}
+    found = {"chamfer_release": face_angle(dog)} if load.faces_release else {}
     if load.release_by_itself:
         found |= {f"{flank}_release": side_angle(dog, flank) - spline for flank in FLANKS}
+    if not found:
+        return math.inf, ""
     name = min(found, key=lambda one: found[one])
     return math.tan(max(0.0, found[name])), name

@@ -11,6 +11,8 @@ from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
+import numpy as np
+
 from dogshape.sim.elementwise import key, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
@@ -59,8 +61,9 @@ MAKEABLE = tuple(_REMEDIES)  #: checks that a dog must pass to be made at all
 def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, ...]:
     """Return the manufacturability checks of a dog."""
     inner = dog.inner_radius
-    slot = dog.pitch_angle * inner - dog.root_width_at(inner)
-    lowest = dog.height - dog.edge_drop_at(dog.outer_radius)
+    # The cutter enters an undercut slot by its mouth.
+    slot = dog.pitch_angle * inner - largest(dog.root_width_at(inner), dog.tip_width_at(inner))
+    lowest = dog.height - largest(*dog.drops_at(dog.outer_radius))
     edge = ("edge_clearance", dog.edge_radius, limits.root_radius)
     return checks_of(
         (
@@ -70,7 +73,11 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
             ("flank_height", lowest, limits.flank_height),
             ("root_radius", root_radius_room(dog), limits.root_radius),
             *([] if dog.edge_radius == 0.0 else [edge]),
-            ("chamfer_share", dog.edge_drop / dog.height, limits.chamfer_share),
+            (
+                "chamfer_share",
+                largest(*dog.drops_at(dog.mean_radius)) / dog.height,
+                limits.chamfer_share,
+            ),
             ("module", 2.0 * dog.mean_radius / dog.count, limits.module),
         )
     )
@@ -101,12 +108,14 @@ class Tolerances:
     """
 
     chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     traction: float = within("traction_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     braking: float = within("braking_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     height: float = within("height_mm", 0.0, 2.0, 0.05 * MM)
     outer_diameter: float = within("outer_diameter_mm", 0.0, 2.0, 0.15 * MM)
     inner_diameter: float = within("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
     axial_gap: float = within("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
+    backlash: float = within("backlash_mm", 0.0, 2.0, 0.05 * MM)
     root_radius: float = within("root_radius_mm", 0.0, 2.0, 0.05 * MM)
     contact_ratio: float = within(
         "contact_ratio", 0.0, 1.0, 0.5, remedy="give a share of the height"
@@ -147,16 +156,25 @@ Values = Callable[[Dog, float], dict[str, float]]  #: of a dog and its root radi
 def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tuple[Dog, float]:
     """Return a dog and its root radius with some dimensions off by ``deviations`` (SI).
 
-    Raises GeometryError where that is no dog. An angle or length stops at zero, the root
-    radius at ``SHARPEST``.
+    Raises GeometryError where that is no dog. A chamfer or length stops at zero, the root radius at
+    ``SHARPEST``; a face or play that the dog does not have stays away.
     """
-    off: dict[str, Any] = {
-        name: largest(0.0, getattr(dog, name) + deviation)
-        for name, deviation in deviations.items()
-        if name != "root_radius"
-    }
+    off: dict[str, Any] = {}
+    for name, deviation in deviations.items():
+        if name != "root_radius":
+            value = getattr(dog, name)
+            there = value + deviation
+            if name not in ("traction", "braking"):
+                there = where(_has(dog, name), largest(0.0, there), value)
+            off[name] = there
     radius = largest(SHARPEST, root_radius + deviations.get("root_radius", 0.0))
     return replace(dog, **off), radius
+
+
+def _has(dog: Dog, name: str) -> bool:
+    """Decide whether a dog has a dimension, or which of ``Dogs`` have."""
+    absent = {"chamfer": dog.crest == 0.0, "chamfer_back": dog.crest == 1.0}
+    return np.logical_not(absent.get(name, (name == "backlash") & (dog.backlash == 0.0)))
 
 
 def losses(
@@ -168,7 +186,7 @@ def losses(
     or falls with a dimension all the way (``tests/verification/test_tolerance.py``). One deviation
     holds for both rings, which are made alike. One that leaves no dog makes every loss infinite.
     """
-    sizes = tolerances.dimensions
+    sizes = {n: size for n, size in tolerances.dimensions.items() if np.any(_has(dog, n))}
     nominal = values(dog, root_radius)
 
     def fall(signs: Mapping[str, float]) -> dict[str, float]:

@@ -5,7 +5,7 @@ what the contact takes (an upper bound). Over *n* shifts a dog of *N*, *b* wide,
 :math:`V' = k n E/(2 \mu N b)`. Overlaps are even, so the loss falls linearly from :math:`\Delta` at
 the crest to none at the braking edge: :math:`V' = \Delta f/2` on a face of width *f*. Then gap
 :math:`g + 2\Delta`, height :math:`h - 2\Delta`, depth of the face :math:`d - \Delta`; without a
-chamfer the whole face sinks. Each landing takes the same from an edge's section, so the square of
+chamfer the whole face sinks. A roof wears to both edges. Each landing takes the same from an edge's section, so the square of
 its radius grows evenly. Rates *k*: 1e-7 to 1e-5 mm3/(N m) (Rabinowicz 1995).
 """
 
@@ -58,7 +58,7 @@ class Wear:
             )
         work = shifts * energy / friction
         volume = self.rate * work / (2.0 * dog.count * dog.radial_width)
-        return 2.0 * volume / dog.face_width
+        return 2.0 * volume / (dog.face_width + dog.back_width)
 
     def edges(self, dog: Dog, share: float) -> float:
         """Compute the radius of a dog's edges at a share of the life, m."""
@@ -78,8 +78,17 @@ def worn(dog: Dog, loss: float) -> Dog:
     Raises GeometryError where nothing of the dog is left.
     """
     lower = replace(
-        dog, height=dog.height - 2.0 * loss, axial_gap=dog.axial_gap + 2.0 * loss, chamfer=0.0
-    )
-    drop = max(0.0, dog.edge_drop - loss)
-    lean = drop * math.tan(dog.braking)
-    return replace(lower, chamfer=math.atan(drop / (lower.tip_width + lean)))
+        dog, height=dog.height - 2.0 * loss, axial_gap=dog.axial_gap + 2.0 * loss,
+        chamfer=0.0, chamfer_back=0.0, crest=1.0,
+    )  # fmt: skip
+    back, face = (max(0.0, drop - loss) for drop in dog.drops_at(dog.mean_radius))
+    if face == back == 0.0:
+        return lower
+
+    def fall(drop: float, share: float, lean: float) -> float:
+        return math.atan2(drop, share * lower.tip_width + drop * math.tan(lean))
+
+    return replace(
+        lower, crest=dog.crest, chamfer=fall(face, dog.crest, dog.braking),
+        chamfer_back=fall(back, 1.0 - dog.crest, dog.traction),
+    )  # fmt: skip
