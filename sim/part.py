@@ -2,8 +2,9 @@ r"""The ring as a part: a closed surface for printing and drawing, and its volum
 
 All corners of the dogs are straight lines, so a fillet or rounding is a cylinder about one, and the
 toothed side is ruled by lines that end on the cylinders of inner and outer radius. Seen along the
-axis no line hides another: the surface cannot cut itself while the lines keep their order. A flank
-without lean is taken with ``LEANING``. Like rings never overlap: rounded tips are all that a ball
+axis no line hides another, but for undercut flanks: the surface cannot cut itself while the lines
+keep their order, and with undercut its ends fold, which the volume does not notice. A flank without
+lean is taken with ``LEANING``. Like rings never overlap: rounded tips are all that a ball
 can reach from inside the dog, filled slots all that it can reach inside the slot
 (``require_room``).
 """
@@ -38,15 +39,18 @@ LEANING = 1e-4  #: rad, at least, by which flanks of a surface lean: some 0.3 um
 
 
 def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
-    """Return braking root, braking edge, crest and traction root of the dog at angle 0."""
+    """Return braking root, braking edge, traction edge and traction root of the dog at angle 0.
+
+    A ridge between two faces stands between the edges.
+    """
     planes = dog_planes(dog)
     floor = Plane(np.array([0.0, 0.0, 1.0]), -0.5 * dog.height)
-    faces = [floor, planes["braking"], planes["face"], planes["traction"], floor]
+    sides = [planes[name] for name in ("braking", "face", "back", "traction") if name in planes]
     tip = tip_radius(dog, root_radius)
-    radii = (-root_radius, tip, tip, -root_radius)
+    radii = (-root_radius, *(len(sides) - 1) * [tip], -root_radius)
     return tuple(
         corner_of(first, last, radius)
-        for (first, last), radius in zip(pairwise(faces), radii, strict=True)
+        for (first, last), radius in zip(pairwise([floor, *sides, floor]), radii, strict=True)
     )
 
 
@@ -82,7 +86,8 @@ def between(here: Lines, there: Lines, radii: tuple[float, float], step: float) 
 def lands(dog: Dog, root_radius: float) -> NDArray[np.float64]:
     """Compute what is left of braking flank, face, traction flank and floor, m, (2, 4).
 
-    At inner and outer radius; negative where the roundings or fillets on either side overlap.
+    A back stands between face and traction flank, (2, 5). At inner and outer radius; negative where
+    the roundings or fillets on either side overlap.
     """
     corners = dog_corners(dog, root_radius)
     directions = np.array([corner.direction for corner in corners])
@@ -91,9 +96,8 @@ def lands(dog: Dog, root_radius: float) -> NDArray[np.float64]:
         for face in ("first", "last")
     )
     begin, end = Lines(last, directions), Lines(first, directions)
-    ways = np.array(
-        [[0.0, 0.0, 1.0], -flank_line(dog, -1)[1], [0.0, 0.0, -1.0], flank_line(dog, +1)[1]]
-    )
+    axis, across = np.array([0.0, 0.0, 1.0]), -flank_line(dog, -1)[1]
+    ways = np.array([axis, *(len(corners) - 3) * [across], -axis, flank_line(dog, +1)[1]])
     result = []
     for radius in (dog.inner_radius, dog.outer_radius):
         stop = np.roll(end.at(radius), -1, axis=0)
@@ -142,7 +146,10 @@ def ring_part(
     Raises GeometryError where roundings do not fit, or the body has no thickness.
     """
     require_body(body)
-    flanks = {name: max(getattr(dog, name), LEANING) for name in ("traction", "braking")}
+    flanks = {
+        name: lean if abs(lean := getattr(dog, name)) >= LEANING else LEANING
+        for name in ("traction", "braking")
+    }
     pieces = profile(replace(dog, **flanks), root_radius, segments, step)
     pitch = Lines(
         np.concatenate([p.points for p in pieces]), np.concatenate([p.directions for p in pieces])

@@ -209,14 +209,18 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
 
     # The dog with the slots beside it and the ends of its neighbours.
     profile = [at(x + i * dog.pitch, z) for i in (-2, -1, 0, 1, 2) for x, z in section(dog)]
-    radii = [r * scale for r in 5 * [radius, top_radius, top_radius, radius]]
+    corners = [at(x, z) for x, z in section(dog)]
+    radii = [r * scale for r in 5 * [radius, *(len(corners) - 2) * [top_radius], radius]]
     left, right = at(-REACH * dog.pitch, 0.0), at(REACH * dog.pitch, 0.0)
     low = at(0.0, -half).imag + 84.0
     ends = " L".join(_at(complex(p.real, low)) for p in (profile[-1], profile[0]))
     part = _path(f"{_rounded(profile, radii[1:-1])} L{ends} Z", "part")
     frame = f'x="{left.real:.2f}" y="0" width="{(right - left).real:.2f}" height="{HEIGHT:.0f}"'
-    root_b, edge, crest, root_t = (at(x, z) for x, z in section(dog))
-    tip_b, below, pitch = crest - dog.tip_width * scale, root_t.imag, dog.pitch * scale
+    root_b, edge, *_, back, root_t = corners
+    crest = min(corners, key=lambda corner: (corner.imag, -corner.real))
+    below, pitch, middle = root_t.imag, dog.pitch * scale, 0.25 * (dog.pitch - dog.backlash)
+    tip_t = at(middle - half * dog.tangents[1], half)
+    tip_b = tip_t - dog.tip_width * scale
     over = (dog.height - crest_loss(dog, top_radius)) / MM
 
     def follows(name: str, length: float, digits: int = 2) -> str:
@@ -224,7 +228,8 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
 
     lengths = [
         _line(edge, tip_b),
-        _dimension(tip_b, crest, crest.imag - 42.0, follows("tip", dog.tip_width)),
+        _line(back, tip_t),
+        _dimension(tip_b, tip_t, crest.imag - 42.0, follows("tip", dog.tip_width)),
         _dimension(root_b, root_t, below + 36.0, follows("root", dog.root_width)),
         _dimension(root_t - pitch, root_t, below + 68.0, follows("pitch", dog.pitch, 3)),
         _dimension(crest, complex(crest.real, below), right.real + 40.0,
@@ -234,6 +239,9 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         _dimension(edge, complex(edge.real, below), left.real - 20.0,
                    follows("flank", dog.braking_flank_height), True),
     ]  # fmt: skip
+    if dog.back_drop > 0.0:
+        flank = follows("flank", dog.traction_flank_height)
+        lengths.append(_dimension(back, complex(back.real, below), right.real + 14.0, flank, True))
     if dog.edge_drop > 0.0:
         drop = follows("drop", dog.edge_drop)
         lengths.append(_dimension(crest, edge, left.real - 54.0, drop, True))
@@ -245,16 +253,26 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
     if dog.edge_radius > 0.0:
         edges = f"roots R {size('root_radius', radius)}, tip edges R {dog.edge_radius / MM:.2f}"
     top, reach = crest.imag - 96.0, 0.72 * dog.height * scale
+    share = 0.55 * dog.tip_width * scale
+    lean_t, lean_b = (sorted((-90.0, -90.0 + lean / DEG)) for lean in (dog.traction, -dog.braking))
+    falls = [
+        ("chamfer", (180.0, 180.0 + dog.chamfer / DEG), "chamfer \u03b1", -90.0, dog.crest > 0.0),
+        ("chamfer_back", (-dog.chamfer_back / DEG, 0.0), "back \u03b1\u2082", 40.0,
+         dog.crest < 1.0),
+    ]  # fmt: skip
     angles = [
-        _angle(crest, (180.0, 180.0 + dog.chamfer / DEG), 0.55 * dog.tip_width * scale,
-               slope("chamfer", "chamfer \u03b1"), complex(0.5 * WIDTH - 90.0, top)),
-        _angle(crest, (-90.0, -90.0 + dog.traction / DEG), reach,
-               slope("traction", "traction flank \u03b2"), complex(crest.real + 70.0, top)),
-        _angle(edge, (-90.0 - dog.braking / DEG, -90.0), 0.8 * reach,
-               slope("braking", "braking flank \u03b3"), complex(edge.real - 110.0, top + 34.0)),
+        *(_angle(crest, ends, share, slope(name, words), complex(0.5 * WIDTH + x, top))
+          for name, ends, words, x, there in falls if there),
+        _angle(back, (lean_t[0], lean_t[1]), reach, slope("traction", "traction flank \u03b2"),
+               complex(tip_t.real + 70.0, top + (34.0 if dog.crest < 1.0 else 0.0))),
+        _angle(edge, (lean_b[0], lean_b[1]), 0.8 * reach, slope("braking", "braking flank \u03b3"),
+               complex(edge.real - 110.0, top + 34.0)),
         _leader(fillet, complex(left.real + 60.0, low + 24.0), edges, "end"),
     ]  # fmt: skip
-    material = limits.material
+    material, wide = limits.material, "dog and slot are equally wide"
+    if dog.backlash > 0.0:
+        wide = f"a slot is wider than a dog by the backlash {size('backlash', dog.backlash)}"
+    ridge = f" The ridge stands at {dog.crest:.3g} of the tip from the braking edge." * dog.has_back
     lines = (
         f"{dog.count} dogs on Ø{size('outer_diameter', dog.outer_diameter)} / "
         f"Ø{size('inner_diameter', dog.inner_diameter)} mm, both rings alike, one turned over",
@@ -264,9 +282,9 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         "Lengths in mm, to the intersection of faces; in brackets what follows from the "
         "others. Widths along the circumference at the mean radius,",
         f"{dog.mean_radius / MM:.2f} mm, where the section is unrolled. In the median plane "
-        "dog and slot are equally wide, flanks are planes through radial",
+        f"{wide}, flanks are planes along radial",
         "lines; tips are narrower inside: "
-        f"{dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at the inner radius. General "
+        f"{dog.tip_width_at(dog.inner_radius) / MM:.2f} mm at the inner radius.{ridge} General "
         "tolerances ISO 2768-f.",
     )
     elements = [

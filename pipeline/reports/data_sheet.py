@@ -291,7 +291,8 @@ def words_of(one: Row) -> dict[str, str]:
         "at worst-case tolerances":
             "no dog" if worst is None else margin_cell(one["weakest_check_worst_case"], worst),
         "locks above friction":
-            f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})" if surface else "-",
+            f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})" if surface
+            else "-",
         "length, mm": f"{one['axial_length_mm']:.2f}",
     }  # fmt: skip
 

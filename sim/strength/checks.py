@@ -167,8 +167,8 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "low dynamic coefficient, mu_t and r_t of the spline, T of coast on the braking flank",
          "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)"),
         ("pull_out_force", "N", "load.pull_out_force_limit_N", True,
-         "axial force that pulls the ring out under the share of the rated torque that is left then, "
-         "the worse flank; below 0 it comes by itself",
+         "axial force that pulls the ring out under the torque that is left then, the worse flank; "
+         "below 0 it comes by itself",
          "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
          "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest shift "
          "force of the operating points"),

@@ -121,8 +121,9 @@ class LoadCase:
     ``vibration_force`` is the inertia of the ring in gearbox vibration. Without
     ``pull_out_force_limit`` there is no such check, without ``release_by_itself`` flanks may need a
     pull, at ``pull_out_share`` of the torque; without ``faces_release`` faces may hold dog on dog
-    until the rings turn. Without ``accuracy`` (ISO 1328-1) or ``pitch_sd``, ``run_out`` and ``tilt`` the load
-    sharing is fixed. ``dog_stiffness`` is of a pair of dogs, None for 25 N/(mm um) of width.
+    until the rings turn. Without ``accuracy`` (ISO 1328-1) or ``pitch_sd``, ``run_out`` and
+    ``tilt`` the load sharing is fixed. ``dog_stiffness`` is of a pair of dogs, None for
+    25 N/(mm um) of width.
     ``landing_share`` of the shifts may land harder than the checks take, None for no shift.
     """
 

@@ -108,19 +108,19 @@ class Tolerances:
     """
 
     chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
-    chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     traction: float = within("traction_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     braking: float = within("braking_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     height: float = within("height_mm", 0.0, 2.0, 0.05 * MM)
     outer_diameter: float = within("outer_diameter_mm", 0.0, 2.0, 0.15 * MM)
     inner_diameter: float = within("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
     axial_gap: float = within("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
-    backlash: float = within("backlash_mm", 0.0, 2.0, 0.05 * MM)
     root_radius: float = within("root_radius_mm", 0.0, 2.0, 0.05 * MM)
     contact_ratio: float = within(
         "contact_ratio", 0.0, 1.0, 0.5, remedy="give a share of the height"
     )
     clearance: float = within("clearance_mm", 0.0, 2.0, 0.3 * MM)
+    chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
+    backlash: float = within("backlash_mm", 0.0, 2.0, 0.05 * MM)
 
     def __post_init__(self) -> None:
         require_ranges(self, "tolerance", "give a length in mm")
@@ -130,6 +130,10 @@ class Tolerances:
         """Dimensions with their tolerance, those without one left out."""
         names = [f.name for f in fields(self) if f.name not in ("contact_ratio", "clearance")]
         return {name: getattr(self, name) for name in names if getattr(self, name) > 0.0}
+
+    def dimensions_of(self, dog: Dog) -> dict[str, float]:
+        """Dimensions with their tolerance that a dog has, or one of ``Dogs``."""
+        return {n: size for n, size in self.dimensions.items() if np.any(_has(dog, n))}
 
     def without_sizes(self) -> Tolerances:
         """Return the limits alone, with every dimension exact."""
@@ -186,7 +190,7 @@ def losses(
     or falls with a dimension all the way (``tests/verification/test_tolerance.py``). One deviation
     holds for both rings, which are made alike. One that leaves no dog makes every loss infinite.
     """
-    sizes = {n: size for n, size in tolerances.dimensions.items() if np.any(_has(dog, n))}
+    sizes = tolerances.dimensions_of(dog)
     nominal = values(dog, root_radius)
 
     def fall(signs: Mapping[str, float]) -> dict[str, float]:

@@ -5,8 +5,9 @@ what the contact takes (an upper bound). Over *n* shifts a dog of *N*, *b* wide,
 :math:`V' = k n E/(2 \mu N b)`. Overlaps are even, so the loss falls linearly from :math:`\Delta` at
 the crest to none at the braking edge: :math:`V' = \Delta f/2` on a face of width *f*. Then gap
 :math:`g + 2\Delta`, height :math:`h - 2\Delta`, depth of the face :math:`d - \Delta`; without a
-chamfer the whole face sinks. A roof wears to both edges. Each landing takes the same from an edge's section, so the square of
-its radius grows evenly. Rates *k*: 1e-7 to 1e-5 mm3/(N m) (Rabinowicz 1995).
+chamfer the whole face sinks. A roof wears to both edges. Each landing takes the same from an edge's
+section, so the square of its radius grows evenly. Rates *k*: 1e-7 to 1e-5 mm3/(N m) (Rabinowicz
+1995).
 """
 
 from __future__ import annotations

@@ -17,11 +17,14 @@ from tests.conftest import needed
 
 BODY = 5.0 * MM
 #: Chamfer, traction, braking in deg, height in mm, dogs, root radius in mm: the prototype,
-#: the best design found, upright flanks with sharp corners.
+#: the best design found, upright flanks with sharp corners; then a roof's back chamfer in deg,
+#: place of its ridge and backlash in mm, and an undercut dog.
 SHAPES = [
     (8.0, 12.0, 22.0, 3.7, 15, 0.3),
     (16.05, 7.35, 22.94, 2.094, 33, 0.3),
     (5.0, 0.0, 0.0, 4.0, 6, 0.0),
+    (14.0, 14.0, 14.0, 3.7, 15, 0.3, 20.0, 0.55, 0.6),
+    (0.0, -4.0, -6.0, 3.7, 8, 0.3, 0.0, 1.0, 3.0),
 ]
 
 
@@ -31,9 +34,12 @@ def _kernel() -> None:
 
 
 def _dog(prototype: Dog, shape: tuple[float, ...]) -> tuple[Dog, float]:
-    chamfer, traction, braking, height, count, radius = shape
+    chamfer, traction, braking, height, count, radius, *more = shape
+    back, crest, backlash = more or (0.0, 1.0, 0.0)
     angles = {"chamfer": chamfer * DEG, "traction": traction * DEG, "braking": braking * DEG}
-    return replace(prototype, height=height * MM, count=int(count), **angles), radius * MM
+    tip = {"chamfer_back": back * DEG, "crest": crest, "backlash": backlash * MM}
+    size = {"height": height * MM, "count": int(count)}
+    return replace(prototype, **size, **angles, **tip), radius * MM
 
 
 @pytest.mark.usefixtures("_kernel")

@@ -23,7 +23,7 @@ def test_worst_case_agrees_with_all_corners(prototype: Dog, values: tuple[float,
     spreads = margin_losses(dog, limits)
     nominal = {c.name: c.margin for c in strength_checks(dog, limits)}
     worst = dict(nominal)
-    sizes = limits.tolerances.dimensions
+    sizes = limits.tolerances.dimensions_of(dog)
     for signs in itertools.product((-1.0, 1.0), repeat=len(sizes)):
         deviations = {n: s * t for s, (n, t) in zip(signs, sizes.items(), strict=True)}
         shape, radius = moved(dog, limits.root_radius, deviations)

@@ -1,0 +1,104 @@
+"""Checks of a roof with backlash and of an undercut dog, by hand."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from dogshape.sim.shift.geometry import Dog, flank_contact, section
+from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
+from dogshape.sim.strength.load_case import LoadCase
+from dogshape.sim.strength.locking import blocking_force, locking_checks, locking_friction
+from dogshape.sim.strength.wear import Wear, worn
+from dogshape.sim.units import DEG, MM
+
+LIMITS = Limits(load=LoadCase(release_by_itself=False, pull_out_force_limit=500.0))
+
+
+@pytest.fixture
+def roof(prototype: Dog) -> Dog:
+    """Give a roof of 14 and 20 degrees on flanks of 14 degrees with 0.6 mm of backlash."""
+    angles = {"chamfer": 14.0, "chamfer_back": 20.0, "traction": 14.0, "braking": 14.0}
+    return replace(
+        prototype, crest=0.55, backlash=0.6 * MM, **{n: a * DEG for n, a in angles.items()}
+    )
+
+
+@pytest.fixture
+def undercut(prototype: Dog) -> Dog:
+    """Give six flat dogs with undercut flanks and wide windows, as in a motorcycle."""
+    return replace(
+        prototype, count=6, chamfer=0.0, traction=-4.0 * DEG, braking=-5.0 * DEG, backlash=4.0 * MM
+    )
+
+
+def _checks(dog: Dog, limits: Limits = LIMITS) -> dict[str, Check]:
+    return {check.name: check for check in strength_checks(dog, limits)}
+
+
+def test_a_roof_is_judged_by_its_flatter_face_and_lower_edge(roof: Dog) -> None:
+    tan = {n: math.tan(n * DEG) for n in (14, 20)}
+    inner = math.pi * 22.0 / 15 - 0.3 - 3.7 * tan[14]
+    outer = math.pi * 26.0 / 15 - 0.3 - 3.7 * tan[14]
+    tip = math.pi * 24.0 / 15 - 0.3 - 3.7 * tan[14]
+    slope = tan[20] / (1.0 - tan[20] * tan[14])  # of the back, which falls deeper than the face
+    found = _checks(roof)
+    assert found["chamfer_release"].value == pytest.approx(14.0)
+    assert found["tip_width"].value == pytest.approx(inner)
+    assert found["slot_width"].value == pytest.approx(inner + 0.6)
+    assert found["flank_height"].value == pytest.approx(3.7 - 0.45 * outer * slope)
+    assert found["chamfer_share"].value == pytest.approx(0.45 * tip * slope / 3.7)
+    contact = flank_contact(roof, 0.0, "traction")
+    assert contact.height / MM == pytest.approx(3.7 - 2.0 * 0.45 * tip * slope)
+    assert locking_friction(roof, LIMITS.load)[1] == "chamfer_release"
+
+
+def test_an_undercut_dog_holds_itself_and_has_to_be_pulled(undercut: Dog) -> None:
+    """Under 200 N m at 24 mm the steeper undercut needs T/r tan(5 deg + arctan 0.12)."""
+    pull = 200.0 / 0.024 * math.tan(5.0 * DEG + math.atan(0.12))
+    found = _checks(undercut)
+    assert found["pull_out_force"].value == pytest.approx(pull)
+    assert blocking_force(undercut, LIMITS.load) == 0.0
+    assert found["separating_force_traction"].value < 0.0
+    mouth = math.pi * 22.0 / 6 + 2.0 - 0.5 * 3.7 * (math.tan(4 * DEG) + math.tan(5 * DEG))
+    assert found["slot_width"].value == pytest.approx(mouth)
+    rest = replace(LIMITS.load, pull_out_share=0.05)
+    (eased,) = (c for c in locking_checks(undercut, rest) if c.name == "pull_out_force")
+    assert eased.value == pytest.approx(0.05 * pull)
+    assert eased.passed
+
+
+def test_flat_faces_are_judged_where_they_have_to_slide(undercut: Dog) -> None:
+    assert not _checks(undercut)["chamfer_release"].passed
+    waits = replace(LIMITS.load, faces_release=False)
+    assert "chamfer_release" not in _checks(undercut, replace(LIMITS, load=waits))
+    assert locking_friction(undercut, waits) == (math.inf, "")
+
+
+def test_tolerances_move_what_a_dog_has(roof: Dog, undercut: Dog, prototype: Dog) -> None:
+    """An undercut stays one within its tolerance, and plays add up with heights."""
+    spread = margin_losses(undercut, LIMITS)["tip_width"].by_dimension
+    moved = 0.5 * 3.7 * (math.tan(4.0 * DEG) - math.tan(3.75 * DEG))
+    assert spread["traction"] == pytest.approx(moved / 1.5)
+    assert spread["backlash"] == pytest.approx(0.5 * 0.05 / 1.5)
+    assert "chamfer_back" in margin_losses(roof, LIMITS)["tip_width"].by_dimension
+    assert not {"chamfer_back", "backlash"} & {*LIMITS.tolerances.dimensions_of(prototype)}
+
+
+def test_a_worn_roof_keeps_both_edges(roof: Dog) -> None:
+    loss = 0.1 * MM
+    (_, edge, ridge, back, _), (_, old_edge, old_ridge, old_back, _) = (
+        section(dog) for dog in (worn(roof, loss), roof)
+    )
+    assert edge == pytest.approx(old_edge)
+    assert back == pytest.approx(old_back)
+    assert ridge[1] == pytest.approx(old_ridge[1] - loss)
+    sides = (old_edge, old_ridge, old_back, ridge)
+    pairs = zip(sides, (*sides[1:], sides[0]), strict=True)
+    area = 0.5 * abs(sum(a[0] * b[1] - b[0] * a[1] for a, b in pairs))
+    rate, friction, shifts = 1e-15, 0.1, 1e5
+    energy = friction * 2.0 * roof.count * roof.radial_width * area / (rate * shifts)
+    assert Wear(rate=rate).loss(roof, energy, friction, shifts) == pytest.approx(loss, rel=0.03)
