@@ -337,7 +337,7 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
     if mechanism.spline_friction > 0.0:
         more |= {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
     if mechanism.spline_friction > 0.0 or not file.load.release_by_itself:
-        more["pull_out_force_limit"] = max(point.profile.force for point in points)
+        more["pull_out_force_limit"] = min(point.profile.force for point in points)
     return Limits(
         load=file.load.case(**more),
         material=file.material.value,

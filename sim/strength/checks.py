@@ -165,7 +165,7 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "axial force that pulls the ring out under the rated torque, the worse flank; below 0 it "
          "comes by itself",
          "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
-         "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the largest shift "
+         "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest shift "
          "force of the operating points"),
     ),
     "load": (
