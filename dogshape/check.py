@@ -370,7 +370,8 @@ class Strength(Checked):
             *(
                 "{flank} flanks that strike at {mismatch_rpm:.4g} 1/min make {torque_Nm:.0f} N m, "
                 "{force_per_dog_N:.0f} N on one dog{at}".format(**one, at=at)
-                for one in self.strikes for at in [f" at {one['ends']}" * bool(one["ends"])]
+                for one in self.strikes
+                for at in [f" at {one['ends']}" * bool(one["ends"])]
             ),
         ]
 

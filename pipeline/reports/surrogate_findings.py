@@ -25,7 +25,7 @@ from dogshape.pipeline.simulate.design import WORST, design_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import filling_designs
 from dogshape.sim.errors import DogshapeError, StorageError
-from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.checks import RULES, Check
 from dogshape.sim.strength.dog_strength import margin_losses
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate
@@ -129,7 +129,7 @@ def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
 
 
 def prices_table(rows: list[Row]) -> Table:
-    """Tabulate the limits that have a price, the dearest first."""
+    """Tabulate the limits that have a price: those without a source first, the dearest first."""
     lines = []
     for row in rows:
         less, more, limit = row["less_s"], row["more_s"], row["limit"]
@@ -145,15 +145,21 @@ def prices_table(rows: list[Row]) -> Table:
             words,
         ]
         if price is None or worth >= CLEAR:
-            lines.append((-worth, line))
+            rule = RULES.get(row["name"])
+            lines.append((rule is None or not rule.assumed, -worth, line))
     heads = "limit", "as it is", "a tenth less, ms", "as it is, ms", "a tenth more, ms"
     note = (
         "Best expected shift time that the surrogate predicts of any design which keeps all other "
         "limits, if one were another. Limits that are not listed cost nothing. Without landing and "
         "other simulated limits, and without the surrogate's error."
     )
-    lines.sort(key=lambda one: one[0])
-    return Table((*heads, "without it, ms", "price"), [line for _, line in lines], note=note)
+    lines.sort(key=lambda one: one[:2])
+    cells, looks = list[list[str]](), dict[int, str]()
+    for sourced, title in enumerate(("limits without a source, assumed", "other limits")):
+        if members := [line for place, _, line in lines if place == sourced]:
+            looks[len(cells)] = "group"
+            cells += [[title], *members]
+    return Table((*heads, "without it, ms", "price"), cells, looks, note=note)
 
 
 def _checks(study: Setup, params: dict[str, float]) -> tuple[Check, ...]:

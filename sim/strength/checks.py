@@ -44,6 +44,11 @@ class Rule:
     at_most: bool
     summary: bool = False
 
+    @property
+    def assumed(self) -> bool:
+        """Whether the limit has no source."""
+        return "assumption" in self.source
+
 
 @dataclass(frozen=True)
 class Check:

@@ -72,3 +72,20 @@ def test_tolerances_at_their_worst_are_a_limit_with_a_price(
     assert row["without_s"] == pytest.approx(fastest(replace(study, limits=exact)))
     assert bool(prices_table([row]).rows) == cost
     assert all(one["now_s"] == row["now_s"] for one in rows.values())
+
+
+def test_limits_without_a_source_come_first() -> None:
+    times = {"less_s": 0.05, "now_s": 0.06, "more_s": 0.07, "without_s": 0.01}
+    dear = {name: 1e-3 * price for name, price in times.items()}
+    rows = [
+        {"name": name, "key": "k", "unit": "", "limit": 1.0, "at_most": False, **cost}
+        for name, cost in (
+            ("root_fatigue", times), ("slot_width", dear), ("contact_ratio", times),
+            ("slower_than_reference_s", times),
+        )
+    ]  # fmt: skip
+    table = prices_table(rows)
+    names = [row[0].removesuffix(" k") for row in table.rows]
+    assert names[:2] == ["limits without a source, assumed", "contact ratio"]
+    assert names[2:] == ["other limits", "root fatigue", "time lost on the reference"]
+    assert table.looks == {0: "group", 2: "group"}
