@@ -154,6 +154,7 @@ PLACES = {
     "spline_radius": "spline_friction",
     "detent_position": "detent",
     "detent_width": "detent",
+    "detent_seat": "detent",
     "input_stiffness": "ring_inertia",
     "backlash": "ring_inertia",
     "output_stiffness": "wheel_inertia",

@@ -48,7 +48,7 @@ CREEP = 1.8  #: error of a held start, over the creep of the smooth law by the s
 AXIAL = [
     *(kernel.SLEEVE, kernel.FAR, kernel.DAMPING, kernel.FRICTION, kernel.DETENT, kernel.DETENT_AT),
     *(kernel.DETENT_WIDTH, kernel.STIFF, kernel.LOSS, kernel.PLAY, kernel.SLIP_SPEED),
-    *(kernel.DEEP_STOP, kernel.LINKED),
+    *(kernel.DEEP_STOP, kernel.LINKED, kernel.DETENT_SEAT),
 ]
 RING, RING_RATE, ACTUATOR, ACTUATOR_RATE = 1, 4, 6, 7  #: places in a state of the compiled engine
 #: Surfaces and law of dogs that never touch.

@@ -87,6 +87,7 @@ def numbers_of(clutch: Clutch) -> Floats:
         kernel.BEHIND: near.far, kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping,
         kernel.BACKLASH: near.backlash, kernel.AHEAD: far.far, kernel.OUT_SHAFT: far.stiffness,
         kernel.OUT_LOSS: far.damping,
+        kernel.DETENT_SEAT: own.detent_seat or math.inf,
     }  # fmt: skip
     numbers = np.zeros(kernel.NUMBERS)
     numbers[list(places)] = list(places.values())

@@ -50,8 +50,8 @@ TOUCHED, BEATEN = range(2)
 (SLEEVE, FAR, SLIDING, OUTPUT, DAMPING, FRICTION, DETENT, DETENT_AT, DETENT_WIDTH, SPLINE, DRAG,
  STIFF, LOSS, PLAY, DOGS, REBOUND, STOP, RADIUS, WAY, SLIP_SPEED, TURN_SPEED, DEEP_STOP,
  LINKED, USED, BEHIND, SHAFT, SHAFT_LOSS, BACKLASH, AHEAD, OUT_SHAFT, OUT_LOSS,
- TWIST) = range(32)  # fmt: skip
-NUMBERS = 32
+ TWIST, DETENT_SEAT) = range(33)  # fmt: skip
+NUMBERS = 33
 _FAR, _NEAR = 2.0 / 3.0, 1.0 / 6.0
 #: Places of a triangle's three points, as shares of its corners.
 POINTS = ((_FAR, _NEAR, _NEAR), (_NEAR, _FAR, _NEAR), (_NEAR, _NEAR, _FAR))
@@ -306,9 +306,9 @@ def _motion(push, along, about, state, out, plain):
         out[7] = (push - drive) / plain[FAR]
     held = 0.0
     if plain[DETENT] != 0.0:
-        place = 2.0 * (way - plain[DETENT_AT]) / plain[DETENT_WIDTH]
-        bump = max(1.0 - place * place, 0.0)
-        held += plain[DETENT] * bump * bump
+        for sign, place in ((1.0, plain[DETENT_AT]), (-1.0, plain[DETENT_SEAT])):
+            bump = max(1.0 - (2.0 * (way - place) / plain[DETENT_WIDTH]) ** 2, 0.0)
+            held += sign * plain[DETENT] * bump * bump
     drive_torque, through = 0.0, about
     if plain[BEHIND] > 0.0:
         half, u, rate = 0.5 * plain[BACKLASH], state[8] - state[2], state[9] - state[5]

@@ -6,9 +6,12 @@ r"""Mechanism between actuator and sliding ring, and around the ring: none by de
     \sigma(v) = v/\sqrt{v^2 + v_0^2}.
 
 Linkage: :math:`L = k u + c_L \dot u`, :math:`u = y - x`, with free play between two stops; without
-both :math:`L = F(t)`. Detent: :math:`D = D_0 (1 - z^2)^2`, :math:`z = 2 (x - x_0)/w`. Spline:
-:math:`T = M_c (1 - m r^2/J_1)`. Shafts turn ring and wheel by :math:`T = c_1 [u]_b + d_1 \dot u`,
-the lead of the rest beyond the play *b*; then *T* presses the spline and the drag holds the rest.
+both :math:`L = F(t)`. Detent: :math:`D = D_0 (b(x - x_0) - b(x - x_1))`, :math:`b(s) = (1 - 4
+s^2/w^2)^2_+`, slope of an energy hill of :math:`8 D_0 w/15` that the ring climbs about :math:`x_0`
+and falls from into its seat about :math:`x_1`, where there is one: the whole way takes no work, and
+out of the seat the ring needs :math:`D_0`. Spline: :math:`T = M_c (1 - m r^2/J_1)`. Shafts turn
+ring and wheel by :math:`T = c_1 [u]_b + d_1 \dot u`, the lead of the rest beyond the play *b*; then
+*T* presses the spline and the drag holds the rest.
 """
 
 from __future__ import annotations
@@ -19,8 +22,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import InputError, ranges_of, require_ranges, within
-from dogshape.sim.units import from_si
+from dogshape.sim.errors import InputError, ranges_of, refusal, require_ranges, within
+from dogshape.sim.units import MM, from_si
 
 Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
 
@@ -81,7 +84,7 @@ def spring_force(
 class Mechanism:
     """Shift mechanism and what rubs on the sliding ring; the default is nothing of it.
 
-    An inertia of 0 stands for a side in one piece.
+    An inertia of 0 stands for a side in one piece, a seat at 0 for a detent without one.
     """
 
     added_mass: float = within("added_mass_kg", 0.0, 1e3, 0.0)  #: as felt at the ring, kg
@@ -90,6 +93,7 @@ class Mechanism:
     detent: float = within("detent_N", 0.0, 1e5, 0.0)  #: peak force, N
     detent_position: float = within("detent_position_mm", -100.0, 100.0, 0.0)  #: of the peak, m
     detent_width: float = within("detent_width_mm", 0.01, 100.0, 1e-3)  #: way of the detent, m
+    detent_seat: float = within("detent_seat_mm", 0.0, 100.0, 0.0)  #: of the pull's peak, m
     spline_friction: float = within("spline_friction", 0.0, 1.5, 0.0)  #: coefficient
     spline_radius: float = within("spline_radius_mm", 1.0, 1000.0, 0.02)  #: m
     drag_torque: float = within("drag_torque_Nm", 0.0, 1e4, 0.0)  #: against turning, N m
@@ -106,6 +110,13 @@ class Mechanism:
 
     def __post_init__(self) -> None:
         require_ranges(self, "mechanism", "correct the mechanism")
+        if 0.0 < self.detent_seat <= self.detent_position:
+            rule = (
+                "the ring climbs out of the detent before it falls into the next seat, so that it "
+                f"must be above mechanism.detent_position_mm = {self.detent_position / MM:.6g}"
+            )
+            place, remedy = self.detent_seat / MM, "exchange or correct them"
+            raise InputError(refusal("mechanism.detent_seat_mm", place, "mm", rule, remedy))
         sides = ("ring_inertia", "input_stiffness"), ("wheel_inertia", "output_stiffness")
         for inertia, stiffness in sides:
             if getattr(self, inertia) > 0.0 and getattr(self, stiffness) == 0.0:
@@ -157,10 +168,17 @@ class Mechanism:
 
         ``way`` and ``speed`` of the ring in m and m/s; ``torque`` through the spline, N m.
         """
-        bump = positive(1.0 - (2.0 * (way - self.detent_position) / self.detent_width) ** 2)
+        held = self._climb(way - self.detent_position)
+        if self.detent_seat > 0.0:
+            held = held - self._climb(way - self.detent_seat)
         pressed = self.spline_friction / self.spline_radius * abs(torque)
-        held: Number = self.detent * bump * bump
         return held + (self.friction + pressed) * smooth_sign(speed, SLIP)
+
+    def _climb(self, way: Number) -> Number:
+        """Return the force in N of the climb onto the detent, ``way`` in m from its peak."""
+        bump = positive(1.0 - (2.0 * way / self.detent_width) ** 2)
+        force: Number = self.detent * bump * bump
+        return force
 
     def drag(self, speed: Number) -> Number:
         """Return the torque in N m that holds a ring turning at ``speed`` in rad/s."""

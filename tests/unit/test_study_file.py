@@ -75,6 +75,8 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("mechanism.lag_s=1e-7", "lag of the force is 1e-07 s, but it must lie between"),
     ("mechanism.force_loss_N=300", "it must leave 1 N or more of the shift force, 235.2 N"),
     ("mechanism.detent_position_mm=1", "belongs to mechanism.detent_N, which is not given"),
+    ({"mechanism.detent_N": 50.0, "mechanism.detent_position_mm": 2.0,
+      "mechanism.detent_seat_mm": 2.0}, "must be above mechanism.detent_position_mm = 2; exchange"),
     ({"mechanism.friction_N": 30.0, "effects.sleeve_friction": 30.0},
      "mechanism.friction_N and effects.sleeve_friction both set mechanism.friction_N; leave out"),
     ({"contact.dynamic_friction": 0.11,

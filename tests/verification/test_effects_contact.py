@@ -101,7 +101,7 @@ def test_spline_friction_is_what_the_torque_behind_the_ring_presses(clutch: Clut
     [
         Mechanism(spline_friction=0.15, friction=20.0),
         Mechanism(compliance=4e-6, added_mass=0.3, damping=20.0),
-        Mechanism(detent=60.0, detent_position=3e-3, drag_torque=1.0),
+        Mechanism(detent=60.0, detent_position=2e-3, detent_seat=4e-3, drag_torque=1.0),
     ],
     ids=["spline", "linkage", "detent"],
 )

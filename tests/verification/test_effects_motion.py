@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
+from dogshape.sim import engines
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
@@ -29,10 +30,11 @@ STEP = 1e-4  #: s, rise of a force that is as good as constant from half of it o
 def flight(clutch: Clutch) -> Flight:
     """Let the ring fly with a mechanism, dogs far apart, for ``time`` s."""
 
-    def fly(profile: ForceProfile, time: float, **mechanism: float) -> Trace:
+    def fly(profile: ForceProfile, time: float, engine: str = "drake", **mechanism: float) -> Trace:
         far = clutch.with_dog(replace(clutch.dog, axial_gap=90e-3))
         far = replace(far, timeout=time, mechanism=Mechanism(**mechanism))
-        result = engage(ClutchPlant(far), OperatingPoint(50 * RPM, profile), 0.0)
+        own = far if engine == "drake" else far.with_engine(engine)
+        result = engines.engage(own, OperatingPoint(50 * RPM, profile), 0.0)
         assert result.outcome is Outcome.TIMED_OUT
         assert result.trace.displacement.max() < 90e-3
         assert np.abs(result.trace.contact_force).max() < 0.01 * profile.force
@@ -113,6 +115,36 @@ def test_a_detent_takes_the_work_of_its_hump(flight: Flight) -> None:
     assert before.sum() > 2
     assert lost[beyond] == pytest.approx(8.0 / 15.0 * detent * width, rel=0.01)
     assert np.abs(lost[before]).max() < 1e-4
+
+
+@pytest.mark.parametrize("engine", ["planar", "drake"])
+def test_a_detent_gives_back_in_its_seat_what_the_ring_has_climbed(
+    flight: Flight, engine: str
+) -> None:
+    """m v2/2 = F x before and beyond both peaks, less (8/15) D w between."""
+    hill = {"detent": 80.0, "detent_position": 3e-3, "detent_seat": 6e-3, "added_mass": 4.7}
+    trace = flight(ForceProfile(120.0, 20 * STEP), 0.03, engine, **hill)
+    way = trace.displacement[1:]
+    work = np.cumsum(
+        np.diff(trace.displacement) * 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
+    )
+    lost, top = work - 0.5 * 5.0 * trace.axial_speed[1:] ** 2, 8.0 / 15.0 * 80.0 * 1e-3
+    between, beyond = (way > 3.5e-3) & (way < 5.5e-3), way > 6.5e-3
+    assert min(between.sum(), beyond.sum()) > 2
+    assert lost[between] == pytest.approx(top, rel=0.01)
+    assert np.abs(lost[beyond]).max() < 0.01 * top
+
+
+def test_a_seated_ring_is_held_by_the_peak_force() -> None:
+    """The pull has no work over the whole way, and D on the way back out of the seat."""
+    hill = Mechanism(detent=80.0, detent_position=0.5e-3, detent_width=1e-3, detent_seat=4.2e-3)
+    way = np.linspace(0.0, 5e-3, 5001)
+    force = -hill.resistance(way, 0.0 * way, 0.0 * way)
+    assert (way[force.argmin()], force.min()) == pytest.approx((0.5e-3, -80.0))
+    assert (way[force.argmax()], force.max()) == pytest.approx((4.2e-3, 80.0))
+    energy = cumulative_trapezoid(force, way, initial=0.0)
+    assert energy[-1] == pytest.approx(0.0, abs=1e-9)
+    assert energy[2000] == pytest.approx(-8.0 / 15.0 * 80.0 * 1e-3, rel=1e-6)
 
 
 def test_the_actuator_runs_ahead_by_force_over_stiffness(clutch: Clutch, point: Point) -> None:

@@ -133,11 +133,12 @@ def test_a_creep_takes_long_steps_and_goes_as_far_as_in_drake(clutch: Clutch, po
         Mechanism(added_mass=1.0),
         Mechanism(friction=40.0, damping=60.0),
         Mechanism(detent=60.0, detent_position=1e-3, detent_width=2e-3),
+        Mechanism(detent=60.0, detent_position=5e-4, detent_seat=3e-3),
         Mechanism(spline_friction=0.15, drag_torque=1.5),
         Mechanism(added_mass=0.5, compliance=2e-7),
         Mechanism(added_mass=0.5, compliance=2e-7, free_play=5e-4, friction=20.0),
     ],
-    ids=["mass", "friction", "detent", "spline", "linkage", "play"],
+    ids=["mass", "friction", "detent", "seat", "spline", "linkage", "play"],
 )
 def test_every_mechanism_follows_drake(clutch: Clutch, point: Point, mechanism: Mechanism) -> None:
     own = replace(clutch, mechanism=mechanism)
