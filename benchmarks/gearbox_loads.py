@@ -18,6 +18,7 @@ from benchmarks.contact_sets import Designs, designs_of
 from dogshape.check import Strength, check_strength
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.running import Where
+from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.strength.checks import smallest_margin
 
 Keys = dict[str, float | bool | list[float]]
@@ -63,7 +64,8 @@ def told(found: Strength) -> str:
 def loads(found: Strength) -> list[str]:
     """Write in words the sizes of the further loads of a design, without what every row has."""
     pull = [c.value for c in found.design.checks if c.name == "pull_out_force"]
-    sizes = [words for words in found.said if not words.startswith("landing:")]
+    own = ("load sharing", *(f"{flank} flanks" for flank in FLANKS))
+    sizes = [part for part in found.to_parts() if isinstance(part, str) and part.startswith(own)]
     return [*sizes, *(f"pulled out with {value:.0f} N" for value in pull)]
 
 
