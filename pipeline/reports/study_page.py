@@ -272,6 +272,13 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         for name, (low, high) in study.variables.items()
         if min(best[name] - low, high - best[name]) <= (name != "count") * END * (high - low)
     ]
+    for other in c.get("shapes") or ():
+        less, own = other["expected_shift_time_s"], c["best"]["expected_shift_time_s"]
+        if None not in (less, own):
+            error = math.hypot(other["standard_error_s"], c["best"]["standard_error_s"])
+            words = f"{ms_with_error(less - own, error, '+')} ms"
+            words += "" if other["feasible"] else ", but fails a check"
+            yield f"with {other['shape']}", words
     if ends:
         yield "at the end of the search range", Bad(f"{', '.join(ends)}; widen [variables]")
 

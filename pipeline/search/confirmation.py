@@ -39,11 +39,12 @@ from dogshape.pipeline.simulate.evaluation import (
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.result_records import ExpectedTime, check_record
 from dogshape.pipeline.train.training_rows import row_record
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import Block, numerical_error, repeated
 from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import result_of
+from dogshape.sim.units import DEG, MM
 
 DENSER = 2  #: times the angles of the search that the compiled engine has at the new ones
 APART = 3.0  #: standard errors from which search and confirmation of a design do not agree
@@ -88,6 +89,19 @@ class EngineAgreement(Record):
             f"{self.worst_deviation:.1%}"
         )
 
+
+class OtherShape(Record):
+    """The chosen design with a feature of shape that it has not, at the same new angles."""
+
+    shape: str = key("what differs")
+    expected_shift_time_s: float | None = key(
+        "mean shift time over the operating points; null where too few shifts engage", "s"
+    )
+    standard_error_s: float | None = key("its standard error", "s")
+    feasible: bool = key("whether it passes every check")
+
+
+PLAY_MM = 0.1  #: of backlash that a confirmation adds to the chosen design
 
 #: A design at new angles, and the agreement of both engines there; None without two.
 Confirmed = tuple[Simulated, EngineAgreement | None]
@@ -238,9 +252,40 @@ def _record(
             }
             for number, one in found.items()
         ],
+        "shapes": [one.to_dict() for one in _other_shapes(study, params, executors)],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
         **_gain(study, {} if own else _estimates(old[0]), _estimates(new[0])),
     }
+
+
+def _other_shapes(study: Setup, params: Params, executors: Executors) -> list[OtherShape]:
+    """Simulate a design with more backlash, and with a roof in the place of its one face."""
+    dog = study.dog_with(params)
+    changes = {f"{PLAY_MM:g} mm of backlash more": {"backlash_mm": dog.backlash / MM + PLAY_MM}}
+    if not dog.has_back:
+        fall = (dog.chamfer or dog.chamfer_back) / DEG
+        changes["a roof with the ridge in the middle and its chamfer on both sides"] = {
+            "crest": 0.5, "chamfer_deg": fall, "chamfer_back_deg": fall,
+        }  # fmt: skip
+    designs = {words: {**params, **keys} for words, keys in changes.items()}
+    found = list[OtherShape]()
+    for words, design in designs.items():
+        try:
+            study.dog_with(design)
+        except DogshapeError:  # a flat tip has no roof
+            continue
+        (one,) = evaluate(
+            study, [design], _executor(study, executors), new_angles(study), _seed(study),
+            require_made=False,
+        )  # fmt: skip
+        executors.search.forget()
+        time = one.expectation
+        found.append(OtherShape(
+            shape=words, expected_shift_time_s=time.time,
+            standard_error_s=time.standard_error if time.engages else None,
+            feasible=design_of(study, design, one.measured).feasible,
+        ))  # fmt: skip
+    return found
 
 
 def _beside_search(searched: SearchState, trial: Trial, found: Simulated) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from dogshape.pipeline import record
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import SHAPE
 from dogshape.pipeline.record import SHARE, Record, key
-from dogshape.pipeline.search.confirmation import EngineAgreement
+from dogshape.pipeline.search.confirmation import EngineAgreement, OtherShape
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
@@ -123,6 +123,9 @@ class Confirmation(Kept):
     )
     best: ConfirmedDesign = key("the chosen design")
     designs: list[ConfirmedDesign] = key("all designs, in the order of the search")
+    shapes: list[OtherShape] | None = key(
+        "the chosen design with features of shape that it has not", "", None
+    )
     left_out: list[int] = key(
         "trials that no other beats, beyond `search.confirm_designs`: not confirmed, not on the "
         "front"
