@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from dogshape.sim.errors import ranges_of
-from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, ContactSet, OperatingPoint
+from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.expectation import ShiftResult
@@ -28,10 +28,11 @@ _DOG_KEYS = ("chamfer_deg", "traction_deg", "braking_deg", *_LENGTHS)
 def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
 
-    A limit of steps, radius of edges, engine and mechanism are named where they are not the usual
-    ones; the limit of time never is, since a shift that it ends is not kept (``unfinished``).
+    A limit of steps, radius of edges, IMPACT, engine and mechanism are named where they are not the
+    usual ones; the limit of time never is, since a shift that it ends is not kept (``unfinished``).
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
+    parts: list[Any] = [contact, contact.impact] if contact.impact else [contact]
     return {
         "count": dog.count,
         **{key: from_si(key, getattr(dog, key.rpartition("_")[0])) for key in _DOG_KEYS},
@@ -41,7 +42,11 @@ def clutch_record(clutch: Clutch) -> Record:
         "output_inertia_kgm2": rings.output_inertia,
         "initial_speed_rpm": rings.initial_speed / RPM,
         "contact_set": contact.name,
-        **{of.key: from_si(of.key, getattr(contact, n)) for n, of in ranges_of(ContactSet).items()},
+        **{
+            of.key: from_si(of.key, getattr(part, name))
+            for part in parts
+            for name, of in ranges_of(part.__class__).items()
+        },
         "timeout_s": clutch.timeout,
         "seated_tolerance_mm": clutch.seated_tolerance / MM,
         "rebound_mm": clutch.rebound / MM,
