@@ -24,6 +24,7 @@ UNITS: dict[str, tuple[float, str]] = {
     "_N": (1.0, "N"), "_Ns": (1.0, "N s"), "_Ns_m": (1.0, "N s/m"), "_s_m": (1.0, "s/m"),
     "_N_mm": (1.0 / MM, "N/mm"), "_N_um": (1e3 / MM, "N/um"), "_Nm": (1.0, "N m"),
     "_Nm_rad": (1.0, "N m/rad"), "_MPa": (MPA, "MPa"), "_Pa_m": (1.0, "Pa/m"),
+    "_N_m1_5": (1.0, "N/m^1.5"),
     "_HV": (1.0, "HV"), "_J": (1.0, "J"), "_mm3_Nm": (1e-9, "mm3/(N m)"),
     "_kg": (1.0, "kg"), "_kgm2": (1.0, "kg m2"), "": (1.0, ""),
 }  # fmt: skip

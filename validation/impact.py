@@ -6,7 +6,7 @@ Flat faces of area *A* press with :math:`F = k A x (1 + d v)` (Hunt and Crossley
 .. math:: x_{max}^2 = \frac{2 m}{k A d^2} g(d v_0), \qquad g(-d v_1) = g(d v_0).
 
 The published model used IMPACT of Adams, :math:`F = K x^{3/2} + C s(x/x_C) v` with the cubic step
-*s*, K = 1e8 (N, m or N, mm: ambiguous), C = 1e4 N s/m from :math:`x_C` = 10 um on (thesis table 7).
+*s* (``ImpactLaw``).
 """
 
 from __future__ import annotations
@@ -20,10 +20,7 @@ from scipy.integrate import quad, solve_ivp
 from scipy.special import lambertw
 
 from dogshape.sim.shift.actuation import cubic_step
-from dogshape.sim.shift.clutch import ContactSet
-
-#: Damping of the published contact, N s/m, and the depth in m at which it is full.
-IMPACT_DAMPING, IMPACT_DEPTH = 1e4, 1e-5
+from dogshape.sim.shift.clutch import ContactSet, ImpactLaw
 
 
 @dataclass(frozen=True)
@@ -71,13 +68,13 @@ def _speed(level: float, arriving: bool) -> float:
     return float(abs(1.0 + lambertw(-math.exp(-1.0 - level), branch).real))
 
 
-def published_impact(stiffness: float, mass: float, speed: float) -> Impact:
-    """Return an impact of the published contact, integrated; ``stiffness`` in N/m^1.5."""
+def published_impact(law: ImpactLaw, mass: float, speed: float) -> Impact:
+    """Return an impact under a law of Adams, integrated; mass in kg, speed in m/s."""
 
     def motion(_: float, state: NDArray[np.float64]) -> list[float]:
         x, v = state
-        damping = cubic_step(x / IMPACT_DEPTH, IMPACT_DAMPING)
-        return [v, -max(0.0, stiffness * max(x, 0.0) ** 1.5 + damping * v) / mass]
+        damping = cubic_step(x / law.depth, law.damping)
+        return [v, -max(0.0, law.stiffness * max(x, 0.0) ** 1.5 + damping * v) / mass]
 
     def parted(_: float, state: NDArray[np.float64]) -> float:
         return float(state[0])

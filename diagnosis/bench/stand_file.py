@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -251,7 +251,9 @@ def load_stand(path: Path) -> Stand:
 
 def _clutch(file: _BenchFile) -> Clutch:
     dog = file.dog.dog()
-    given = si_fields(file.contact.model_dump(exclude={"friction_velocity_m_s"}, exclude_none=True))
+    given: dict[str, Any] = si_fields(
+        file.contact.model_dump(exclude={"friction_velocity_m_s"}, exclude_none=True)
+    )
     contact = replace(contact_set("adams2019"), name="bench", **given)
     left = dog.travel - file.shift_travel_mm * MM
     if not 0.0 < left < dog.height:

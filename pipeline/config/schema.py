@@ -33,6 +33,7 @@ from dogshape.sim.shift.clutch import (
     Solver,
     accuracy_of,
     contact_set,
+    require_engine,
     solver_for,
 )
 from dogshape.sim.shift.geometry import SCOPE
@@ -302,12 +303,14 @@ class SolverSection(keys_of(Solver, solver_for, late=("max_steps", "time_limit")
 
         Forces of a mechanism with two coefficients of friction are the compiled engine's, unless
         the section names another: Drake's ``cenic`` takes a thousand times the processor time for
-        them and is off its limit by percents (``docs/simulation.md``).
+        them and is off its limit by percents (``docs/simulation.md``). The law IMPACT is
+        the compiled engine's alone.
         """
         plain = solver_for(contact, mechanism)
-        hard = mechanism.has_forces and plain.scheme == "cenic"
+        hard = contact.impact or (mechanism.has_forces and plain.scheme == "cenic")
         scheme, engine = self.scheme or plain.scheme, self.engine or ("planar" if hard else "drake")
         accuracy = accuracy_of(scheme, mechanism) if scheme in SCHEMES else plain.accuracy
+        require_engine(contact, engine)
         if engine == "planar":
             accuracy = PLANAR_ACCURACY
         own = {"scheme": scheme, "engine": engine, "accuracy": accuracy}

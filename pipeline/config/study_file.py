@@ -103,10 +103,11 @@ class Setup:
     def judging(self) -> Setup | None:
         """The study in Drake, which judges the compiled engine.
 
-        None where Drake does all of the work, or has no scheme for it (``SolverSection``).
+        None where Drake does all of the work, or has no scheme or law for it (``SolverSection``).
         """
-        solver = self.clutch.solver
-        hard = self.clutch.mechanism.has_forces and solver.scheme == "cenic"
+        clutch = self.clutch
+        forced = clutch.mechanism.has_forces and clutch.solver.scheme == "cenic"
+        hard = clutch.contact.impact or forced
         return None if hard or self.file.solver.engine == "drake" else self.in_engine("drake")
 
     def in_engine(self, engine: str) -> Setup:

@@ -374,14 +374,16 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
         simulated += f"shifts by {ENGINES[result['engine']]}"
         simulated += f", confirmed at {c['angles']} new angles of each operating point" if c else ""
         own = f", result {content_key(result)}"
+    normal = f"stiffness {contact.stiffness:.3g} Pa/m, dissipation {contact.dissipation:g} s/m"
+    if (law := contact.impact) is not None:
+        normal = f"IMPACT with {law.stiffness:.3g} N/m^1.5 and {law.damping:.3g} N s/m"
     facts = {
         "command": command_of(study) or f"dogshape study FILE; {study.name} is in study.json",
         "simulated": simulated,
         "operating points": study.operating_text,
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
         "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
-        f"{contact.dynamic_friction:g} dynamic, stiffness {contact.stiffness:.3g} Pa/m, "
-        f"dissipation {contact.dissipation:g} s/m",
+        f"{contact.dynamic_friction:g} dynamic, {normal}",
         "mechanism": ", ".join(f"{name} {one:.4g}" for name, one in study.mechanism.items()),
         "versions": ", ".join(f"{name} {version}" for name, version in used.items()),
         "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{own}",

@@ -2,7 +2,8 @@
 
 ``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE_ERROR`` times it
 that of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone, or
-one that falls from the static to the dynamic one where the scheme is ``cenic``.
+one that falls from the static to the dynamic one where the scheme is ``cenic``. A contact set with
+IMPACT has its own laws, whatever the scheme.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ class PlanarClutch:
         over the distance, rad/m, and by half of the backlash, rad, (3,); pitch, rad; gap and
         travel, m.
     numbers : masses, mechanism and stop, in the places of ``sim.planar.kernel``.
-    law : of the contact, (5,): stiffness, dissipation, dynamic friction, stiction velocity, static.
+    law : of the contact, (5,): stiffness, dissipation, dynamic friction, stiction velocity, static;
+        or of IMPACT, (7,): stiffness, damping, the same three, depth, transition velocity.
     """
 
     clutch: Clutch
@@ -63,6 +65,9 @@ def planar_clutch(clutch: Clutch) -> PlanarClutch:
     dynamic = contact.dynamic_friction
     static = contact.static_friction if clutch.solver.scheme == "cenic" else dynamic
     law = [contact.stiffness, contact.dissipation, dynamic, contact.stiction_velocity, static]
+    if (own := contact.impact) is not None:
+        law[0], law[1], law[4] = own.stiffness, own.damping, contact.static_friction
+        law += [own.depth, own.transition_velocity]
     return PlanarClutch(clutch, surfaces, numbers_of(clutch), np.array(law))
 
 

@@ -40,7 +40,7 @@ from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, require_engine
 from dogshape.sim.shift.conclusion import states_held
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
@@ -173,6 +173,7 @@ class ClutchPlant:
     """
 
     def __init__(self, clutch: Clutch) -> None:
+        require_engine(clutch.contact, "drake")
         self.clutch = clutch
         self.share = 1 if clutch.solver.all_dogs else clutch.dog.count  # of dogs by a modelled one
         builder = DiagramBuilder()

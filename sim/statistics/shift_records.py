@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from dogshape.sim.errors import ranges_of
-from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, ContactSet, OperatingPoint
+from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Landing
@@ -34,10 +34,12 @@ DEFAULTS = {
 def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
 
-    A limit of steps, later keys of the dog, engine and mechanism are named where they are not the
-    usual ones; the limit of time never is, since a shift that it ends is not kept (``unfinished``).
+    A limit of steps, later keys of the dog, IMPACT, engine and mechanism are named where they are
+    not the usual ones; the limit of time never is, since a shift that it ends is not kept
+    (``unfinished``).
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
+    parts: list[Any] = [contact, contact.impact] if contact.impact else [contact]
     return {
         "count": dog.count,
         **{key: from_si(key, getattr(dog, key.rpartition("_")[0])) for key in _DOG_KEYS},
@@ -51,7 +53,11 @@ def clutch_record(clutch: Clutch) -> Record:
         "output_inertia_kgm2": rings.output_inertia,
         "initial_speed_rpm": rings.initial_speed / RPM,
         "contact_set": contact.name,
-        **{of.key: from_si(of.key, getattr(contact, n)) for n, of in ranges_of(ContactSet).items()},
+        **{
+            of.key: from_si(of.key, getattr(part, name))
+            for part in parts
+            for name, of in ranges_of(part.__class__).items()
+        },
         "timeout_s": clutch.timeout,
         "seated_tolerance_mm": clutch.seated_tolerance / MM,
         "rebound_mm": clutch.rebound / MM,

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from benchmarks.adams import ALL, deviations, unhindered
+from benchmarks.adams import ALL, deviations, free_flights, laws, unhindered
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.comparison import compare
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.engines import engage
 from dogshape.sim.shift.conclusion import Engagement, Outcome
+from dogshape.sim.shift.events import touching
 from dogshape.sim.units import DEG, MM, RPM
 
 #: Root-mean-square deviation over all 25 cells. The mean of ten random angles
@@ -21,15 +23,27 @@ ALL_CELLS = 0.14
 ONE_CELL_SHARE = 0.26
 
 
-#: Five single cases of the 2019 paper, section "Simulation results", figures 10 to 14: mismatch in
-#: 1/min, force in N, relative angle in degrees, and whether faces meet. Of the fifth the paper has
-#: several contacts and a relatively short time.
+#: Root-mean-square deviation over all angles, by the contact: 8.1 and 4.4 % in docs/proof.md, and
+#: what other angles add, 1 to 2 %.
+ALL_ANGLES = {"adams2019": 0.10, "adams_impact": 0.065}
+#: Mean of the fast shifts that skip no slot over the table: the model's are too short.
+UNHINDERED = {"adams2019": (0.86, 0.92), "adams_impact": (0.84, 0.90)}
+
+#: Five single cases of the 2019 paper (Jasny, Hajzman, Achtenova, section "Simulation results",
+#: figures 10 to 14 in this order): mismatch in 1/min, force in N, relative angle in degrees, and
+#: whether the text has face meet face. Of the fifth it has "several contact occurrences" and a
+#: time "relatively short".
 CASES = (
     (50, 235.2, 0.0, False), (50, 235.2, 10.0, True), (50, 469.0, 0.0, False),
-    (50, 469.0, 10.0, True), (149, 235.2, 0.0, True),
+    (50, 469.0, 10.0, True), (149, 235.2, 0.0, None),
 )  # fmt: skip
-#: Where the paper's relative angle is zero is not given, deg from dogs facing dogs.
-ORIGINS = (0.0, 4.0)
+#: Where the model has it otherwise at the paper's angles: cases 1 and 3, whose faces graze.
+GRAZED = (0, 2)
+#: Way that grazing faces slide, m: 16 % of the pitch and a third of what faces slide that meet.
+GRAZE = 1.6 * MM
+#: The paper does not say where its zero is: with zero here all face contacts are as published, deg.
+ORIGIN = 4.0
+LAWS = ("adams2019, Drake", "adams2019", "adams_impact")
 
 
 @pytest.fixture(scope="module")
@@ -63,54 +77,69 @@ def test_stand_is_slower_than_the_published_simulation(adams: Bench) -> None:
     assert rms == pytest.approx(0.1317, abs=1e-4)
 
 
-def _case(adams: Bench, engine: str, number: int, origin: float) -> Engagement:
-    speed, force, angle, _ = CASES[number]
-    (point,) = (
-        cell.point
+def _cases(adams: Bench, law: str, origin: float) -> list[Engagement]:
+    """Simulate the five cases with a contact."""
+    clutch = adams.clutch if law == LAWS[0] else laws(adams)[law]
+    points = {
+        (round(cell.point.mismatch / RPM), cell.point.profile.force): cell.point
         for cell in adams.cells
-        if (round(cell.point.mismatch / RPM), cell.point.profile.force) == (speed, force)
-    )
-    return engage(adams.clutch.with_engine(engine), point, (angle + origin) * DEG)
+    }
+    return [
+        engage(clutch, points[speed, force], (angle + origin) * DEG)
+        for speed, force, angle, _ in CASES
+    ]
 
 
-@pytest.mark.parametrize("engine", ["drake", "planar"])
-def test_five_single_cases_of_the_paper(adams: Bench, engine: str) -> None:
-    """All engage; where faces meet in the paper they slide by more than in any other case.
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("origin", [0.0, ORIGIN])
+def test_five_single_cases_of_the_paper(adams: Bench, law: str, origin: float) -> None:
+    """All engage; cases 2, 4 and 5 are as published at the paper's angles, 1 and 3 are not.
 
-    Zero at dogs facing dogs lets the faces of cases 1 and 3 graze each other, by 0.3 and 1.5 mm of
-    a pitch of 10 mm. With zero four degrees on, faces meet where the paper has them meet.
+    There faces graze that do not meet in the paper. With zero four degrees on, all meet or miss as
+    published, but the first case, "optimal" in the paper, then bounces on a flank.
     """
-    for origin in ORIGINS:
-        found = [_case(adams, engine, number, origin) for number in range(len(CASES))]
-        assert all(one.outcome is Outcome.ENGAGED for one in found)
-        first, second, third, fourth, fifth = (one.shift_time or 0.0 for one in found)
-        assert third < first < second
-        assert third < fourth
-        assert fifth < second
-        slides = [one.events.face_slide for one in found]
-        met = [slide for slide, case in zip(slides, CASES, strict=True) if case[-1]]
-        apart = [slide for slide, case in zip(slides, CASES, strict=True) if not case[-1]]
-        assert max(apart) < 1.6 * MM
-        assert min(met) > max(apart)
-    # the last origin
-    assert [one.events.face_contacts > 0 for one in found] == [case[-1] for case in CASES]
-    assert found[2].loads.peak_tangential_force > 0.0  # case 3: sides of teeth alone
+    found = _cases(adams, law, origin)
+    assert all(one.outcome is Outcome.ENGAGED for one in found)
+    for number, (one, (*_, meet)) in enumerate(zip(found, CASES, strict=True)):
+        if meet is None:
+            contacts = np.diff(touching(one.trace).astype(int)) > 0
+            assert contacts.sum() > 1
+        elif origin == 0.0 and number in GRAZED:
+            assert 0.0 < one.events.face_slide < GRAZE
+        else:
+            assert (one.events.face_contacts > 0) is meet
+            assert one.events.face_slide > 3.0 * GRAZE or not meet
+    first, second, third, fourth, fifth = (one.shift_time or 0.0 for one in found)
+    assert third < first < second
+    assert third < fourth
+    assert fifth < min(second, fourth)
+    if origin == ORIGIN:
+        assert found[0].events.rebound > 0.05 * MM
+        assert found[2].loads.peak_tangential_force > 0.0  # case 3: sides of teeth alone
 
 
-def test_all_angles_and_the_fast_rows(adams: Bench) -> None:
-    """Over all angles the rows agree better than at the ten; no row is far off on average.
-
-    Fast shifts that skip no slot are about 11 % shorter than the table, in all twelve cells.
-    """
-    quick = replace(adams, clutch=adams.clutch.with_engine("planar"))
-    ten = compare(quick, scratch_executor().run).relative_rms
-    every = compare(quick, scratch_executor().run, ALL)
+@pytest.mark.parametrize("law", LAWS[1:])
+def test_all_angles_and_the_fast_rows(adams: Bench, law: str) -> None:
+    """Over all angles rows agree better than at the ten, and fast shifts without a miss do not."""
+    clutch = laws(adams)[law]
+    own = replace(adams, clutch=clutch)
+    ten = compare(own, scratch_executor().run).relative_rms
+    every = compare(own, scratch_executor().run, ALL)
     assert every.relative_rms is not None
     assert ten is not None
-    assert every.relative_rms < 0.10 < ten
+    assert every.relative_rms < ALL_ANGLES[law] < ten
     for row in deviations(every).values():
         assert abs(sum(row) / len(row)) < 0.20
-    short = unhindered(adams)
+    short = unhindered(adams, clutch, clutch.shift_travel)
+    least, most = UNHINDERED[law]
     assert len(short) == 12
     assert 0.80 < min(short) < max(short) < 1.0
-    assert sum(short) / len(short) < 0.92
+    assert least < sum(short) / 12 < most
+
+
+def test_fast_rows_are_twice_the_free_flight(adams: Bench) -> None:
+    """The table alone: 1.95 +- 0.05 in all twelve cells, as if none of its shifts missed a slot."""
+    ratios = free_flights(adams)
+    assert len(ratios) == 12
+    assert np.mean(ratios) == pytest.approx(1.952, abs=1e-3)
+    assert np.std(ratios, ddof=1) == pytest.approx(0.052, abs=1e-3)

@@ -57,12 +57,13 @@ def test_a_shift_beyond_the_checked_range_says_so(
     ("settings", "engine", "accuracy"),
     [
         ({}, "drake", 1e-7),
+        ({"contact.set": "adams_impact"}, "planar", 1e-4),
         ({"mechanism.compliance_mm_kN": 0.3}, "planar", 1e-4),
         ({"mechanism.compliance_mm_kN": 0.3, "solver.engine": "drake"}, "drake", 1e-9),
         ({"mechanism.compliance_mm_kN": 0.3, "solver.accuracy": 1e-8}, "planar", 1e-8),
     ],
 )
-def test_forces_of_a_mechanism_with_two_coefficients_are_the_compiled_engines(
+def test_forces_of_a_mechanism_with_two_coefficients_and_impact_are_the_compiled_engines(
     settings: dict[str, Any], engine: str, accuracy: float
 ) -> None:
     solver = ds.Study("mq200_paper", {"contact.set": "adams2019", **settings}).config.clutch.solver
