@@ -47,7 +47,7 @@ GUARDED = {
     "rich": ("dogshape/cli/",),
     "joblib": ("pipeline/simulate/executor.py",),
     "distributed": ("pipeline/simulate/executor.py",),
-    "mujoco": ("validation/second_engine.py", "validation/blind/mujoco_shift.py"),
+    "mujoco": ("validation/blind/mujoco_shift.py",),
     "asammdf": ("diagnosis/bench/trace_files.py",),
     "nptdms": ("diagnosis/bench/trace_files.py",),
     "build123d": ("pipeline/export/cad.py",),
