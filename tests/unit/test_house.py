@@ -45,7 +45,7 @@ GUARDED = {
     "plotly": ("pipeline/reports/",),
     "typer": ("dogshape/cli/", "validation/blind/verbs.py"),
     "rich": ("dogshape/cli/",),
-    "joblib": ("pipeline/simulate/executor.py",),
+    "joblib": ("pipeline/simulate/executor.py", "validation/blind/sealed.py"),
     "distributed": ("pipeline/simulate/executor.py",),
     "mujoco": ("validation/blind/mujoco_shift.py",),
     "asammdf": ("diagnosis/bench/trace_files.py",),

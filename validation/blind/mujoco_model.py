@@ -180,6 +180,7 @@ def model_text(
         for name in dogs
         for k in range(stand.count)
     )
+    actuator, tendon = _linkage(stand, truth)
     lag = f'dyntype="filterexact" dynprm="{truth.lag}"' if truth.lag else ""
     return f"""<mujoco>
 <compiler angle="radian"/>
@@ -188,9 +189,9 @@ def model_text(
  <flag refsafe="disable" multiccd="disable" island="disable" diagexact="enable"/>
 </option>
 <asset>{meshes}</asset>
-<worldbody>{_output(stand)}{_sliding(stand, truth, dogs, stop)}{_actuator(stand, truth)}
+<worldbody>{_output(stand)}{_sliding(stand, truth, dogs, stop)}{actuator}
 </worldbody>
-<contact>{pairs}</contact>{_tendon(stand, truth)}
+<contact>{pairs}</contact>{tendon}
 <actuator><general joint="{"actuator" if truth.linkage else "shift"}" {lag}/></actuator>
 </mujoco>"""
 
@@ -211,11 +212,13 @@ def _sliding(stand: Stand, truth: Truth, dogs: list[str], stop: Reference) -> st
     armature = 0.0 if truth.linkage else truth.added_mass
     rub = f'solreffriction="0 {-0.5 / FLIGHT_STEP}" solimpfriction="0.9999 0.9999 0.001"'
     limit = f'solreflimit="{stop[0]} {stop[1]}" solimplimit="0.999 0.999 0.001"'
+    # A turn by pi about x, and then by its place about z.
     places = {"low": (0.0, 0.0), "high": (truth.high_dog, stand.count // 2 * stand.pitch)}
     geoms = "".join(
         f'<geom name="{name}" type="mesh" mesh="long" contype="0" conaffinity="0" '
-        f'pos="0 0 {-places[name][0]:.15g}" quat="{_turned_over(places[name][1])}"/>'
-        for name in dogs
+        f'pos="0 0 {-high:.15g}" quat="0 {math.cos(0.5 * at):.15g} {math.sin(0.5 * at):.15g} 0"/>'
+        for name, (high, at) in places.items()
+        if name in dogs
     )
     return (
         f'<body pos="0 0 {travel:.15g}">'
@@ -228,23 +231,10 @@ def _sliding(stand: Stand, truth: Truth, dogs: list[str], stop: Reference) -> st
     )
 
 
-def _turned_over(angle: float) -> str:
-    """Return the quaternion of a turn by pi about x and then by ``angle`` about z."""
-    return f"0 {math.cos(0.5 * angle):.15g} {math.sin(0.5 * angle):.15g} 0"
-
-
-def _actuator(stand: Stand, truth: Truth) -> str:
+def _linkage(stand: Stand, truth: Truth) -> tuple[str, str]:
+    """Write the actuator, and the tendon to the ring: a spring, or two stops a play apart."""
     if not truth.linkage:
-        return ""
-    mass = stand.mass * FORK + truth.added_mass
-    joint = '<joint name="actuator" type="slide" axis="0 0 -1"/>'
-    return f"<body>{_inertial(mass, 1.0)}{joint}</body>"
-
-
-def _tendon(stand: Stand, truth: Truth) -> str:
-    """Write the tendon between actuator and ring: a spring, or two stops a play apart."""
-    if not truth.linkage:
-        return ""
+        return "", ""
     near, far = stand.mass * (1.0 - FORK), stand.mass * FORK + truth.added_mass
     if truth.free_play:
         stop = f"{-(STOP_RATE**2)} {-2.0 * LINKAGE_DAMPING * STOP_RATE}"
@@ -256,8 +246,10 @@ def _tendon(stand: Stand, truth: Truth) -> str:
         stiffness = 1.0 / truth.compliance
         damping = 2.0 * LINKAGE_DAMPING * math.sqrt(stiffness * near * far / (near + far))
         how = f'stiffness="{stiffness}" damping="{damping}" springlength="0"'
+    joint = '<joint name="actuator" type="slide" axis="0 0 -1"/>'
     joints = '<joint joint="actuator" coef="1"/><joint joint="shift" coef="-1"/>'
-    return f'<tendon><fixed name="link" {how}>{joints}</fixed></tendon>'
+    tendon = f'<tendon><fixed name="link" {how}>{joints}</fixed></tendon>'
+    return f"<body>{_inertial(far, 1.0)}{joint}</body>", tendon
 
 
 def _inertial(mass: float, polar: float) -> str:

@@ -196,7 +196,9 @@ class Engine:
         model.opt.timestep = FLIGHT_STEP if flying else STEP
         self._control[0] = signal(truth, point, data.time)
         if truth.detent:
-            self._applied[shift] = -self._hump(float(self._place[shift]))
+            z = (float(self._place[shift]) - truth.detent_position) / DETENT_WIDTH
+            hump = truth.detent * math.cos(math.pi * z) ** 2
+            self._applied[shift] = -hump if abs(z) < 0.5 else 0.0
         if truth.ripple:
             turn = truth.ripple_rate * data.time + phase
             swing = truth.ripple * truth.ripple_rate * math.cos(turn)
@@ -223,10 +225,6 @@ class Engine:
             torque = abs(float(self._data.qfrc_constraint[self._dof[2]]))
             pressed = self.truth.spline_friction * self._spline * torque
             self._model.dof_frictionloss[self._dof[1]] = self.truth.friction + pressed
-
-    def _hump(self, way: float) -> float:
-        z = (way - self.truth.detent_position) / DETENT_WIDTH
-        return self.truth.detent * math.cos(math.pi * z) ** 2 if abs(z) < 0.5 else 0.0
 
     def _places(self) -> tuple[float, float]:
         """Return the way of the ring and the one that is read, m."""
