@@ -18,8 +18,8 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.comparison import Comparison, compare
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
 
 ALL = 48  #: even angles that stand for all

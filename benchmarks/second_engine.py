@@ -19,9 +19,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, measure, paper_study, point_of
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import MM
 from dogshape.validation.second_engine import FINE, EngineSettings, SecondEngine
 

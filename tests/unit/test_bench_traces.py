@@ -13,8 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.trace_files import COLUMNS, read_trace
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.units import MM, RPM
 from tests.benches import good_set

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from dogshape.pipeline.store.folder import require_targets, write_json
-from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.store.folder import ShiftJournal, append, require_targets, write_json
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from tests.conftest import Said
