@@ -127,7 +127,7 @@ def test_a_journal_is_read_without_a_right_to_write(
     def refused(*_: object) -> int:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    monkeypatch.setattr("dogshape.pipeline.store.journal.os.open", refused)
+    monkeypatch.setattr("dogshape.pipeline.store.folder.os.open", refused)
     assert set(ShiftJournal(path).rows) == {"a"}
 
 
