@@ -14,8 +14,8 @@ from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, tabulate
 from dogshape.pipeline.reports.text import time_text
-from dogshape.pipeline.simulate.executor import Angles, Where, require_angles
 from dogshape.pipeline.store.result_records import BenchPoint, engaged_record
+from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated
 from dogshape.sim.statistics.shift_records import clutch_record

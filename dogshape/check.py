@@ -38,7 +38,7 @@ from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.store import Validation
 
 if TYPE_CHECKING:
-    from dogshape.pipeline.simulate.executor import Where
+    from dogshape.running import Where
 
 
 @dataclass(frozen=True, repr=False)

@@ -25,8 +25,8 @@ from dogshape.pipeline.record import (
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
-from dogshape.pipeline.simulate.executor import Angles, Where, require_angles
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
+from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME

@@ -17,7 +17,7 @@ from dogshape.pipeline.reports.shift_page import (
     write_animation,
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
-from dogshape.pipeline.simulate.executor import require_angles
+from dogshape.running import require_angles
 from dogshape.sim.files import naming
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import engage, events_record, loads_record, shaft_record

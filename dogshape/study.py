@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
     from dogshape.check import Check, Strength
     from dogshape.expectation import Expectation
-    from dogshape.pipeline.simulate.executor import Angles
     from dogshape.predictions import Predictions
+    from dogshape.running import Angles
     from dogshape.shift import Shift
     from dogshape.study_result import StudyResult
 
@@ -128,7 +128,7 @@ class Study:
         keep : folder in which a run that was stopped leaves its finished shifts.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
-        from dogshape.pipeline.simulate.executor import Where  # noqa: PLC0415
+        from dogshape.running import Where  # noqa: PLC0415
 
         place = mismatch_rpm, force_N, force_rise_s
         where = Where(jobs, cluster, keep, progress)
@@ -229,7 +229,7 @@ class Study:
         and angles; a dog that cannot be made is not simulated. ``keep`` as in ``expect``.
         """
         from dogshape.check import check_strength  # noqa: PLC0415
-        from dogshape.pipeline.simulate.executor import Where  # noqa: PLC0415
+        from dogshape.running import Where  # noqa: PLC0415
 
         where = Where(jobs, None, keep, progress)
         return check_strength(self.config, where, simulate=simulate)

@@ -27,15 +27,15 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.store.folder import ShiftJournal, append
-from dogshape.sim.errors import InputError, StorageError, WorkerError, refusal
+from dogshape.sim.errors import InputError, StorageError, WorkerError
 from dogshape.sim.files import writing
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions
 
-Counting = Callable[[int, int], None]  #: gets the shifts just finished, and those known before
+Progress = Callable[[int, int], None]  #: gets the shifts just finished, and those known before
 
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 MANY = 100  #: blocks that a cluster is sent at once
@@ -67,7 +67,7 @@ class Executor:
 
     journal: ShiftJournal
     jobs: int = 0
-    progress: Counting = field(default=_silent)
+    progress: Progress = field(default=_silent)
     cluster: str | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
 
@@ -200,7 +200,7 @@ def _work_away(block: Block) -> list[Record]:
 
 
 def scratch_executor(
-    jobs: int = 0, progress: Counting = _silent, cluster: str | None = None
+    jobs: int = 0, progress: Progress = _silent, cluster: str | None = None
 ) -> Executor:
     """Return an executor whose journal is a temporary file, gone when the program ends."""
     connect(cluster)
@@ -319,41 +319,3 @@ def _remove(folder: Path) -> None:
     with suppress(OSError):
         for path in (SHIFTS, SHIFTS.parent) if folder.parent == SHIFTS else ():
             path.rmdir()
-
-
-Angles = int | Sequence[float] | None  #: how many evenly spaced ones, or listed ones, deg
-
-
-@dataclass(frozen=True)
-class Where:
-    """Where shifts run, and where finished ones are kept until all of the work is done.
-
-    ``jobs`` is 0 for one worker a core, ``cluster`` the address of a Dask scheduler, ``keep`` the
-    folder in which a run that was stopped leaves its finished shifts.
-    """
-
-    jobs: int = 0
-    cluster: str | None = None
-    keep: str | Path | None = None
-    progress: Progress = SILENT
-
-    @contextmanager
-    def executor(
-        self, name: str, asked: tuple[Any, ...], shifts: int
-    ) -> Iterator[tuple[Executor, WorkCounter]]:
-        """Give what simulates the shifts of one question, and the counter that it counts into."""
-        with WorkCounter(self.progress, shifts) as counter:
-            if self.keep is None:
-                yield scratch_executor(self.jobs, counter.advance, self.cluster), counter
-                return
-            folder = work_folder(Path(self.keep), name, *asked)
-            with kept_shifts(folder, counter, self.jobs, self.cluster) as executor:
-                yield executor, counter
-
-
-def require_angles(angles: Angles) -> None:
-    """Raise InputError for relative angles, deg, of which one is no finite angle."""
-    for angle in () if angles is None or isinstance(angles, int) else angles:
-        if not abs(angle) <= 1e6:
-            rule, remedy = "it must be a finite angle", "give an angle in degrees"
-            raise InputError(refusal("relative angle", angle, "deg", rule, remedy))
