@@ -19,9 +19,9 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench, Cell, load_bench
 from dogshape.diagnosis.bench.comparison import Comparison, compare
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, ImpactLaw, contact_set
 from dogshape.sim.shift.trace import crossing
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM, RPM
 
 ALL = 192  #: even angles that stand for all: twice as many move no figure by 0.5 %

@@ -16,8 +16,8 @@ from pathlib import Path
 
 from dogshape.cli.console import ProgressBar
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.prediction.bank_store import BankStore, series_key
 from dogshape.diagnosis.prediction.model import build_models
+from dogshape.diagnosis.prediction.simulations import BankStore, series_key
 from dogshape.pipeline.diagnose.bank_diagnosis import BANK, TIMES, Means, brought, shifts_of
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block

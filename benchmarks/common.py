@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -34,7 +35,7 @@ class Cell:
 
     times: np.ndarray
     cpu: float
-    evaluations: float
+    evaluations: float = math.nan
 
     @property
     def mean(self) -> float:

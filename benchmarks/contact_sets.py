@@ -23,7 +23,7 @@ from benchmarks.common import kept, paper_study
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.shift.clutch import CONTACT_SETS, ContactSet
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.units import DEG

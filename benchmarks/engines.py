@@ -21,11 +21,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common import paper_study
-from dogshape.sim.engines import engage
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, Rings, solver_for
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
 
 ANGLES = 8

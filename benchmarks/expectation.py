@@ -26,9 +26,8 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.simulate.evaluation import expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.blocks import Block, engage
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record
 

@@ -24,12 +24,12 @@ from numpy.typing import NDArray
 
 from benchmarks.common import paper_study, point_of
 from dogshape.sim.effects import load
-from dogshape.sim.engines import engage
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.mechanism import Mechanism
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM, RPM
 
 POINTS = ((10.0, 235.2), (25.0, 469.0), (50.0, 641.5), (149.0, 315.5))

@@ -49,8 +49,7 @@ from dogshape.pipeline.search.state import SearchState, not_dominated
 from dogshape.pipeline.simulate.design import SIMULATED, design_of, values_of
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, evaluate
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
-from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder
 from dogshape.surrogate.covariance import Array
 
 START = 10  #: designs that every sampler begins with, the prototype among them

@@ -19,12 +19,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.common import DESIGNS, Cell, angles_of, clutch_of, measure, paper_study, point_of
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import MM
-from dogshape.validation.second_engine import SecondEngine
-from dogshape.validation.second_model import FINE, EngineSettings
+from dogshape.validation.second_engine import FINE, EngineSettings, SecondEngine
 
 #: Mismatch in 1/min and force in N.
 POINTS = (
@@ -81,15 +80,11 @@ class Agreement:
 
 
 def measure_second(engine: SecondEngine, point: OperatingPoint, angles: np.ndarray) -> Cell:
-    """Simulate shifts in MuJoCo and return their times and cost; a step is an evaluation."""
-    times, steps = [], 0
+    """Simulate shifts in MuJoCo and return their times and cost."""
     start = time.process_time()
-    for angle in angles:
-        result = engine.shift(point, float(angle))
-        times.append(np.nan if result.shift_time is None else result.shift_time)
-        steps += len(result.times)
+    times = [engine.engage(point, float(angle)).time for angle in angles]
     cpu = time.process_time() - start
-    return Cell(np.array(times), cpu / len(times), steps / len(times))
+    return Cell(np.array(times, dtype=float), cpu / len(times))
 
 
 def table(count: int) -> None:

@@ -23,8 +23,7 @@ from dogshape.sim.shift.clutch import SCHEMES, Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import RPM
-from dogshape.validation.second_engine import SecondEngine
-from dogshape.validation.second_model import EngineSettings
+from dogshape.validation.second_engine import EngineSettings, SecondEngine
 
 # Schemes that the product does not offer, because this benchmark decided against them.
 for _name in ("bogacki_shampine3", "runge_kutta5", "implicit_euler"):
@@ -58,7 +57,7 @@ def _drake(clutch: Clutch) -> Shift:
 
 def _mujoco(clutch: Clutch, settings: EngineSettings) -> Shift:
     engine = SecondEngine(clutch, settings)
-    return lambda point, angle: engine.shift(point, angle).shift_time
+    return lambda point, angle: engine.engage(point, angle).time
 
 
 def settings_of(clutch: Clutch) -> list[Setting]:

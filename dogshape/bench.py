@@ -12,10 +12,9 @@ from dogshape.diagnosis.bench.comparison import ANGLES, compare
 from dogshape.diagnosis.bench.comparison import Comparison as Compared
 from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.record import Table, frame_of, tabulate
+from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, tabulate
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.store.result_records import BenchPoint, engaged_record
-from dogshape.result import Figure, Frame, Result
 from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup, points_of
-from dogshape.pipeline.record import Table, frame_of
+from dogshape.pipeline.record import Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.text import ENGINES, interval_text, time_text
 from dogshape.pipeline.simulate.design import (
     Design,
@@ -25,7 +25,6 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.pipeline.train.training_rows import mix_over, own_surrogate
-from dogshape.result import Frame, Result
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED, Expectation
 from dogshape.sim.strength.checks import feasible, smallest_margin

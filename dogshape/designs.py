@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.check import check_design
-from dogshape.pipeline.record import Table
+from dogshape.pipeline.record import Frame, Result, Table
 from dogshape.pipeline.reports.data_sheet import (
     NamedDesign,
     design_record,
@@ -23,7 +23,6 @@ from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import minus
 from dogshape.pipeline.simulate.design import weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets
-from dogshape.result import Frame, Result
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER, ContactSet
 

@@ -10,12 +10,11 @@ from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.record import Table
+from dogshape.pipeline.record import Frame, Result, Table
 from dogshape.pipeline.reports.text import in_ms, time_text
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.train.training import fill, train
 from dogshape.pipeline.train.training_rows import space_out
-from dogshape.result import Frame, Result
 from dogshape.sim.errors import InputError
 from dogshape.study import Study
 from dogshape.surrogate.store import LEAST_Q2, Stored

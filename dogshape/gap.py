@@ -13,7 +13,7 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_times
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
-from dogshape.diagnosis.inference.shift_plan import APART, ShiftPlan, shift_plan
+from dogshape.diagnosis.inference.outcome import APART, ShiftPlan, shift_plan
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
@@ -41,7 +41,7 @@ from dogshape.pipeline.diagnose.gap_update import (
 )
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.record import Table, frame_of
+from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.gap_page import (
     cells_figure,
     cells_of,
@@ -51,7 +51,6 @@ from dogshape.pipeline.reports.gap_page import (
     residual_table,
 )
 from dogshape.pipeline.store.folder import require_targets
-from dogshape.result import Figure, Frame, Result
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError, number
 from dogshape.sim.files import write_whole, writing

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, points_of
-from dogshape.pipeline.record import Table
+from dogshape.pipeline.record import Frame, Result, Table
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.train.design_table import Predicted, predict, require_another, text_table
 from dogshape.pipeline.train.training_rows import mix_over, stored_surrogate
-from dogshape.result import Frame, Result
 
 NAMED = 5  #: rows of a table without an answer that are listed one by one
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, point_of
-from dogshape.pipeline.record import Table
+from dogshape.pipeline.record import Figure, Frame, Result, Table
 from dogshape.pipeline.reports.shift_page import (
     curves,
     event_facts,
@@ -17,12 +17,10 @@ from dogshape.pipeline.reports.shift_page import (
     write_animation,
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
-from dogshape.result import Figure, Frame, Result
 from dogshape.running import require_angles
-from dogshape.sim.engines import engage
 from dogshape.sim.files import naming
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.statistics.blocks import events_record, loads_record, shaft_record
+from dogshape.sim.statistics.blocks import engage, events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM
 

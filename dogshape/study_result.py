@@ -8,14 +8,13 @@ from typing import Any, cast
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress
-from dogshape.pipeline.record import Table
+from dogshape.pipeline.record import Figure, Frame, Result, Table
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
 from dogshape.pipeline.reports.study_page import headline, publish, summary_tables
 from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.result import Figure, Frame, Result
 
 PRINTED_KEYS = (
     "engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation", "audit",

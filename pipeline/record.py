@@ -1,15 +1,18 @@
-"""Declaration of results: record, table, frame, schema and reference page follow from one place.
+"""Results: record, table, frame, schema and reference page follow from one declaration.
 
 A ``Record`` declares each key once (``key``): its meaning and unit, and for people the head of its
 column, the scale from the stored to the shown value and the format. A ``Table`` is what console and
-pages print alike.
+pages print alike. ``Result`` is the base of the public ones: text as on the command line, record
+and table.
 """
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import TYPE_CHECKING, Any, cast, get_args, get_origin
 
 from pydantic import BaseModel, Field
@@ -18,6 +21,15 @@ from dogshape.sim.clutch_tables import Section
 
 if TYPE_CHECKING:
     import pandas as pd
+    from pandas import DataFrame as Frame
+    from plotly.graph_objects import Figure
+else:  # they take half a second to load, which a quick answer does not need
+    Frame = Figure = Any
+
+__all__ = [
+    "Bad", "Figure", "Frame", "Record", "Result", "Table",
+    "frame_of", "key", "key_table", "number_or_none", "tabulate",
+]  # fmt: skip
 
 SHARE = "share"  #: unit of what lies between 0 and 1
 MINUS = "\N{MINUS SIGN}"
@@ -139,3 +151,34 @@ def _models(annotation: Any, mark: str = "") -> Iterator[tuple[type[BaseModel], 
     mark += {list: "[]", dict: ".*"}.get(get_origin(annotation), "")
     for part in get_args(annotation):
         yield from _models(part, mark)
+
+
+__all__ = ["Figure", "Frame", "Result"]
+
+
+class Result(ABC):
+    """Answer to a problem, which it carries; frozen, so that it stays what was computed."""
+
+    @abstractmethod
+    def to_dict(self) -> dict[str, Any]:
+        """Give the record that the command line prints with ``--json``, fit for JSON."""
+
+    @abstractmethod
+    def to_frame(self) -> Frame:
+        """Give the result as a table, columns named with their units."""
+
+    @abstractmethod
+    def to_parts(self) -> list[str | Table]:
+        """Give the sentences and tables that ``print`` and the command line show."""
+
+    def __repr__(self) -> str:
+        return "\n".join(line for part in self.to_parts() for line in _lines(part))
+
+
+def _lines(part: str | Table) -> list[str]:
+    if isinstance(part, str):
+        return [part]
+    rows = [part.heads, *part.rows]
+    cells = [row for row in rows if len(row) == len(part.heads)]  # a group has one cell
+    widths = [max(map(len, column)) for column in zip_longest(*cells, fillvalue="")]
+    return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

@@ -35,8 +35,7 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
-from dogshape.pipeline.store.folder import StudyFolder, write_json
-from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
 from dogshape.pipeline.store.trial_storage import kept
 from dogshape.pipeline.train.training import Say, train
 from dogshape.pipeline.train.training_rows import study_mix

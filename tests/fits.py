@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import Bench, setting_of
 from dogshape.diagnosis.inference.fit import Fit
-from dogshape.diagnosis.inference.shift_plan import Field, field_of
+from dogshape.diagnosis.inference.outcome import Field, field_of
 from dogshape.diagnosis.prediction.model import Predicted, Space
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Hypothesis

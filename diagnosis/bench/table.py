@@ -18,8 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.trace_files import is_plain, read_trace
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import BenchTrace, is_plain, read_trace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, number_rule
 from dogshape.sim.texts import read_table

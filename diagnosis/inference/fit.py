@@ -1,22 +1,232 @@
 """A hypothesis fitted to a data set: equally weighted draws of its posterior.
 
 Each operating point is predicted from all others too, against what chance alone leaves.
+
+Evidence and posterior are by importance sampling over the ranges. Prior draws are a Sobol sequence
+in the unit cube of shares. Those whose means lie nearest to the data get their likelihood; the
+others are taken to have none. A wider hypothesis is drawn around the draws of its parts instead.
+Rounds of proposals around the weighted draws follow, all draws weighted by the mixture of
+everything they were drawn from.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+import itertools
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.spatial.distance import cdist
+from scipy.special import gammaln, logsumexp
+from scipy.stats import chi2, qmc
 
-from dogshape.diagnosis.inference.sampling import Sample, systematic
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
 from dogshape.diagnosis.likelihood.mark_density import flight_scores
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.prediction.model import Predicted, Space
-from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.diagnosis.terms import Array, Hypothesis, forward
+
+PRIOR = {0: 1, 1: 128, 2: 512, 3: 1024}  #: draws by the number of parameters
+MANY = 2048  #: of more parameters
+NEAR, SHARE = 64, 16  #: prior draws that get a likelihood: at least, and one in so many
+BATCH = 12  #: hypotheses whose draws get their likelihood at once
+ROUND = 192  #: draws of a round
+FREEDOM = 5.0  #: of the Student distribution
+WIDE = 1.5  #: of its covariance over that of the draws
+CENTRES = 16  #: of a proposal
+WIDENED, BESIDE = 24, 8  #: draws around each part of a wider hypothesis, and of its prior
+ENOUGH = 150.0  #: effective draws
+FLAT = 60.0  #: effective draws below which weights are flattened for a proposal
+
+More = Callable[[Hypothesis, Array], Array]  #: log likelihood of what is known beside the shifts
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """Mixture of Student distributions around draws (West 1993, J. R. Stat. Soc. B 55)."""
+
+    centres: Array  #: (K, p)
+    root: Array  #: Cholesky factor of the covariance of each, (p, p)
+    columns: np.ndarray  #: those of the shares, (p,); the others are uniform
+    count: int = ROUND  #: number of draws from it
+
+    @classmethod
+    def around(cls, sample: Sample) -> Proposal:
+        """Place the centres at draws by their weights, flattened where few draws count."""
+        log = sample.log_weights - sample.log_weights.max()
+        weights = np.exp(min(1.0, max(0.15, sample.effective / FLAT)) * log)
+        weights /= weights.sum()
+        apart = sample.shares - weights @ sample.shares
+        size = apart.shape[1]
+        narrow = (4.0 / (CENTRES * (size + 2.0))) ** (2.0 / (size + 4.0))
+        covariance = narrow * WIDE * (apart.T * weights) @ apart + 1e-6 * np.eye(size)
+        centres = sample.shares[systematic(weights, CENTRES)]
+        return cls(centres, np.linalg.cholesky(covariance), np.arange(size))
+
+    def draw(self, size: int, generator: np.random.Generator) -> Array:
+        """Draw shares of so many parameters, those within their ranges, (n, size)."""
+        shares = generator.random((self.count, size))
+        normal = generator.standard_normal((self.count, len(self.root)))
+        scale = np.sqrt(generator.chisquare(FREEDOM, (self.count, 1)) / FREEDOM)
+        around = self.centres[np.arange(self.count) % len(self.centres)]
+        shares[:, self.columns] = around + (normal / scale) @ self.root.T
+        return np.asarray(shares[((shares > 0.0) & (shares < 1.0)).all(axis=1)])
+
+    def log_density(self, shares: Array) -> Array:
+        """Compute the log of the density, (n,)."""
+        size = len(self.root)
+        inverse = np.linalg.inv(self.root).T
+        squares = cdist(shares[:, self.columns] @ inverse, self.centres @ inverse, "sqeuclidean")
+        constant = gammaln(0.5 * (FREEDOM + size)) - gammaln(0.5 * FREEDOM)
+        constant -= 0.5 * size * np.log(FREEDOM * np.pi) + np.log(np.diag(self.root)).sum()
+        tail = np.exp(-0.5 * (FREEDOM + size) * np.log1p(squares / FREEDOM))
+        return np.asarray(constant + np.log(tail.mean(axis=1)))
+
+
+@dataclass(frozen=True)
+class Sample:
+    """Weighted draws of a hypothesis."""
+
+    hypothesis: Hypothesis
+    shares: Array  #: of n draws, (n, p)
+    predicted: Predicted  #: of these
+    log: Array  #: log likelihood, (n,)
+    drawn: int  #: number of prior draws
+    proposals: tuple[Proposal, ...] = field(default=())  #: of the other draws
+
+    @cached_property
+    def log_density(self) -> Array:
+        """Log of what the draws were drawn from, times their number, (n,)."""
+        parts = [np.full(len(self.shares), np.log(self.drawn))]
+        parts += [np.log(one.count) + one.log_density(self.shares) for one in self.proposals]
+        return np.asarray(logsumexp(parts, axis=0))
+
+    @cached_property
+    def log_weights(self) -> Array:
+        """Log likelihood over density, (n,): they sum to the evidence."""
+        return self.log - self.log_density
+
+    @cached_property
+    def log_evidence(self) -> float:
+        """Logarithm of the evidence."""
+        return float(logsumexp(self.log_weights))
+
+    @cached_property
+    def weights(self) -> Array:
+        """Posterior weights, (n,)."""
+        found = np.exp(self.log_weights - self.log_evidence)
+        return np.asarray(found / found.sum())
+
+    @cached_property
+    def effective(self) -> float:
+        """Effective number of draws."""
+        return float(1.0 / (self.weights**2).sum())
+
+    @property
+    def error(self) -> float:
+        """Standard error of the logarithm of the evidence."""
+        return float(np.sqrt(max(0.0, 1.0 / self.effective - 1.0 / len(self.log))))
+
+
+def systematic(weights: Array, count: int, offset: float = 0.5) -> np.ndarray:
+    """Draw places by weights (n,) that sum to 1, at even steps, (count,)."""
+    places = np.searchsorted(weights.cumsum(), (np.arange(count) + offset) / count)
+    return np.minimum(places, len(weights) - 1)
+
+
+@lru_cache(maxsize=16)
+def prior_shares(size: int) -> Array:
+    """Draw the shares of a prior, (n, size)."""
+    if size == 0:
+        return np.zeros((1, 0))
+    return np.asarray(qmc.Sobol(size, seed=7).random(PRIOR.get(size, MANY)))
+
+
+Drawn = tuple[Hypothesis, Array, int, tuple[Proposal, ...]]  #: shares, prior draws, proposals
+
+
+def _batched(
+    likelihood: Likelihood,
+    drawn: Iterable[Drawn],
+    more: More,
+    distance: Callable[[Predicted], Array] | None = None,
+) -> Iterator[Sample]:
+    """Sample hypotheses at shares, by a ``distance`` the nearest; -inf for no such bench."""
+    every = iter(drawn)
+    while some := list(itertools.islice(every, BATCH)):
+        parts = []
+        for h, given, whole, proposals in some:
+            p, count = likelihood.model.predict(h, given), max(NEAR, whole // SHARE)
+            near: Any = slice(None)
+            if distance is not None and whole > count:
+                near = np.argpartition(distance(p), count)[:count]
+            parts.append((h, given[near], p.only(near), whole, proposals))
+        log = likelihood.terms(Predicted.joined([p for _, _, p, _, _ in parts])).log
+        ends = np.cumsum([len(shares) for _, shares, *_ in parts])[:-1]
+        for (h, shares, p, whole, proposals), mine in zip(parts, np.split(log, ends), strict=True):
+            possible = likelihood.model.possible(h, shares)
+            beside = np.where(possible, mine + more(h, shares), -np.inf)
+            yield Sample(h, shares, p, beside, whole, proposals)
+
+
+def screened(
+    likelihood: Likelihood,
+    hypotheses: Sequence[Hypothesis],
+    more: More,
+    distance: Callable[[Predicted], Array],
+) -> Iterator[Sample]:
+    """Sample hypotheses by their prior draws nearest to the data."""
+    draws = ((h, prior_shares(len(likelihood.model.space(h).parameters))) for h in hypotheses)
+    return _batched(likelihood, ((h, s, len(s), ()) for h, s in draws), more, distance)
+
+
+def widened(
+    likelihood: Likelihood,
+    within: Mapping[Hypothesis, Sequence[Sample]],
+    more: More,
+    generator: np.random.Generator,
+) -> Iterator[Sample]:
+    """Sample hypotheses around the draws of parts of them, with a few draws of the prior."""
+    around = {one.hypothesis: Proposal.around(one) for parts in within.values() for one in parts}
+
+    def drawn() -> Iterator[Drawn]:
+        for h, parts in within.items():
+            space = likelihood.model.space(h)
+            size, proposals = len(space.parameters), []
+            for one in parts:
+                columns = [space.columns(name) for name in forward(one.hypothesis)]
+                mine = replace(around[one.hypothesis], columns=np.r_[*columns], count=WIDENED)
+                proposals.append(mine)
+            near = [one.draw(size, generator) for one in proposals]
+            yield h, np.vstack([generator.random((BESIDE, size)), *near]), BESIDE, tuple(proposals)
+
+    return _batched(likelihood, drawn(), more)
+
+
+def refined(
+    likelihood: Likelihood, sample: Sample, more: More, rounds: int, generator: np.random.Generator
+) -> Sample:
+    """Add rounds of draws around the weighted ones, until enough count."""
+    size = sample.shares.shape[1]
+    for _ in range(rounds if size else 0):
+        if sample.effective > ENOUGH or not np.isfinite(sample.log_evidence):
+            break
+        proposal = Proposal.around(sample)
+        shares = proposal.draw(size, generator)
+        if not len(shares):
+            break
+        (new,) = _batched(likelihood, [(sample.hypothesis, shares, 0, ())], more)
+        sample = replace(
+            sample,
+            shares=np.vstack([sample.shares, shares]),
+            predicted=Predicted.joined([sample.predicted, new.predicted]),
+            log=np.concatenate([sample.log, new.log]),
+            proposals=(*sample.proposals, proposal),
+        )
+    return sample
+
 
 DRAWN = 400  #: posterior draws
 CHECKED = 60  #: of these, for the predictive check

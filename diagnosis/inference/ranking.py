@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.inference.sampling import (
+from dogshape.diagnosis.inference.fit import (
     More,
     Sample,
     refined,

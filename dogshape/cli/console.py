@@ -15,8 +15,7 @@ from rich.table import Table as RichTable
 from dogshape.pipeline.progress import Count, about
 
 if TYPE_CHECKING:
-    from dogshape.pipeline.record import Table
-    from dogshape.result import Result
+    from dogshape.pipeline.record import Result, Table
 
 LINE_EVERY = 15.0  #: s between lines of progress where standard error is no terminal
 

@@ -39,11 +39,11 @@ from dogshape.sim.shift.clutch import (
 from dogshape.sim.shift.geometry import SCOPE
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.statistics.uncertainty import Distribution
+from dogshape.sim.strength.landing import Wear
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits, Tolerances
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.strength.wear import Wear
 from dogshape.sim.units import RPM, from_si
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
@@ -233,7 +233,7 @@ class ToleranceSection(keys_of(Tolerances, late=("chamfer_back", "backlash"))): 
 
 
 class WearSection(keys_of(Wear)):  # type: ignore[misc]
-    """Wear over the life (``sim.strength.wear``): of faces by one of two keys, and of edges."""
+    """Wear over the life (``sim.strength.landing``): of faces by one of two keys, and of edges."""
 
 
 class VariablesSection(Section):

@@ -16,13 +16,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.pipeline.config.mechanism import ACTUATION, with_mechanism
 from dogshape.pipeline.config.operating import (
+    ACTUATION,
     FORCE,
     OPERATED,
     Actuation,
     operated_points,
     own_set_point,
+    with_mechanism,
 )
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
@@ -41,7 +42,7 @@ from dogshape.sim.statistics.shift_records import (
 )
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.wear import Wear
+from dogshape.sim.strength.landing import Wear
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root

@@ -15,18 +15,18 @@ from pathlib import Path
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, require_times
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
-from dogshape.diagnosis.inference.shift_plan import Field, field_of
+from dogshape.diagnosis.inference.outcome import Field, field_of
 from dogshape.diagnosis.inference.static_readings import require_measured
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import choose, require_terms
-from dogshape.diagnosis.prediction.bank_store import BankStore
 from dogshape.diagnosis.prediction.model import Model, build_models
+from dogshape.diagnosis.prediction.simulations import BankStore
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load, own_files
 from dogshape.sim.errors import EffectError, InputError, StorageError

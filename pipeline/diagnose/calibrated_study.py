@@ -16,7 +16,7 @@ import numpy as np
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.wording import chance, described, headline_of
 from dogshape.diagnosis.terms import Array, Hypothesis, plain
-from dogshape.pipeline.config.mechanism import PROBE
+from dogshape.pipeline.config.operating import PROBE
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study, find_study, load_study, override
 from dogshape.pipeline.config.toml_text import toml_text

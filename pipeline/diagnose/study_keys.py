@@ -8,7 +8,7 @@ from itertools import product
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.pipeline.config.mechanism import keys_changed
+from dogshape.pipeline.config.operating import keys_changed
 from dogshape.pipeline.config.schema import FORMAT
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import DogSection

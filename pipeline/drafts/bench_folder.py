@@ -21,7 +21,7 @@ from dogshape.diagnosis.bench.foreign_cells import SHIFTS, TRACE
 from dogshape.diagnosis.bench.foreign_columns import NONE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
-from dogshape.diagnosis.bench.trace_files import SUFFIXES
+from dogshape.diagnosis.bench.traces import SUFFIXES
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.sources import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number

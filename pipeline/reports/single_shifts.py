@@ -10,8 +10,7 @@ from pathlib import Path
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.reports.designs import Row, design_name
 from dogshape.pipeline.reports.text import minus
-from dogshape.pipeline.store.folder import StudyFolder
-from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import recorded_profile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -100,7 +99,7 @@ def drawn_variant(row: Record) -> Variant:
 def _write(study: Setup, row: Record, path: Path) -> None:
     # Only a folder that lacks pages waits for the simulation to be loaded.
     from dogshape.pipeline.reports.shift_page import write_animation  # noqa: PLC0415
-    from dogshape.sim.engines import engage  # noqa: PLC0415
+    from dogshape.sim.statistics.blocks import engage  # noqa: PLC0415
 
     variant, dog = (
         drawn_variant(row),

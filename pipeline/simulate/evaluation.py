@@ -44,9 +44,16 @@ from dogshape.sim.statistics.shift_records import Record as Shift
 from dogshape.sim.statistics.shift_records import landing_of, result_of
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
-from dogshape.sim.strength.landing import Demand, demand_checks, demand_of, exceeded, hardest
+from dogshape.sim.strength.landing import (
+    Demand,
+    Wear,
+    demand_checks,
+    demand_of,
+    exceeded,
+    hardest,
+    worn,
+)
 from dogshape.sim.strength.manufacture import CONTACT_RULE, require_makeable
-from dogshape.sim.strength.wear import Wear, worn
 from dogshape.sim.units import DEG, MM, RPM
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import rows_of

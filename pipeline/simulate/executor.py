@@ -28,7 +28,7 @@ from joblib.externals.loky import get_reusable_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.sim.errors import InputError, StorageError, WorkerError
 from dogshape.sim.files import writing
 from dogshape.sim.statistics.blocks import Block, run_block

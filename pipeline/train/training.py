@@ -25,8 +25,14 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.design import none_passes, worth_simulating
 from dogshape.pipeline.simulate.executor import Executor, connect
-from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
-from dogshape.pipeline.store.journal import ShiftJournal, append, read_lines
+from dogshape.pipeline.store.folder import (
+    ShiftJournal,
+    StudyFolder,
+    append,
+    read_json,
+    read_lines,
+    write_json,
+)
 from dogshape.pipeline.train.training_rows import row_record, with_rows
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.files import naming

@@ -1,7 +1,8 @@
 """Blocks of work: one clutch at one operating point with its relative angles.
 
-A block is a value that any process can simulate. The numerical error of a mean shift time is found
-by repeating some of its shifts.
+A block is a value that any process can simulate, with Drake's plant or the compiled engine, as its
+solver says; either takes a second to load, and few runs want both. The numerical error of a mean
+shift time is found by repeating some of its shifts.
 """
 
 from __future__ import annotations
@@ -9,11 +10,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.trace import Trace
@@ -27,6 +27,24 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import engine
+
+
+@lru_cache(maxsize=2)
+def _prepared(clutch: Clutch) -> Callable[[OperatingPoint, float], Engagement]:
+    """Build the plant of a clutch once in this process; it is the first argument of a shift."""
+    if clutch.solver.engine == "planar":
+        from dogshape.sim.planar import engagement as planar  # noqa: PLC0415
+
+        return partial(planar.engage, planar.planar_clutch(clutch))
+    from dogshape.sim.shift import engagement as drake  # noqa: PLC0415
+    from dogshape.sim.shift.plant import ClutchPlant  # noqa: PLC0415
+
+    return partial(drake.engage, ClutchPlant(clutch))
+
+
+def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Engagement:
+    """Simulate one shift with the engine of the clutch's solver; ``relative_angle`` in rad."""
+    return _prepared(clutch)(point, relative_angle)
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from benchmarks.adams import ALL, deviations, free_flights, laws, unhindered
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.comparison import compare
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.events import touching
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM, RPM
 
 #: Root-mean-square deviation over all 25 cells. The mean of ten random angles

@@ -19,7 +19,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import StorageError, WorkerError
 from dogshape.sim.shift.actuation import ForceProfile

@@ -15,7 +15,7 @@ from dogshape.pipeline.config.study_file import Setup, build_study, load_study
 from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.state import SIMULATION
 from dogshape.pipeline.simulate.design import design_of, worth_simulating
-from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.units import RPM

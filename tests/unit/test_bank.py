@@ -11,12 +11,13 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.prediction.bank_store import TICK, BankStore
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.prediction.simulations import (
     ALONG,
     ANGLES,
     DENSE,
+    TICK,
+    BankStore,
     Simulated,
     levels_of,
     settings_of,

@@ -14,7 +14,7 @@ from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.pipeline.diagnose import bank_diagnosis
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
-from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effects import load
 from dogshape.sim.files import writing
 from dogshape.sim.statistics.shift_records import Record

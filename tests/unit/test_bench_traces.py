@@ -13,8 +13,7 @@ import pytest
 from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.trace_files import COLUMNS, read_trace
-from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.bench.traces import COLUMNS, BenchTrace, read_trace
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.units import MM, RPM
 from tests.benches import good_set
@@ -280,7 +279,7 @@ def test_without_the_extra_a_sentence_says_what_to_install(
     def missing(name: str) -> None:
         raise ImportError(f"No module named '{name}'")
 
-    monkeypatch.setattr("dogshape.diagnosis.bench.trace_files.import_module", missing)
+    monkeypatch.setattr("dogshape.diagnosis.bench.traces.import_module", missing)
     (tmp_path / name).write_bytes(b"")
     with pytest.raises(InputError, match=rf"cannot be loaded.*'\.\[{extra}\]'"):
         read_trace(tmp_path / name)

@@ -16,7 +16,7 @@ from dogshape.sim.effects import load
 from dogshape.validation.blind import advised_test
 from dogshape.validation.blind.advised_test import judged_by_test, outcome_of, readings_of
 from dogshape.validation.blind.cases import Case
-from dogshape.validation.blind.expected_means import expected
+from dogshape.validation.blind.data import expected
 from dogshape.validation.blind.field_set import base
 from dogshape.validation.blind.stand import read_points, read_stand
 

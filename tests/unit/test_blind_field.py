@@ -15,7 +15,7 @@ import pytest
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.sim.errors import StorageError
 from dogshape.validation.blind import cases as field_cases
-from dogshape.validation.blind import expected_means, field_set, figures, sealed
+from dogshape.validation.blind import data, field_set, score, sealed
 from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.data import true_points
 from dogshape.validation.blind.field_set import base, cases_of, make_field
@@ -79,7 +79,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(field_cases, "COUNTS", {"planar": field_cases.COUNTS["planar"]})
-        patch.setitem(expected_means.ANGLES, "planar", 4)
+        patch.setitem(data.ANGLES, "planar", 4)
         # The later of two candidates is clearer, and neither is clear.
         yards = iter({"noncentrality": float(k)} for k in range(9))
         patch.setattr(field_set, "yardstick_of", lambda *_: next(yards))
@@ -97,7 +97,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_set_that_was_stopped_is_sealed_whole(made: Path) -> None:
     manifest, key = sealed.manifest_of(made), sealed.opened(made)
     assert set(manifest["cases"]) == set(key["cases"])
-    assert [one["name"] for one in manifest["figures"]] == [one.name for one in figures.HEADLINES]
+    assert [one["name"] for one in manifest["figures"]] == [one.name for one in score.HEADLINES]
     assert {one["kind"] for one in key["cases"].values()} == {"none", "single", "pair", "outside"}
     for name, case in key["cases"].items():
         assert manifest["cases"][name] == sealed.hash_of(made / "cases" / name)

@@ -4,21 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
 from benchmarks.field_table import headline_of, passage
 from dogshape.sim.errors import InputError, StorageError
-from dogshape.validation.blind import figures, sealed
+from dogshape.validation.blind import advised_test, score, sealed
 from dogshape.validation.blind.advised_test import Advised
-from dogshape.validation.blind.intervals import share
-from dogshape.validation.blind.score import headline, mark_of, score_field
+from dogshape.validation.blind.score import headline, mark_of, score_field, share
 from tests.conftest import Said
 
 
@@ -116,8 +113,8 @@ def _sealed(folder: Path) -> Path:
         "format": sealed.FORMAT,
         "cases": {name: sealed.hash_of(folder / "cases" / name) for name in CASES},
         "key_sha256": hashlib.sha256(text.encode()).hexdigest(),
-        "figures": [asdict(one) for one in figures.HEADLINES],
-        "scoring_sha256": figures.scoring_code(),
+        "figures": [asdict(one) for one in score.HEADLINES],
+        "scoring_sha256": score.scoring_code(),
     }
     (folder / "manifest.json").write_text(json.dumps(manifest))
     return folder
@@ -168,10 +165,8 @@ def test_another_key_or_other_data_are_refused(tmp_path: Path) -> None:
 def test_verbs_run_and_score_and_results_are_written_from_the_score(
     dogshape: Callable[..., Said], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = ModuleType("dogshape.validation.blind.case_diagnosis")
-    module.diagnose_folder, module.advised = _diagnose, _advise  # type: ignore[attr-defined]
-    module.likelihood_of = None  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "dogshape.validation.blind.case_diagnosis", module)
+    monkeypatch.setattr(advised_test, "diagnose_folder", _diagnose)
+    monkeypatch.setattr(advised_test, "advised", _advise)
     folder = _sealed(tmp_path / "set")
     assert "5 of 5 cases are not diagnosed yet" in dogshape("blind", "score", folder).err
     assert "has a set of cases already" in dogshape("blind", "make", folder).err
@@ -183,8 +178,8 @@ def test_verbs_run_and_score_and_results_are_written_from_the_score(
     assert "scored by the code and the headline figures that were sealed" in text
     path = tmp_path / "score.txt"
     path.write_text(text)
-    assert [words for words, *_ in headline_of(path)] == [one.words for one in figures.HEADLINES]
+    assert [words for words, *_ in headline_of(path)] == [one.words for one in score.HEADLINES]
     assert "| clear cause: named | 50 % (9 to 91) | 2 | at least 72 % | no |" in passage(path)  # type: ignore[operator]
-    monkeypatch.setattr(figures, "SCORING", ("figures.py",))
+    monkeypatch.setattr(score, "SCORING", ("score.py",))
     said = dogshape("blind", "score", folder)
-    assert "scored by other code than sealed: advised_test.py, intervals.py, score.py" in said.out
+    assert "scored by other code than sealed: advised_test.py, sealed.py" in said.out

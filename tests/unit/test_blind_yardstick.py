@@ -17,7 +17,7 @@ from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import Array, Hypothesis
-from dogshape.validation.blind.expected_means import Expected
+from dogshape.validation.blind.data import Expected
 from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, seen_as
 
 FORCES, SPEEDS = np.meshgrid([200.0, 400.0, 600.0], [1.0, 3.0, 8.0, 20.0])

@@ -13,7 +13,7 @@ import pytest
 import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
-from dogshape.pipeline.config.mechanism import PROBE
+from dogshape.pipeline.config.operating import PROBE
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.config.toml_text import toml_text
 from dogshape.pipeline.diagnose.study_keys import EffectKeys

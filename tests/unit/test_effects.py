@@ -11,7 +11,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.effects import load
 from dogshape.sim.errors import EffectError, GeometryError, InputError

@@ -10,8 +10,7 @@ from typing import Any
 
 import pytest
 
-from dogshape.pipeline.store.folder import require_targets, write_json
-from dogshape.pipeline.store.journal import ShiftJournal, append
+from dogshape.pipeline.store.folder import ShiftJournal, append, require_targets, write_json
 from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from tests.conftest import Said
@@ -128,7 +127,7 @@ def test_a_journal_is_read_without_a_right_to_write(
     def refused(*_: object) -> int:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    monkeypatch.setattr("dogshape.pipeline.store.journal.os.open", refused)
+    monkeypatch.setattr("dogshape.pipeline.store.folder.os.open", refused)
     assert set(ShiftJournal(path).rows) == {"a"}
 
 

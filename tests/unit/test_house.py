@@ -45,11 +45,11 @@ GUARDED = {
     "plotly": ("pipeline/reports/",),
     "typer": ("dogshape/cli/", "validation/blind/verbs.py"),
     "rich": ("dogshape/cli/",),
-    "joblib": ("pipeline/simulate/executor.py",),
+    "joblib": ("pipeline/simulate/executor.py", "validation/blind/sealed.py"),
     "distributed": ("pipeline/simulate/executor.py",),
-    "mujoco": ("validation/second_engine.py", "validation/blind/mujoco_shift.py"),
-    "asammdf": ("diagnosis/bench/trace_files.py",),
-    "nptdms": ("diagnosis/bench/trace_files.py",),
+    "mujoco": ("validation/blind/mujoco_shift.py",),
+    "asammdf": ("diagnosis/bench/traces.py",),
+    "nptdms": ("diagnosis/bench/traces.py",),
     "build123d": ("pipeline/export/cad.py",),
     "skfem": ("validation/finite_elements/root_stress.py",),
     "sklearn": ("surrogate/regression.py",),
@@ -174,6 +174,18 @@ def test_no_circles(level: str) -> None:
         TopologicalSorter(graph).prepare()
     except CycleError as error:
         pytest.fail(f"circle of {level}s: {' <- '.join(error.args[1])}")
+
+
+@pytest.mark.parametrize(("module", "most"), [("check", 60), ("gap", 100)])
+def test_a_verb_can_load_few_modules(module: str, most: int) -> None:
+    """Modules that a reader of ``check`` and ``diagnose`` may have to open, deferred ones too."""
+    found, left = set(), [f"dogshape.{module}"]
+    paths = {_named(path): path for path in MODULES if len(path.read_text().splitlines()) > 1}
+    while left:
+        if (name := left.pop()) in paths and name not in found:
+            found.add(name)
+            left += _imports(paths[name], types=False)
+    assert len(found) <= most
 
 
 def test_each_folder_of_code_is_a_package_and_studies_hold_none() -> None:

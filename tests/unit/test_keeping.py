@@ -16,7 +16,7 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import kept_shifts, work_folder
-from dogshape.pipeline.store.journal import append
+from dogshape.pipeline.store.folder import append
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.inference.shift_plan import Field
+from dogshape.diagnosis.inference.outcome import Field
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from tests.conftest import Said
 from tests.fits import field_at

@@ -10,7 +10,7 @@ from dogshape.cli.console import ProgressBar
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.executor import Executor
-from dogshape.pipeline.store.journal import ShiftJournal
+from dogshape.pipeline.store.folder import ShiftJournal
 from dogshape.sim.statistics.blocks import even_blocks
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.inference.shift_plan import LOT, RIVALS, TRUTHS, VISITS, shift_plan, visits
+from dogshape.diagnosis.inference.outcome import LOT, RIVALS, TRUTHS, VISITS, shift_plan, visits
 from dogshape.diagnosis.terms import NONE
 from dogshape.sim.errors import InputError
 from tests.fits import POINTS, Array, field_at

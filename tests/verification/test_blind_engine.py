@@ -18,10 +18,9 @@ from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.cases import Case
 from dogshape.validation.blind.data import write_case
 from dogshape.validation.blind.mujoco_model import dog_corners
-from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift, signal
+from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift, engine_available, signal
 from dogshape.validation.blind.stand import Point, Stand, Truth, read_points, read_stand
 from dogshape.validation.blind.true_effects import OUTSIDE, RANGES, truth_of, values_of
-from dogshape.validation.second_engine import engine_available
 from tests.conftest import needed
 
 BASE = bundled_root() / "bench" / "mq200_adams"
@@ -40,7 +39,7 @@ def stand() -> Stand:
 
 
 def _flight(stand: Stand, point: Point = POINT, **truth: float) -> np.ndarray:
-    """Return the motion (n, 5) of the ring over a gap so wide that it flies all the time."""
+    """Return the motion (n, 6) of the ring over a gap so wide that it flies all the time."""
     free = replace(stand, gap=FAR, timeout=0.061)
     return Engine(free, Truth(**truth)).shift(point, Draw(0.1), keep=True).motion  # type: ignore
 

@@ -14,7 +14,7 @@ from dogshape.sim.effects import load
 from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.versions import bundled_root
-from dogshape.validation.blind.expected_means import moments, timely
+from dogshape.validation.blind.data import moments, timely
 from dogshape.validation.blind.mujoco_shift import Draw
 from dogshape.validation.blind.planar_shift import PlanarEngine
 from dogshape.validation.blind.stand import Point, Truth, read_stand
@@ -77,7 +77,7 @@ def test_motion_begins_with_the_flight_of_a_free_mass() -> None:
     assert plain.motion is None
     assert shift.motion is not None
     assert shift.time == plain.time
-    times, sensor, ring, sliding, output = shift.motion.T
+    times, sensor, ring, sliding, output, _ = shift.motion.T
     flying = (ring < STAND.gap) & (times < 0.2)
     profile, fine = ForceProfile(POINT.force, POINT.rise), np.linspace(0.0, 0.1, 20001)
     speed = cumulative_simpson([profile.at(t) / STAND.mass for t in fine], x=fine, initial=0.0)

@@ -13,7 +13,6 @@ from scipy.spatial import ConvexHull
 
 import dogshape.sim.shift.mesh
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.sim.engines import engage
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import dog_corners, ring_part
 from dogshape.sim.planar import kernel
@@ -30,6 +29,7 @@ from dogshape.sim.shift.mesh import (
     tip_edges,
     touching_planes,
 )
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.strength.dog_strength import Limits, notch_factor
 from dogshape.sim.strength.landing import demand_of
 from dogshape.sim.strength.manufacture import (

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from dogshape.sim.effects import load
-from dogshape.sim.engines import engage
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]

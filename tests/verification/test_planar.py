@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.sim.engines import engage
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
@@ -17,6 +16,7 @@ from dogshape.sim.shift.conclusion import Outcome, penetration
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG
 
 Point = Callable[[float, float], OperatingPoint]

@@ -10,9 +10,8 @@ import numpy as np
 import pytest
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.inference.fit import fit, left_out
+from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
 from dogshape.diagnosis.inference.ranking import _Search, _unlisted, log_prior
-from dogshape.diagnosis.inference.sampling import Sample, refined, screened, widened
 from dogshape.diagnosis.likelihood.likelihood import NODES, Likelihood, node_weights
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.flights import Flights

@@ -19,15 +19,14 @@ from benchmarks.second_engine import FLIP, POINTS, Agreement, measure_second, na
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
-from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.shift.trace import Trace
+from dogshape.sim.shift.trace import Series
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.units import DEG, RPM
 from dogshape.validation.blind.mujoco_model import restitution_of
-from dogshape.validation.second_engine import SecondEngine, engine_available, second_shift
-from dogshape.validation.second_model import FINE, EngineSettings
+from dogshape.validation.blind.mujoco_shift import engine_available
+from dogshape.validation.second_engine import FINE, EngineSettings, SecondEngine
 from tests.conftest import RISE, dog_of, needed
 from tests.verification.test_motion import DESIGNS
 
@@ -105,6 +104,13 @@ def test_narrow_rings_agree(clutch: Clutch, point: Point, mismatch: float, force
     assert pair.kept == pytest.approx(0.0, abs=0.005)
 
 
+def _motion(engine: SecondEngine, point: OperatingPoint, angle: float) -> Series:
+    """Return the motion (6, n) from the end of the free flight on."""
+    motion = engine.engage(point, angle, keep=True).motion
+    assert motion is not None
+    return motion.T
+
+
 def _struck(clutch: Clutch, u: float, v: float, restitution: float) -> tuple[float, float]:
     """Return the speeds after a flank is hit by rigid bodies (Routh 1877), m/s.
 
@@ -127,11 +133,10 @@ def _struck(clutch: Clutch, u: float, v: float, restitution: float) -> tuple[flo
     return u - outwards * du, v - outwards * dv
 
 
-def _first_hit(clutch: Clutch, trace: Trace) -> tuple[float, float, float, float]:
+def _first_hit(time: Series, u: Series, v: Series) -> tuple[float, float, float, float]:
     """Return mismatch along the circumference and axial speed before and after, m/s."""
-    u, v = trace.relative_speed * clutch.dog.mean_radius, trace.axial_speed
     before = int(np.argmax(np.abs(u - u[0]) > 1e-3 * u[0])) - 1
-    soon = int(np.searchsorted(trace.time, trace.time[before] + 1e-3))
+    soon = int(np.searchsorted(time, time[before] + 1e-3))
     after = before + int(np.argmin(v[before:soon]))
     return float(u[before]), float(v[before]), float(u[after]), float(v[after])
 
@@ -145,9 +150,11 @@ def test_a_struck_flank_throws_back_as_rigid_bodies_do(
     narrow, fast = narrow_stiff(clutch), point(249.0, 469.0)
     if engine == "drake":
         trace = engage(ClutchPlant(narrow), fast, angle * DEG).trace
+        time, apart, axial = trace.time, trace.relative_speed, trace.axial_speed
     else:
-        trace = SecondEngine(narrow, FINE).shift(fast, angle * DEG).trace
-    u0, v0, u1, v1 = _first_hit(narrow, trace)
+        time, *_, sliding, output, axial = _motion(SecondEngine(narrow, FINE), fast, angle * DEG)
+        apart = output - sliding
+    u0, v0, u1, v1 = _first_hit(time, apart * narrow.dog.mean_radius, axial)
     c, s = math.cos(narrow.dog.traction), math.sin(narrow.dog.traction)
     restitution = -(u1 * c + v1 * s) / (u0 * c + v0 * s)
     assert restitution == pytest.approx(0.065, abs=0.02)
@@ -159,18 +166,14 @@ def test_a_struck_flank_throws_back_as_rigid_bodies_do(
 
 def test_flight_and_momentum_are_exact(clutch: Clutch, point: Point) -> None:
     """An untouched flight to 1e-5 of its closed form; angular momentum to 1e-9."""
-    engine, fast = SecondEngine(clutch), point(100.0, 469.0)
-    shift = engine.shift(fast, 15.0 * DEG)
-    trace, rings = shift.trace, clutch.rings
-    momentum = (
-        rings.sliding_inertia * trace.sliding_speed + rings.output_inertia * trace.output_speed
-    )
+    fast, rings = point(100.0, 469.0), clutch.rings
+    time, _, way, sliding, output, _ = _motion(SecondEngine(clutch), fast, 15.0 * DEG)
+    momentum = rings.sliding_inertia * sliding + rings.output_inertia * output
     assert momentum == pytest.approx(np.full_like(momentum, momentum[0]), rel=1e-9)
-    free = trace.relative_speed == trace.relative_speed[0]
-    free &= np.logical_and.accumulate(free)
-    assert (free & (trace.time > shift.times[0])).sum() > 50
-    exact = fast.profile.free_flight(trace.time[free], rings.mass)
-    assert trace.displacement[free] == pytest.approx(exact, rel=1e-5, abs=1e-9)
+    free = np.logical_and.accumulate(output - sliding == output[0] - sliding[0])
+    assert free.sum() > 50
+    exact = fast.profile.free_flight(time[free], rings.mass)
+    assert way[free] == pytest.approx(exact, rel=1e-5, abs=1e-9)
 
 
 def test_a_smaller_step_changes_little(clutch: Clutch, point: Point) -> None:
@@ -180,22 +183,20 @@ def test_a_smaller_step_changes_little(clutch: Clutch, point: Point) -> None:
     means = []
     for settings in (EngineSettings(), FINE):
         engine = SecondEngine(clutch, settings)
-        times = [engine.shift(slow, float(angle)).shift_time for angle in angles]
+        times = [engine.engage(slow, float(angle)).time for angle in angles]
         assert None not in times
         means.append(np.mean(np.array(times, dtype=float)))
     assert means[0] == pytest.approx(means[1], rel=5e-3)
 
 
-@pytest.mark.parametrize(("chamfer", "outcome"), [(4.5, Outcome.BLOCKED), (7.5, Outcome.ENGAGED)])
+@pytest.mark.parametrize(("chamfer", "engages"), [(4.5, False), (7.5, True)])
 def test_chamfer_releases_above_the_friction_angle(
-    clutch: Clutch, point: Point, chamfer: float, outcome: Outcome
+    clutch: Clutch, point: Point, chamfer: float, engages: bool
 ) -> None:
     """Native Coulomb friction: dog on dog at rest, 0.10 is 5.7 deg, as in Drake."""
     flat = clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG))
     still = OperatingPoint(0.0, point(5.0, 641.5).profile)
-    shift = second_shift(flat, still, 0.0)
-    assert shift.outcome is outcome
-    assert (shift.shift_time is None) is (outcome is Outcome.BLOCKED)
+    assert (SecondEngine(flat).engage(still, 0.0).time is not None) is engages
 
 
 @pytest.mark.parametrize("ratio", [0.2, 0.6, 1.0 / math.sqrt(2.0), 1.0, 1.5])

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.engines import engage
 from dogshape.sim.errors import InputError
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
@@ -17,6 +16,7 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.mechanism import DEEP_TWIST, SHAFT_DAMPING, Mechanism, Shaft
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.strength.strike import Strike, two_mass_torque
 from dogshape.sim.units import DEG, RPM
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.sim.engines import engage
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import PlanarClutch, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile

@@ -12,7 +12,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.sim.engines import engage
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
@@ -20,6 +19,7 @@ from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, contac
 from dogshape.sim.shift.conclusion import penetration
 from dogshape.sim.shift.mechanism import SLIP, Mechanism, smooth_sign
 from dogshape.sim.shift.plant import SHIFT, ClutchPlant
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG
 
 Point = Callable[[float, float], OperatingPoint]

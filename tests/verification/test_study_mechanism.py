@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.sim.engines import engage
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
 
 ENGINES = ("drake", "planar")

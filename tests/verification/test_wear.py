@@ -12,7 +12,7 @@ from dogshape.pipeline.simulate.evaluation import STAGES, life_of
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import section
-from dogshape.sim.strength.wear import Wear, worn
+from dogshape.sim.strength.landing import Wear, worn
 from dogshape.sim.units import MM
 
 DOG = load_study("mq200_paper").clutch.dog

@@ -1,4 +1,4 @@
-"""Check of the advised test: does its outcome settle an ambiguous case.
+"""Diagnosis of a blind case as a user gets it, and the check of the test that it advises.
 
 The outcome comes from the case's truth, never from the diagnosis: true parameters as shares of
 their ranges with the error of the test, more shifts of the same engine, or marks of traces. The
@@ -12,26 +12,32 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, cast
 
 import numpy as np
 
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.flight_marks import joined_marks
+from dogshape.diagnosis.bench.stand_file import Place
 from dogshape.diagnosis.bench.traces import BenchTrace
+from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.outcome import NextTest
+from dogshape.diagnosis.likelihood.likelihood import Likelihood
+from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import settle
+from dogshape.diagnosis.prediction.model import Model
+from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed, models_of
+from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, RPM
-from dogshape.validation.blind.cases import Case
-from dogshape.validation.blind.data import draws, engine_of, measured_rows
-from dogshape.validation.blind.expected_means import timely
-from dogshape.validation.blind.mujoco_shift import Shift
+from dogshape.validation.blind.cases import Case, case_of
+from dogshape.validation.blind.data import draws, engine_of, measured_rows, timely
 from dogshape.validation.blind.stand import Point, read_stand
 
-if TYPE_CHECKING:
-    from dogshape.diagnosis.diagnosis import Diagnosis
-
 Names = tuple[str, ...]
+
+PATIENCE = 600.0  #: s to wait for the bank that another case has to complete
+ENGINE = "planar"  #: that simulates for the diagnosis
 
 
 @dataclass(frozen=True)
@@ -117,7 +123,11 @@ def _shifted(
     keep = test.kind == "traces"
     shifts = [engine.shift(point, replace(one, fade=fade), keep) for one in made]
     if not keep:
-        return _mean_of(shifts, min(stand.timeout, stand.pitch / abs(point.mismatch)))
+        times = np.array([[shift.time for shift in shifts]], dtype=float)
+        wait = min(stand.timeout, stand.pitch / abs(point.mismatch))
+        engaged = float(np.isfinite(times).mean())
+        soon = timely(times, np.array([wait]))
+        return [float(np.nanmean(soon)) if engaged else np.nan, engaged]
     tables = [measured_rows(truth, point, one, fade, generator) for one in shifts]
     units = (1.0, MM, 1.0, RPM, RPM)
     traces = [BenchTrace(Path("trace"), *(t * units).T) for t in tables if t is not None]
@@ -127,8 +137,30 @@ def _shifted(
     return [np.nan if mark is None else mark.time for mark in marks]
 
 
-def _mean_of(shifts: Sequence[Shift], wait: float) -> list[float]:
-    times: Any = np.array([[shift.time for shift in shifts]], dtype=float)
-    engaged = float(np.isfinite(times).mean())
-    soon = timely(times, np.array([wait]))
-    return [float(np.nanmean(soon)) if engaged else np.nan, engaged]
+def diagnose_folder(folder: Path) -> dict[str, Any]:
+    """Diagnose a blind case."""
+    return diagnosed(load_bench(folder), _means(1)).to_dict()
+
+
+def likelihood_of(folder: Path, sensor: str, model: Model | None = None) -> Likelihood:
+    """Build the likelihood of a data set whose displacement is read at a side of the linkage.
+
+    ``model`` is that of its clutch and points, where it is known. A clutch is simulated where no
+    bank has it.
+    """
+    bench: Bench = load_bench(folder)
+    record = bench.record.model_copy(update={"displacement_at": cast(Place, sensor)})
+    bench = replace(bench, clutch=bench.clutch.with_engine(ENGINE), record=record)
+    means = _means(0)
+    if model is None:
+        (model,) = models_of(bench, load(None), means).values()
+    return Likelihood(bench, observe(bench, model), model, means.settings)
+
+
+def advised(folder: Path, truth: Mapping[str, Any], right: Sequence[Names]) -> Advised | None:
+    """Diagnose a case again, make the test that it advises by the truth, and judge the outcome."""
+    return judged_by_test(folder, case_of(truth), diagnosed(load_bench(folder), _means(1)), right)
+
+
+def _means(jobs: int) -> Means:
+    return Means(jobs=jobs, patience=PATIENCE, engine=ENGINE)

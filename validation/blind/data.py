@@ -1,5 +1,7 @@
 """Data of a field case: its test series, simulated and written as a stand gives it.
 
+Its expected data are mean times and spreads of a truth without scatter, at even relative angles.
+
 A test series goes through the operating points in the order of the table, or makes all shifts in
 random order; ``order`` is the place of each single shift in it. The true force and mismatch of an
 operating point are off its nominal ones by an error of their own. Traces have the force that acts,
@@ -10,10 +12,11 @@ drift has left.
 from __future__ import annotations
 
 import csv
+import json
 import math
 import tomllib
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +38,8 @@ HEAD = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "
 #: Added to a case's seed for the errors of its nominal values, and for the order of its shifts.
 ERRORS, ORDER = 71, 72
 FORCE_NOISE = 0.002  #: of the nominal force, standard deviation of a sample of the measured one
+ANGLES = {"planar": 48, "mujoco": 20}  #: even ones, by engine
+FAR, LEAST_FAR, SLOT = 8.0, 8e-3, 0.5  #: behind the median, from which a shift is late
 
 
 def engine_of(name: str, stand: Stand, truth: Truth) -> Engine | PlanarEngine:
@@ -138,7 +143,10 @@ def write_case(
                     )
                     if seen is not None:
                         rows[k]["trace"] = f"traces/{place:02d}_{k}.csv"
-                        _write_trace(folder / rows[k]["trace"], seen)
+                        (folder / "traces").mkdir(exist_ok=True)
+                        head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"
+                        path = folder / rows[k]["trace"]
+                        np.savetxt(path, seen, "%.6g", ",", header=head, comments="")
             table.writerows(given | row for row in rows)
     return [[shift.time for shift in shifts[place]] for place in order]
 
@@ -163,17 +171,15 @@ def _mean_rows(shifts: Sequence[Shift], *, spread: bool) -> list[dict[str, Any]]
     return rows
 
 
-def _write_trace(path: Path, rows: Array) -> None:
-    path.parent.mkdir(exist_ok=True)
-    head = "t_s,displacement_mm,force_N,sliding_speed_rpm,output_speed_rpm"
-    np.savetxt(path, rows, fmt="%.6g", delimiter=",", header=head, comments="")
-
-
 def bench_text(base: Path, name: str, case: Case | None = None) -> str:
     """Write the base's ``bench.toml`` with another name, and record and errors of a case."""
     data: dict[str, Any] = tomllib.loads((base / "bench.toml").read_text(encoding="utf-8"))
     tables: dict[str, dict[str, Any]] = {
-        "": {"name": name, "source": "withheld", **{k: data[k] for k in _PLAIN}},
+        "": {
+            "name": name,
+            "source": "withheld",
+            **{k: data[k] for k in ("timeout_s", "shift_travel_mm")},
+        },
         **{table: data[table] for table in ("dog", "sliding", "output", "contact")},
     }
     if case is not None:
@@ -189,15 +195,9 @@ def bench_text(base: Path, name: str, case: Case | None = None) -> str:
     lines = list[str]()
     for head, keys in tables.items():
         lines += [f"[{head}]"] if head else []
-        lines += [*(f"{key} = {_toml(value)}" for key, value in keys.items()), ""]
+        # Numbers and plain words, of which JSON and TOML write the same.
+        lines += [*(f"{key} = {json.dumps(value)}" for key, value in keys.items()), ""]
     return "\n".join(lines)
-
-
-_PLAIN = ("timeout_s", "shift_travel_mm")
-
-
-def _toml(value: Any) -> str:
-    return f'"{value}"' if isinstance(value, str) else repr(value)
 
 
 def swapped(case: Case, points: Sequence[Point]) -> list[int]:
@@ -256,3 +256,58 @@ def acting(truth: Truth, point: Point, times: Array) -> Array:
             held = now + (held - now) * kept
             force[k] = held
     return np.interp(times, fine, force, left=0.0)
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Mean times and spreads of an engine without scatter, s, (points,); late shifts left out."""
+
+    mean: Array
+    sd: Array
+
+
+def expected_of(case: Case, stand: Stand, points: Sequence[Point]) -> Expected:
+    """Simulate the means that the engine of a case expects of its truth, as the table has them."""
+    found, order = expected(case.engine, stand, points, case.truth), swapped(case, points)
+    return Expected(found.mean[order], found.sd[order])
+
+
+def expected(name: str, stand: Stand, points: Sequence[Point], truth: Truth) -> Expected:
+    """Simulate even angles of nominal operating points, weighted as the truth draws them.
+
+    A valve that sticks or hangs delays by its mean, and its own spread joins that of the angles.
+    """
+    engine, count = engine_of(name, stand, truth), ANGLES[name]
+    turns = (np.arange(count) + 0.5) / count
+    late, spread = truth.waiting
+    # Phases of a ripple go round several times while the angles go round once.
+    draws = [Draw(turn * stand.pitch, late, 2.0 * np.pi * (7.0 * turn % 1.0)) for turn in turns]
+    times = np.array([[engine.shift(point, d).time for d in draws] for point in points], float)
+    waits = np.array([min(stand.timeout, stand.pitch / abs(point.mismatch)) for point in points])
+    weights = np.exp(truth.concentration * (np.cos(2.0 * np.pi * (turns - truth.centre)) - 1.0))
+    return moments(timely(times, waits), weights, spread)
+
+
+def timely(times: Array, waits: Array) -> Array:
+    """Replace late shifts among times (points, n) by NaN.
+
+    A late shift lies behind the median by half the time in which a slot passes, ``waits`` (points,)
+    in s, and by ``FAR`` distances of the 10 % quantile from it.
+    """
+    known = np.isfinite(times).any(axis=1)
+    fast, middle = np.full((2, len(times)), np.nan)
+    fast[known], middle[known] = np.nanquantile(times[known], (0.1, 0.5), axis=1)
+    far = np.maximum(FAR * (middle - fast), np.maximum(SLOT * waits, LEAST_FAR))
+    return np.where(times > (middle + far)[:, None], np.nan, times)
+
+
+def moments(times: Array, weights: Array, more: float = 0.0) -> Expected:
+    """Compute mean and spread of times (points, n) with weights (n,); NaN stands for no shift.
+
+    ``more`` is the standard deviation of a further delay, s.
+    """
+    having = np.isfinite(times)
+    share = np.where(having.any(axis=1), (having * weights).sum(axis=1), np.nan)
+    mean = (np.where(having, times, 0.0) * weights).sum(axis=1) / share
+    apart = np.where(having, times - mean[:, None], 0.0)
+    return Expected(mean, np.sqrt((apart**2 * weights).sum(axis=1) / share + more**2))

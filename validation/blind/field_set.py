@@ -28,9 +28,8 @@ from dogshape.sim.errors import StorageError
 from dogshape.sim.files import write_whole
 from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.cases import CLUTCHES, Case, case_of, field_cases
-from dogshape.validation.blind.data import bench_text, simulated, write_case
-from dogshape.validation.blind.expected_means import expected, expected_of
-from dogshape.validation.blind.figures import CLEAR, HEADLINES, scoring_code
+from dogshape.validation.blind.data import bench_text, expected, expected_of, simulated, write_case
+from dogshape.validation.blind.score import CLEAR, HEADLINES, scoring_code
 from dogshape.validation.blind.sealed import FORMAT, Advance, hash_of, ignore, read, run_all
 from dogshape.validation.blind.stand import read_points, read_stand
 from dogshape.validation.blind.yardstick import Yardstick, power_of, rivals_of, seen_as

@@ -1,7 +1,13 @@
 r"""MuJoCo model of the stand with its truth: a mechanism of MuJoCo for each effect.
 
-One dog of the sliding ring carries the whole ring and meets every dog of the output ring
-(``validation.second_model``). Friction and drag are ``frictionloss`` of slide and hinge, that of a
+One convex dog of the sliding ring carries the whole ring, meets every dog of the output ring and
+overhangs it. The direct format of contact parameters gives each contact a spring and a damper for
+the very mass that it moves, :math:`A f = \omega^2 |r| - c v`. Impedance 1e-3: near 1, a contact
+that slips is also pushed apart. ``multiccd`` off: of two crossing edges it takes a flank's normal.
+``diagexact``: else *A* lacks the turning inertia. Restitution of a spring and damper: Schwager and
+Pöschel (2007).
+
+Friction and drag are ``frictionloss`` of slide and hinge, that of a
 spline set each step by the contact's torque; damping and mass are ``damping`` and ``armature`` of
 the slide; a lag is ``filterexact`` of the actuator. A linkage, its mass and its play are a body of
 its own and a tendon with stiffness or limits; a detent is half a wave of a cosine, 1 mm wide.
@@ -20,16 +26,18 @@ from scipy.optimize import brentq
 
 from dogshape.validation.blind.stand import Point, Stand, Truth
 
-STEP = 2e-5  #: s
+Reference = tuple[float, float]  #: stiffness and damping over mass, negative as MuJoCo wants them
+
+STEP = 2e-5  #: s, in contact
 SHARPEST = 0.5 / STEP  #: 1/s, highest rate at which a contact takes away a normal speed
 DAMPING_RATIOS = (0.05, 12.0)  #: restitution from 0.86 to 0.002
-IMPEDANCE = 1e-3  #: small, or slipping contacts are pushed apart
-HOLD = 0.1  #: softness of held friction
+IMPEDANCE = 1e-3  #: d above
+HOLD = 0.1  #: softness of held friction over A; 0.1 and 1 give the same times
 OVERHANG = 1e-3  #: m by which the sliding dog reaches beyond the output ring
 FORK = 0.15  #: share of the ring's mass that stands on the actuator's side of a linkage
 LINKAGE_DAMPING = 0.2  #: of the critical one
+STOP: Reference = (-1e6, -4e3)  #: of the stop behind the start of the ring
 STOP_RATE = 6e3  #: rad/s of a ring between the stops of its play
-REBOUND = 1e-3  #: m behind its start at which the ring meets a stop
 FLIGHT_STEP = 1e-4  #: s, the longest step that joints and stops must bear
 
 
@@ -101,9 +109,6 @@ def deepest(ratio: float) -> float:
     return math.exp(-z / root * inverse)
 
 
-Reference = tuple[float, float]  #: stiffness and damping over mass, negative as MuJoCo wants them
-
-
 def contact_references(stand: Stand, truth: Truth, point: Point) -> tuple[Reference, Reference]:
     """Return ``solref`` of the dogs at an operating point: on a flank, and face on face.
 
@@ -148,39 +153,47 @@ def _axial_speed(truth: Truth, point: Point, way: float, mass: float) -> float:
     return float(3.6 * way / time)
 
 
-def model_text(stand: Stand, truth: Truth) -> str:
-    """Return the model as MJCF; contact parameters are those of ``contact_references`` later."""
-    travel = stand.gap + truth.gap_offset + stand.height
+def model_text(
+    stand: Stand,
+    truth: Truth,
+    step: float = STEP,
+    stop: Reference = STOP,
+    shapes: tuple[np.ndarray, np.ndarray] | None = None,
+) -> str:
+    """Return the model as MJCF for a ``step`` in contact, s.
+
+    ``shapes`` are the corners (8, 3) of a dog and of one that overhangs it, m, where they are not
+    those of ``dog_corners``. Friction and ``solref`` of the dogs are set later, for an operating
+    point.
+    """
+    chamfer = stand.chamfer + truth.chamfer_offset
+    shapes = shapes or (dog_corners(stand, chamfer), dog_corners(stand, chamfer, OVERHANG))
+    meshes = "".join(
+        f'<mesh name="{name}" vertex="{" ".join(f"{x:.12g}" for x in points.ravel())}"/>'
+        for name, points in zip(("dog", "long"), shapes, strict=True)
+    )
     dogs = ["low", "high"] if truth.high_dog else ["low"]
     pairs = "".join(
         f'<pair geom1="{name}" geom2="output_{k}" condim="3" friction="0.1 0.1" '
         f'solimp="{IMPEDANCE} {IMPEDANCE} 0.001" solref="-1 -1" '
-        f'solreffriction="0 {-1.5 * IMPEDANCE / STEP}"/>'
+        f'solreffriction="0 {-1.5 * IMPEDANCE / step}"/>'
         for name in dogs
         for k in range(stand.count)
     )
+    actuator, tendon = _linkage(stand, truth)
     lag = f'dyntype="filterexact" dynprm="{truth.lag}"' if truth.lag else ""
     return f"""<mujoco>
 <compiler angle="radian"/>
-<option timestep="{STEP}" gravity="0 0 0" cone="elliptic" impratio="{1.0 / (IMPEDANCE * HOLD)}"
+<option timestep="{step}" gravity="0 0 0" cone="elliptic" impratio="{1.0 / (IMPEDANCE * HOLD)}"
  solver="Newton" jacobian="dense" tolerance="1e-12" ccd_tolerance="1e-9" integrator="Euler">
  <flag refsafe="disable" multiccd="disable" island="disable" diagexact="enable"/>
 </option>
-<asset>{_meshes(stand, truth)}</asset>
-<worldbody>{_output(stand)}{_sliding(stand, truth, travel, dogs)}{_actuator(stand, truth)}
+<asset>{meshes}</asset>
+<worldbody>{_output(stand)}{_sliding(stand, truth, dogs, stop)}{actuator}
 </worldbody>
-<contact>{pairs}</contact>{_tendon(stand, truth)}
+<contact>{pairs}</contact>{tendon}
 <actuator><general joint="{"actuator" if truth.linkage else "shift"}" {lag}/></actuator>
 </mujoco>"""
-
-
-def _meshes(stand: Stand, truth: Truth) -> str:
-    chamfer = stand.chamfer + truth.chamfer_offset
-    bodies = {"dog": dog_corners(stand, chamfer), "long": dog_corners(stand, chamfer, OVERHANG)}
-    return "".join(
-        f'<mesh name="{name}" vertex="{" ".join(f"{x:.12g}" for x in points.ravel())}"/>'
-        for name, points in bodies.items()
-    )
 
 
 def _output(stand: Stand) -> str:
@@ -193,45 +206,35 @@ def _output(stand: Stand) -> str:
     return f"<body>{_inertial(1.0, stand.output_inertia)}{joint}{geoms}</body>"
 
 
-def _sliding(stand: Stand, truth: Truth, travel: float, dogs: list[str]) -> str:
+def _sliding(stand: Stand, truth: Truth, dogs: list[str], stop: Reference) -> str:
+    travel = stand.gap + truth.gap_offset + stand.height
     mass = stand.mass * (1.0 - FORK) if truth.linkage else stand.mass
     armature = 0.0 if truth.linkage else truth.added_mass
     rub = f'solreffriction="0 {-0.5 / FLIGHT_STEP}" solimpfriction="0.9999 0.9999 0.001"'
-    stop = f'solreflimit="{-(1e3**2)} -4e3" solimplimit="0.999 0.999 0.001"'
+    limit = f'solreflimit="{stop[0]} {stop[1]}" solimplimit="0.999 0.999 0.001"'
+    # A turn by pi about x, and then by its place about z.
     places = {"low": (0.0, 0.0), "high": (truth.high_dog, stand.count // 2 * stand.pitch)}
     geoms = "".join(
         f'<geom name="{name}" type="mesh" mesh="long" contype="0" conaffinity="0" '
-        f'pos="0 0 {-places[name][0]:.15g}" quat="{_turned_over(places[name][1])}"/>'
-        for name in dogs
+        f'pos="0 0 {-high:.15g}" quat="0 {math.cos(0.5 * at):.15g} {math.sin(0.5 * at):.15g} 0"/>'
+        for name, (high, at) in places.items()
+        if name in dogs
     )
     return (
         f'<body pos="0 0 {travel:.15g}">'
         f"{_inertial(mass, truth.inertia_factor * stand.sliding_inertia)}"
-        f'<joint name="shift" type="slide" axis="0 0 -1" limited="true" range="{-REBOUND} 1" '
+        f'<joint name="shift" type="slide" axis="0 0 -1" limited="true" range="{-stand.rebound} 1" '
         f'armature="{armature}" damping="{truth.damping}" frictionloss="{truth.friction}" '
-        f"{stop} {rub}/>"
+        f"{limit} {rub}/>"
         f'<joint name="sliding" type="hinge" axis="0 0 1" frictionloss="{truth.drag_torque}" '
         f"{rub}/>{geoms}</body>"
     )
 
 
-def _turned_over(angle: float) -> str:
-    """Return the quaternion of a turn by pi about x and then by ``angle`` about z."""
-    return f"0 {math.cos(0.5 * angle):.15g} {math.sin(0.5 * angle):.15g} 0"
-
-
-def _actuator(stand: Stand, truth: Truth) -> str:
+def _linkage(stand: Stand, truth: Truth) -> tuple[str, str]:
+    """Write the actuator, and the tendon to the ring: a spring, or two stops a play apart."""
     if not truth.linkage:
-        return ""
-    mass = stand.mass * FORK + truth.added_mass
-    joint = '<joint name="actuator" type="slide" axis="0 0 -1"/>'
-    return f"<body>{_inertial(mass, 1.0)}{joint}</body>"
-
-
-def _tendon(stand: Stand, truth: Truth) -> str:
-    """Write the tendon between actuator and ring: a spring, or two stops a play apart."""
-    if not truth.linkage:
-        return ""
+        return "", ""
     near, far = stand.mass * (1.0 - FORK), stand.mass * FORK + truth.added_mass
     if truth.free_play:
         stop = f"{-(STOP_RATE**2)} {-2.0 * LINKAGE_DAMPING * STOP_RATE}"
@@ -243,8 +246,10 @@ def _tendon(stand: Stand, truth: Truth) -> str:
         stiffness = 1.0 / truth.compliance
         damping = 2.0 * LINKAGE_DAMPING * math.sqrt(stiffness * near * far / (near + far))
         how = f'stiffness="{stiffness}" damping="{damping}" springlength="0"'
+    joint = '<joint name="actuator" type="slide" axis="0 0 -1"/>'
     joints = '<joint joint="actuator" coef="1"/><joint joint="shift" coef="-1"/>'
-    return f'<tendon><fixed name="link" {how}>{joints}</fixed></tendon>'
+    tendon = f'<tendon><fixed name="link" {how}>{joints}</fixed></tendon>'
+    return f"<body>{_inertial(far, 1.0)}{joint}</body>", tendon
 
 
 def _inertial(mass: float, polar: float) -> str:

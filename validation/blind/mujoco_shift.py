@@ -54,8 +54,8 @@ class Draw:
 class Shift:
     """Reading of the stand: a time in s, None where the shift did not engage, and the motion.
 
-    ``motion`` (n, 5), where it is kept: s, m at the sensor, m of the ring, rad/s of the sliding
-    and of the output ring.
+    ``motion`` (n, 6), where it is kept: s, m at the sensor, m of the ring, rad/s of the sliding
+    and of the output ring, m/s of the ring.
     """
 
     time: float | None
@@ -72,6 +72,15 @@ def loaded() -> Any:
             f"MuJoCo, the second physics engine, cannot be loaded ({error}); "
             "install it with: pip install -c constraints.txt '.[blind]'."
         ) from error
+
+
+def engine_available() -> bool:
+    """Test that MuJoCo can be imported."""
+    try:
+        loaded()
+    except InputError:
+        return False
+    return True
 
 
 def signal(truth: Truth, point: Point, time: float) -> float:
@@ -110,12 +119,13 @@ def coefficient(law: tuple[float, float, float], slip: float) -> float:
 
 
 class Engine:
-    """A stand with its truth that can be shifted again and again."""
+    """A stand with its truth that can be shifted again and again; ``model`` as for its text."""
 
-    def __init__(self, stand: Stand, truth: Truth | None = None) -> None:
+    def __init__(self, stand: Stand, truth: Truth | None = None, **model: Any) -> None:
         self.stand, self.truth = stand, truth or Truth()
         self._mujoco = loaded()
-        self._model = self._mujoco.MjModel.from_xml_string(model_text(stand, self.truth))
+        text = model_text(stand, self.truth, **model)
+        self._model = self._mujoco.MjModel.from_xml_string(text)
         self._data = self._mujoco.MjData(self._model)
         self._friction = self._model.pair_friction[:, :2]
         self._place, self._rate = self._data.qpos, self._data.qvel
@@ -136,22 +146,18 @@ class Engine:
         point = self.truth.given(point, draw.fade)
         delay = self.truth.delay + draw.late
         self._begin(point, draw)
-        kept = [self._state(delay)] if keep else None
-        before = mark = 0.0
+        self._kept = [self._state()] if keep else None
         read: float | None = None  # time at which the sensor is seated
         ended: float | None = None  # the same, once the ring is
         limit = self.stand.timeout - delay
         stood: tuple[float, ...] = ()
         look = point.rise + 6.0 * self.truth.lag + self.truth.stage_time
         while self._data.time < limit:
-            self._step(point, draw.phase)
+            before, mark = self._step(point, draw.phase)
             ring, sensor = self._places()
             now = float(self._data.time)
-            if kept is not None:
-                kept.append(self._state(delay))
             if read is None and sensor >= self._travel:
                 read = before + (self._travel - mark) / (sensor - mark) * (now - before)
-            before, mark = now, sensor
             if ring >= self._travel:
                 ended = delay + (now if read is None else read)
                 break
@@ -160,7 +166,9 @@ class Engine:
                 if stood and max(abs(a - b) for a, b in zip(rest, stood, strict=True)) < 1e-7:
                     break
                 look, stood = now + LOOK, rest
-        motion = None if kept is None else np.array(kept)
+        motion = None if self._kept is None else np.array(self._kept)
+        if motion is not None:
+            motion[:, 0] += delay
         late = ended is not None and ended > self.stand.timeout
         return Shift(None if late else ended, motion)
 
@@ -179,14 +187,18 @@ class Engine:
     def _set_friction(self, slip: float) -> None:
         self._friction[:] = max(1e-5, coefficient(self._law, slip))
 
-    def _step(self, point: Point, phase: float) -> None:
+    def _step(self, point: Point, phase: float) -> tuple[float, float]:
+        """Step on; return time and way at the sensor before the last step, s and m."""
         data, model, truth = self._data, self._model, self.truth
+        before = float(data.time), self._places()[1]
         shift = self._dof[1]
         flying = not truth.linkage and data.ncon == 0 and self._place[shift] < self._near
         model.opt.timestep = FLIGHT_STEP if flying else STEP
         self._control[0] = signal(truth, point, data.time)
         if truth.detent:
-            self._applied[shift] = -self._hump(float(self._place[shift]))
+            z = (float(self._place[shift]) - truth.detent_position) / DETENT_WIDTH
+            hump = truth.detent * math.cos(math.pi * z) ** 2
+            self._applied[shift] = -hump if abs(z) < 0.5 else 0.0
         if truth.ripple:
             turn = truth.ripple_rate * data.time + phase
             swing = truth.ripple * truth.ripple_rate * math.cos(turn)
@@ -196,6 +208,9 @@ class Engine:
             self._after_contact()
         elif truth.spline_friction:
             model.dof_frictionloss[shift] = truth.friction
+        if self._kept is not None:
+            self._kept.append(self._state())
+        return before
 
     def _after_contact(self) -> None:
         """Set friction by the slip and the torque of the step that was made, and what touches."""
@@ -210,10 +225,6 @@ class Engine:
             torque = abs(float(self._data.qfrc_constraint[self._dof[2]]))
             pressed = self.truth.spline_friction * self._spline * torque
             self._model.dof_frictionloss[self._dof[1]] = self.truth.friction + pressed
-
-    def _hump(self, way: float) -> float:
-        z = (way - self.truth.detent_position) / DETENT_WIDTH
-        return self.truth.detent * math.cos(math.pi * z) ** 2 if abs(z) < 0.5 else 0.0
 
     def _places(self) -> tuple[float, float]:
         """Return the way of the ring and the one that is read, m."""
@@ -230,8 +241,8 @@ class Engine:
         apart = float(self._place[output] - self._place[sliding])
         return (*self._places(), apart if self._data.ncon else 0.0)
 
-    def _state(self, delay: float) -> tuple[float, ...]:
+    def _state(self) -> tuple[float, ...]:
         ring, sensor = self._places()
-        output, _, sliding, *_ = self._dof
-        speeds = float(self._rate[sliding]), float(self._rate[output])
-        return (float(self._data.time) + delay, sensor, ring, *speeds)
+        output, shift, sliding, *_ = self._dof
+        speeds = (float(self._rate[dof]) for dof in (sliding, output, shift))
+        return (float(self._data.time), sensor, ring, *speeds)

@@ -17,7 +17,6 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
-from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
 from dogshape.validation.blind.mujoco_shift import DETENT_WIDTH, SPLINE_PLACE, Draw, Shift
@@ -38,27 +37,18 @@ class PlanarEngine:
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
         """Simulate one shift; ``keep`` keeps its motion."""
-        found = engage(self._plant, asked_of(self.truth, point, draw), draw.angle)
-        return read_of(self.stand, self.truth, draw, found, keep)
-
-
-def asked_of(truth: Truth, point: Point, draw: Draw) -> OperatingPoint:
-    """Build the true operating point of a shift at a nominal one."""
-    true = truth.given(point, draw.fade)
-    return OperatingPoint(true.mismatch, ForceProfile(true.force, true.rise, lag=truth.lag))
-
-
-def read_of(stand: Stand, truth: Truth, draw: Draw, found: Engagement, keep: bool = False) -> Shift:
-    """Read a simulated shift as the stand does; ``keep`` keeps its motion."""
-    ahead = truth.linkage and truth.sensor == "actuator"
-    time, late = found.actuator_time if ahead else found.shift_time, truth.delay + draw.late
-    ended = None if time is None else float(time) + late
-    motion = None
-    if keep:
-        seen = found.trace
-        ways = seen.actuator_displacement if ahead else seen.displacement, seen.displacement
-        motion = np.column_stack([seen.time + late, *ways, seen.sliding_speed, seen.output_speed])
-    return Shift(None if ended is None or ended > stand.timeout else ended, motion)
+        truth, true = self.truth, self.truth.given(point, draw.fade)
+        asked = OperatingPoint(true.mismatch, ForceProfile(true.force, true.rise, lag=truth.lag))
+        found, late = engage(self._plant, asked, draw.angle), truth.delay + draw.late
+        ahead = truth.linkage and truth.sensor == "actuator"
+        time, motion = found.actuator_time if ahead else found.shift_time, None
+        ended = None if time is None else float(time) + late
+        if keep:
+            seen = found.trace
+            ways = seen.actuator_displacement if ahead else seen.displacement, seen.displacement
+            speeds = seen.sliding_speed, seen.output_speed, seen.axial_speed
+            motion = np.column_stack([seen.time + late, *ways, *speeds])
+        return Shift(None if ended is None or ended > self.stand.timeout else ended, motion)
 
 
 def clutch_of(stand: Stand, truth: Truth) -> Clutch:
@@ -85,18 +75,14 @@ def clutch_of(stand: Stand, truth: Truth) -> Clutch:
         stiffness=truth.stiffness,
         dissipation=truth.dissipation,
     )
+    alike = (
+        *("added_mass", "friction", "damping", "detent", "detent_position", "spline_friction"),
+        *("drag_torque", "compliance", "free_play"),
+    )
     mechanism = Mechanism(
-        added_mass=truth.added_mass,
-        friction=truth.friction,
-        damping=truth.damping,
-        detent=truth.detent,
-        detent_position=truth.detent_position,
+        **{name: getattr(truth, name) for name in alike},
         detent_width=DETENT_WIDTH,
-        spline_friction=truth.spline_friction,
         spline_radius=SPLINE_PLACE * stand.inner_radius,
-        drag_torque=truth.drag_torque,
-        compliance=truth.compliance,
-        free_play=truth.free_play,
     )
     solver = solver_for(contact)
     return Clutch(dog, rings, contact, solver, stand.timeout, stand.seated, mechanism=mechanism)

@@ -1,4 +1,7 @@
-"""Score of a field set by the figures of ``validation.blind.figures``, all fixed before the run.
+"""Score of a field set by its headline figures: their words and aims are sealed with the key.
+
+A case is *clear* where the best refit by a rival leaves a noncentrality of ``CLEAR`` of its truth
+(``validation.blind.yardstick``). The code that scores is sealed by its hashes.
 
 A diagnosis counts effects that the data cannot show as absent. So a hypothesis is *as seen* where
 it is the truth, or the part of it that the yardstick says the data can show. Names and leading
@@ -9,18 +12,18 @@ evidence, before effects count as absent. Shares have Wilson's 95 % interval, me
 
 from __future__ import annotations
 
+import hashlib
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 import numpy as np
 from scipy.stats import kstest
 
 from dogshape.validation.blind.advised_test import Advised
-from dogshape.validation.blind.figures import CLEAR, HEADLINES, OPEN, SHOWN, SURE, scoring_code
-from dogshape.validation.blind.intervals import Interval, mean, share
 from dogshape.validation.blind.sealed import manifest_of, opened, results_of
 
 Record = dict[str, Any]  #: key, results and score of a set, as they are kept in JSON
@@ -29,6 +32,105 @@ Names = tuple[str, ...]
 Advise = Callable[[Path, Record, Sequence[Names]], Advised | None]
 
 UNKNOWN: Names = ("unknown",)
+CLEAR = 38.0  #: noncentrality from which a truth is clear
+NORMAL = 1.959964  #: of a two-sided 95 % interval
+DRAWS = 2000  #: of a bootstrap
+SHOWN = 0.9  #: power from which data without any effect can show that
+SURE = 0.95  #: probability above which nothing may be wrong
+OPEN = 0.8  #: probability up to which the cause is open
+SCORING = ("score.py", "advised_test.py", "sealed.py")  #: files that score
+
+
+@dataclass(frozen=True)
+class Headline:
+    """A headline figure: its name in the score, its words, and from and to where its aim lies.
+
+    One without ends has no aim; it is given beside the others.
+    """
+
+    name: str
+    words: str
+    low: float | None = None
+    high: float | None = None
+    percent: bool = True
+
+    @property
+    def aim(self) -> str:
+        """Write the aim."""
+        end = self.high if self.low is None else self.low
+        if end is None:
+            return ""
+        text = f"{100.0 * end:.0f} %" if self.percent else f"{end:g}"
+        return f"at {'most' if self.low is None else 'least'} {text}"
+
+    def met(self, value: float | None) -> bool | None:
+        """Decide whether a value meets the aim; None for no value or no aim."""
+        if value is None or not self.aim:
+            return None
+        return (self.low is None or value >= self.low) and (self.high is None or value <= self.high)
+
+
+HEADLINES = (
+    Headline("named", "clear cause: named", 0.72),
+    Headline("leads", "clear cause: leads", 0.92),
+    Headline("whole_truth", "named: the whole truth", 0.90),
+    Headline("whole_seen", "named: the whole truth that data can show"),
+    Headline("wrong_sure", "named above 0.95: wrong", None, 0.0),
+    Headline("false_alarms", "no effect: one is named", None, 0.01),
+    Headline("none_shown", "no effect, and data can show it: none said", 0.85),
+    Headline("unknown", "clear, outside the list: unknown said", 0.85),
+    Headline("credible", "90 % set holds the truth", 0.88),
+    Headline("sizes", "90 % intervals hold the sizes", 0.85),
+    Headline("pairs_said", "pairs: probability said less share right", None, 0.15, percent=False),
+    Headline("pairs_lead", "a pair leads: probability said less right", percent=False),
+    Headline("test_settles", "cause open: the advised test settles it", 0.50),
+    Headline("test_misleads", "cause open: the advised test misleads", None, 0.05),
+    Headline("test_foreseen", "advised test: foreseen less realised", None, 0.10, percent=False),
+    Headline("cpu_s", "processor time of a decision, s", None, 5.0, percent=False),
+    Headline("p_median", "p-value of right answers, median", percent=False),
+    Headline("p_uniform", "p-values of right answers against uniform", 0.05, percent=False),
+)
+
+
+def scoring_code() -> dict[str, str]:
+    """Hash the files of the scoring code, by name."""
+    here = Path(__file__).resolve().parent
+    return {name: hashlib.sha256((here / name).read_bytes()).hexdigest() for name in SCORING}
+
+
+class Interval(TypedDict):
+    """Value of ``n`` cases with the ends of its 95 % interval; None where there is no case."""
+
+    value: float | None
+    low: float | None
+    high: float | None
+    n: int
+
+
+def share(flags: Iterable[bool]) -> Interval:
+    """Compute a share with Wilson's 95 % interval: ``value``, ``low``, ``high``, ``n``."""
+    given = list(flags)
+    n = len(given)
+    if n == 0:
+        return {"value": None, "low": None, "high": None, "n": 0}
+    # By hand: scipy's exact quantile would change the ninth digit of records that are kept.
+    p, z2 = sum(given) / n, NORMAL**2
+    middle = (p + z2 / (2 * n)) / (1.0 + z2 / n)
+    half = NORMAL / (1.0 + z2 / n) * math.sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n))
+    return {"value": p, "low": max(0.0, middle - half), "high": min(1.0, middle + half), "n": n}
+
+
+def mean(values: Iterable[float | None], seed: int = 0) -> Interval:
+    """Compute a mean with a bootstrap's 95 % interval; None among the values are left out."""
+    given = np.array([v for v in values if v is not None], dtype=float)
+    n = len(given)
+    if n == 0:
+        return {"value": None, "low": None, "high": None, "n": 0}
+    # By hand: scipy's bootstrap refuses a single value, and a set may have no more.
+    generator = np.random.default_rng(seed)
+    drawn = given[generator.integers(n, size=(DRAWS, n))].mean(axis=1)
+    low, high = np.quantile(drawn, (0.025, 0.975))
+    return {"value": float(given.mean()), "low": float(low), "high": float(high), "n": n}
 
 
 @dataclass(frozen=True)

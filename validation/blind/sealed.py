@@ -11,10 +11,10 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
+
+from joblib import Parallel, delayed
 
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.files import write_whole
@@ -34,15 +34,9 @@ def run_all(
     function: Callable[..., None], calls: Sequence[tuple[Any, ...]], jobs: int, advance: Advance
 ) -> None:
     """Call a function with each of some arguments, in so many processes; one does it here."""
-    if jobs <= 1:
-        for one in calls:
-            function(*one)
-            advance(1)
-        return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
-        for future in as_completed([pool.submit(function, *one) for one in calls]):
-            future.result()
-            advance(1)
+    pool = Parallel(jobs, return_as="generator_unordered")
+    for _ in pool(delayed(function)(*one) for one in calls):
+        advance(1)
 
 
 def hash_of(folder: Path) -> str:

@@ -41,6 +41,7 @@ class Stand:
     stiction_speed: float
     timeout: float
     seated: float  # m before full travel at which a shift counts as done
+    rebound: float = 1e-3  # m behind its start at which the sliding ring meets a stop
 
     @property
     def pitch(self) -> float:

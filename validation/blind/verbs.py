@@ -83,7 +83,7 @@ def score(folder: Folder, json: Json = False) -> None:
 
 def _diagnosis() -> Any:
     """Load what diagnoses a case, with the simulation."""
-    return import_module("dogshape.validation.blind.case_diagnosis")
+    return import_module("dogshape.validation.blind.advised_test")
 
 
 def run_table(results: Mapping[str, Record]) -> Parts:

@@ -24,7 +24,7 @@ from scipy.stats import qmc
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
 from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.terms import REVERSED, Array, Hypothesis
-from dogshape.validation.blind.expected_means import Expected
+from dogshape.validation.blind.data import Expected
 
 NONE: Hypothesis = ()
 TRIED = (1, 65, 256, 256, 384)  #: values of a hypothesis by its number of parameters
@@ -89,14 +89,12 @@ class Yardstick:
 
     def left(self, rivals: Iterable[Hypothesis]) -> dict[Hypothesis, float]:
         """Compute the noncentrality that some rivals leave; only the best ones are refitted."""
-        first = {h: self._best(h, filling(len(self._space(h)))) for h in rivals}
+        space = self.exact.model.space
+        first = {h: self._best(h, filling(len(space(h).parameters))) for h in rivals}
         best = sorted(first, key=lambda h: first[h][0])[:REFINED]
         return {h: found for h, (found, _) in first.items()} | {
             h: self._refitted(h, *first[h]) for h in best
         }
-
-    def _space(self, hypothesis: Hypothesis) -> Sequence[object]:
-        return self.exact.model.space(hypothesis).parameters
 
     def _best(self, hypothesis: Hypothesis, shares: Array) -> tuple[float, Array]:
         squares = self.squares(hypothesis, shares)

@@ -201,12 +201,6 @@ def _blocks(shape: RootShape, radius: float, fineness: int) -> dict[str, Points]
     return found
 
 
-def section_points(shape: RootShape, section: Section, radius: float, fineness: int) -> Points:
-    """Return the nodes of the section at a radius, (n, 2) in m."""
-    blocks = _blocks(shape, radius, fineness).values()
-    return np.concatenate([points.reshape(-1, 2) for points in blocks])[section.order]
-
-
 def make_section(shape: RootShape, fineness: int) -> Section:
     """Number the nodes and cells of a section."""
     blocks = _blocks(shape, shape.dog.mean_radius, fineness)
@@ -264,7 +258,8 @@ def ring_points(shape: RootShape, section: Section, radii: Points, fineness: int
     """Return the nodes of one pitch, (planes * n, 3) in m, plane by plane."""
     planes = []
     for radius in radii:
-        plane = section_points(shape, section, float(radius), fineness)
+        blocks = _blocks(shape, float(radius), fineness).values()
+        plane = np.concatenate([points.reshape(-1, 2) for points in blocks])[section.order]
         angle = plane[:, 0] / radius
         planes.append(
             np.column_stack([radius * np.cos(angle), radius * np.sin(angle), plane[:, 1]])

@@ -13,8 +13,8 @@ benchmarks.root_stress``.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
 from importlib import import_module
 from typing import Any, Literal
 
@@ -23,10 +23,13 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 from scipy.sparse.linalg import splu
 
+from dogshape.pipeline.record import Record, Table, key
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.geometry import Flank
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank
 from dogshape.sim.shift.mesh import rotation
+from dogshape.sim.strength.dog_strength import Limits, Load, root_load, root_tension
 from dogshape.sim.strength.materials import POISSON, YOUNG
+from dogshape.sim.units import MM, MPA
 from dogshape.validation.finite_elements.root_mesh import (
     SIDES,
     Points,
@@ -78,12 +81,6 @@ def _skfem() -> Any:
     except ImportError as error:
         message = "the finite elements need scikit-fem; install dogshape[fem]."
         raise InputError(message) from error
-
-
-@lru_cache(maxsize=1)
-def _lattice() -> NDArray[np.int64]:
-    """Return the place (27, 3) of each local node on the lattice 0, 1, 2 of a cell."""
-    return np.asarray(np.round(2.0 * _skfem().ElementHex2().doflocs), dtype=np.int64)
 
 
 @dataclass(frozen=True)
@@ -240,23 +237,21 @@ class RootModel:
         places, stress = self.surface_stress(displacement, self.section.fillet[flank])
         first = np.linalg.eigvalsh(stress)[:, -1]
         peak = int(first.argmax())
+        risen = (places[peak, 2] + 0.5 * self.shape.dog.height) / self.shape.root_radius
         return RootStress(
             tension=float(first[peak]),
             radius=float(np.hypot(*places[peak, :2])),
-            angle=self._fillet_angle(flank, places[peak, 2]),
+            angle=min(math.acos(min(max(1.0 - risen, -1.0), 1.0)), self.shape.sweep(flank)),
             force=force,
             lever=float(tangential @ height) / total,
             axial=-float(load[:, 2].sum()) * force / total,
         )
 
-    def _fillet_angle(self, flank: Flank, z: float) -> float:
-        risen = (z + 0.5 * self.shape.dog.height) / self.shape.root_radius
-        return min(math.acos(min(max(1.0 - risen, -1.0), 1.0)), self.shape.sweep(flank))
-
 
 def _by_local(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     """Return nodes (cells, 27) in scikit-fem's local order."""
-    i, j, k = _lattice().T
+    # Place of each local node on the lattice 0, 1, 2 of a cell.
+    i, j, k = np.round(2.0 * _skfem().ElementHex2().doflocs).astype(np.int64).T
     return np.asarray(cells[:, i, j, k])
 
 
@@ -313,3 +308,64 @@ def skin_stress(gradient: Points, normal: Points) -> Points:
 def _gauss(count: int) -> tuple[Points, Points]:
     points, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (points + 1.0), 0.5 * weights
+
+
+#: Words of what is pressed.
+PRESSED: dict[Band | Literal["load"], str] = {
+    "whole": "all that touches", "tip": "top fifth of the flank",
+    "load": "at the load height, interpolated",
+}  # fmt: skip
+
+
+class RootCheck(Record):
+    """Tension in the fillet of a loaded flank, by finite elements and by closed form."""
+
+    flank: Flank = key("loaded flank")
+    band: Band | Literal["load"] = key("pressed part; load: at the load height, between the others")
+    lever_mm: float = key("height of the load's line above the floor", "mm")
+    finite_elements_MPa: float = key("tension by finite elements", "MPa")
+    closed_form_MPa: float = key("tension by closed form", "MPa")
+
+
+def root_checks(dog: Dog, limits: Limits) -> list[RootCheck]:
+    """Return both flanks under the design load, on all that touches and at the tip.
+
+    Takes some ten seconds; raises InputError where scikit-fem is missing.
+    """
+    radius = limits.root_radius
+    model = RootModel(RootShape(dog, radius, dog.pitch))
+    rows = []
+    for flank in FLANKS:
+        force = limits.load.force_per_dog(dog, flank)
+        found = [model.stress(flank, band, force) for band in BANDS]
+        own = [Load(force, flank, one.lever) for one in found]
+        loads = [*own, root_load(dog, limits, flank)]
+        formulas = [root_tension(dog, radius, load) for load in loads]
+        # The ratio to the closed form runs straight over the height of the load.
+        ratios = [one.tension / formula for one, formula in zip(found, formulas, strict=False)]
+        ratio = float(np.interp(loads[-1].lever, [load.lever for load in own], ratios))
+        tensions = [*(one.tension for one in found), ratio * formulas[-1]]
+        rows += [
+            RootCheck(
+                flank=flank, band=band, lever_mm=load.lever / MM,
+                finite_elements_MPa=tension / MPA, closed_form_MPa=formula / MPA,
+            )
+            for band, load, tension, formula in zip(
+                PRESSED, loads, tensions, formulas, strict=True
+            )
+        ]  # fmt: skip
+    return rows
+
+
+def root_table(checks: Sequence[RootCheck]) -> Table:
+    """Tabulate the tension by finite elements beside the closed form."""
+    heads = "tension at the root", "lever, mm", "finite elements, MPa", "closed form, MPa", "ratio"
+    rows = [
+        (
+            f"{one.flank} flank, {PRESSED[one.band]}", f"{one.lever_mm:.2f}",
+            f"{one.finite_elements_MPa:.0f}", f"{one.closed_form_MPa:.0f}",
+            f"{one.closed_form_MPa / one.finite_elements_MPa:.2f}",
+        )
+        for one in checks
+    ]  # fmt: skip
+    return Table(heads, rows)

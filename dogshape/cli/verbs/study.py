@@ -152,11 +152,11 @@ def strength(
     """
     given, record, more = ds.Study(study, with_engine(set_, engine)), {}, []
     if fem:
-        from dogshape.validation.finite_elements import root_check  # noqa: PLC0415
+        from dogshape.validation.finite_elements import root_stress  # noqa: PLC0415
 
-        roots = root_check.root_checks(given.config.clutch.dog, given.config.limits)
+        roots = root_stress.root_checks(given.config.clutch.dog, given.config.limits)
         record["finite_elements"] = [one.to_dict() for one in roots]
-        more = [root_check.root_table(roots)]
+        more = [root_stress.root_table(roots)]
     found = given.strength(simulate=simulation, **kept(jobs))
     parts = [*found.to_parts(), *(found.explained if explain else ()), *more]
     emit({**found.to_dict(), **record}, json, lambda: parts, ok=found.feasible)

@@ -1,6 +1,8 @@
-"""The effects of the package: of the dogs, of the mechanism, of the operating point.
+"""Effects that may explain why a bench differs from the simulation: the package's, and a user's.
 
-``docs/effects.md`` has the meaning of each, and the source of each range; all are judged.
+A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. Those of the package are
+of the dogs, of the mechanism, of the operating point. ``docs/effects.md`` has the meaning of each,
+and the source of each range; all are judged.
 
 *Dogs.* The explicit scheme knows the dynamic coefficient alone; ``cenic`` both. Another axial gap
 changes the travel with it. *Mechanism.* The actuator closes the play, fully open at first, before
@@ -12,13 +14,16 @@ mismatch counts along the nominal one. Relative angles that are not uniform are 
 
 from __future__ import annotations
 
+import importlib.util
 import math
 from collections.abc import Callable
 from dataclasses import replace
 from operator import add, attrgetter, mul
+from pathlib import Path
 from typing import Any
 
 from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.units import to_si
@@ -257,3 +262,55 @@ EFFECTS = (
                   "of both rings, for some thirty shifts."),
         title="uneven relative angles"),
 )  # fmt: skip
+
+
+def load(folder: Path | None = None) -> dict[str, Effect]:
+    """Return all effects by name, in the order of their names.
+
+    ``folder`` is one with effects of the user's. Files that begin with an underscore are no
+    effects. Raises InputError where the folder is missing, a file cannot be run, has no
+    ``EFFECT`` or another name than the effect, or a name is taken.
+    """
+    effects = {effect.name: effect for effect in EFFECTS}
+    for path in own_files(folder).values() if folder else ():
+        effect = _own_effect(path)
+        if effect.name in effects:
+            raise InputError(
+                f"{path} defines the effect '{effect.name}', but there is one of that name; "
+                "rename file and effect"
+            )
+        effects[effect.name] = effect
+    return dict(sorted(effects.items()))
+
+
+def own_files(folder: Path) -> dict[str, Path]:
+    """Return the files of a folder that ``load`` takes effects from, by the effects' names."""
+    if not folder.is_dir():
+        raise InputError(f"there is no folder {folder}; give one with effects as Python files")
+    paths = sorted(path for path in folder.glob("*.py") if not path.name.startswith("_"))
+    return {path.stem: path for path in paths}
+
+
+def _own_effect(path: Path) -> Effect:
+    spec = importlib.util.spec_from_file_location(f"user_effect_{path.stem}", path)
+    if spec is None or spec.loader is None:
+        raise InputError(f"{path} cannot be read as Python; correct it or take it away")
+    module = importlib.util.module_from_spec(spec)
+    try:
+        spec.loader.exec_module(module)
+    except Exception as error:
+        remedy = "correct it or take it away"
+        if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == "sim":
+            remedy = "write 'from dogshape import Effect, Parameter, BenchTest'"
+        raise InputError(
+            f"{path} cannot be run ({type(error).__name__}: {error}); {remedy}"
+        ) from error
+    effect = getattr(module, "EFFECT", None)
+    if not isinstance(effect, Effect):
+        raise InputError(f"{path} defines no EFFECT; define one of the type dogshape.Effect")
+    if effect.name != path.stem:
+        raise InputError(
+            f"{path} defines the effect '{effect.name}', but an effect has the name of its file; "
+            "rename one of the two"
+        )
+    return effect
