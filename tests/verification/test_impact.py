@@ -10,7 +10,6 @@ import pytest
 from pydrake.systems.framework import Context
 from scipy.special import beta
 
-from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
@@ -25,6 +24,7 @@ from dogshape.sim.shift.clutch import (
 )
 from dogshape.sim.shift.mesh import rigid_dog
 from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
 from dogshape.validation.impact import Impact, impact, published_impact
 

@@ -10,9 +10,9 @@ import pytest
 from dogshape.sim.shift.geometry import Dog, flank_contact, section
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
+from dogshape.sim.strength.landing import Wear, worn
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import blocking_force, locking_checks, locking_friction
-from dogshape.sim.strength.landing import Wear, worn
 from dogshape.sim.units import DEG, MM
 
 LIMITS = Limits(load=LoadCase(release_by_itself=False, pull_out_force_limit=500.0))
