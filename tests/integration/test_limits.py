@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -61,11 +62,14 @@ def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
         "search.limits.worst_shift_time_s=1.0", "search.limits.slower_than_reference_s=0.0"
     )
     other, _ = measured(study)
-    assert other.measured.limited["slower_than_reference_s"] == 0.0
+    assert other.measured.limited["slower_than_reference_s"] < 0.0
     found, _ = measured(study, chamfer_deg=5.0)
-    times, own = ([p.mean for p in one.expectation.points] for one in (found, other))
-    assert found.measured.limited["worst_shift_time_s"] == max(times)
-    lost = max(a - b for a, b in zip(times, own, strict=True))
+    both = found.expectation.points, other.expectation.points
+    assert found.measured.limited["worst_shift_time_s"] == max(p.mean for p in both[0])
+    lost = max(
+        a.mean - b.mean - 2.0 * math.hypot(a.standard_error, b.standard_error)
+        for a, b in zip(*both, strict=True)
+    )
     assert found.measured.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
     assert lost > 0.0
     assert not design_of(study, {"chamfer_deg": 5.0}, found.measured).feasible
