@@ -146,11 +146,11 @@ def ring_part(
     Raises GeometryError where roundings do not fit, or the body has no thickness.
     """
     require_body(body)
-    flanks = {
-        name: lean if abs(lean := getattr(dog, name)) >= LEANING else LEANING
-        for name in ("traction", "braking")
-    }
-    pieces = profile(replace(dog, **flanks), root_radius, segments, step)
+    traction, braking = (
+        lean if abs(lean) >= LEANING else LEANING for lean in (dog.traction, dog.braking)
+    )
+    leaning = replace(dog, traction=traction, braking=braking)
+    pieces = profile(leaning, root_radius, segments, step)
     pitch = Lines(
         np.concatenate([p.points for p in pieces]), np.concatenate([p.directions for p in pieces])
     )
