@@ -7,6 +7,7 @@ that the package brings. Every mistake becomes one sentence.
 from __future__ import annotations
 
 import itertools
+import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,12 +28,13 @@ from dogshape.pipeline.config.operating import (
 )
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import torque_peak
+from dogshape.sim.statistics.expectation import SetPoint
 from dogshape.sim.statistics.shift_records import (
     Record,
     clutch_record,
@@ -117,6 +119,14 @@ class Setup:
     def retraction(self) -> float:
         """Time to pull back before a retry, s, and the dead time of that."""
         return self.file.shift.retraction_s + self.actuation.delay
+
+    @property
+    def set_point(self) -> SetPoint:
+        """Set-point that frees blocked shifts; one without amplitude frees none."""
+        own = self.file.shift.alternating
+        if own is None:
+            return SetPoint()
+        return SetPoint(own.amplitude_rpm * RPM, own.period_s, own.after_s + self.actuation.delay)
 
     @property
     def mismatches(self) -> list[float]:
@@ -303,7 +313,9 @@ def build_study(file: StudyFile) -> Setup:
     clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
     clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism))
     points = file.operating.operating_points(actuation.profile)
-    require_stiff_enough(clutch, max(point.profile.force for point in points))
+    forces = [point.profile.force for point in points]
+    require_stiff_enough(clutch, max(forces))
+    _require_slow(file, clutch, min(forces))
     unsure = _uncertainty(file, clutch, points, actuation.table)
     limits = _limits(file, clutch, points)
     variables = file.variables.ranges
@@ -347,6 +359,24 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
         strike=file.strike.strike(clutch.rings, points) if file.strike else None,
     )
+
+
+def _require_slow(file: StudyFile, clutch: Clutch, force: float) -> None:
+    """Raise InputError for an alternating speed at which a ring that ``force`` in N pushes fails.
+
+    The slot must stay over the dog while the ring falls in.
+    """
+    own, dog = file.shift.alternating, clutch.dog
+    mass = clutch.rings.mass + clutch.mechanism.added_mass
+    fall = math.sqrt(2.0 * mass * dog.height / force)
+    most = dog.entry_play / dog.mean_radius / fall / RPM
+    if own is not None and own.amplitude_rpm > most:
+        rule = (
+            f"{force:.6g} N push the ring {dog.height / MM:.4g} mm into a slot in "
+            f"{1e3 * fall:.3g} ms, in which it is past the dog beyond {most:.4g} 1/min"
+        )
+        key = "shift.alternating.amplitude_rpm"
+        raise InputError(refusal(key, own.amplitude_rpm, "1/min", rule, "lower it"))
 
 
 def wear_of(file: StudyFile) -> Wear | None:

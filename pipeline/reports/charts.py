@@ -7,18 +7,15 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.designs import Row, design_name, goals_of, is_measured, of_kinds
-from dogshape.pipeline.reports.text import axis, check_name, place_name
+from dogshape.pipeline.reports.designs import Row, design_name, goals_of, of_kinds
+from dogshape.pipeline.reports.text import axis, check_name, minus, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
-
-if TYPE_CHECKING:
-    pass
 
 INK, GREY = "#1b2733", "#9aa5b1"
 BLUE, ORANGE, GREEN, RED = "#1f5fa8", "#c8590c", "#2e7d4f", "#b3261e"
@@ -46,6 +43,18 @@ ROOM = 23.0  #: between numbers and marks of the front, px
 #: Leaders to the numbers of designs, the shortest first; px, y downwards.
 LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
 BESIDE = 3  #: panels of effects side by side
+PLACE = ("mismatch_rpm", "force_N")
+SHADES = [[0, "#eef3f9"], [1, BLUE]]  #: of shares, dark in grey too
+#: Shares of the shifts at an operating point, by their titles.
+ENTRIES: tuple[tuple[str, Callable[[Row], float]], ...] = (
+    ("engages at the first try", lambda row: float(row["engaged"])),
+    ("enters directly", lambda row: float(row["shiftability"]["direct"])),
+)
+ENTRY_NOTE = (
+    "Share of the shifts, in %, that engages at the first try (Bóka 2010), not shown where all do, "
+    "and that enters a slot directly, without touching a face (Aljawabrah and Lovas 2020). An x "
+    "marks angles at which some shift does not engage."
+)
 
 
 def styled(figure: go.Figure, height: int) -> go.Figure:
@@ -73,7 +82,7 @@ def front_figure(result: Row, variables: Sequence[str], other: str) -> go.Figure
             showlegend=False, hoverinfo="skip",
         )  # fmt: skip
     for kind, every in of_kinds(result).items():
-        rows, bars = [row for row in every if is_measured(row)], {}
+        rows, bars = [row for row in every if row[SIMULATED] is not None], {}
         if kind in ("front", "chosen", "prototype"):
             named += rows
             look = {"thickness": 1, "width": 3, "color": INK}
@@ -154,6 +163,61 @@ def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) ->
         range=[-0.7, len(names) - 0.3],
     )  # fmt: skip
     return styled(figure, 110 + 22 * len(names))
+
+
+def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Figure:
+    """Map shares of shifts over mismatch and force, and direct entry over the relative angle.
+
+    ``sides`` have records of operating points with their ``shiftability``, and the number of dogs.
+    Points that are no grid of mismatch and force have a row each; the share that engages is left
+    out where all shifts do.
+    """
+    every = [row for rows, _ in sides.values() for row in rows]
+    grid = all(
+        len(rows) == math.prod(len({row[key] for row in rows}) for key in PLACE)
+        and len({row["force_N"] for row in rows}) > 1
+        for rows, _ in sides.values()
+    )
+    shown = dict(ENTRIES if min(row["engaged"] for row in every) < 1.0 else ENTRIES[1:])
+    widths = [0.24 if grid else 0.08] * len(shown)
+    figure = make_subplots(
+        len(sides), len(widths) + 1, column_widths=[*widths, 1.0 - sum(widths)], shared_yaxes=True,
+        horizontal_spacing=0.02, vertical_spacing=0.3 / len(sides), row_titles=[*sides],
+        column_titles=[*shown, f"{ENTRIES[1][0]}, by angle"],
+    )  # fmt: skip
+    lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1, "texttemplate": "%{text}"}
+    for place, (rows, count) in enumerate(sides.values(), start=1):
+        ordered = sorted(rows, key=lambda row: [row[key] for key in PLACE])
+        forces, entries = ([row[key] for row in ordered] for key in (PLACE[1], "shiftability"))
+        names = [minus(f"{row[PLACE[0]]:.4g}") if grid else place_name(*(row[k] for k in PLACE))
+                 for row in ordered]  # fmt: skip
+        for column, share in enumerate(shown.values(), start=1):
+            shares = [100.0 * share(row) for row in ordered]
+            figure.add_heatmap(
+                x=[f"{force:.4g}" for force in forces] if grid else [""] * len(forces), y=names,
+                z=shares, text=[f"{one:.0f}" for one in shares], row=place, col=column, **look,
+                hovertemplate="%{y}, %{x}: %{z:.1f} %<extra></extra>",
+            )  # fmt: skip
+            title = axis(PLACE[1]) if grid else ""
+            figure.update_xaxes(title=title, type="category", row=place, col=column)
+        counts: dict[str, np.ndarray] = {}
+        for name, one in zip(names, entries, strict=True):
+            counts[name] = counts.get(name, 0) + np.array(one["by_angle"])
+        made, lines = np.array([*counts.values()]), max(lines, len(counts))
+        whole, bins = made.sum(axis=2), made.shape[1]
+        figure.add_heatmap(
+            x=(np.arange(bins) + 0.5) * 360.0 / count / bins, y=[*counts],
+            z=100.0 * made[:, :, 0] / np.where(whole, whole, np.nan),
+            text=np.where(made[:, :, 2] > 0, "x", ""), row=place, col=len(shown) + 1, **look,
+            hovertemplate="%{y}, %{x:.3g}°: %{z:.0f} %<extra></extra>",
+        )  # fmt: skip
+        figure.update_xaxes(title="relative angle, °", row=place, col=len(shown) + 1)
+        figure.update_yaxes(title=axis(PLACE[0]) if grid else "", row=place, col=1)
+    bar = {"title": {"text": "share of the shifts, %", "side": "right"}, "thickness": 14}
+    scale = {"cmin": 0, "cmax": 100, "colorscale": SHADES, "colorbar": bar}
+    figure.update_layout(coloraxis=scale)
+    figure.update_yaxes(type="category", automargin=True)
+    return styled(figure, 80 + len(sides) * (65 + 24 * lines))
 
 
 def effects_figure(found: Row) -> go.Figure:
