@@ -52,7 +52,7 @@ ENTRIES: tuple[tuple[str, Callable[[Row], float]], ...] = (
 )
 ENTRY_NOTE = (
     "Share of the shifts, in %, that engages at the first try (Bóka 2010), not shown where all do, "
-    "and that enters a slot directly, without touching a face (Aljawabrah and Lovas 2020). An x "
+    "and that enters a slot directly, without touching a face (Aljawabrah and Lovas 2024). An x "
     "marks angles at which some shift does not engage."
 )
 
