@@ -83,7 +83,8 @@ class Expectation(Result):
         if mean.mean_engaged is not None:
             lost += f"; without their retries the mean is {in_ms(mean.mean_engaged)} ms"
         if not mean.engages:
-            return [mean.engaged_words, table, lost, engine]
+            count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
+            return [f"{count}: {NO_TIME}", table, lost, engine]
         error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error)"
         if found.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
@@ -97,26 +98,21 @@ class Expectation(Result):
         return [table, total, *more, entry, engine, *([lost] if mean.lost else [])]
 
     def shiftability(self) -> Frame:
-        """Give a row for each operating point and bin of the relative angle: shifts by entry.
-
-        ``angle_deg`` is the middle of the bin, from dogs facing dogs.
-        """
+        """Give the shifts by entry, a row for each operating point and bin of its angles."""
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-        pitch, rows = self.config.clutch.dog.pitch_angle / DEG, []
-        for one in self.mean.points:
-            place = {"mismatch_rpm": one.point.mismatch / RPM, "force_N": one.point.profile.force}
-            for k, counts in enumerate(one.by_angle):
-                entry = dict(
-                    zip(("direct", "after_face_contact", "not_engaged"), counts, strict=True)
-                )
-                rows.append({**place, "angle_deg": (k + 0.5) * pitch / len(one.by_angle), **entry})
-        return pd.DataFrame(rows)
+        pitch = self.config.clutch.dog.pitch_angle / DEG
+        rows = [
+            (one.point.mismatch / RPM, one.point.profile.force, (k + 0.5) * pitch / bins, *counts)
+            for one in self.mean.points if (bins := len(one.by_angle))
+            for k, counts in enumerate(one.by_angle)
+        ]  # fmt: skip
+        entries = ("direct", "after_face_contact", "not_engaged")
+        return pd.DataFrame(rows, columns=("mismatch_rpm", "force_N", "angle_deg", *entries))
 
     def plot_shiftability(self) -> Figure:
         """Map direct entry over mismatch and force, and over mismatch and relative angle."""
-        rows = self.to_dict()["points"]
-        return shiftability_figure({"": (rows, self.config.clutch.dog.count)})
+        return shiftability_figure({"": (self.to_dict()["points"], self.config.clutch.dog.count)})
 
     def to_dict(self) -> dict[str, Any]:
         """Give mean, errors, and an entry for each operating point."""

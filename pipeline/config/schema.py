@@ -123,10 +123,7 @@ class ContactSection(keys_of(ContactSet, contact_set)):  # type: ignore[misc]
 
 
 class AlternatingSection(Section):
-    """Speed set-point that frees blocked shifts (``sim.statistics.expectation.SetPoint``).
-
-    ``after_s`` counts from the start of the force.
-    """
+    """Speed that frees blocked shifts (``SetPoint``), from ``after_s`` of the force on."""
 
     amplitude_rpm: Annotated[float, Field(gt=0.0)]
     period_s: Annotated[float, Field(gt=0.0)]

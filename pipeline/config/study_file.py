@@ -123,10 +123,9 @@ class Setup:
     @property
     def set_point(self) -> SetPoint:
         """Set-point that frees blocked shifts; one without amplitude frees none."""
-        own = self.file.shift.alternating
-        if own is None:
-            return SetPoint()
-        return SetPoint(own.amplitude_rpm * RPM, own.period_s, own.after_s + self.actuation.delay)
+        own, late = self.file.shift.alternating, self.actuation.delay
+        known = own and SetPoint(own.amplitude_rpm * RPM, own.period_s, own.after_s + late)
+        return known or SetPoint()
 
     @property
     def mismatches(self) -> list[float]:
@@ -313,9 +312,8 @@ def build_study(file: StudyFile) -> Setup:
     clutch, actuation = with_mechanism(clutch, Actuation(rises), *parts)
     clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism))
     points = file.operating.operating_points(actuation.profile)
-    forces = [point.profile.force for point in points]
-    require_stiff_enough(clutch, max(forces))
-    _require_slow(file, clutch, min(forces))
+    require_stiff_enough(clutch, max(point.profile.force for point in points))
+    _require_slow(file, clutch, min(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
     limits = _limits(file, clutch, points)
     variables = file.variables.ranges
@@ -362,10 +360,7 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
 
 
 def _require_slow(file: StudyFile, clutch: Clutch, force: float) -> None:
-    """Raise InputError for an alternating speed at which a ring that ``force`` in N pushes fails.
-
-    The slot must stay over the dog while the ring falls in.
-    """
+    """Raise InputError where a slot is past before ``force`` in N has pushed the ring into it."""
     own, dog = file.shift.alternating, clutch.dog
     mass = clutch.rings.mass + clutch.mechanism.added_mass
     fall = math.sqrt(2.0 * mass * dog.height / force)

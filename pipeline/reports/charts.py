@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
@@ -44,16 +44,10 @@ ROOM = 23.0  #: between numbers and marks of the front, px
 LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
 BESIDE = 3  #: panels of effects side by side
 PLACE = ("mismatch_rpm", "force_N")
-SHADES = [[0, "#eef3f9"], [1, BLUE]]  #: of shares, dark in grey too
-#: Shares of the shifts at an operating point, by their titles.
-ENTRIES: tuple[tuple[str, Callable[[Row], float]], ...] = (
-    ("engages at the first try", lambda row: float(row["engaged"])),
-    ("enters directly", lambda row: float(row["shiftability"]["direct"])),
-)
+ENTRIES = ("engages at the first try", "enters directly")
 ENTRY_NOTE = (
-    "Share of the shifts, in %, that engages at the first try (Bóka 2010), not shown where all do, "
-    "and that enters a slot directly, without touching a face (Aljawabrah and Lovas 2024). An x "
-    "marks angles at which some shift does not engage."
+    "Shifts that engage at the first try (Bóka 2010), not shown where all do, and that never touch "
+    "a face (Aljawabrah and Lovas 2024), in %. An x marks angles at which not all engage."
 )
 
 
@@ -169,53 +163,50 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     """Map shares of shifts over mismatch and force, and direct entry over the relative angle.
 
     ``sides`` have records of operating points with their ``shiftability``, and the number of dogs.
-    Points that are no grid of mismatch and force have a row each; the share that engages is left
-    out where all shifts do.
+    Points that are no grid have a row each.
     """
     every = [row for rows, _ in sides.values() for row in rows]
-    grid = all(
-        len(rows) == math.prod(len({row[key] for row in rows}) for key in PLACE)
-        and len({row["force_N"] for row in rows}) > 1
-        for rows, _ in sides.values()
-    )
-    shown = dict(ENTRIES if min(row["engaged"] for row in every) < 1.0 else ENTRIES[1:])
+    speeds, forces = ({row[key] for row in every[: len(every) // len(sides)]} for key in PLACE)
+    grid = len(forces) > 1 and len(every) == len(sides) * len(speeds) * len(forces)
+    shown = ENTRIES[all(row["engaged"] == 1.0 for row in every) :]
     widths = [0.24 if grid else 0.08] * len(shown)
     figure = make_subplots(
         len(sides), len(widths) + 1, column_widths=[*widths, 1.0 - sum(widths)], shared_yaxes=True,
         horizontal_spacing=0.02, vertical_spacing=0.3 / len(sides), row_titles=[*sides],
-        column_titles=[*shown, f"{ENTRIES[1][0]}, by angle"],
+        column_titles=[*shown, f"{ENTRIES[1]}, by angle"],
     )  # fmt: skip
-    lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1, "texttemplate": "%{text}"}
+    lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1}
+    hover = "%{y}, %{x}: %{z:.0f} %<extra></extra>"
     for place, (rows, count) in enumerate(sides.values(), start=1):
         ordered = sorted(rows, key=lambda row: [row[key] for key in PLACE])
-        forces, entries = ([row[key] for row in ordered] for key in (PLACE[1], "shiftability"))
+        pushes = [f"{row[PLACE[1]]:.4g}" if grid else "" for row in ordered]
         names = [minus(f"{row[PLACE[0]]:.4g}") if grid else place_name(*(row[k] for k in PLACE))
                  for row in ordered]  # fmt: skip
-        for column, share in enumerate(shown.values(), start=1):
-            shares = [100.0 * share(row) for row in ordered]
+        for column, entry in enumerate(shown, start=1):
+            share = [row["engaged"] if entry == ENTRIES[0] else row["shiftability"]["direct"]
+                     for row in ordered]  # fmt: skip
             figure.add_heatmap(
-                x=[f"{force:.4g}" for force in forces] if grid else [""] * len(forces), y=names,
-                z=shares, text=[f"{one:.0f}" for one in shares], row=place, col=column, **look,
-                hovertemplate="%{y}, %{x}: %{z:.1f} %<extra></extra>",
+                x=pushes, y=names, z=100.0 * np.array(share), texttemplate="%{z:.0f}",
+                hovertemplate=hover, row=place, col=column, **look,
             )  # fmt: skip
             title = axis(PLACE[1]) if grid else ""
             figure.update_xaxes(title=title, type="category", row=place, col=column)
         counts: dict[str, np.ndarray] = {}
-        for name, one in zip(names, entries, strict=True):
-            counts[name] = counts.get(name, 0) + np.array(one["by_angle"])
+        for name, row in zip(names, ordered, strict=True):
+            counts[name] = counts.get(name, 0) + np.array(row["shiftability"]["by_angle"])
         made, lines = np.array([*counts.values()]), max(lines, len(counts))
         whole, bins = made.sum(axis=2), made.shape[1]
         figure.add_heatmap(
             x=(np.arange(bins) + 0.5) * 360.0 / count / bins, y=[*counts],
             z=100.0 * made[:, :, 0] / np.where(whole, whole, np.nan),
-            text=np.where(made[:, :, 2] > 0, "x", ""), row=place, col=len(shown) + 1, **look,
-            hovertemplate="%{y}, %{x:.3g}°: %{z:.0f} %<extra></extra>",
+            text=np.where(made[:, :, 2] > 0, "x", ""), texttemplate="%{text}", row=place,
+            col=len(shown) + 1, **look, hovertemplate=hover,
         )  # fmt: skip
         figure.update_xaxes(title="relative angle, °", row=place, col=len(shown) + 1)
         figure.update_yaxes(title=axis(PLACE[0]) if grid else "", row=place, col=1)
     bar = {"title": {"text": "share of the shifts, %", "side": "right"}, "thickness": 14}
-    scale = {"cmin": 0, "cmax": 100, "colorscale": SHADES, "colorbar": bar}
-    figure.update_layout(coloraxis=scale)
+    shades = {"colorscale": [[0, "#eef3f9"], [1, BLUE]], "cmin": 0, "cmax": 100}
+    figure.update_layout(coloraxis={**shades, "colorbar": bar})
     figure.update_yaxes(type="category", automargin=True)
     return styled(figure, 80 + len(sides) * (65 + 24 * lines))
 

@@ -74,6 +74,7 @@ LANDING = "_impact"  #: end of the names of the checks of a landing
 TIME = "expected shift time, ms"
 #: Columns of the alternatives, of the words of a record.
 COLUMNS = ("smallest margin, nominal size", "at worst-case tolerances", "locks above friction")
+SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys
 Pair = tuple[float, float]
 
 
@@ -106,7 +107,7 @@ def write_report(folder: StudyFolder) -> Path:
         if effects is not None:
             page.add("Variables", *effect_parts(effects["effects"]))
             page.add("Limits", prices_table(effects["prices"]))
-        page.add("Operating points", *point_parts(result), *entry_parts(study, result))
+        page.add("Operating points", *point_parts(study, result))
         page.add("Single shifts", *shift_parts(folder, study, result))
         page.add("Life", *([life_table(result["life"])] if result.get("life") else []))
         page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
@@ -268,8 +269,8 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
     words = f"{own} of {n} shifts; prototype {other} of {m}"
     yield "engaged at the first try", Bad(words) if own < n else words
-    for name, one in (("chosen design", c["best"]), ("prototype", c["prototype"])):
-        if words := quantile_words(one.get("quantiles") or ()):
+    for side, name in SIDES.items():
+        if words := quantile_words(c[side].get("quantiles") or ()):
             yield f"shift time over the life, {name}", words
     if within := best["time_within_tolerances"]:
         yield "shift time within tolerances", f"± {in_ms(within['root_sum_square_s'])} ms"
@@ -337,8 +338,8 @@ def effect_parts(effects: Row) -> list[Part]:
     ]
 
 
-def point_parts(result: Row) -> list[Part]:
-    """Build the figure of the operating points; empty before the confirmation.
+def point_parts(study: Setup, result: Row) -> list[Part]:
+    """Build the figures of the operating points; empty before the confirmation.
 
     Points of a design that is operated in its own way are named as those of the prototype.
     """
@@ -351,19 +352,13 @@ def point_parts(result: Row) -> list[Part]:
     ]
     sides = {"prototype": ("mean_s", "standard_error_s"), "chosen": ("chosen_s", "chosen_error_s")}
     caption = "At the new angles, retries included; bars are 95 % intervals."
-    return [times_by_point(rows, sides), caption]
-
-
-def entry_parts(study: Setup, result: Row) -> list[Part]:
-    """Build the maps of direct entry of prototype and chosen design; empty without their counts."""
-    c = result["confirmation"]
-    if not c or c["best"]["points"][0].get("shiftability") is None:
-        return []
-    best, own = result["best"], study.clutch.dog.count
-    sides = {"prototype": (c["prototype"]["points"], own)}
-    if not best["prototype"]:
-        sides["chosen"] = c["best"]["points"], best.get("count") or own
-    return [shiftability_figure(sides), ENTRY_NOTE]
+    parts: list[Part] = [times_by_point(rows, sides), caption]
+    if all(point.get("shiftability") for key in SIDES for point in c[key]["points"]):
+        own = study.clutch.dog.count
+        counts = {"prototype": own, "best": result["best"].get("count", own)}
+        entries = {name: (c[key]["points"], counts[key]) for key, name in SIDES.items()}
+        parts += [shiftability_figure(entries), ENTRY_NOTE]
+    return parts
 
 
 def shift_parts(folder: StudyFolder, study: Setup, result: Row) -> list[Part]:

@@ -257,30 +257,25 @@ def demand_over(
     return exceeded(every, weights, share)
 
 
-RARE = 0.999  #: of the shifts over a life, the quantile beside that of ``search.quantile``
-
-
 def expectation_of(
     study: Setup,
     points: Sequence[OperatingPoint],
     rows: Sequence[Sequence[Shift]],
     even: bool = True,
 ) -> Expectation:
-    """Return the expectation over points from the records of each, with its quantiles.
-
-    Blocked shifts that the study's set-point frees have its times.
-    """
+    """Return the expectation over points from the records of each, with its quantiles."""
     lost, found, shifts = (study.clutch.timeout, study.retraction), [], []
     for point, mine in zip(points, rows, strict=True):
         shifts.append(study.set_point.freed([result_of(row) for row in mine]))
         one = expect_point(point, shifts[-1], *lost, even=even)
         found.append(replace(one, by_angle=entries_by_angle(mine)))
     weights = [point.weight for point in points]
-    levels = dict.fromkeys((study.file.search.quantile, RARE))
+    levels = study.file.search.quantile, RARE
     quantiles = {share: time_quantile(weights, shifts, share, *lost) for share in levels}
     return replace(expect(found), quantiles=quantiles)
 
 
+RARE = 0.999  #: of the shifts over a life, the quantile beside that of ``search.quantile``
 FIRST = 6  #: angles of the first round
 ENOUGH = 24  #: shifts from which a standard error is believed
 MOST = 96  #: angles of the last round

@@ -11,20 +11,15 @@ from dogshape.sim.strength.checks import GROUPS, Check
 from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
-    from dogshape.diagnosis.bench.comparison import Comparison, Difference
+    from dogshape.diagnosis.bench.comparison import Difference
 
 
 class Shiftability(Record):
-    """Entry at the first try at an operating point; intervals are Wilson's, of 95 %.
+    """Entry at the first try; intervals are Wilson's, of 95 %, and even angles err less."""
 
-    Even angles err less than these intervals say.
-    """
-
-    engaged_low: float = key("lower end of the interval of `engaged`", SHARE)
-    engaged_high: float = key("its upper end", SHARE)
+    engaged_interval: list[float] = key("ends of the interval of `engaged`", SHARE)
     direct: float = key("share of the shifts that enter a slot without touching a face", SHARE)
-    direct_low: float = key("lower end of its interval", SHARE)
-    direct_high: float = key("its upper end", SHARE)
+    direct_interval: list[float] = key("ends of its interval", SHARE)
     by_angle: list[list[int]] = key(
         "shifts in equal bins of the relative angle over a pitch, from dogs facing dogs: direct, "
         "engaged after face contact, not engaged"
@@ -33,11 +28,11 @@ class Shiftability(Record):
     @classmethod
     def of(cls, p: PointExpectation) -> Shiftability:
         """Record the entries of an operating point."""
-        direct, late, _ = (sum(kind) for kind in zip(*p.by_angle, strict=True))
-        engaged, own = (share_interval(count, p.n) for count in (direct + late, direct))
+        direct, late, _ = map(sum, zip(*p.by_angle, strict=True))
+        engaged, own = (list(share_interval(count, p.n)) for count in (direct + late, direct))
         return cls(
-            engaged_low=engaged[0], engaged_high=engaged[1], direct=direct / p.n,
-            direct_low=own[0], direct_high=own[1], by_angle=[list(one) for one in p.by_angle],
+            engaged_interval=engaged, direct=direct / p.n, direct_interval=own,
+            by_angle=[list(one) for one in p.by_angle],
         )  # fmt: skip
 
 
@@ -89,7 +84,7 @@ class PointRow(Record):
             engaged=p.engaged,
             n=p.n,
             held_dog_on_dog=p.blocked,
-            shiftability=Shiftability.of(p) if p.by_angle else None,
+            shiftability=Shiftability.of(p) if p.n and p.by_angle else None,
         )
 
 
@@ -244,9 +239,3 @@ class BenchPoint(Record):
             engaged=d.simulated.engaged,
             n=d.simulated.n,
         )
-
-
-def engaged_record(result: Comparison) -> dict[str, Any]:
-    """Record the share of tried shifts that engaged, on the bench and in the simulation."""
-    engaged, tried, simulated = result.engaged
-    return {"engaged": engaged, "tried": tried, "simulated_share": simulated if tried else None}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -32,14 +31,11 @@ def row_record(rows: Array) -> list[list[float | None]]:
 
 
 def mix_over(study: Setup, points: Sequence[OperatingPoint]) -> Mix:
-    """Mix operating points by their weights, with the time of a retry in the study.
-
-    An alternating set-point counts with its passage of a quarter of a pitch, the mean rest of faces
-    on half of it.
-    """
+    """Mix operating points by their weights, with the time of a retry in the study."""
+    # The mean rest of faces on half a pitch: a surrogate knows no other.
     quarter = np.array([0.25 * study.clutch.dog.pitch_angle])
-    freed = float(study.set_point.passages(quarter)[0])
-    return mix_of(points, study.clutch.timeout + study.retraction if math.isnan(freed) else freed)
+    freed, lost = study.set_point.passages(quarter)[0], study.clutch.timeout + study.retraction
+    return mix_of(points, float(np.nan_to_num(freed, nan=lost)))
 
 
 def study_mix(study: Setup) -> Mix:

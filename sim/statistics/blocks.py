@@ -139,12 +139,9 @@ def even_block(
 
 
 def events_record(result: Engagement) -> Record:
-    """Return the events of a shift as a flat record in the edge's units.
-
-    A blocked one has the angle by which its faces still overlap in the sense of the mismatch.
-    """
+    """Return the events of a shift as a flat record in the edge's units."""
     events, rest = result.events, {}
-    if result.outcome is Outcome.BLOCKED:
+    if result.outcome is Outcome.BLOCKED:  # the overlap left in the sense of the mismatch
         overlap, most = face_overlap(result.clutch, result.trace.relative_angle[-1:])
         left = float((most - overlap if result.point.mismatch > 0.0 else overlap)[0])
         rest["rest_overlap_deg"] = max(left, 0.0) / result.clutch.dog.mean_radius / DEG

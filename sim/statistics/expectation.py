@@ -42,14 +42,11 @@ class Estimate:
 
 @dataclass(frozen=True)
 class ShiftResult:
-    """Outcome and time of one shift in s (None if it failed), for an expectation.
-
-    ``rest`` of a blocked shift is the angle to the next slot in the sense of the mismatch, rad.
-    """
+    """Outcome and time of one shift in s (None if it failed), for an expectation."""
 
     outcome: Outcome
     shift_time: float | None
-    rest: float | None = None
+    rest: float | None = None  #: of a blocked one to the next slot ahead, rad
 
 
 @dataclass(frozen=True)
@@ -65,15 +62,11 @@ class SetPoint:
 
     and the ring falls into the slot; its fall, :math:`\sqrt{2 m h/F}` or 3 to 4 ms of the default
     study, is left out. A larger rest is never passed.
-
-    Parameters
-    ----------
-    amplitude, period, start : rad/s (0 frees nothing); s; s from the command.
     """
 
-    amplitude: float = 0.0
-    period: float = 1.0
-    start: float = 0.0
+    amplitude: float = 0.0  #: rad/s; 0 frees nothing
+    period: float = 1.0  #: s
+    start: float = 0.0  #: s from the command
 
     def passages(self, overlaps: Values) -> Values:
         """Compute the times from the command to the passage of overlaps in rad, (n,), s or NaN."""
@@ -95,9 +88,9 @@ class PointExpectation:
 
     ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift engaged, ``mean`` is an
     estimate with p = 1/(n + 1) and ``mean_engaged`` None. ``standard_error`` is NaN for fewer than
-    three shifts. ``engaged`` is the share that engaged at the first try; ``blocked`` of the ``n``
-    shifts stood still dog on dog, held by friction, and a set-point freed ``freed`` of these.
-    ``by_angle`` counts entries (``sim.statistics.shift_records.entries_by_angle``).
+    three shifts. ``engaged`` is the share at the first try; ``blocked`` of the ``n`` shifts stood
+    still dog on dog, held by friction, and a set-point freed ``freed`` of these. ``by_angle`` is
+    that of ``entries_by_angle``.
     """
 
     point: OperatingPoint
@@ -109,7 +102,7 @@ class PointExpectation:
     n: int
     blocked: int = 0
     freed: int = 0
-    by_angle: tuple[tuple[int, int, int], ...] = ()
+    by_angle: Sequence[Sequence[int]] = ()
 
     @property
     def timed(self) -> float:
@@ -155,13 +148,6 @@ class Expectation:
     def time(self) -> float | None:
         """Expected shift time, s; None where too few shifts engage somewhere."""
         return self.mean if self.engages else None
-
-    @property
-    def engaged_words(self) -> str:
-        """Count of the shifts that engage, and what that leaves of the time, as words."""
-        return f"engages in {self.shifts - self.lost} of {self.shifts} shifts" + (
-            "" if self.engages else f": {NO_TIME}"
-        )
 
     @property
     def mean_engaged(self) -> float | None:
@@ -233,9 +219,8 @@ def expect_point(
     retry_variance = (lost / share**2) ** 2 * share * (1.0 - share) / n
     error = math.sqrt(variance + retry_variance) if asked > 2 else math.nan
     sd = float(times.std(ddof=1)) if times.size > 1 else 0.0
-    first = [s.shift_time for s in shifts if s.outcome is Outcome.ENGAGED and s.shift_time]
-    bare = float(np.mean(first)) if first else None
-    share = len(first) / n
+    kept = [s.shift_time for s in shifts if s.outcome is not Outcome.BLOCKED and s.shift_time]
+    bare, share = float(np.mean(kept)) if kept else None, len(kept) / n
     return PointExpectation(point, mean + retry, bare, error, sd, share, n, blocked, freed)
 
 
@@ -243,10 +228,7 @@ NORMAL = 1.959964  #: of a two-sided 95 % interval
 
 
 def share_interval(count: int, n: int) -> tuple[float, float]:
-    """Return the ends of Wilson's (1927) 95 % interval of the share ``count`` of ``n`` cases.
-
-    That of even angles errs less than the interval of independent cases says.
-    """
+    """Return the ends of Wilson's (1927) 95 % interval of a share of ``n`` independent cases."""
     p, z2 = count / n, NORMAL**2
     middle = (p + z2 / (2 * n)) / (1.0 + z2 / n)
     half = NORMAL / (1.0 + z2 / n) * math.sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n))

@@ -110,20 +110,17 @@ def content_key(record: Record) -> str:
 BINS = 24  #: of the relative angle over a pitch, at most
 
 
-def entries_by_angle(records: Sequence[Record]) -> tuple[tuple[int, int, int], ...]:
-    """Count shifts in equal bins of the relative angle over a pitch, from dogs facing dogs.
+def entries_by_angle(records: Sequence[Record]) -> list[list[int]]:
+    """Count direct entries, those after face contact and failures, by relative angle.
 
-    In each: those that entered a slot without touching a face, that engaged after face contact, and
-    that did not engage. Shifts whose integration failed are left out.
+    In equal bins of a pitch from dogs facing dogs; shifts whose integration failed are left out.
     """
     counts = [[0, 0, 0] for _ in range(min(BINS, len(records)))]
-    for one in records:
-        if one["outcome"] == Outcome.DIVERGED.value:
-            continue
+    for one in (row for row in records if row["outcome"] != Outcome.DIVERGED.value):
         phase = one["relative_angle_deg"] * one["count"] / 360.0 % 1.0
         entry = 2 if one["shift_time_s"] is None else int(one["face_contacts"] > 0)
         counts[int(phase * len(counts))][entry] += 1
-    return tuple((direct, late, lost) for direct, late, lost in counts)
+    return counts
 
 
 def unfinished(record: Record) -> bool:

@@ -92,9 +92,9 @@ def test_entries_of_flat_dogs_are_those_of_the_closed_forms(
     slide = flat.rings.reduced_inertia * point.mismatch**2
     slide /= 2.0 * flat.contact.dynamic_friction * 235.0 * dog.mean_radius
     assert found.direct == pytest.approx(play / dog.pitch_angle, abs=0.02)
-    assert found.direct_low < play / dog.pitch_angle < found.direct_high
+    assert found.direct_interval[0] < play / dog.pitch_angle < found.direct_interval[1]
     assert own.engaged == pytest.approx((play + slide) / dog.pitch_angle, abs=1.6 / 30)
-    assert found.engaged_low < own.engaged < found.engaged_high
+    assert found.engaged_interval[0] < own.engaged < found.engaged_interval[1]
     assert [sum(counts) for counts in found.by_angle] == [4] * 24
     direct = [counts[0] for counts in found.by_angle]
     assert direct.count(4) >= 4
