@@ -44,10 +44,10 @@ ROOM = 23.0  #: between numbers and marks of the front, px
 LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
 BESIDE = 3  #: panels of effects side by side
 PLACE = ("mismatch_rpm", "force_N")
-ENTRIES = ("engages at the first try", "enters directly")
+ENTRIES = ("first try", "direct entry")
 ENTRY_NOTE = (
-    "Shifts that engage at the first try (Bóka 2010), not shown where all do, and that never touch "
-    "a face (Aljawabrah and Lovas 2024), in %. An x marks angles at which not all engage."
+    "First try: shifts that engage at it (Bóka 2010), not shown where all do; direct entry: those "
+    "that touch no face (Aljawabrah and Lovas 2024). An x marks angles at which not all engage."
 )
 
 
@@ -172,14 +172,14 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     widths = [0.24 if grid else 0.08] * len(shown)
     figure = make_subplots(
         len(sides), len(widths) + 1, column_widths=[*widths, 1.0 - sum(widths)], shared_yaxes=True,
-        horizontal_spacing=0.02, vertical_spacing=0.3 / len(sides), row_titles=[*sides],
+        horizontal_spacing=0.02, vertical_spacing=0.24 / len(sides), row_titles=[*sides],
         column_titles=[*shown, f"{ENTRIES[1]}, by angle"],
     )  # fmt: skip
     lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1}
     hover = "%{y}, %{x}: %{z:.0f} %<extra></extra>"
     for place, (rows, count) in enumerate(sides.values(), start=1):
         ordered = sorted(rows, key=lambda row: [row[key] for key in PLACE])
-        pushes = [f"{row[PLACE[1]]:.4g}" if grid else "" for row in ordered]
+        pushes = [f"{row[PLACE[1]]:.3g}" if grid else "" for row in ordered]
         names = [minus(f"{row[PLACE[0]]:.4g}") if grid else place_name(*(row[k] for k in PLACE))
                  for row in ordered]  # fmt: skip
         for column, entry in enumerate(shown, start=1):
@@ -189,8 +189,7 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
                 x=pushes, y=names, z=100.0 * np.array(share), texttemplate="%{z:.0f}",
                 hovertemplate=hover, row=place, col=column, **look,
             )  # fmt: skip
-            title = axis(PLACE[1]) if grid else ""
-            figure.update_xaxes(title=title, type="category", row=place, col=column)
+            figure.update_xaxes(type="category", tickangle=0, row=place, col=column)
         counts: dict[str, np.ndarray] = {}
         for name, row in zip(names, ordered, strict=True):
             counts[name] = counts.get(name, 0) + np.array(row["shiftability"]["by_angle"])
@@ -202,9 +201,11 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
             text=np.where(made[:, :, 2] > 0, "x", ""), texttemplate="%{text}", row=place,
             col=len(shown) + 1, **look, hovertemplate=hover,
         )  # fmt: skip
-        figure.update_xaxes(title="relative angle, °", row=place, col=len(shown) + 1)
         figure.update_yaxes(title=axis(PLACE[0]) if grid else "", row=place, col=1)
-    bar = {"title": {"text": "share of the shifts, %", "side": "right"}, "thickness": 14}
+    titles = [*[axis(PLACE[1]) if grid else ""] * len(shown), "relative angle, °"]
+    for column, title in enumerate(titles, start=1):
+        figure.update_xaxes(title=title, row=len(sides), col=column)
+    bar = {"title": {"text": "shifts, %", "side": "right"}, "thickness": 14}
     shades = {"colorscale": [[0, "#eef3f9"], [1, BLUE]], "cmin": 0, "cmax": 100}
     figure.update_layout(coloraxis={**shades, "colorbar": bar})
     figure.update_yaxes(type="category", automargin=True)
