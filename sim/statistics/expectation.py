@@ -60,8 +60,8 @@ class SetPoint:
     .. math:: t_0 + \frac{T}{2 \pi} \arccos\left(1 - \frac{2 \pi u}{A T}\right), \qquad
        u \le \frac{A T}{\pi},
 
-    and the ring falls into the slot; its fall, :math:`\sqrt{2 m h/F}` or 3 to 4 ms of the default
-    study, is left out. A larger rest is never passed.
+    and the ring falls into the slot; its fall, 3 to 12 ms when simulated, is left out. A larger rest
+    is never passed.
     """
 
     amplitude: float = 0.0  #: rad/s; 0 frees nothing

@@ -8,10 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dogshape.pipeline.config.study_file import SURE
 from dogshape.pipeline.store.result_records import PointRow
+from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.sim.statistics.expectation import (
     SetPoint,
@@ -76,6 +79,26 @@ def test_rests_of_blocked_shifts_are_what_the_slide_has_left(
     even = (np.arange(len(found)) + 0.5) * pitch / n
     assert len(found) > 30
     assert np.sort(np.array(found, dtype=float)) == pytest.approx(even, abs=pitch / n)
+
+
+@pytest.mark.parametrize(("share", "skipped"), [(0.2, 0.0), (SURE, 0.0), (0.8, 1.0)])
+def test_a_ring_falls_into_the_slot_that_comes(flat: Clutch, share: float, skipped: float) -> None:
+    """Without friction, from on a face: at shares of the speed that passes the play in a fall."""
+    slippery = replace(flat.contact, static_friction=1e-3, dynamic_friction=1e-3)
+    close = replace(flat.dog, axial_gap=1e-5)
+    plant = planar_clutch(replace(flat, contact=slippery, dog=close))
+    fall = math.sqrt(2.0 * flat.rings.mass * close.height / 235.0)
+    speed = share * close.entry_play / close.mean_radius / fall
+    point = OperatingPoint(speed, ForceProfile(235.0, 1e-4))
+    angles = np.linspace(0.0, close.pitch_angle, 48)
+    overlap, most = face_overlap(plant.clutch, angles)
+    on_face = (overlap > 0.05 * most) & (overlap < 0.95 * most)
+    found = [engage(plant, point, float(angle)) for angle in angles[on_face]]
+    assert np.mean([one.events.slots_skipped > 0 for one in found]) == skipped
+    if not skipped:
+        rests = (most - overlap[on_face]) / close.mean_radius
+        passed = [one.shift_time or math.inf for one in found] - rests / speed
+        assert 0.0 < passed.min() <= passed.max() < 0.012
 
 
 @pytest.mark.parametrize("mismatch_rpm", [5.0, 25.0])
