@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.record import SHARE, Bad, Record, Table, key, number_or_none, tabulate
-from dogshape.sim.statistics.expectation import Expectation, PointExpectation, share_interval
+from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.strength.checks import GROUPS, Check
 from dogshape.sim.units import RPM
 
@@ -28,8 +28,11 @@ class Shiftability(Record):
     @classmethod
     def of(cls, p: PointExpectation) -> Shiftability:
         """Record the entries of an operating point."""
+        from scipy.stats import binomtest  # noqa: PLC0415  slow to load
+
         direct, late, _ = map(sum, zip(*p.by_angle, strict=True))
-        engaged, own = (list(share_interval(count, p.n)) for count in (direct + late, direct))
+        tests = (binomtest(count, p.n) for count in (direct + late, direct))
+        engaged, own = ([*one.proportion_ci(method="wilson")] for one in tests)
         return cls(
             engaged_interval=engaged, direct=direct / p.n, direct_interval=own,
             by_angle=[list(one) for one in p.by_angle],

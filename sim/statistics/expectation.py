@@ -60,7 +60,7 @@ class SetPoint:
     .. math:: t_0 + \frac{T}{2 \pi} \arccos\left(1 - \frac{2 \pi u}{A T}\right), \qquad
        u \le \frac{A T}{\pi},
 
-    and the ring falls into the slot; its fall, 3 to 12 ms when simulated, is left out. A larger rest
+    and the ring falls into the slot; its fall, 3 to 12 ms if simulated, is left out. A larger rest
     is never passed.
     """
 
@@ -222,17 +222,6 @@ def expect_point(
     kept = [s.shift_time for s in shifts if s.outcome is not Outcome.BLOCKED and s.shift_time]
     bare, share = float(np.mean(kept)) if kept else None, len(kept) / n
     return PointExpectation(point, mean + retry, bare, error, sd, share, n, blocked, freed)
-
-
-NORMAL = 1.959964  #: of a two-sided 95 % interval
-
-
-def share_interval(count: int, n: int) -> tuple[float, float]:
-    """Return the ends of Wilson's (1927) 95 % interval of a share of ``n`` independent cases."""
-    p, z2 = count / n, NORMAL**2
-    middle = (p + z2 / (2 * n)) / (1.0 + z2 / n)
-    half = NORMAL / (1.0 + z2 / n) * math.sqrt(p * (1.0 - p) / n + z2 / (4.0 * n * n))
-    return max(0.0, middle - half), min(1.0, middle + half)
 
 
 def variance_of_mean(times: Values, *, even: bool = True) -> float:
