@@ -34,7 +34,8 @@ from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.reports.charts import front_figure
-from dogshape.pipeline.reports.designs import MARGIN, Row, goals_of, is_measured
+from dogshape.pipeline.reports.designs import MARGIN, Row, goals_of
+from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import own_surrogate
 from dogshape.sim.errors import DogshapeError, InputError
@@ -84,7 +85,7 @@ class Desk:
     def searched(self) -> dict[str, Row]:
         """Designs that the search simulated, by number."""
         rows = [] if self.result is None else self.result["trials"]
-        return {str(row["trial"]): row for row in rows if is_measured(row)}
+        return {str(row["trial"]): row for row in rows if row[SIMULATED] is not None}
 
     def shape(self, trial: str = "") -> dict[str, str]:
         """Give the texts of the dog's numbers for a design of the search, or the study's own."""

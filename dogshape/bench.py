@@ -14,7 +14,7 @@ from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, tabulate
 from dogshape.pipeline.reports.text import time_text
-from dogshape.pipeline.store.result_records import BenchPoint, engaged_record
+from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated
@@ -69,13 +69,15 @@ class Comparison(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give each operating point, the gap over all of them, and what looks odd in the set."""
         result = self.compared
+        engaged, tried, simulated = result.engaged
+        share = simulated if tried else None
         return {
             "name": result.bench.name,
             "engine": result.bench.clutch.solver.engine,
             "points": [row.to_dict() for row in self.rows],
             "rmse_s": result.rmse,
             "relative_rms": result.relative_rms,
-            "engaged": engaged_record(result),
+            "engaged": {"engaged": engaged, "tried": tried, "simulated_share": share},
             "numerical_error_s": result.numerical_error,
             **findings_record(result.bench),
         }

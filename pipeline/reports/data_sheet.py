@@ -24,7 +24,6 @@ from dogshape.pipeline.reports.designs import (
     Row,
     confirmation_of,
     engaged_shifts,
-    is_measured,
     margins_of,
 )
 from dogshape.pipeline.reports.report import Report
@@ -210,16 +209,16 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
     confirmed = confirmation_of(result, row)
     known = row if confirmed is None else confirmed
     found: Row = {"engaged": known["engaged"], "source": "search"}
-    if is_measured(known):
+    if known[SIMULATED] is not None:
         found |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
     if confirmed is not None:
         own = result["confirmation"]["prototype"]
         found |= {"source": "new angles", "confirmed": True}
         found["shifts_engaged"] = list(engaged_shifts(confirmed))
-        if is_measured(known):
+        if known[SIMULATED] is not None:
             slow = max(confirmed["points"], key=lambda p: p["mean_s"])
             found["slowest_point"] = {k: slow[k] for k in (*PLACE, "mean_s", "standard_error_s")}
-        if is_measured(known) and is_measured(own) and not row["prototype"]:
+        if known[SIMULATED] is not None and own[SIMULATED] is not None and not row["prototype"]:
             loss, error = difference(own, confirmed) or (0.0, 0.0)
             found |= {"gain_s": -loss, "gain_standard_error_s": error}
             found["worst_against_prototype"] = max(

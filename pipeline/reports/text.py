@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from dogshape.pipeline.record import MINUS, Bad
 from dogshape.sim.units import suffix_of, unit_of
@@ -100,6 +102,15 @@ def time_text(seconds: float | None, error: float | None = None) -> str:
     if seconds is None:
         return "-"
     return f"{in_ms(seconds) if error is None else ms_with_error(seconds, error)} ms"
+
+
+def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
+    """Print the times within which shares of all shifts engage; ``QuantileRow`` has the keys."""
+    return ", ".join(
+        f"{100 * one['share']:.4g} % within {time_text(one['time_s'], one['standard_error_s'])}"
+        for one in quantiles
+        if one["time_s"] is not None
+    )
 
 
 def interval_text(time: float, low: float, high: float, share: str = "95 %") -> str:

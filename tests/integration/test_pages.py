@@ -56,7 +56,14 @@ def test_report_in_a_browser_and_on_paper(reported: Path, tmp_path: Path) -> Non
             "[...document.querySelectorAll('a[href^=shifts]')].map(a => a.getAttribute('href'))"
         )
         printed = browser.print_pdf()
-    for words in ("were not simulated", "prototype", "tip width", "versions"):
+    for words in (
+        "were not simulated",
+        "prototype",
+        "tip width",
+        "versions",
+        "by angle",
+        "% within",
+    ):
         assert words in text
     assert 4 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
     boxes = set(re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed))
