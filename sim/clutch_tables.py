@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar, get_args
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 from pydantic_core import ErrorDetails
 
 from dogshape.sim.errors import InputError, did_you_mean, meant_number
@@ -19,7 +19,7 @@ from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
 from dogshape.sim.texts import listed
-from dogshape.sim.units import RPM, suffix_of, to_si, unit_of
+from dogshape.sim.units import DEG, RPM, suffix_of, to_si, unit_of
 
 SHOWN = 60  #: characters of a value that a sentence shows
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"
@@ -95,6 +95,24 @@ class DogSection(Section):
     inner_diameter_mm: float
     axial_gap_mm: float
     edge_radius_mm: float | None = later()
+    crest: float | None = later()
+    chamfer_back_deg: float | None = later()
+    backlash_mm: float | None = later()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _lengths(cls, data: Any) -> Any:
+        """Turn ``backlash_deg`` into ``backlash_mm``, an arc at the mean radius."""
+        if not isinstance(data, dict) or "backlash_deg" not in data:
+            return data
+        if "backlash_mm" in data:
+            raise InputError("dog.backlash_mm and dog.backlash_deg are one play; give one of them")
+        given = {key: value for key, value in data.items() if key != "backlash_deg"}
+        try:
+            radius = 0.25 * (data["outer_diameter_mm"] + data["inner_diameter_mm"])
+            return given | {"backlash_mm": data["backlash_deg"] * DEG * radius}
+        except (KeyError, TypeError):  # a key that is refused in its own words
+            return given | {"backlash_mm": data["backlash_deg"]}
 
     def dog(self) -> Dog:
         """Build the dog; what cannot be a dog raises InputError or GeometryError."""
@@ -162,8 +180,8 @@ _KEYS = {name: key for key, name in FIELDS.items()}
 
 #: Parts of names that ask for more than ``SCOPE`` has.
 UNMODELLED = (
-    *("backlash", "play", "lash", "clearance", "window", "slot_", "space", "undercut", "taper"),
-    *("dovetail", "crest", "roof", "back_", "_back", "dog2", "mating", "second"),
+    *("play", "lash", "clearance", "window", "slot_", "space", "undercut", "taper", "dovetail"),
+    *("roof", "ridge", "dog2", "mating", "second"),
 )
 
 

@@ -61,8 +61,11 @@ RANGES = {
     "driveline.stiffness_Nm_rad": (1.0, 1e7),
     "load.axial_vibration_m_s2": (0.0, 1e4),
     "variables.chamfer_deg": (0.0, 60.0),
-    "variables.traction_deg": (0.0, 60.0),
-    "variables.braking_deg": (0.0, 60.0),
+    "variables.traction_deg": (-10.0, 60.0),
+    "variables.braking_deg": (-10.0, 60.0),
+    "variables.crest": (0.0, 1.0),
+    "variables.chamfer_back_deg": (0.0, 60.0),
+    "variables.backlash_mm": (0.0, 50.0),
     "variables.mismatch_set_rpm": (-2000.0, 2000.0),
     "variables.force_factor": (0.01, 100.0),
     "variables.rise_factor": (0.1, 10.0),
@@ -223,6 +226,9 @@ class VariablesSection(Section):
     braking_deg: Range | None = None
     height_mm: Range | None = None
     count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
+    crest: Range | None = later()
+    chamfer_back_deg: Range | None = later()
+    backlash_mm: Range | None = later()
     mismatch_set_rpm: Range | None = later()
     force_factor: Range | None = later()
     rise_factor: Range | None = later()

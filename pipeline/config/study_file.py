@@ -43,10 +43,13 @@ from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
 from dogshape.sim.texts import read_toml
-from dogshape.sim.units import MM, RPM
+from dogshape.sim.units import MM, RPM, from_si, suffix_of
 from dogshape.sim.versions import bundled_root
 
+#: Searched keys of the dog in the bundled studies, and all that a study may search.
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
+LATER = ("crest", "chamfer_back_deg", "backlash_mm")
+SHAPE = (*VARIABLES, *LATER)
 
 
 @dataclass(frozen=True)
@@ -169,7 +172,8 @@ class Setup:
     @property
     def prototype(self) -> dict[str, float]:
         """The searched keys at the study's own dog, edge units."""
-        section = {**self.file.dog.model_dump(), **own_set_point(self.points)}
+        own = {key: from_si(key, getattr(Dog, key.removesuffix(suffix_of(key)))) for key in LATER}
+        section = {**own, **self.file.dog.model_dump(), **own_set_point(self.points)}
         return {key: section[key] for key in self.variables}
 
     @property
@@ -360,7 +364,7 @@ def wear_of(file: StudyFile) -> Wear | None:
 def require_variables(study: Setup) -> None:
     """Raise InputError where the study has nothing to search."""
     if not study.variables:
-        names = ", ".join((*VARIABLES, *OPERATED))
+        names = ", ".join((*SHAPE, *OPERATED))
         raise InputError(
             f"[variables] is empty, so there is nothing to search; give one of {names}"
         )

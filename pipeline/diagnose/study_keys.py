@@ -16,6 +16,7 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.clutch import Clutch, contact_set
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.units import MM, RPM, from_si, suffix_of
 
 Data = dict[str, Any]  #: a TOML file as it is read
@@ -43,12 +44,14 @@ def rounded(value: float, digits: int = 9) -> float:
 def clutch_tables(clutch: Clutch) -> Data:
     """Return ``[dog]``, ``[sliding]`` and ``[output]`` of a study with this clutch."""
     dog, rings = clutch.dog, clutch.rings
-    values = {key: from_si(key, getattr(dog, field)) for field, key in DOG.items()}
+    values = {
+        key: from_si(key, value)
+        for field, key in DOG.items()
+        if (value := getattr(dog, field)) != getattr(Dog, field, None)
+    }
     return {
         "dog": {
-            key: dog.count if key == "count" else rounded(value)
-            for key, value in values.items()
-            if value or key != "edge_radius_mm"
+            key: dog.count if key == "count" else rounded(value) for key, value in values.items()
         },
         "sliding": {"mass_kg": rings.mass, "inertia_kgm2": rings.sliding_inertia},
         "output": {"inertia_kgm2": rings.output_inertia},

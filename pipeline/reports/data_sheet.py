@@ -49,6 +49,7 @@ from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import CONTACT_SETS
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.locking import locking_friction
@@ -351,7 +352,7 @@ def _dimensions(study: Setup) -> list[Row]:
         name, size = key.removesuffix(suffix_of(key)), to_si(key, 1.0)
         value = limits.root_radius if name == "root_radius" else getattr(dog, name)
         tolerance = limits.tolerances.dimensions.get(name)
-        if value:
+        if value not in (0.0, getattr(Dog, name, 0.0)):
             rows.append({
                 "key": key, "value": value / size if unit_of(key) else value, "unit": unit_of(key),
                 "tolerance": None if tolerance is None else tolerance / size,

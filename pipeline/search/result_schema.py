@@ -11,7 +11,7 @@ from pydantic import create_model, model_validator
 
 from dogshape.pipeline import record
 from dogshape.pipeline.config.operating import OPERATED
-from dogshape.pipeline.config.study_file import VARIABLES
+from dogshape.pipeline.config.study_file import SHAPE
 from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.search.confirmation import EngineAgreement
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
@@ -24,7 +24,7 @@ from dogshape.surrogate.store import Validation
 #: Keys that a design has where the study searches them or has them for objectives.
 OPTIONAL = {
     name: key(f"value of `variables.{name}`, where it is searched", unit_of(name), None)
-    for name in (*VARIABLES, *OPERATED)
+    for name in (*SHAPE, *OPERATED)
 } | {
     one.name: key(f"{one.label}, where it is an objective", one.unit, None)
     for one in OBJECTIVES.values()

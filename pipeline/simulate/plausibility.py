@@ -57,11 +57,11 @@ def slips_of(study: Setup) -> list[str]:
     ):  # fmt: skip
         if not USUAL[key][0] <= value / usual <= USUAL[key][1]:
             notes.append(f"{key} is {value:.6g}, {value / usual:.3g} times {whole}")
-    if dog.entry_play < PITCH_ERROR:
+    if (play := dog.passing_play if dog.lean < 0.0 else dog.entry_play) < PITCH_ERROR:
         notes.append(
-            f"the flanks leave {dog.entry_play / MM:.3g} mm between a tip and the mouth of its "
+            f"the flanks leave {play / MM:.3g} mm between a tip and the mouth of its "
             f"slot, and pitch errors take {PITCH_ERROR / MM:.2g} mm: this dog engages in the model "
-            "alone, not when made; the model has no other play"
+            "alone, not when made; give it backlash (dog.backlash_mm)"
         )
     return notes
 

@@ -1,13 +1,19 @@
-r"""The dog and the pair of rings, from six numbers and two diameters (Jasny et al. 2019).
+r"""The dog and the pair of rings, from a few numbers and two diameters (Jasny et al. 2019).
 
 Chamfer :math:`\alpha`, side angles :math:`\beta, \gamma`, height *h*, *N* dogs, pitch
-:math:`\vartheta = 2\pi/N`. At half height dog and slot are equally wide; a flank is a plane through
-the radial line at :math:`\pm\vartheta/4` there. The face falls by :math:`\alpha` from the crest,
-:math:`z = h/2`, towards the braking flank. Widths run along the circumference at radius *r*:
-:math:`w_{tip,root} = \tfrac{1}{2}\vartheta r \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. At full
-depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
-flank along the shaft, :math:`\psi` the angle of the material: what touches is :math:`h - 2
-a_\beta`, or :math:`h - 2 (d(r) + a_\gamma)` with the depth *d* where face and braking flank meet.
+:math:`\vartheta = 2\pi/N`, backlash *j*. A flank is a plane along the radial line at
+:math:`\pm\vartheta/4`, *j*/4 within it at half height: there a slot is wider than a dog by *j*. The
+ridge, :math:`z = h/2`, divides the tip at the share *c* (``crest``) from the braking to the
+traction edge at every radius. The face falls from it by :math:`\alpha` towards the braking flank,
+the back by :math:`\alpha_b` towards the traction flank; *c* = 1 has no back, *c* = 0 no face.
+Widths run along the circumference at radius *r*:
+:math:`w_{tip,root} = \tfrac{1}{2}(\vartheta r - j) \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. With
+median planes *D* apart, rings have a play of :math:`j + D(\tan\beta + \tan\gamma)`, as far as
+flanks face each other: down from :math:`D = h - 2d` with the larger depth *d* of both edges below
+the ridge. Undercut flanks pass where that is not negative there. At full depth tip edges, rounded
+by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a flank along the shaft,
+:math:`\psi` the angle of the material: what touches is :math:`h - 2(d(r) + a)`, with the depth *d*
+of that flank's edge.
 """
 
 from __future__ import annotations
@@ -26,11 +32,12 @@ from dogshape.sim.units import DEG, MM
 LAND = 5e-5  #: m of every face that roundings and fillets leave
 SHARPEST = 2e-5  #: m of an edge's or root's radius; nothing made is sharper
 STEEP = math.radians(60.0)  #: no flank or chamfer is as steep
+UNDERCUT = math.radians(-10.0)  #: no flank leans farther back
 #: What no key of the dog can say; every refusal of such a key or value ends with it.
 SCOPE = (
-    "the model has flanks of 0 to 60 deg (no undercut or back taper), no circular play (dog and "
-    "slot are equally wide at half height), a face that falls to one side, and equal dogs on both "
-    "rings"
+    "the model has flanks of -10 (undercut) to 60 deg, faces that fall to one side or, with "
+    "dog.crest and dog.chamfer_back_deg, to both, backlash (dog.backlash_mm), and equal dogs on "
+    "both rings"
 )
 #: Plausible lengths, m: wide enough for any clutch, narrow enough to catch a wrong unit.
 LENGTHS = {
@@ -39,7 +46,12 @@ LENGTHS = {
     "inner_diameter_mm": (2e-3, 2.0),
     "axial_gap_mm": (0.0, 0.1),
     "edge_radius_mm": (0.0, 0.01),
+    "backlash_mm": (0.0, 0.05),
 }
+
+
+Flank = Literal["traction", "braking"]
+FLANKS: tuple[Flank, ...] = ("traction", "braking")
 
 
 @dataclass(frozen=True)
@@ -50,19 +62,22 @@ class Dog:
     ----------
     count : number of dogs of a ring.
     chamfer, traction, braking : chamfer of the face and side angles of the two
-        flanks, rad.
+        flanks, rad; a negative side angle is an undercut.
     height : crest above root, m.
     outer_diameter, inner_diameter : of the toothed annulus, m.
     axial_gap : between the crests of the two rings before the shift, m.
-    edge_radius : of crest and braking edge, m; 0 is sharp.
+    edge_radius : of crest and edges of the tip, m; 0 is sharp.
+    crest : place of the ridge on the tip, 0 at its braking and 1 at its traction edge.
+    chamfer_back : angle by which the tip falls from the ridge towards the traction flank, rad.
+    backlash : play of the seated pair along the circumference at the mean radius, m.
 
     Raises
     ------
     InputError
         A value is not finite, negative or outside its mathematical range.
     GeometryError
-        The flanks meet below the tip, the chamfer eats the braking flank, or the roundings of the
-        edges leave nothing of face or flanks.
+        The flanks meet below the tip, a chamfer eats a flank, undercut dogs do not pass each
+        other, or the roundings of the edges leave nothing of faces or flanks.
     """
 
     count: int
@@ -74,6 +89,9 @@ class Dog:
     inner_diameter: float
     axial_gap: float
     edge_radius: float = 0.0
+    crest: float = 1.0
+    chamfer_back: float = 0.0
+    backlash: float = 0.0
 
     def __post_init__(self) -> None:
         for rule in _rules(self):
@@ -127,13 +145,30 @@ class Dog:
         """Sum of the tangents of both side angles."""
         return self.tangents[1] + self.tangents[2]
 
+    @property
+    def has_back(self) -> bool:
+        """Whether the tip has two faces, with the ridge between them."""
+        return 0.0 < self.crest < 1.0 and self.chamfer + self.chamfer_back > 0.0
+
+    @property
+    def falls(self) -> tuple[float, float]:
+        """Angles by which the tip falls to the edges of traction and braking flank, rad.
+
+        Negative where it rises to a ridge on that edge.
+        """
+        traction = where(self.crest == 1.0, -self.chamfer, self.chamfer_back)
+        return traction, where(self.crest == 0.0, -self.chamfer_back, self.chamfer)
+
     def tip_width_at(self, radius: float) -> float:
-        """Width of the dog at crest height at ``radius``, m; the slot's floor is as wide."""
-        return 0.5 * self.pitch_angle * radius - 0.5 * self.height * self.lean
+        """Width of the dog at crest height at ``radius``, m; the floor has ``backlash`` more.
+
+        It runs between the planes of both flanks, whatever the chamfers take.
+        """
+        return 0.5 * (self.pitch_angle * radius - self.backlash) - 0.5 * self.height * self.lean
 
     def root_width_at(self, radius: float) -> float:
-        """Width of the dog at its root at ``radius``, m; the slot's mouth is as wide."""
-        return 0.5 * self.pitch_angle * radius + 0.5 * self.height * self.lean
+        """Width of the dog at its root at ``radius``, m; the slot's mouth has ``backlash`` more."""
+        return 0.5 * (self.pitch_angle * radius - self.backlash) + 0.5 * self.height * self.lean
 
     @property
     def tip_width(self) -> float:
@@ -147,32 +182,87 @@ class Dog:
 
     @property
     def entry_play(self) -> float:
-        """Width of the slot's mouth less that of the tip at the mean radius, m."""
-        return self.height * self.lean
+        """Width of the slot's mouth less ``tip_width`` at the mean radius, m.
+
+        The share of a pitch that enters without touching a face at vanishing mismatch, where the
+        tip is flat. Negative where only the chamfers of an undercut dog let it pass.
+        """
+        return self.height * self.lean + self.backlash
+
+    @property
+    def passing_play(self) -> float:
+        """Play with which flanks first face each other on the way in, at the inner radius, m.
+
+        The least one on the way where the flanks are undercut; ``backlash`` at full depth is where
+        they are not.
+        """
+        inner = self.inner_radius
+        drop = largest(self.edge_drop_at(inner), self.back_drop_at(inner))
+        return self.backlash + (self.height - 2.0 * drop) * self.lean
 
     @property
     def edge_drop(self) -> float:
-        """Depth below the crest at which the face meets the braking flank, m.
+        """Depth of the braking edge, where face and braking flank meet, below the ridge, m.
 
-        The flank leans outwards below the crest, so the face runs on past the
-        tip width: ``drop / (1 - tan(chamfer) tan(braking))``.
+        The flank leans outwards below the crest, so the face runs on past its share of the tip
+        width: ``drop / (1 - tan(chamfer) tan(braking))``. 0 for crest 0.
         """
         return self.edge_drop_at(self.mean_radius)
 
     def edge_drop_at(self, radius: float) -> float:
-        """Depth below the crest at which the face meets the braking flank at ``radius``, m."""
+        """Depth of the braking edge below the ridge at ``radius``, m."""
         slope, _, braking = self.tangents
-        return self.tip_width_at(radius) * slope / (1.0 - slope * braking)
+        return self.crest * self.tip_width_at(radius) * slope / (1.0 - slope * braking)
+
+    @property
+    def back_drop(self) -> float:
+        """Depth of the traction edge, where back and traction flank meet, below the ridge, m.
+
+        0 for crest 1.
+        """
+        return self.back_drop_at(self.mean_radius)
+
+    def back_drop_at(self, radius: float) -> float:
+        """Depth of the traction edge below the ridge at ``radius``, m."""
+        slope, traction = tan(self.chamfer_back), self.tangents[1]
+        width = (1.0 - self.crest) * self.tip_width_at(radius)
+        return width * slope / (1.0 - slope * traction)
+
+    def drops_at(self, radius: float) -> tuple[float, float]:
+        """Depths of traction and braking edge below the ridge at ``radius``, m."""
+        return self.back_drop_at(radius), self.edge_drop_at(radius)
 
     @property
     def face_width(self) -> float:
-        """Width of the face, crest to braking edge, along the circumference at mean radius, m."""
-        return self.tip_width + self.edge_drop * self.tangents[2]
+        """Width of the face, ridge to braking edge, along the circumference at mean radius, m."""
+        return self.crest * self.tip_width + self.edge_drop * self.tangents[2]
+
+    @property
+    def back_width(self) -> float:
+        """Width of the back, ridge to traction edge, along the circumference at mean radius, m."""
+        return (1.0 - self.crest) * self.tip_width + self.back_drop * self.tangents[1]
 
     @property
     def crest_overlap(self) -> float:
-        """Overlap of two faces at dogs facing dogs, crest to crest at the mean radius, m."""
-        return 0.5 * self.pitch - self.height * self.tangents[1]
+        """Overlap of two faces at dogs facing dogs, ridge to ridge at the mean radius, m.
+
+        Twice the way of the ridge from the middle of the dog towards the traction flank; where it
+        is negative, backs overlap by as much.
+        """
+        traction_edge = 0.5 * (self.pitch - self.backlash) - self.height * self.tangents[1]
+        return traction_edge - 2.0 * (1.0 - self.crest) * self.tip_width
+
+    @property
+    def ridge_offset(self) -> float:
+        """Distance of the ridge from the radial line that it is parallel to, m.
+
+        That line is at ``(2 crest - 1) pitch_angle / 4``; the distance is positive to growing
+        angles. Two ridges on each other cross at twice this distance over the radius.
+        """
+        half, quarter = 0.5 * self.height, 0.25 * self.backlash
+        _, traction, braking = self.tangents
+        back = (1.0 - self.crest) * (half * braking + quarter)
+        return back - self.crest * (half * traction + quarter)
 
     @property
     def braking_flank_height(self) -> float:
@@ -180,31 +270,61 @@ class Dog:
         return self.height - self.edge_drop
 
     @property
-    def edge_cuts(self) -> tuple[float, float]:
-        """Lengths that a rounding of crest and braking edge takes along its sides, over its radius.
+    def traction_flank_height(self) -> float:
+        """Axial height of the traction flank, from root to the edge of the tip, m."""
+        return self.height - self.back_drop
 
-        ``cot(psi/2)`` with the angle of the material, 90 degrees + traction - chamfer at the crest
-        and 90 degrees + chamfer + braking at the braking edge.
+    @property
+    def edge_cuts(self) -> tuple[float, float]:
+        """Lengths that a rounding takes beside traction and braking edge, over its radius.
+
+        ``cot(psi/2)`` with the angle of the material, 90 degrees + side angle + the fall of the tip
+        to that edge: 90 degrees + traction - chamfer at a crest on the traction edge.
         """
-        crest = 0.25 * math.pi + 0.5 * (self.traction - self.chamfer)
-        braking = 0.25 * math.pi + 0.5 * (self.chamfer + self.braking)
-        return 1.0 / tan(crest), 1.0 / tan(braking)
+        traction, braking = self.falls
+        one = 0.25 * math.pi + 0.5 * (self.traction + traction)
+        other = 0.25 * math.pi + 0.5 * (braking + self.braking)
+        return 1.0 / tan(one), 1.0 / tan(other)
+
+    @property
+    def crest_cut(self) -> float:
+        """Length that a rounding takes beside the ridge, over its radius.
+
+        That of an edge on which it stands; ``tan((chamfer + chamfer_back)/2)`` between two faces.
+        """
+        traction, braking = self.edge_cuts
+        inner = tan(0.5 * (self.chamfer + self.chamfer_back))
+        return where(self.crest == 1.0, traction, where(self.crest == 0.0, braking, inner))
 
     @property
     def edge_room(self) -> float:
-        """Largest radius of crest and braking edge that leaves ``LAND`` of face and flanks, m."""
-        crest, braking = self.edge_cuts
-        rooms = zip(self.side_lengths, (crest + braking, crest, braking), strict=True)
-        return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
+        """Largest radius of crest and edges that leaves ``LAND`` of faces and flanks, m."""
+        (traction, braking), crest = self.edge_cuts, self.crest_cut
+        taken = (crest + braking, traction + crest, traction, braking)
+        rooms = zip(self.side_lengths, taken, strict=True)
+        return largest(0.0, smallest(*((length - LAND) / cut for length, cut in rooms)))
 
     @property
-    def side_lengths(self) -> tuple[float, float, float]:
-        """Lengths of face, traction and braking flank across the edges where they are least, m."""
-        slope, _, braking = self.tangents
-        narrow = self.tip_width_at(self.inner_radius)
-        face = (narrow + self.edge_drop_at(self.inner_radius) * braking) * hypot(1.0, slope)
-        low = self.height - self.edge_drop_at(self.outer_radius)
-        return face, self.height / cos(self.traction), low / cos(self.braking)
+    def side_lengths(self) -> tuple[float, float, float, float]:
+        """Lengths of face, back, traction and braking flank across the edges, at the least, m.
+
+        Infinite for a face that the tip does not have.
+        """
+        slope, traction, braking = self.tangents
+        narrow, (back, edge) = (
+            self.tip_width_at(self.inner_radius),
+            self.drops_at(self.inner_radius),
+        )
+        face = (self.crest * narrow + edge * braking) * hypot(1.0, slope)
+        rear = (1.0 - self.crest) * narrow + back * traction
+        rear *= hypot(1.0, tan(self.chamfer_back))
+        back, edge = self.drops_at(self.outer_radius)
+        return (
+            where(self.crest == 0.0, math.inf, face),
+            where(self.crest == 1.0, math.inf, rear),
+            (self.height - back) / cos(self.traction),
+            (self.height - edge) / cos(self.braking),
+        )
 
     @property
     def travel(self) -> float:
@@ -220,17 +340,17 @@ class Dog:
 def section(dog: Dog) -> list[tuple[float, float]]:
     """Return one dog's profile unrolled at the mean radius, from root to root.
 
-    Points (along the circumference, above the median plane), m: braking root,
-    braking edge of the face, crest, traction root. The slot's floor runs on at
-    the root's height.
+    Points (along the circumference, above the median plane), m: braking root, braking edge, ridge,
+    traction edge, traction root. A ridge on an edge is one point with it, and a flat tip has none:
+    four points then. The slot's floor runs on at the root's height.
     """
-    half = 0.5 * dog.height
-    middle = 0.25 * dog.pitch
-    edge = half - dog.edge_drop
+    half, middle = 0.5 * dog.height, 0.25 * (dog.pitch - dog.backlash)
+    edge, back = half - dog.edge_drop, half - dog.back_drop
     return [
         (-middle - half * tan(dog.braking), -half),
         (-middle + edge * tan(dog.braking), edge),
-        (middle - half * tan(dog.traction), half),
+        *([(0.5 * dog.crest_overlap, half)] if dog.has_back else []),
+        (middle - back * tan(dog.traction), back),
         (middle + half * tan(dog.traction), -half),
     ]
 
@@ -267,11 +387,20 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
     whole, remedy = (dog.count % 1 == 0) & (dog.count >= 2), "give a whole number"
     rule = "a ring has a whole number of dogs of at least 2"
     yield _Rule(whole, InputError, "dog.count", dog.count, "", rule, remedy)
-    rule = "it must be at least 0 and below 60 deg"
-    for name in ("chamfer", "traction", "braking"):
+    rule, ends = "it must be at least {:.6g} and below 60 deg", (0.0, 0.0, UNDERCUT, UNDERCUT)
+    for name, least in zip(("chamfer", "chamfer_back", "traction", "braking"), ends, strict=True):
         angle, key = getattr(dog, name), f"dog.{name}_deg"
-        kept = (angle >= 0.0) & (angle < STEEP)
-        yield _Rule(kept, InputError, key, angle / DEG, "deg", rule, SCOPE)
+        kept = (angle >= least) & (angle < STEEP)
+        yield _Rule(kept, InputError, key, angle / DEG, "deg", rule, SCOPE, (least / DEG,))
+    kept = (dog.crest >= 0.0) & (dog.crest <= 1.0)
+    rule = "it must lie between 0, a ridge on the braking edge, and 1, on the traction edge"
+    yield _Rule(kept, InputError, "dog.crest", dog.crest, "", rule, "give a share of the tip")
+    for name, end, side in (("chamfer_back", 1.0, "traction"), ("chamfer", 0.0, "braking")):
+        angle = getattr(dog, name)
+        kept = (dog.crest != end) | (angle == 0.0)
+        rule = f"it must be 0 with dog.crest = {end:g}: the ridge stands on the {side} edge"
+        remedy = "give dog.crest between 0 and 1, 0.5 for a ridge in the middle"
+        yield _Rule(kept, InputError, f"dog.{name}_deg", angle / DEG, "deg", rule, remedy)
     rule = "it must lie between {:.6g} and {:.6g} mm"
     remedy = "check the length and that it is in millimetres"
     for key, (low, high) in LENGTHS.items():
@@ -282,18 +411,7 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
     rule, remedy = "it must be below dog.outer_diameter_mm = {:.6g} mm", "exchange or correct them"
     key, most = "dog.inner_diameter_mm", (outer / MM,)
     yield _Rule(inner < outer, InputError, key, inner / MM, "mm", rule, remedy, most)
-    tip, low = dog.tip_width_at(dog.inner_radius) / MM, dog.braking_flank_height
-    rule = "the flanks must not meet below the tip (0 mm)"
-    remedy = "use fewer or lower dogs, smaller side angles or a larger inner diameter"
-    name = "tip width at the inner radius"
-    yield _Rule(tip > 0.0, GeometryError, name, tip, "mm", rule, remedy)
-    kept, total = dog.tangents[0] * dog.tangents[2] < 1.0, (dog.chamfer + dog.braking) / DEG
-    rule, name = "face and braking flank meet below 90 deg only", "chamfer and braking angle"
-    yield _Rule(kept, GeometryError, name, total, "deg", rule, "use smaller angles")
-    rule = "the chamfer must leave more than half the height, {:.4g} mm"
-    remedy, half = "use a smaller chamfer, more dogs or a higher dog", 0.5 * dog.height
-    name, least = "height of the braking flank", (half / MM,)
-    yield _Rule(low > half, GeometryError, name, low / MM, "mm", rule, remedy, least)
+    yield from _profile_rules(dog)
     if dog.edge_radius > 0.0:
         radius, key, least = dog.edge_radius / MM, "dog.edge_radius_mm", (SHARPEST / MM,)
         rule, remedy = "an edge is sharp (0 mm) or at least {:.4g} mm round", "correct the radius"
@@ -304,8 +422,34 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
         yield _Rule(kept, GeometryError, key, radius, "mm", rule, remedy, numbers)
 
 
-Flank = Literal["traction", "braking"]
-FLANKS: tuple[Flank, ...] = ("traction", "braking")
+def _profile_rules(dog: Dog) -> Iterator[_Rule]:
+    tip = dog.tip_width_at(dog.inner_radius) / MM
+    rule = "the flanks must not meet below the tip (0 mm)"
+    remedy = (
+        "use fewer or lower dogs, smaller side angles, less backlash or a larger inner diameter"
+    )
+    name = "tip width at the inner radius"
+    yield _Rule(tip > 0.0, GeometryError, name, tip, "mm", rule, remedy)
+    root, numbers = dog.root_width_at(dog.inner_radius) / MM, (0.5 * tip,)
+    rule = "an undercut must leave more than half the tip width, {:.4g} mm"
+    remedy, name = "use less undercut or lower dogs", "root width at the inner radius"
+    yield _Rule(root > numbers[0], GeometryError, name, root, "mm", rule, remedy, numbers)
+    angles = (dog.chamfer_back, dog.chamfer), (dog.traction, dog.braking)
+    low = (dog.traction_flank_height, dog.braking_flank_height)
+    half = 0.5 * dog.height
+    for flank, fall, lean, height in zip(FLANKS, *angles, low, strict=True):
+        kept, total = tan(fall) * tan(lean) < 1.0, (fall + lean) / DEG
+        rule = f"face and {flank} flank meet below 90 deg only"
+        name = f"{'chamfer' if flank == 'braking' else 'back chamfer'} and {flank} angle"
+        yield _Rule(kept, GeometryError, name, total, "deg", rule, "use smaller angles")
+        rule = "the chamfer must leave more than half the height, {:.4g} mm"
+        remedy, least = "use a smaller chamfer, more dogs or a higher dog", (half / MM,)
+        name = f"height of the {flank} flank"
+        yield _Rule(height > half, GeometryError, name, height / MM, "mm", rule, remedy, least)
+    rule = "undercut flanks must pass each other on the way in (0 mm)"
+    remedy = "use more backlash, less undercut or a larger chamfer"
+    name, play = "play at the mouth of a slot", dog.passing_play
+    yield _Rule(play >= 0.0, GeometryError, name, play / MM, "mm", rule, remedy)
 
 
 def side_angle(dog: Dog, flank: Flank) -> float:
@@ -338,18 +482,22 @@ def tip_radius(dog: Dog, root_radius: float) -> float:
 
 def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     """Compute the part of two flanks that touches at full depth; ``root_radius`` in m."""
-    radii, cut = (dog.inner_radius, dog.mean_radius, dog.outer_radius), dog.edge_cuts
-    taken = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * cut[FLANKS.index(flank)]
-    drops = [dog.edge_drop_at(r) for r in radii] if flank == "braking" else [0.0, 0.0, 0.0]
-    inner, mean, outer = (drop + taken for drop in drops)
+    side, radii = FLANKS.index(flank), (dog.inner_radius, dog.mean_radius, dog.outer_radius)
+    edge = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * dog.edge_cuts[side]
+    inner, mean, outer = (dog.drops_at(radius)[side] + edge for radius in radii)
     area = dog.radial_width * _mean_positive(dog.height - 2.0 * inner, dog.height - 2.0 * outer)
     return FlankContact(mean, dog.height - mean, area)
 
 
 def _crest_angles(dog: Dog) -> tuple[float, float]:
-    """Return the lean of the bisector of the crest and half of its angle, rad."""
-    corner = 0.25 * math.pi
-    return corner + 0.5 * (dog.chamfer + dog.traction), corner + 0.5 * (dog.traction - dog.chamfer)
+    """Return the lean of the bisector of the crest and half of its angle, rad.
+
+    What falls from the crest on either side leans from the axis as a flank does.
+    """
+    corner, right = 0.25 * math.pi, 0.5 * math.pi
+    one = where(dog.crest == 1.0, dog.traction, right - dog.chamfer_back)
+    fall = where(dog.crest == 0.0, right - dog.braking, dog.chamfer)
+    return corner + 0.5 * (fall + one), corner + 0.5 * (one - fall)
 
 
 def crest_loss(dog: Dog, root_radius: float) -> float:
@@ -367,20 +515,20 @@ def crest_setback(dog: Dog, radius: float) -> float:
 def root_radius_room(dog: Dog) -> float:
     """Return the largest radius of roots for which fillets and roundings fit side by side, m.
 
-    On floor and face at the inner radius, where they are narrowest, on the traction flank,
-    and on the braking flank at the outer radius, where it is lowest. Widths are taken along
-    the circumference; ``sim.part.lands`` has the same between planes. Roundings have the same
-    radius, or that of the dog's edges.
+    On floor and faces at the inner radius, where they are narrowest, and on the flanks at the
+    outer radius, where they are lowest. Widths are taken along the circumference;
+    ``sim.part.lands`` has the same between planes. Roundings have the same radius, or that of the
+    dog's edges.
     """
-    face, *flanks = dog.side_lengths
+    face, back, *flanks = dog.side_lengths
     # Over its radius a fillet takes along floor and flank, and a rounding along its sides:
     fillets = [1.0 / tan(0.25 * math.pi + 0.5 * lean) for lean in (dog.traction, dog.braking)]
     cuts, own = dog.edge_cuts, dog.edge_radius > 0.0
-    rooms = [(dog.tip_width_at(dog.inner_radius), sum(fillets))]
+    rooms = [(dog.tip_width_at(dog.inner_radius) + dog.backlash, sum(fillets))]
     for length, fillet, cut in zip(flanks, fillets, cuts, strict=True):
         rooms.append((length - dog.edge_radius * cut, fillet if own else fillet + cut))
     if not own:
-        rooms.append((face, sum(cuts)))
+        rooms += [(face, dog.crest_cut + cuts[1]), (back, cuts[0] + dog.crest_cut)]
     return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
 
 

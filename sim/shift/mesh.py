@@ -52,21 +52,34 @@ def flank_line(dog: Dog, side: int) -> tuple[Vertices, Vertices]:
     return along, across
 
 
+def ridge_line(dog: Dog) -> tuple[Vertices, Vertices]:
+    """Return directions along the ridge and across it, to growing angles, each (3,)."""
+    turn = rotation((2.0 * dog.crest - 1.0) * 0.25 * dog.pitch_angle)
+    return turn[:, 0], turn[:, 1]
+
+
 def dog_planes(dog: Dog) -> dict[str, Plane]:
-    """Return the six planes that bound a dog: two flanks, face, root, inner, outer."""
+    """Return the planes that bound a dog: two flanks, face, root, inner, outer.
+
+    A tip with two faces has the plane ``back`` too, from the ridge to the traction flank; of a tip
+    with one, ``face`` is that one, to whichever side it falls.
+    """
     half = 0.5 * dog.height
     axis = np.array([0.0, 0.0, 1.0])
-    _, across_t = flank_line(dog, +1)
-    _, across_b = flank_line(dog, -1)
-    lean = {"traction": (across_t, dog.traction), "braking": (across_b, dog.braking)}
-    planes = {
-        name: Plane(math.cos(angle) * across + math.sin(angle) * axis, 0.0)
-        for name, (across, angle) in lean.items()
-    }
-    # Through the crest, from where the face falls by the chamfer towards braking.
-    crest = -half * math.tan(dog.traction) * across_t + np.array([0.0, 0.0, half])
-    normal = np.array([0.0, 0.0, math.cos(dog.chamfer)]) - math.sin(dog.chamfer) * across_t
-    planes["face"] = Plane(normal, float(normal @ crest))
+    planes = {}
+    for name, side, angle in (("traction", 1, dog.traction), ("braking", -1, dog.braking)):
+        across = flank_line(dog, side)[1]
+        plane = Plane(math.cos(angle) * across + math.sin(angle) * axis, 0.0)
+        planes[name] = plane.moved(-0.25 * dog.backlash * math.cos(angle))
+    # Through the ridge, from where the faces fall.
+    _, across = ridge_line(dog)
+    ridge = dog.ridge_offset * across + half * axis
+    falls = {"face": -dog.chamfer if dog.crest > 0.0 else dog.chamfer_back}
+    if dog.has_back:
+        falls["back"] = dog.chamfer_back
+    for name, fall in falls.items():
+        normal = math.cos(fall) * axis + math.sin(fall) * across
+        planes[name] = Plane(normal, float(normal @ ridge))
     planes["root"] = Plane(-axis, half)
     quarter = 0.25 * dog.pitch_angle
     radial = np.array([1.0, 0.0, 0.0])

@@ -13,6 +13,7 @@ from typing import Any
 from dogshape.sim.errors import ranges_of
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, ContactSet, OperatingPoint
 from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
@@ -23,19 +24,28 @@ Record = dict[str, Any]
 
 _LENGTHS = ("height_mm", "outer_diameter_mm", "inner_diameter_mm", "axial_gap_mm")
 _DOG_KEYS = ("chamfer_deg", "traction_deg", "braking_deg", *_LENGTHS)
+#: Keys of a dog that came later, by field: records of dogs that have their defaults stay the same.
+_LATER = {
+    "edge_radius_mm": "edge_radius", "crest": "crest", "chamfer_back_deg": "chamfer_back",
+    "backlash_mm": "backlash",
+}  # fmt: skip
 
 
 def clutch_record(clutch: Clutch) -> Record:
     """Return everything about a clutch that a simulation uses, in the edge's units.
 
-    A limit of steps, radius of edges, engine and mechanism are named where they are not the usual
-    ones; the limit of time never is, since a shift that it ends is not kept (``unfinished``).
+    A limit of steps, later keys of the dog, engine and mechanism are named where they are not the
+    usual ones; the limit of time never is, since a shift that it ends is not kept (``unfinished``).
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
     return {
         "count": dog.count,
         **{key: from_si(key, getattr(dog, key.rpartition("_")[0])) for key in _DOG_KEYS},
-        **({} if dog.edge_radius == 0.0 else {"edge_radius_mm": dog.edge_radius / MM}),
+        **{
+            key: from_si(key, value)
+            for key, name in _LATER.items()
+            if (value := getattr(dog, name)) != getattr(Dog, name)
+        },
         "sliding_mass_kg": rings.mass,
         "sliding_inertia_kgm2": rings.sliding_inertia,
         "output_inertia_kgm2": rings.output_inertia,

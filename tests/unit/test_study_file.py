@@ -13,7 +13,7 @@ from dogshape.pipeline.config.study_file import bundled_studies, load_study
 from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.simulate.design import objectives_of
 from dogshape.sim.errors import DogshapeError, InputError
-from dogshape.sim.units import RPM
+from dogshape.sim.units import DEG, RPM
 from dogshape.sim.versions import bundled_root
 
 DRAWN = "operating.mismatch_rpm={distribution="
@@ -29,6 +29,11 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("dog.count=70", "tip width at the inner radius is -"),
     ("contact.set=lubricated_stel", "did you mean 'lubricated_steel'?"),
     ("contact.dynamic_friction=0.5", "it must not exceed contact.static_friction = 0.12"),
+    (["dog.backlash_mm=0.3", "dog.backlash_deg=1"], "are one play; give one of them"),
+    ("dog.backlash_deg='1 deg'", "dog.backlash_mm is '1 deg', but it must be a number in mm"),
+    ("dog.chamfer_back_deg=12", "it must be 0 with dog.crest = 1: the ridge stands on the"),
+    ("variables.crest=[0.3, 1.5]", "variables.crest is 1.5, but it must lie between 0 and 1"),
+    (["dog.traction_deg=-5", "dog.braking_deg=-3"], "play at the mouth of a slot is -0."),
     ("shift.timeout_s=-1", "shift.timeout_s is -1 s, but it must lie between 0.001 and 60 s"),
     ("driveline.stiffness_Nm_rad=0", "must lie between 1 and 1e+07 N m/rad; check the value"),
     ("actuation.rise_s=[0.1]", "actuation.force_N has 4 and actuation.rise_s 1 values"),
@@ -127,6 +132,21 @@ def test_kept_results_are_those_of_the_bundled_study(name: str) -> None:
     require_result(kept, name)
     assert (study.name, study.config_hash) == (name, kept["config_hash"])
     assert any(objective.simulated for objective in objectives_of(study))
+
+
+def test_a_ridge_and_backlash_are_keys_and_variables_of_the_dog() -> None:
+    plain = load_study("mq200_paper")
+    keys = {"dog.crest": 0.4, "dog.chamfer_back_deg": 12.0, "dog.backlash_deg": 0.5}
+    ranges = {"variables.crest": [0.3, 0.7], "variables.backlash_mm": [0.0, 0.5]}
+    study = load_study("mq200_paper", {**keys, **ranges})
+    dog = study.clutch.dog
+    assert dog.backlash == pytest.approx(0.5 * DEG * dog.mean_radius)
+    assert study.prototype["crest"] == 0.4
+    assert study.dog_with({"crest": 0.6}).crest == 0.6
+    assert load_study("mq200_paper", ranges).prototype["backlash_mm"] == 0.0
+    assert study.physics_hash != plain.physics_hash
+    same = {"dog.crest": 1.0, "dog.chamfer_back_deg": 0.0, "dog.backlash_mm": 0.0}
+    assert load_study("mq200_paper", same).physics_hash == plain.physics_hash
 
 
 def test_overrides_replace_keys_and_change_the_right_hashes() -> None:

@@ -1,0 +1,168 @@
+"""Dogs with a ridge on their tip, backlash and undercut: closed forms, symmetry, refusals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from dogshape.sim.errors import DogshapeError
+from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs, crest_loss, flank_contact, section
+from dogshape.sim.shift.mesh import Plane, dog_planes, meeting, ridge_line
+from dogshape.sim.units import DEG, MM
+
+
+def roof(prototype: Dog, **change: float) -> Dog:
+    """Return the prototype with a ridge in the middle, 12 deg to both sides, and changes."""
+    own = {"crest": 0.5, "chamfer": 12.0 * DEG, "chamfer_back": 12.0 * DEG, **change}
+    return replace(prototype, **own)
+
+
+def mirrored(dog: Dog) -> Dog:
+    """Return the mirror image of a dog: its flanks, falls and the place of its ridge exchanged."""
+    return replace(
+        dog,
+        chamfer=dog.chamfer_back,
+        chamfer_back=dog.chamfer,
+        crest=1.0 - dog.crest,
+        traction=dog.braking,
+        braking=dog.traction,
+    )
+
+
+#: Ridge, falls to braking and traction flank in deg, traction, braking in deg, backlash in mm.
+SHAPES = {
+    "roof": (0.5, 12.0, 12.0, 12.0, 22.0, 0.0),
+    "ridge aside": (0.8, 16.0, 9.0, 12.0, 22.0, 0.3),
+    "flat behind": (0.4, 12.0, 0.0, 10.0, 15.0, 0.0),
+    "undercut": (0.55, 16.0, 16.0, -3.0, -3.0, 0.6),
+    "ridge at the braking edge": (0.0, 0.0, 8.0, 22.0, 12.0, 0.3),
+    "play alone": (1.0, 8.0, 0.0, 12.0, 22.0, 1.0),
+}
+
+
+def shaped(prototype: Dog, name: str) -> Dog:
+    """Return the prototype in a shape of ``SHAPES``."""
+    crest, chamfer, back, traction, braking, backlash = SHAPES[name]
+    angles = {"chamfer": chamfer, "chamfer_back": back, "traction": traction, "braking": braking}
+    own = {key: value * DEG for key, value in angles.items()}
+    return replace(prototype, crest=crest, backlash=backlash * MM, **own)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_planes_meet_in_the_points_of_the_profile(prototype: Dog, name: str) -> None:
+    """At the mean radius, within what arcs differ from the straight lines across; a ridge exactly.
+
+    Distances are across the radial line that a flank or a ridge is parallel to.
+    """
+    dog = shaped(prototype, name)
+    planes = dog_planes(dog)
+    around = [planes[n] for n in ("root", "braking", "face", "back", "traction") if n in planes]
+    around.append(planes["root"])
+    lines = [-1.0] * 2 + [2.0 * dog.crest - 1.0] * (len(around) == 6) + [1.0] * 2
+    for first, last, line, (y, z) in zip(around[:-1], around[1:], lines, section(dog), strict=True):
+        along, across = ridge_line(
+            replace(dog, crest=0.5 * (1.0 + line), chamfer=0, chamfer_back=0)
+        )
+        point = meeting(first, last, Plane(along, dog.mean_radius))
+        arc = 0.25 * line * dog.pitch_angle * dog.mean_radius
+        close = 5e-6 if abs(line) == 1.0 else 1e-12
+        assert (arc + across @ point, point[2]) == pytest.approx((y, z), abs=close)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_mirrored_dogs_have_mirrored_dimensions(prototype: Dog, name: str) -> None:
+    dog = shaped(prototype, name)
+    other = mirrored(dog)
+    assert (other.edge_drop, other.back_drop) == pytest.approx((dog.back_drop, dog.edge_drop))
+    assert (other.face_width, other.back_width) == pytest.approx((dog.back_width, dog.face_width))
+    assert other.crest_overlap == pytest.approx(-dog.crest_overlap, abs=1e-12)
+    assert other.ridge_offset == pytest.approx(-dog.ridge_offset, abs=1e-12)
+    assert other.passing_play == pytest.approx(dog.passing_play)
+    assert (other.edge_room, other.crest_cut) == pytest.approx((dog.edge_room, dog.crest_cut))
+    assert crest_loss(other, 2e-4) == pytest.approx(crest_loss(dog, 2e-4))
+    for one, mate in zip(FLANKS, reversed(FLANKS), strict=True):
+        assert flank_contact(other, 2e-4, mate) == flank_contact(dog, 2e-4, one)
+    assert np.array(section(other))[::-1] * [-1.0, 1.0] == pytest.approx(np.array(section(dog)))
+
+
+def test_a_ridge_at_an_edge_is_the_single_chamfer(prototype: Dog) -> None:
+    """In the limit: the planes of the prototype, whatever the back is, as it has no width then."""
+    near = roof(prototype, crest=1.0 - 1e-9, chamfer=prototype.chamfer)
+    planes = dog_planes(prototype)
+    for name, plane in dog_planes(near).items():
+        if name != "back":
+            assert plane.normal == pytest.approx(planes[name].normal, abs=1e-9)
+            assert plane.offset == pytest.approx(planes[name].offset, abs=1e-9)
+    assert near.back_drop == pytest.approx(0.0, abs=1e-9)
+
+
+def test_flanks_take_each_other_in_with_the_backlash(prototype: Dog) -> None:
+    """At full depth a tip stands at the other ring's roots, where its slot is wider by the play."""
+    for name in SHAPES:
+        dog = shaped(prototype, name)
+        assert dog.pitch - dog.root_width - dog.tip_width == pytest.approx(dog.backlash)
+        assert dog.pitch - 2.0 * dog.tip_width == pytest.approx(dog.entry_play)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"crest": 1.2}, ("dog.crest is 1.2", "between 0, a ridge on the braking edge, and 1")),
+        ({"chamfer_back": 0.1}, ("dog.chamfer_back_deg is 5.7", "0.5 for a ridge in the middle")),
+        ({"crest": 0.0}, ("dog.chamfer_deg is 8", "dog.crest = 0", "braking edge")),
+        ({"backlash": -1e-4}, ("dog.backlash_mm is -0.1 mm", "between 0 and 50 mm")),
+        ({"backlash": 9e-3}, ("tip width at the inner radius is -", "less backlash")),
+        ({"traction": -11 * DEG}, ("dog.traction_deg is -11 deg", "at least -10", "undercut")),
+        (
+            {"traction": -5 * DEG, "braking": -5 * DEG},
+            ("play at the mouth of a slot is -0.407", "more backlash, less undercut"),
+        ),
+        (
+            {"traction": -10 * DEG, "braking": -10 * DEG, "height": 9e-3, "backlash": 3.3e-3,
+             "chamfer": 0.0},
+            ("root width at the inner radius is", "more than half the tip width"),
+        ),
+        (
+            {"crest": 0.1, "chamfer_back": 40 * DEG},
+            ("height of the traction flank is", "more than half the height, 1.85 mm"),
+        ),
+    ],
+)  # fmt: skip
+def test_impossible_shapes_are_refused_with_a_remedy(
+    prototype: Dog, change: dict[str, float], words: tuple[str, ...]
+) -> None:
+    with pytest.raises(DogshapeError) as refused:
+        replace(prototype, **change)
+    assert all(word in str(refused.value) for word in words), str(refused.value)
+
+
+def test_many_dogs_are_as_each_of_them(prototype: Dog) -> None:
+    """Every closed form of an array of shapes, with ridges on edges and between them."""
+    dogs = [shaped(prototype, name) for name in SHAPES]
+    names = ("chamfer", "traction", "braking", "crest", "chamfer_back", "backlash")
+    arrays = {name: np.array([getattr(dog, name) for dog in dogs]) for name in names}
+    many = Dogs(**({f.name: getattr(prototype, f.name) for f in fields(Dog)} | arrays))
+    assert np.all(many.possible)
+    for name in (
+        *("tip_width", "root_width", "entry_play", "passing_play", "edge_drop", "back_drop"),
+        *("face_width", "back_width", "crest_overlap", "edge_room", "side_lengths", "edge_cuts"),
+        *("crest_cut", "ridge_offset", "falls"),
+    ):
+        each = np.array([getattr(dog, name) for dog in dogs]).T
+        assert np.broadcast_to(getattr(many, name), each.shape) == pytest.approx(each), name
+
+
+def test_undercut_passes_as_far_as_the_chamfers_let_it(prototype: Dog) -> None:
+    """With a roof flanks first face each other twice the drop of the edge further in."""
+    own = {"traction": -3.0 * DEG, "braking": -3.0 * DEG}
+    dog = roof(prototype, chamfer=16 * DEG, chamfer_back=16 * DEG, backlash=0.4e-3, **own)
+    drop = dog.edge_drop_at(dog.inner_radius)
+    least = 2.0 * math.tan(3.0 * DEG) * (dog.height - 2.0 * drop)
+    assert dog.passing_play == pytest.approx(dog.backlash - least)
+    with pytest.raises(DogshapeError, match="play at the mouth of a slot"):
+        replace(dog, backlash=0.98 * least)  # a wider tip has a deeper edge
+    flat = replace(dog, crest=1.0, chamfer=0.0, chamfer_back=0.0)
+    assert flat.passing_play == pytest.approx(flat.entry_play)
