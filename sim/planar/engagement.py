@@ -33,8 +33,9 @@ class PlanarClutch:
     ----------
     clutch : what is simulated.
     surfaces : corners of the rigid surfaces, m, (p, 4, 3); outward normals, (p, 3); offsets of the
-        compliant dog's planes, m, (p,); lean of a traction and a braking flank, rad/m, (2,);
-        pitch, rad; gap and travel, m.
+        compliant dog's planes, m, (p,); least turn by the lean of a traction and a braking flank
+        over the distance, rad/m, and by half of the backlash, rad, (3,); pitch, rad; gap and
+        travel, m.
     numbers : masses, mechanism and stop, in the places of ``sim.planar.kernel``.
     law : of the contact, (5,): stiffness, dissipation, dynamic friction, stiction velocity, static.
     """
@@ -55,8 +56,10 @@ def planar_clutch(clutch: Clutch) -> PlanarClutch:
     corners = np.array([vertices[list(quad)] for quad in touching_quads(dog)])
     normals = np.array([plane.normal for plane in planes])
     offsets = np.array([plane.offset for plane in planes])
-    lean = np.tan([dog.traction, dog.braking]) / dog.outer_radius
-    surfaces = corners, normals, offsets, lean, dog.pitch_angle, dog.axial_gap, dog.travel
+    lean = np.tan([dog.traction, dog.braking])
+    lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
+    least = np.append(lean, 0.5 * dog.backlash / dog.outer_radius)
+    surfaces = corners, normals, offsets, least, dog.pitch_angle, dog.axial_gap, dog.travel
     dynamic = contact.dynamic_friction
     static = contact.static_friction if clutch.solver.scheme == "cenic" else dynamic
     law = [contact.stiffness, contact.dissipation, dynamic, contact.stiction_velocity, static]

@@ -139,8 +139,9 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     base = angle - pitch * np.round(angle / pitch)
     for dog in range(-1, 2):
         place = base + dog * pitch
-        # Flanks of one kind lie half a pitch from each other less what they lean, and MARGIN.
-        free = 0.5 * pitch * MARGIN
+        # Flanks of one kind lie half a pitch from each other less what they lean and half of the
+        # backlash, at the radius where that is least, and MARGIN.
+        free = 0.5 * pitch * MARGIN - surfaces[3][2]
         if -place >= free - distance * ahead or place >= free - distance * behind:
             continue
         c, s = math.cos(place), math.sin(place)

@@ -62,22 +62,22 @@ def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Serie
 
     Sections at the mean radius are convex and one is the other turned by half a turn, so
     along each shared normal they overlap by :math:`2 p_n - n \cdot c`, with the plane's
-    distance and the way between both centres; the least over traction flank, face and
-    braking flank is the depth. Axial way of the sliding ring from the start, m, and output ring's
-    lead over dogs facing dogs, rad, each (n,).
+    distance and the way between both centres; the least over flanks, face and back is the depth.
+    Axial way of the sliding ring from the start, m, and output ring's lead over dogs facing dogs,
+    rad, each (n,).
     """
     across = -relative_angle * dog.mean_radius
     across = across - dog.pitch * np.round(across / dog.pitch)
     y = across + dog.pitch * np.array([[-1.0], [0.0], [1.0]])  # the dogs on either side too
     z = dog.travel - displacement
-    quarter, half = 0.25 * dog.pitch, 0.5 * dog.height
-    crest = quarter - half * math.tan(dog.traction)
-    depths = []
+    quarter, half, right = 0.25 * (dog.pitch - dog.backlash), 0.5 * dog.height, 0.5 * math.pi
+    ridge, depths = 0.5 * dog.crest_overlap, []
     # A point of each plane beside its normal's lean.
     for angle, side, at, up in (
         (dog.traction, 1.0, quarter, 0.0),
         (dog.braking, -1.0, -quarter, 0.0),
-        (0.5 * math.pi - dog.chamfer, -1.0, crest, half),
+        (right - dog.chamfer, -1.0, ridge, half),
+        (right - dog.chamfer_back, 1.0, ridge, half),
     ):
         n_y, n_z = side * math.cos(angle), math.sin(angle)
         depths.append(2.0 * (n_y * at + n_z * up) - (n_y * y + n_z * z))

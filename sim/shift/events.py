@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.geometry import crest_loss, crest_setback
+from dogshape.sim.shift.geometry import Dog, crest_loss, crest_setback
 from dogshape.sim.shift.trace import Series, Trace
 
 Flags = NDArray[np.bool_]
@@ -48,27 +48,43 @@ class Events:
     face_slide: float  #: way that faces slid on each other, m
 
 
-def face_overlap(clutch: Clutch, relative_angle: Series) -> tuple[Series, float]:
-    """Compute the overlap of two faces along the circumference, (n,), and its maximum, m.
+def ridge_overlap(dog: Dog, relative_angle: Series) -> Series:
+    """Compute the overlap of two ridges at the mean radius, m, (n,): ``L = c + a r``.
 
-    At the mean radius ``L = c + a r``: *c* is the overlap of the crests at dogs
-    facing dogs, *a* the angle from there. Faces part at L = 0, crest on crest, and
-    at twice the width of a face.
+    *c* is that at dogs facing dogs, *a* the angle from there. Faces overlap by L, and backs by -L.
     """
-    dog = clutch.dog
     radius, pitch = dog.mean_radius, dog.pitch_angle
     offset = (relative_angle + 0.5 * pitch) % pitch - 0.5 * pitch
-    return dog.crest_overlap + offset * radius, 2.0 * dog.face_width
+    return dog.crest_overlap + offset * radius
+
+
+def face_overlap(clutch: Clutch, relative_angle: Series) -> tuple[Series, Series]:
+    """Compute the overlap of two faces, or backs, along the circumference, and its maximum, m.
+
+    Each (n,). They part at 0, ridge on ridge, and at twice the width of a face or back.
+    """
+    dog, overlap = clutch.dog, ridge_overlap(clutch.dog, relative_angle)
+    most = np.where(overlap > 0.0, 2.0 * dog.face_width, 2.0 * dog.back_width)
+    return np.abs(overlap), most
+
+
+def touch_depth(dog: Dog, relative_angle: Series) -> Series:
+    """Compute the depth beyond ridge on ridge at which overlapping faces or backs touch, m, (n,).
+
+    Those that overlap by L touch at a depth of ``L tan(chamfer)``.
+    """
+    overlap = ridge_overlap(dog, relative_angle)
+    face, back = math.tan(dog.chamfer), -math.tan(dog.chamfer_back)
+    return np.where(overlap > 0.0, overlap * face, overlap * back)
 
 
 def faces_meet(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
     """Mark positions that allow a face to touch a face, (n,).
 
-    Faces that overlap by L touch at a depth of ``L tan(chamfer)``; a twentieth
-    of the height is allowed for the turn of one face against the other.
+    A twentieth of the height is allowed for the turn of one face against the other.
     """
     overlap, most = face_overlap(clutch, relative_angle)
-    touch = overlap * math.tan(clutch.dog.chamfer) + 0.05 * clutch.dog.height
+    touch = touch_depth(clutch.dog, relative_angle) + 0.05 * clutch.dog.height
     near = displacement - clutch.dog.axial_gap <= touch
     return (overlap > 0.0) & (overlap < most) & near
 
@@ -76,16 +92,16 @@ def faces_meet(clutch: Clutch, relative_angle: Series, displacement: Series) -> 
 def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
     """Mark positions in which two crests cross within both dogs, at their depth, (n,).
 
-    Straight crests stand ``height tan(traction) / radius`` out of parallel where their overlap is
-    zero at the mean radius, rounded ones more by their setback. The common normal is then the axis:
-    friction holds whatever the chamfer, for rounded crests up to its angle beyond.
+    Straight crests stand twice their ``ridge_offset`` over the radius out of parallel where their
+    overlap is zero at the mean radius, rounded ones more by their setback. The common normal is
+    then the axis: friction holds whatever the chamfer, for rounded crests up to its angle beyond.
     """
     dog, radius = clutch.dog, clutch.dog.edge_radius
     back = 2.0 * crest_setback(dog, radius)
-    crossing = (dog.height * math.tan(dog.traction) + back) / dog.mean_radius
+    crossing = abs(2.0 * dog.ridge_offset - back) / dog.mean_radius
     slope = math.sin(math.atan(clutch.contact.static_friction))
     beyond = 0.5 * crossing * dog.radial_width + 2.0 * radius * slope
-    overlap, _ = face_overlap(clutch, relative_angle)
+    overlap = ridge_overlap(dog, relative_angle)
     depth = displacement - dog.axial_gap - 2.0 * crest_loss(dog, radius)
     flags: Flags = (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - back) <= beyond)
     return flags
@@ -134,7 +150,7 @@ def events_of(clutch: Clutch, trace: Trace, faces: Flags) -> Events:
 def _landings(clutch: Clutch, trace: Trace, faces: Flags) -> int:
     """Count touches of a face after a flight that parted it by ``LIFT``."""
     overlap, most = face_overlap(clutch, trace.relative_angle)
-    level = clutch.dog.axial_gap + overlap * math.tan(clutch.dog.chamfer)
+    level = clutch.dog.axial_gap + touch_depth(clutch.dog, trace.relative_angle)
     on_face = (overlap > 0.0) & (overlap < most)
     apart = np.where(on_face, level - trace.displacement, clutch.dog.travel)
     here = np.flatnonzero(faces)
@@ -157,7 +173,7 @@ def _skipped(clutch: Clutch, trace: Trace) -> int:
     def slot(angle: float) -> int:
         overlap, most = face_overlap(clutch, np.array([angle]))
         place = angle / clutch.dog.pitch_angle
-        if 0.0 < overlap[0] < most:
+        if 0.0 < overlap[0] < most[0]:
             return round(place) - (0 if forward else 1)
         return math.floor(place)
 
@@ -209,6 +225,6 @@ def stays_held(clutch: Clutch, states: Series, span: float, left: float) -> bool
     angle, way = last[:1] - last[2:3], last[1:2]
     overlap, most = face_overlap(clutch, angle)
     # Slip that would free a face from a face.
-    free = min(overlap[0], most - overlap[0]) if faces_meet(clutch, angle, way)[0] else math.inf
+    free = min(overlap[0], most[0] - overlap[0]) if faces_meet(clutch, angle, way)[0] else math.inf
     room = clutch.shift_travel - float(way[0])
     return bool(radius * reach(turning) < 0.5 * free) and reach(sliding) < 0.5 * room

@@ -148,7 +148,7 @@ class Dog:
     @property
     def has_back(self) -> bool:
         """Whether the tip has two faces, with the ridge between them."""
-        return 0.0 < self.crest < 1.0 and self.chamfer + self.chamfer_back > 0.0
+        return 0.0 < self.crest < 1.0
 
     @property
     def falls(self) -> tuple[float, float]:
@@ -341,8 +341,8 @@ def section(dog: Dog) -> list[tuple[float, float]]:
     """Return one dog's profile unrolled at the mean radius, from root to root.
 
     Points (along the circumference, above the median plane), m: braking root, braking edge, ridge,
-    traction edge, traction root. A ridge on an edge is one point with it, and a flat tip has none:
-    four points then. The slot's floor runs on at the root's height.
+    traction edge, traction root; a ridge on an edge is one point with it. The slot's floor runs on
+    at the root's height.
     """
     half, middle = 0.5 * dog.height, 0.25 * (dog.pitch - dog.backlash)
     edge, back = half - dog.edge_drop, half - dog.back_drop
@@ -401,6 +401,9 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
         rule = f"it must be 0 with dog.crest = {end:g}: the ridge stands on the {side} edge"
         remedy = "give dog.crest between 0 and 1, 0.5 for a ridge in the middle"
         yield _Rule(kept, InputError, f"dog.{name}_deg", angle / DEG, "deg", rule, remedy)
+    kept = (dog.crest == 0.0) | (dog.crest == 1.0) | (dog.chamfer + dog.chamfer_back > 0.0)
+    rule, remedy = "a flat tip has no ridge", "give a chamfer, or leave dog.crest out"
+    yield _Rule(kept, InputError, "dog.crest", dog.crest, "", rule, remedy)
     rule = "it must lie between {:.6g} and {:.6g} mm"
     remedy = "check the length and that it is in millimetres"
     for key, (low, high) in LENGTHS.items():

@@ -6,7 +6,9 @@ the surfaces that can touch. Compliant side: one dog as pyramids whose apex is e
 its three faces, so that the pressure below each is stiffness times depth; the body reaches so far
 beyond the dog that this holds down to a third of the apex's depth. A rounded edge is planes that
 touch its cylinder within ``DEVIATION``: depth is linear in prisms between each and the axis, and in
-pyramids from the apex to what is left.
+pyramids from the apex to what is left. Of a tip with two faces one closes above the apex, in a line
+that is equally deep below it and its two neighbours, as the hip of a roof: below that face depth is
+linear in a prism down to the hip, and the apex is that of the three others.
 """
 
 from __future__ import annotations
@@ -26,6 +28,8 @@ from dogshape.sim.shift.geometry import Dog
 Vertices = NDArray[np.float64]  #: (n, 3), m
 #: m that planes stand out beyond the edge they touch; below a ground face's roughness
 DEVIATION = 1e-6
+INSIDE = 0.1  #: share of the way to the mean radius by which a hip ends within its face's pyramid
+SHORTEST = 1e-3  #: of the radial width, a hip below which it is a point
 
 
 @dataclass(frozen=True)
@@ -38,6 +42,10 @@ class Plane:
     def moved(self, distance: float) -> Plane:
         """Return the plane moved outwards by ``distance``, m."""
         return Plane(self.normal, self.offset + distance)
+
+    def depth(self, point: Vertices) -> float:
+        """Compute how deep a point (3,) lies within, m."""
+        return self.offset - float(self.normal @ point)
 
 
 def flank_line(dog: Dog, side: int) -> tuple[Vertices, Vertices]:
@@ -140,7 +148,12 @@ class Corner:
 
     @property
     def planes(self) -> tuple[Plane, ...]:
-        """Planes that touch the cylinder between its two faces and stand out by ``DEVIATION``."""
+        """Planes that touch the cylinder between its two faces; none of a sharp edge.
+
+        They stand out by ``DEVIATION``.
+        """
+        if self.radius == 0.0:
+            return ()
         widest = 2.0 * math.acos(self.radius / (self.radius + DEVIATION))
         steps = max(2, math.ceil(self.arc / widest))
         normals = self.normals(np.arange(1, steps) / steps)
@@ -165,25 +178,26 @@ def corner_of(first: Plane, last: Plane, radius: float) -> Corner:
     return Corner(axis, along, first.normal, last.normal, radius)
 
 
-def rounded_edges(dog: Dog) -> tuple[Corner, Corner]:
-    """Return crest and braking edge, both rounded with the edge radius."""
+def touching_faces(dog: Dog) -> tuple[Plane, ...]:
+    """Return the faces that can touch: traction flank, back where there is one, face, braking."""
     planes = dog_planes(dog)
-    pairs = pairwise([planes["traction"], planes["face"], planes["braking"]])
-    crest, braking = (corner_of(first, last, dog.edge_radius) for first, last in pairs)
-    return crest, braking
+    return tuple(planes[n] for n in ("traction", "back", "face", "braking") if n in planes)
+
+
+def tip_edges(dog: Dog) -> tuple[Corner, ...]:
+    """Return the edges between faces that can touch, with the edge radius, from traction on."""
+    faces = touching_faces(dog)
+    return tuple(corner_of(first, last, dog.edge_radius) for first, last in pairwise(faces))
 
 
 def touching_planes(dog: Dog) -> tuple[Plane, ...]:
-    """Return the planes that can touch: traction flank, face, braking flank.
+    """Return the planes that can touch, from traction to braking flank.
 
     Those of a rounded edge stand between its two faces.
     """
-    planes = dog_planes(dog)
-    faces = planes["traction"], planes["face"], planes["braking"]
-    if dog.edge_radius == 0.0:
-        return faces
-    crest, edge = rounded_edges(dog)
-    return faces[0], *crest.planes, faces[1], *edge.planes, faces[2]
+    first, *faces = touching_faces(dog)
+    edges = zip(tip_edges(dog), faces, strict=True)
+    return first, *(plane for edge, face in edges for plane in (*edge.planes, face))
 
 
 Face = tuple[int, ...]
@@ -198,37 +212,120 @@ def meeting(*planes: Plane) -> Vertices:
 
 
 def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, list[Face]]:
-    """Return vertices (n, 3) and tetrahedra of the body of a dog with rounded edges.
+    """Return vertices (n, 3) and tetrahedra of the body of a dog with rounded edges or a back.
 
     Parameters
     ----------
     skin : the planes of its root, inner and outer end.
-    apex : point equally deep below the three faces, m, (3,); the last vertex.
+    apex : of ``pressure_apex``, (3,); the last vertex.
     """
-    ends = (skin["inner"], skin["outer"])
+    ends, edges = (skin["inner"], skin["outer"]), tip_edges(dog)
     around = [skin["root"], *touching_planes(dog), skin["root"]]
     lines = [[meeting(a, b, end) for end in ends] for a, b in pairwise(around)]
-    edges = rounded_edges(dog)
-    axes = [_axis(edge, ends, dog.edge_radius) for edge in edges]
-    vertices = np.array([*(p for line in lines for p in line), *(p for a in axes for p in a), apex])
-    last, top = len(lines) - 1, len(vertices) - 1
-    crest, braking = 1 + len(edges[0].planes), last - 1 - len(edges[1].planes)
-    # A line has two vertices, at the inner and the outer end.
-    strips = ((0, 1), (crest, braking), (last - 1, last), (last, 0))
-    left: list[Face] = [(2 * a, 2 * a + 1, 2 * b + 1, 2 * b) for a, b in strips]
+    axes = [_axis(edge, ends, dog.edge_radius) for edge in edges if dog.edge_radius > 0.0]
+    points, last = [p for group in (*lines, *axes) for p in group], len(lines) - 1
+    # A line has two vertices, at the inner and the outer end; an edge its first and last line.
+    spans, axis = list[tuple[int, int]](), 2 * len(lines)
+    for edge in edges:
+        start = spans[-1][1] + 1 if spans else 1
+        spans.append((start, start + len(edge.planes)))
+    strips = [(a[1], b[0]) for a, b in pairwise(spans)]
+    closing = closing_face(dog)
     cells: list[Face] = []
-    for first, end, axis in ((1, crest, top - 8), (braking, last - 1, top - 4)):
-        own, sides = _edge_cells(first, end, axis)
-        cells, left = cells + own, left + sides
+    left: list[Face] = [_strip(*s) for s in ((0, 1), *strips, (last - 1, last), (last, 0))]
+    # Vertices from inner to outer end along which the faces beside an edge meet below it.
+    chains = [(2 * first, 2 * first + 1) for first, _ in spans]
+    if axes:
+        chains = [(start, start + 1, start + 2, start + 3)
+                  for start in range(axis, axis + 4 * len(edges), 4)]  # fmt: skip
+        for span, chain in zip(spans, chains, strict=True):
+            cells += _edge_cells(*span, chain[0])
+            left += [wall for line in span for wall in _walls(line, chain)]
     for end in (0, 1):
-        one, two = top - 8 + 3 * end, top - 4 + 3 * end
-        root, foot, on_face, edge, low, floor = (
-            2 * line + end for line in (0, 1, crest, braking, last - 1, last)
-        )
-        left += [(root, foot, one), (one, on_face, edge, two), (two, low, floor)]
-        left.append((root, one, two, floor))
+        root, floor, inner = end, 2 * last + end, [chain[-end] for chain in chains]
+        if axes:
+            left.append((root, 2 * spans[0][0] + end, inner[0]))
+            left += [
+                _end(strip, between, end)
+                for strip, between in zip(strips, pairwise(chains), strict=True)
+            ]
+            left.append((inner[-1], 2 * spans[-1][1] + end, floor))
+        left.append((root, *inner, floor))
+    hips = [] if closing is None else _hip(dog, closing, apex, [
+        [points[chain[-end]] for chain in chains[closing : closing + 2]] for end in (0, 1)
+    ])  # fmt: skip
+    top = len(points) + len(hips)
+    if closing is not None and hips:
+        near, far = chains[closing : closing + 2]
+        own, gone, new = _hip_cells(strips[closing], (near, far), top - 2)
+        cells, left = cells + own, [face for face in left if face not in gone] + new
     cells += [(*triangle, top) for face in left for triangle in triangulated(face)]
-    return vertices, cells
+    return np.array([*points, *hips, apex]), cells
+
+
+def _strip(line: int, other: int) -> Face:
+    return 2 * line, 2 * line + 1, 2 * other + 1, 2 * other
+
+
+def _walls(line: int, chain: Face) -> list[Face]:
+    """Return the faces between a line of a rounded edge and its axis, across the face beside it."""
+    first, near, far, last = chain
+    ends = [(2 * line, first, near), (2 * line + 1, far, last)]
+    return [(2 * line, 2 * line + 1, far, near), *ends]
+
+
+def _end(strip: tuple[int, int], chains: tuple[Face, Face], end: int) -> Face:
+    """Return the inner or outer end of what lies between a face and the axes beside it."""
+    (line, other), (one, two) = strip, chains
+    return one[-end], 2 * line + end, 2 * other + end, two[-end]
+
+
+def _hip_cells(
+    strip: tuple[int, int], chains: tuple[Face, Face], hip: int
+) -> tuple[list[Face], list[Face], list[Face]]:
+    """Cut what lies between a face and its hip, ``hip`` and the next vertex, into tetrahedra.
+
+    ``chains`` are the axes beside the face, or its edges where they are sharp. Beside the cells
+    come the faces of the body that they close, and those towards the apex.
+    """
+    far, closed = hip + 1, [(hip, _strip(*strip))]
+    new: list[Face] = [(*(chain[0] for chain in chains), hip), (*(c[-1] for c in chains), far)]
+    rounded = len(chains[0]) > 2
+    for line, chain in zip(strip, chains, strict=True):
+        run = chain[:3] if rounded else chain
+        new += [(a, b, hip) for a, b in pairwise(run)] + [(run[-1], far, hip)]
+        if rounded:
+            wall, *ends = _walls(line, chain)
+            closed += [(hip, wall), (hip, ends[0]), (far, ends[1])]
+            new.append((run[-1], chain[-1], far))
+    if rounded:
+        closed += [(hip, _end(strip, chains, 0)), (far, _end(strip, chains, 1))]
+    gone = [face for _, face in closed]
+    one, two = (2 * line + 1 for line in strip)
+    closed.append((hip, (one, two, far)))
+    if rounded:
+        outer = zip((one, two), chains, strict=True)
+        closed += [(hip, (line, chain[2], far)) for line, chain in outer]
+    cells = [(*triangle, top) for top, face in closed for triangle in triangulated(face)]
+    return cells, gone, new
+
+
+def _hip(
+    dog: Dog, closing: int, apex: Vertices, ends: Sequence[Sequence[Vertices]]
+) -> list[Vertices]:
+    """Return the inner and outer end of the hip of a closing face; none where it is a point.
+
+    ``ends`` are the inner and outer ends of what lies above, two points (3,) each. An end of the
+    hip lies a little inside of the plane through these and the apex, which then sees the rest.
+    """
+    three = touching_faces(dog)[closing : closing + 3]
+    start, middle = (equally_deep(three, r)[0] for r in (dog.inner_radius, dog.mean_radius))
+    hips = []
+    for one, other in ends:
+        normal = np.cross(other - one, apex - one)
+        way = normal @ (one - start) / (normal @ (middle - start))
+        hips.append(start + (way + INSIDE * (1.0 - way)) * (middle - start))
+    return hips if hips[1][0] - hips[0][0] > SHORTEST * dog.radial_width else []
 
 
 def _axis(edge: Corner, ends: Sequence[Plane], radius: float) -> list[Vertices]:
@@ -242,26 +339,18 @@ def _axis(edge: Corner, ends: Sequence[Plane], radius: float) -> list[Vertices]:
     return [edge.axis + way * edge.direction for way in ways]
 
 
-def _edge_cells(first: int, last: int, axis: int) -> tuple[list[Face], list[Face]]:
+def _edge_cells(first: int, last: int, axis: int) -> list[Face]:
     """Cut what lies between the planes of an edge and its axis into tetrahedra.
 
-    Between lines ``first`` and ``last``; ``axis`` is the first of its four vertices. Beside the
-    cells come the faces towards the ends of both faces that meet in the edge.
+    Between lines ``first`` and ``last``; ``axis`` is the first of its four vertices.
     """
-
-    def side(line: int) -> Face:
-        return 2 * line, 2 * line + 1, axis + 2, axis + 1
-
     cells: list[Face] = []
     for line in range(first, last):
         corner, outer, after, end = range(2 * line, 2 * line + 4)
-        walls = (side(line + 1), (outer, end, axis + 2))
+        walls = ((after, end, axis + 2, axis + 1), (outer, end, axis + 2))
         cells += [(*t, corner) for wall in walls for t in triangulated(wall)]
         cells += [(corner, after, axis, axis + 1), (outer, end, axis + 2, axis + 3)]
-    sides: list[Face] = []
-    for line in (first, last):
-        sides += [side(line), (2 * line, axis, axis + 1), (2 * line + 1, axis + 2, axis + 3)]
-    return cells, sides
+    return cells
 
 
 def triangulated(face: Sequence[int]) -> list[tuple[int, int, int]]:
@@ -302,14 +391,16 @@ def rigid_dog(dog: Dog) -> Mesh:
     The edges lie on the inner and outer radius, measured along the radial line
     of either flank, so that flanks are parallelograms. Rounded edges have surfaces between.
     """
-    if dog.edge_radius > 0.0:
+    if dog.edge_radius > 0.0 or dog.has_back:
         root = dog_planes(dog)["root"]
         around = [root, *touching_planes(dog)[::-1], root]
-        braking = 2 + len(rounded_edges(dog)[1].planes)  # lines up to the face, on that side
+        ways = [flank_line(dog, -1)[0], ridge_line(dog)[0], flank_line(dog, +1)[0]]
+        counts = [1 + len(edge.planes) for edge in tip_edges(dog)[::-1]]
+        # Lines of both roots, and of each edge along the line of its flank or ridge.
+        places = [0, *np.repeat([0, 1, 2] if dog.has_back else [0, 2], counts), 2]
         lines = []
-        for place, (first, last) in enumerate(pairwise(around)):
-            along, _ = flank_line(dog, -1 if place < braking else +1)
-            ends = [Plane(along, radius) for radius in (dog.inner_radius, dog.outer_radius)]
+        for place, (first, last) in zip(places, pairwise(around), strict=True):
+            ends = [Plane(ways[place], radius) for radius in (dog.inner_radius, dog.outer_radius)]
             lines += [meeting(first, last, end) for end in ends]
         return Mesh(np.array(lines), _in_triangles(touching_quads(dog)))
     face = dog_planes(dog)["face"]
@@ -318,7 +409,7 @@ def rigid_dog(dog: Dog) -> Mesh:
         along, across = flank_line(dog, side)
         slope = np.array([0.0, 0.0, 1.0]) - math.tan(angle) * across
         for radius in (dog.inner_radius, dog.outer_radius):
-            start = radius * along
+            start = radius * along - 0.25 * dog.backlash * across
             top = (face.offset - face.normal @ start) / (face.normal @ slope)
             points += [start - 0.5 * dog.height * slope, start + top * slope]
     return Mesh(np.array(points), _in_triangles(touching_quads(dog)))
@@ -326,7 +417,7 @@ def rigid_dog(dog: Dog) -> Mesh:
 
 def touching_quads(dog: Dog) -> list[Face]:
     """Return the corners of each surface in ``rigid_dog``, in the order of ``touching_planes``."""
-    if dog.edge_radius == 0.0:
+    if dog.edge_radius == 0.0 and not dog.has_back:
         return [(5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2)]
     last = 2 * len(touching_planes(dog)) - 2
     return [(i, i + 1, i + 3, i + 2) for i in range(last, -2, -2)]
@@ -340,7 +431,7 @@ def dog_solid(dog: Dog) -> Mesh:
     """Return one dog as a closed surface: the rigid side with its ends and root."""
     skin = rigid_dog(dog)
     caps: list[Face] = [(1, 5, 4, 0), (6, 7, 3, 2), (4, 6, 2, 0)]
-    if dog.edge_radius > 0.0:
+    if dog.edge_radius > 0.0 or dog.has_back:
         last = len(skin.vertices) - 1
         caps = [(*range(2, last, 2), 0), (3, 1, *range(last, 3, -2)), (0, last - 1, last, 1)]
     return Mesh(skin.vertices, np.concatenate([skin.cells, _in_triangles(caps)]))
@@ -359,36 +450,56 @@ def rotation(angle: float) -> NDArray[np.float64]:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
+def equally_deep(planes: Sequence[Plane], radius: float) -> tuple[Vertices, float]:
+    """Return the point (3,) equally deep below three planes at x = ``radius``, and its depth, m."""
+    normals = np.array([plane.normal for plane in planes])
+    offsets = np.array([plane.offset for plane in planes])
+    matrix = np.column_stack([normals[:, 1:], np.ones(3)])
+    y, z, depth = np.linalg.solve(matrix, offsets - normals[:, 0] * radius)
+    return np.array([radius, y, z]), float(depth)
+
+
 @lru_cache(maxsize=64)
 def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
-    """Return the point (3,) equally deep below the three faces that touch, and its depth, m.
+    """Return the point (3,) equally deep below the flanks and a face of the tip, and its depth, m.
 
-    It lies at the mean radius; its depth bounds what the contact can resolve.
+    It lies at the mean radius, no less deep below the other face if there is one; its depth bounds
+    what the contact can resolve.
     """
     planes = dog_planes(dog)
-    touching = [planes[name] for name in ("face", "traction", "braking")]
-    normals = np.array([plane.normal for plane in touching])
-    offsets = np.array([plane.offset for plane in touching])
-    matrix = np.column_stack([normals[:, 1:], np.ones(3)])
-    y, z, depth = np.linalg.solve(matrix, offsets - normals[:, 0] * dog.mean_radius)
-    return np.array([dog.mean_radius, y, z]), float(depth)
+    flanks, faces = [planes["traction"], planes["braking"]], [planes["face"]]
+    if dog.has_back:
+        faces.append(planes["back"])
+    found = [equally_deep([face, *flanks], dog.mean_radius) for face in faces]
+    beyond = [faces[-1 - k].depth(apex) - depth for k, (apex, depth) in enumerate(found)]
+    return found[int(np.argmax(beyond))]
+
+
+def closing_face(dog: Dog) -> int | None:
+    """Return which face of a tip with two ends in a hip: 0 for the back, 1 for the face."""
+    if not dog.has_back:
+        return None
+    planes, (apex, _) = dog_planes(dog), pressure_apex(dog)
+    return int(planes["back"].depth(apex) < planes["face"].depth(apex))
 
 
 def compliant_dog(dog: Dog) -> Mesh:
     """Return one dog as twelve tetrahedra: its skin in triangles, joined to the apex.
 
     Few and large cells are right here: the pressure is linear in each, so a finer
-    mesh has the same field and only costs more. Rounded edges add prisms (``sim.shift.mesh``).
+    mesh has the same field and only costs more. Rounded edges and a hip add prisms.
     """
     apex, _ = pressure_apex(dog)
     reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)
-    beyond = {
-        "inner": 0.25 * dog.radial_width,
-        "outer": 0.25 * dog.radial_width,
-        "root": 1.5 * reach - apex[2] - 0.5 * dog.height,
-    }
+    width, below, ends = dog.radial_width, 1.5 * reach, 0.25 * dog.radial_width
+    if dog.has_back:
+        # The apex, whose pressure gives that of the hip its scale, is nearest to a flank.
+        planes = dog_planes(dog)
+        deepest = max(planes[name].depth(apex) for name in ("back", "face"))
+        below, ends = max(below, deepest), max(width / 3.0, deepest - 0.5 * width)
+    beyond = {"inner": ends, "outer": ends, "root": below - apex[2] - 0.5 * dog.height}
     skin = {n: plane.moved(float(beyond.get(n, 0.0))) for n, plane in dog_planes(dog).items()}
-    if dog.edge_radius > 0.0:
+    if dog.edge_radius > 0.0 or dog.has_back:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
     vertices = np.array([*corners(skin), apex])

@@ -26,7 +26,7 @@ from dogshape.sim.shift.mesh import (
     dog_planes,
     pressure_apex,
     rigid_dog,
-    rounded_edges,
+    tip_edges,
     touching_planes,
 )
 from dogshape.sim.statistics.blocks import engage
@@ -54,7 +54,7 @@ def test_planes_of_an_edge_touch_its_cylinder_and_stand_out_by_a_micrometre(
     dog = replace(prototype, edge_radius=radius)
     planes = dog_planes(dog)
     faces = (planes["traction"], planes["face"], planes["braking"])
-    for edge, before, after in zip(rounded_edges(dog), faces, faces[1:], strict=False):
+    for edge, before, after in zip(tip_edges(dog), faces, faces[1:], strict=False):
         around = [before, *edge.planes, after]
         for plane in around:
             assert plane.offset - plane.normal @ edge.axis == pytest.approx(radius, abs=1e-15)
@@ -68,7 +68,7 @@ def test_planes_of_an_edge_touch_its_cylinder_and_stand_out_by_a_micrometre(
 def test_the_ridge_is_where_the_closed_form_has_it(prototype: Dog) -> None:
     """Top of the cylinder against the sharp crest, in the frame of the traction flank."""
     radius = 0.3 * MM
-    crest, _ = rounded_edges(replace(prototype, edge_radius=radius))
+    crest, _ = tip_edges(replace(prototype, edge_radius=radius))
     quarter = 0.25 * prototype.pitch_angle
     across = np.array([-math.sin(quarter), math.cos(quarter), 0.0])
     lower = 0.5 * prototype.height - (crest.axis[2] + radius)

@@ -36,7 +36,7 @@ def test_peak_pressure_of_flat_faces(clutch: Clutch, point: Point, force: float)
     start = profile.free_flight_time(dog.axial_gap, mass)
     angle = np.array([operating.mismatch * start])
     overlap, most = face_overlap(flat, angle)
-    width = float(min(overlap[0], most - overlap[0]))
+    width = float(min(overlap[0], most[0] - overlap[0]))
     stiffness = contact.stiffness * width * dog.radial_width * dog.count
 
     def press(x: float, v: float) -> float:

@@ -3,14 +3,28 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import fields, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs, crest_loss, flank_contact, section
-from dogshape.sim.shift.mesh import Plane, dog_planes, meeting, ridge_line
+from dogshape.sim.shift.mesh import (
+    Plane,
+    compliant_dog,
+    dog_planes,
+    dog_solid,
+    meeting,
+    pressure_apex,
+    rigid_dog,
+    rotation,
+    touching_planes,
+    touching_quads,
+)
 from dogshape.sim.units import DEG, MM
 
 
@@ -43,9 +57,9 @@ SHAPES = {
 }
 
 
-def shaped(prototype: Dog, name: str) -> Dog:
-    """Return the prototype in a shape of ``SHAPES``."""
-    crest, chamfer, back, traction, braking, backlash = SHAPES[name]
+def shaped(prototype: Dog, name: str, shapes: Mapping[str, tuple[float, ...]] = SHAPES) -> Dog:
+    """Return the prototype in a shape of ``shapes``."""
+    crest, chamfer, back, traction, braking, backlash = shapes[name]
     angles = {"chamfer": chamfer, "chamfer_back": back, "traction": traction, "braking": braking}
     own = {key: value * DEG for key, value in angles.items()}
     return replace(prototype, crest=crest, backlash=backlash * MM, **own)
@@ -63,9 +77,7 @@ def test_planes_meet_in_the_points_of_the_profile(prototype: Dog, name: str) -> 
     around.append(planes["root"])
     lines = [-1.0] * 2 + [2.0 * dog.crest - 1.0] * (len(around) == 6) + [1.0] * 2
     for first, last, line, (y, z) in zip(around[:-1], around[1:], lines, section(dog), strict=True):
-        along, across = ridge_line(
-            replace(dog, crest=0.5 * (1.0 + line), chamfer=0, chamfer_back=0)
-        )
+        along, across, _ = rotation(0.25 * line * dog.pitch_angle).T
         point = meeting(first, last, Plane(along, dog.mean_radius))
         arc = 0.25 * line * dog.pitch_angle * dog.mean_radius
         close = 5e-6 if abs(line) == 1.0 else 1e-12
@@ -166,3 +178,63 @@ def test_undercut_passes_as_far_as_the_chamfers_let_it(prototype: Dog) -> None:
         replace(dog, backlash=0.98 * least)  # a wider tip has a deeper edge
     flat = replace(dog, crest=1.0, chamfer=0.0, chamfer_back=0.0)
     assert flat.passing_play == pytest.approx(flat.entry_play)
+
+
+ROOFS = {
+    **{name: SHAPES[name] for name in ("roof", "ridge aside", "flat behind", "undercut")},
+    "ridge near the edge": (0.97, 8.0, 12.0, 12.0, 22.0, 0.0),
+    "symmetric": (0.5, 13.0, 13.0, 13.0, 13.0, 0.3),
+    "steep": (0.3, 25.0, 30.0, 4.0, 29.0, 0.0),
+    "nearly flat": (0.6, 0.02, 0.01, 12.0, 22.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.02, 0.07])
+@pytest.mark.parametrize("name", ROOFS)
+def test_pressure_below_two_faces_is_the_depth_below_the_nearest(
+    prototype: Dog, name: str, radius: float
+) -> None:
+    """Tetrahedra fill the convex body; Drake's pressure, from distances, is depth to a third."""
+    dog = replace(shaped(prototype, name, ROOFS), edge_radius=radius * MM)
+    mesh, (apex, full) = compliant_dog(dog), pressure_apex(dog)
+    cells = mesh.vertices[mesh.cells]
+    volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0
+    hull = ConvexHull(mesh.vertices)
+    assert (volumes > 0.0).all()
+    assert volumes.sum() == pytest.approx(hull.volume, rel=1e-9)
+    assert mesh.vertices[-1] == pytest.approx(apex)
+    # Of an interior vertex of a convex body the distance to the skin is the least depth.
+    field = -(mesh.vertices @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+    assert field.argmax() == len(field) - 1
+    assert field[-1] == pytest.approx(full)
+    planes, rng, skin = touching_planes(dog), np.random.default_rng(3), rigid_dog(dog)
+    inverse = np.linalg.inv(
+        np.concatenate([cells.transpose(0, 2, 1), np.ones((len(cells), 1, 4))], axis=1)
+    )
+    for triangle in skin.vertices[skin.cells]:
+        inward = np.cross(triangle[2] - triangle[0], triangle[1] - triangle[0])
+        inward /= np.linalg.norm(inward)
+        for weights in rng.dirichlet(np.ones(3), 6):
+            place = weights @ triangle + rng.uniform(0.0, full / 3.0) * inward
+            depth = min(plane.depth(place) for plane in planes)
+            shares = inverse @ [*place, 1.0]
+            found = np.flatnonzero((shares > -1e-7).all(axis=1))
+            if depth > 0.0:
+                pressure = shares[found[0]] @ field[mesh.cells[found[0]]]
+                assert pressure == pytest.approx(depth, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_rigid_surfaces_lie_in_the_planes_and_close_to_the_volume_of_the_profile(
+    prototype: Dog, name: str
+) -> None:
+    dog = shaped(prototype, name)
+    skin, solid = rigid_dog(dog), dog_solid(dog)
+    for quad, plane in zip(touching_quads(dog), touching_planes(dog), strict=True):
+        for corner in skin.vertices[list(quad)]:
+            assert plane.depth(corner) == pytest.approx(0.0, abs=1e-12)
+    edges = [(a, b) for cell in solid.cells.tolist() for a, b in pairwise([*cell, cell[0]])]
+    assert sorted(edges) == sorted((b, a) for a, b in edges)
+    y, z = np.array(section(dog)).T
+    area = 0.5 * abs(float(y @ np.roll(z, -1) - z @ np.roll(y, -1)))
+    assert solid.volume == pytest.approx(area * dog.radial_width, rel=0.02)
