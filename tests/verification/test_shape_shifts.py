@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.sim.engines import engage
 from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import PlanarClutch, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, penetration
 from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.blocks import engage
 from tests.verification.test_shapes import ROOFS, SHAPES, mirrored, shaped
 
 Point = Callable[[float, float], OperatingPoint]
