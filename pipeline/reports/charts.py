@@ -8,17 +8,18 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import plotly.graph_objects as go
+import plotly.io as pio
 from plotly.subplots import make_subplots
 
 from dogshape.pipeline.reports.designs import Row, design_name, goals_of, is_measured, of_kinds
 from dogshape.pipeline.reports.text import axis, check_name, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
 
-if TYPE_CHECKING:
-    pass
+# A notebook keeps its figures in HTML too, with plotly's code once, so that they survive export.
+if pio.renderers.default == "plotly_mimetype":
+    pio.renderers.default = "plotly_mimetype+notebook"
 
 INK, GREY = "#1b2733", "#9aa5b1"
 BLUE, ORANGE, GREEN, RED = "#1f5fa8", "#c8590c", "#2e7d4f", "#b3261e"
