@@ -21,7 +21,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchmarks.common import paper_study
-from dogshape.cli.console import ProgressBar
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.simulate.evaluation import expect_to, expectation_of
@@ -31,6 +30,7 @@ from dogshape.sim.statistics.blocks import Block, engage
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import DEG
+from dogshape.terminal import ProgressBar
 
 DENSE, GOAL, RUNS = 96, 0.01, 20
 Place = tuple[float, float, int]  #: mismatch, force and number of the angle

@@ -93,6 +93,8 @@ class Checked(Result):
         return [
             check_table(self.rows),
             "",
+            "S: safety factor, upper limit of a stress or force over its value, at nominal size, "
+            "beyond the factors of [load] that the limit contains",
             "margin: distance to the limit over the limit, at nominal size, with every tolerance "
             "at its worst, and by root sum of squares (no tolerances for the landing)",
             f"feasible: {verdict}{open_ones}",

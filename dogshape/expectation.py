@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import norm
 
 from dogshape.pipeline.config.study_file import Setup, load_study, points_of
-from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.progress import Progress, WorkCounter
 from dogshape.pipeline.record import (
     Figure,
     Frame,
@@ -26,7 +26,7 @@ from dogshape.pipeline.reports.charts import shiftability_figure, times_by_point
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
-from dogshape.running import Angles, Where, require_angles
+from dogshape.running import Angles, Where, receiver, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
@@ -226,12 +226,12 @@ def expect_draws(
     *,
     angles: int | None = None,
     jobs: int = 0,
-    progress: Progress = SILENT,
+    progress: Progress | bool = False,
 ) -> DrawnExpectation:
     """Simulate the expected shift time at each draw of some keys of a study.
 
     InputError or DataError for a table, a key or a value that cannot be used, with its row, or too
-    few angles.
+    few angles. Example: ``ds.expect_draws("stand.toml", "stand-draws.csv", angles=8)``
 
     Parameters
     ----------
@@ -263,7 +263,7 @@ def expect_draws(
         except DogshapeError as error:
             raise type(error)(f"{path}, row {row}: {error}") from error
     means = []
-    with WorkCounter(progress, len(studies), unit="draws") as counter:
+    with WorkCounter(receiver(progress), len(studies), unit="draws") as counter:
         for one in studies:
             means.append(simulate_mean(one, Where(jobs), EVERYWHERE, angles))
             counter.advance(1)

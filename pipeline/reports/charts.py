@@ -11,11 +11,16 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+import plotly.io as pio
 from plotly.subplots import make_subplots
 
 from dogshape.pipeline.reports.designs import Row, design_name, goals_of, of_kinds
 from dogshape.pipeline.reports.text import axis, check_name, minus, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
+
+# A notebook keeps its figures in HTML too, with plotly's code once, so that they survive export.
+if pio.renderers.default == "plotly_mimetype":
+    pio.renderers.default = "plotly_mimetype+notebook"
 
 INK, GREY = "#1b2733", "#9aa5b1"
 BLUE, ORANGE, GREEN, RED = "#1f5fa8", "#c8590c", "#2e7d4f", "#b3261e"

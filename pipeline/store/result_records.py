@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.record import SHARE, Bad, Record, Table, key, number_or_none, tabulate
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
-from dogshape.sim.strength.checks import GROUPS, Check
+from dogshape.sim.strength.checks import GROUPS, Check, safety_factor
 from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
@@ -171,6 +171,10 @@ class CheckRow(Record):
         "ends of ranges in the study file at which the margin is smallest; absent without ranges",
         *("", None),
     )  # fmt: skip
+    safety: float | None = key(
+        "safety factor, upper limit of a stress or force over its value; null for other checks",
+        "1", None, head="S", form=".2f",
+    )  # fmt: skip
 
 
 def check_record(check: Check) -> dict[str, Any]:
@@ -181,15 +185,15 @@ def check_record(check: Check) -> dict[str, Any]:
         name=check.name, value=number_or_none(check.value), limit=check.limit, unit=check.unit,
         margin=number_or_none(check.margin), passed=check.passed, group=rule.group,
         at_most=rule.at_most, meaning=rule.meaning, formula=rule.formula, source=rule.source,
-        limit_key=rule.key, **ends,
+        limit_key=rule.key, safety=safety_factor(rule, check.margin), **ends,
     )  # fmt: skip
     return row.to_dict()
 
 
 def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
-    """Tabulate checks by group; by default with value, limit and margins."""
+    """Tabulate checks by group; by default with value, limit, safety factor and margins."""
     columns = names or (
-        *("name", "value", "limit", "unit"),
+        *("name", "value", "limit", "unit", "safety"),
         *("margin", "margin_worst_case", "margin_root_sum_square", "passed"),
     )
     cells, looks = list[list[str]](), dict[int, str]()

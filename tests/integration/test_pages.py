@@ -86,7 +86,7 @@ def test_report_in_a_browser_and_on_paper(reported: Path, tmp_path: Path) -> Non
 @pytest.mark.parametrize("name", ["mq200_paper", "mq200"])
 def test_a_data_sheet_prints_on_one_page(tmp_path: Path, name: str) -> None:
     why = "a reason that goes on for more than one line: " + 30 * "why, "
-    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", why)
+    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", {"why": why})
     with Chromium(tmp_path / "profile") as browser:
         browser.look(page)
         assert re.findall(rb"/Count (\d+)", browser.print_pdf()) == [b"1"]
