@@ -18,7 +18,7 @@ import numpy as np
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
-from dogshape.sim.statistics.shift_records import Record, content_key, result_of
+from dogshape.sim.statistics.shift_records import DEFAULTS, Record, content_key, result_of
 from dogshape.sim.units import RPM
 from dogshape.surrogate.covariance import Array, Mask
 
@@ -199,7 +199,7 @@ def rows_of(variables: Sequence[str], shifts: Iterable[Record]) -> Array:
     groups: dict[tuple[Any, ...], list[Record]] = defaultdict(list)
     for shift in shifts:
         design, where = (
-            tuple(round(float(shift[name]), DIGITS) for name in names)
+            tuple(round(float(shift.get(name, DEFAULTS.get(name))), DIGITS) for name in names)
             for names in (variables, WHERE)
         )
         groups[design, where, shift.get("seed")].append(shift)

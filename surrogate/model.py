@@ -22,6 +22,7 @@ from math import inf
 import numpy as np
 
 from dogshape.sim.errors import InputError
+from dogshape.sim.statistics.shift_records import DEFAULTS
 from dogshape.surrogate.covariance import Array, Term, distance, matern
 from dogshape.surrogate.dataset import Dataset, Grid, Mix
 from dogshape.surrogate.process import Effort, Process, fit_process
@@ -32,9 +33,13 @@ POINT_EFFORT = Effort(designs=250, steps=15)  #: of the points, from the paramet
 MIN_DESIGNS = 10  #: fewer determine no length scale
 EXACT = 1e-4  #: least relative error of a time
 CHUNK = 2000  #: designs that are predicted at a time
-ANGLES = ("chamfer_deg", "traction_deg", "braking_deg")  #: of what holds or lets go
+#: Of what holds or lets go.
+ANGLES = ("chamfer_deg", "traction_deg", "braking_deg", "chamfer_back_deg")
 WIDTH = 0.04  #: of the change from holding to letting go, tangent of an angle
-SHAPE = (*ANGLES, "height_mm", "count", "outer_diameter_mm", "inner_diameter_mm")
+SHAPE = (
+    *(*ANGLES, "height_mm", "count", "outer_diameter_mm", "inner_diameter_mm"),
+    *("crest", "backlash_mm"),
+)
 LENGTHS = (0.1, 0.2, 0.4, inf)  #: of the share, of designs scaled to one and of operating points
 STRENGTHS = (1.0, 10.0, 100.0)  #: shifts that the prior of the share counts for
 POINT_LENGTHS = np.array([0.6, 2.0])  #: of an interpolation, likeliest with 28 points of MQ200
@@ -53,15 +58,17 @@ def coordinates(data: Dataset, x: Array) -> Array:
 
 
 def shape_of(data: Dataset, x: Array) -> Array:
-    """Compute entry play, tip width and fall of the face, mm, (m, 3)."""
-    known = dict(zip(data.variables, x.T, strict=True))
-    own = {name: float(data.physics[name]) for name in SHAPE if name not in known}
-    known |= {name: np.full(len(x), value) for name, value in own.items()}
-    chamfer, traction, braking = (np.tan(np.radians(known[name])) for name in ANGLES)
-    radius = 0.25 * (known["outer_diameter_mm"] + known["inner_diameter_mm"])
-    play = known["height_mm"] * (traction + braking)
-    tip = np.pi * radius / known["count"] - 0.5 * play
-    return np.column_stack([play, tip, tip * chamfer / (1.0 - chamfer * braking)])
+    """Compute entry play, tip width and fall of the face, mm, (m, 3); of a back too, (m, 4)."""
+    given, made = dict(zip(data.variables, x.T, strict=True)), DEFAULTS | data.physics
+    size = {name: np.broadcast_to(given.get(name, made[name]), len(x)) for name in SHAPE}
+    chamfer, traction, braking, back = (np.tan(np.radians(size[name])) for name in ANGLES)
+    radius = 0.25 * (size["outer_diameter_mm"] + size["inner_diameter_mm"])
+    play = size["height_mm"] * (traction + braking) + size["backlash_mm"]
+    tip = np.pi * radius / size["count"] - 0.5 * play
+    found = [play, tip, size["crest"] * tip * chamfer / (1.0 - chamfer * braking)]
+    if "crest" in {*data.variables, *data.physics}:
+        found.append((1.0 - size["crest"]) * tip * back / (1.0 - back * traction))
+    return np.column_stack(found)
 
 
 def point_coordinates(points: Array) -> Array:

@@ -18,7 +18,7 @@ from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Dataset, Mix, differences
 from dogshape.surrogate.model import Expected, Surrogate
 
-CHAMFER = "chamfer_deg"
+CHAMFERS = ("chamfer_deg", "chamfer_back_deg")
 HOLDS = "faces hold: no estimate"  #: reason of a missing time
 SOLVER = ("engine", "accuracy")  #: keys in which the engines differ
 FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answer extrapolates
@@ -74,7 +74,7 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
     if faces_hold(data, x[None, :])[0]:
         friction = np.degrees(np.arctan(float(data.physics["static_friction"])))
         return Answer(None, distance, warnings, (
-            f"{HOLDS} (chamfer {design[CHAMFER]:.4g} deg, below the friction angle "
+            f"{HOLDS} (chamfer {_least_chamfer(data, x):.4g} deg, below the friction angle "
             f"{friction:.3g} deg; 'dogshape expect' simulates it)"
         ))  # fmt: skip
     expected = surrogate.expected(x, mix)
@@ -97,12 +97,18 @@ def time_record(found: Expected | None, refusal: str) -> dict[str, Any]:
 
 def faces_hold(data: Dataset, x: Array) -> Mask:
     """Mark designs (m, d) whose faces hold by friction, as no simulated design's do, (m,)."""
-    if CHAMFER not in data.variables:
-        return np.zeros(len(x), dtype=bool)
-    column = data.variables.index(CHAMFER)
-    chamfer, least = x[:, column], data.x[:, column].min()
+    columns = _chamfers(data)
+    chamfer, least = x[:, columns], data.x[:, columns].min(axis=0)
     slides = np.tan(np.radians(chamfer)) > data.physics["static_friction"]
-    return np.logical_and(~slides, chamfer < least)
+    return np.asarray((~slides & (chamfer < least)).any(axis=1))
+
+
+def _chamfers(data: Dataset) -> list[int]:
+    return [k for k, name in enumerate(data.variables) if name in CHAMFERS]
+
+
+def _least_chamfer(data: Dataset, x: Array) -> float:
+    return float(x[_chamfers(data)].min())
 
 
 def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> tuple[str, ...]:
@@ -114,7 +120,7 @@ def _warnings(data: Dataset, x: Array, points: Array, distance: float) -> tuple[
     ]
     found += _point_warnings(data, points)
     if not found and faces_hold(data, x[None, :])[0]:
-        found.append(f"chamfer {x[data.variables.index(CHAMFER)]:.4g} deg: faces hold by friction")
+        found.append(f"chamfer {_least_chamfer(data, x):.4g} deg: faces hold by friction")
     if distance > FAR and not found:
         found.append(f"the next simulated design is {distance:.1f} times as far as designs usually "
                      "are from each other")  # fmt: skip

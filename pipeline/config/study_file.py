@@ -34,6 +34,7 @@ from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import torque_peak
 from dogshape.sim.statistics.shift_records import (
+    DEFAULTS,
     Record,
     clutch_record,
     content_key,
@@ -43,13 +44,12 @@ from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
 from dogshape.sim.texts import read_toml
-from dogshape.sim.units import MM, RPM, from_si, suffix_of
+from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
 #: Searched keys of the dog in the bundled studies, and all that a study may search.
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
-LATER = ("crest", "chamfer_back_deg", "backlash_mm")
-SHAPE = (*VARIABLES, *LATER)
+SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm")
 
 
 @dataclass(frozen=True)
@@ -172,8 +172,7 @@ class Setup:
     @property
     def prototype(self) -> dict[str, float]:
         """The searched keys at the study's own dog, edge units."""
-        own = {key: from_si(key, getattr(Dog, key.removesuffix(suffix_of(key)))) for key in LATER}
-        section = {**own, **self.file.dog.model_dump(), **own_set_point(self.points)}
+        section = {**DEFAULTS, **self.file.dog.model_dump(), **own_set_point(self.points)}
         return {key: section[key] for key in self.variables}
 
     @property

@@ -15,7 +15,7 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import recorded_profile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.statistics.shift_records import Record, clutch_record
+from dogshape.sim.statistics.shift_records import DEFAULTS, Record, clutch_record
 from dogshape.sim.statistics.uncertainty import FACTORS, Variant
 from dogshape.sim.units import DEG, RPM
 
@@ -56,11 +56,11 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
 
     for row in rows:
         dog = study.dog_with({name: row[name] for name in study.variables})
-        own = clutch_record(clutch.with_dog(dog)).items()
+        own = (DEFAULTS | clutch_record(clutch.with_dog(dog))).items()
         every = [
             shift for shift in stored
             if shift["outcome"] != Outcome.DIVERGED.value
-            and all(shift.get(key) == value for key, value in own)
+            and all(shift.get(key, DEFAULTS.get(key)) == value for key, value in own)
         ]  # fmt: skip
         if every:
             found.append(Replay(design_name(row), "fastest", min(every, key=lateness)))
@@ -101,7 +101,10 @@ def _write(study: Setup, row: Record, path: Path) -> None:
     from dogshape.pipeline.reports.shift_page import write_animation  # noqa: PLC0415
     from dogshape.sim.statistics.blocks import engage  # noqa: PLC0415
 
-    variant, dog = drawn_variant(row), study.dog_with({key: row[key] for key in study.shape_keys})
+    variant, dog = (
+        drawn_variant(row),
+        study.dog_with({key: row.get(key, DEFAULTS.get(key)) for key in study.shape_keys}),
+    )
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
     result = engage(
         variant.clutch(study.clutch.with_dog(dog)), point, row["relative_angle_deg"] * DEG

@@ -110,9 +110,10 @@ def passing_through(clutch: Clutch, displacement: Series, relative_angle: Series
     """Describe why a shift is not valid; empty where it is.
 
     Two limits hold it. Down to a third of the apex's depth the pyramids of the three faces cover
-    all that is touched (``sim.shift.mesh``); deeper, the pressure may push the wrong way. At full
-    travel both flanks touch, so a ring farther than its tolerance beyond is not in its slot.
-    Arguments as for ``penetration``, over the whole shift.
+    all that is touched (``sim.shift.mesh``); deeper, the pressure may push the wrong way. Both
+    flanks touch at full travel, or with a backlash that over their lean beyond, so a ring farther
+    than its tolerance from there is not in its slot. Arguments as for ``penetration``, over the
+    whole shift.
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
     deepest = float(penetration(clutch.dog, displacement, relative_angle).max())
@@ -120,7 +121,9 @@ def passing_through(clutch: Clutch, displacement: Series, relative_angle: Series
     if deepest > limit:
         rule = f"the contact pushes back down to {limit / MM:.4g} mm: dogs passed through"
         return refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy)
-    beyond = float(displacement.max()) - clutch.dog.travel
+    dog, beyond = clutch.dog, float(displacement.max()) - clutch.dog.travel
+    if dog.backlash > 0.0:
+        beyond -= dog.backlash / dog.lean if dog.lean > 0.0 else math.inf
     if beyond > clutch.seated_tolerance:
         rule = (
             f"full travel and its tolerance of {clutch.seated_tolerance / MM:.4g} mm end it: the "

@@ -170,14 +170,15 @@ def _skipped(clutch: Clutch, trace: Trace) -> int:
         return 0
     forward = trace.relative_speed[0] >= 0.0
 
-    def slot(angle: float) -> int:
-        overlap, most = face_overlap(clutch, np.array([angle]))
-        place = angle / clutch.dog.pitch_angle
-        if 0.0 < overlap[0] < most[0]:
+    def slot(step: int) -> int:
+        angle = trace.relative_angle[step : step + 1]
+        overlap, most = face_overlap(clutch, angle)
+        place = float(angle[0]) / clutch.dog.pitch_angle
+        if trace.displacement[step] < clutch.shift_travel and 0.0 < overlap[0] < most[0]:
             return round(place) - (0 if forward else 1)
         return math.floor(place)
 
-    first, last = (slot(float(trace.relative_angle[k])) for k in (np.argmax(met), -1))
+    first, last = slot(int(np.argmax(met))), slot(len(met) - 1)
     return max(0, last - first if forward else first - last)
 
 

@@ -148,14 +148,14 @@ class Corner:
 
     @property
     def planes(self) -> tuple[Plane, ...]:
-        """Planes that touch the cylinder between its two faces; none of a sharp edge.
+        """Planes that touch the cylinder between its two faces and stand out by ``DEVIATION``.
 
-        They stand out by ``DEVIATION``.
+        None of a sharp edge, and of one as blunt as its faces alone stand out by less.
         """
         if self.radius == 0.0:
             return ()
         widest = 2.0 * math.acos(self.radius / (self.radius + DEVIATION))
-        steps = max(2, math.ceil(self.arc / widest))
+        steps = math.ceil(self.arc / widest)
         normals = self.normals(np.arange(1, steps) / steps)
         return tuple(Plane(n, float(n @ self.axis) + self.radius) for n in normals)
 
@@ -222,45 +222,48 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
     ends, edges = (skin["inner"], skin["outer"]), tip_edges(dog)
     around = [skin["root"], *touching_planes(dog), skin["root"]]
     lines = [[meeting(a, b, end) for end in ends] for a, b in pairwise(around)]
-    axes = [_axis(edge, ends, dog.edge_radius) for edge in edges if dog.edge_radius > 0.0]
-    points, last = [p for group in (*lines, *axes) for p in group], len(lines) - 1
-    # A line has two vertices, at the inner and the outer end; an edge its first and last line.
-    spans, axis = list[tuple[int, int]](), 2 * len(lines)
+    points, last = [p for line in lines for p in line], len(lines) - 1
+    # A line has two vertices, at the inner and the outer end; an edge its first and last line, and
+    # a chain of vertices from end to end along which the faces beside it meet below it.
+    spans, chains, start = list[tuple[int, int]](), list[Face](), 1
     for edge in edges:
-        start = spans[-1][1] + 1 if spans else 1
         spans.append((start, start + len(edge.planes)))
+        axis, start = len(points), start + len(edge.planes) + 1
+        points += _axis(edge, ends, dog.edge_radius) if edge.planes else []
+        own = tuple(range(axis, axis + 4)) if edge.planes else _line(spans[-1][0])
+        chains.append(own)
     strips = [(a[1], b[0]) for a, b in pairwise(spans)]
-    closing = closing_face(dog)
     cells: list[Face] = []
     left: list[Face] = [_strip(*s) for s in ((0, 1), *strips, (last - 1, last), (last, 0))]
-    # Vertices from inner to outer end along which the faces beside an edge meet below it.
-    chains = [(2 * first, 2 * first + 1) for first, _ in spans]
-    if axes:
-        chains = [(start, start + 1, start + 2, start + 3)
-                  for start in range(axis, axis + 4 * len(edges), 4)]  # fmt: skip
-        for span, chain in zip(spans, chains, strict=True):
+    for edge, span, chain in zip(edges, spans, chains, strict=True):
+        if edge.planes:
             cells += _edge_cells(*span, chain[0])
             left += [wall for line in span for wall in _walls(line, chain)]
     for end in (0, 1):
         root, floor, inner = end, 2 * last + end, [chain[-end] for chain in chains]
-        if axes:
-            left.append((root, 2 * spans[0][0] + end, inner[0]))
-            left += [
-                _end(strip, between, end)
-                for strip, between in zip(strips, pairwise(chains), strict=True)
-            ]
-            left.append((inner[-1], 2 * spans[-1][1] + end, floor))
-        left.append((root, *inner, floor))
-    hips = [] if closing is None else _hip(dog, closing, apex, [
-        [points[chain[-end]] for chain in chains[closing : closing + 2]] for end in (0, 1)
-    ])  # fmt: skip
-    top = len(points) + len(hips)
-    if closing is not None and hips:
+        left.append((root, 2 * spans[0][0] + end, inner[0]))
+        beside = zip(strips, pairwise(chains), strict=True)
+        left += [_end(strip, between, end) for strip, between in beside]
+        left += [(inner[-1], 2 * spans[-1][1] + end, floor), (root, *inner, floor)]
+    hips, closing = list[Vertices](), closing_face(dog)
+    if closing is not None:
         near, far = chains[closing : closing + 2]
-        own, gone, new = _hip_cells(strips[closing], (near, far), top - 2)
-        cells, left = cells + own, [face for face in left if face not in gone] + new
-    cells += [(*triangle, top) for face in left for triangle in triangulated(face)]
-    return np.array([*points, *hips, apex]), cells
+        sides = [[points[chain[-end]] for chain in (near, far)] for end in (0, 1)]
+        if hips := _hip(dog, closing, apex, sides):
+            more, gone, new = _hip_cells(strips[closing], (near, far), len(points))
+            cells, left = cells + more, [face for face in left if face not in gone] + new
+    points += [*hips, apex]
+    return np.array(points), cells + _joined(left, len(points) - 1)
+
+
+def _joined(faces: Sequence[Face], top: int) -> list[Face]:
+    """Join faces to a vertex as tetrahedra; those that sharp edges make a line have none."""
+    distinct = [tuple(dict.fromkeys(face)) for face in faces]
+    return [(*three, top) for face in distinct for three in triangulated(face)]
+
+
+def _line(line: int) -> Face:
+    return 2 * line, 2 * line + 1
 
 
 def _strip(line: int, other: int) -> Face:
@@ -288,26 +291,21 @@ def _hip_cells(
     ``chains`` are the axes beside the face, or its edges where they are sharp. Beside the cells
     come the faces of the body that they close, and those towards the apex.
     """
-    far, closed = hip + 1, [(hip, _strip(*strip))]
-    new: list[Face] = [(*(chain[0] for chain in chains), hip), (*(c[-1] for c in chains), far)]
-    rounded = len(chains[0]) > 2
-    for line, chain in zip(strip, chains, strict=True):
-        run = chain[:3] if rounded else chain
-        new += [(a, b, hip) for a, b in pairwise(run)] + [(run[-1], far, hip)]
-        if rounded:
-            wall, *ends = _walls(line, chain)
-            closed += [(hip, wall), (hip, ends[0]), (far, ends[1])]
-            new.append((run[-1], chain[-1], far))
-    if rounded:
-        closed += [(hip, _end(strip, chains, 0)), (far, _end(strip, chains, 1))]
-    gone = [face for _, face in closed]
+    far = hip + 1
     one, two = (2 * line + 1 for line in strip)
-    closed.append((hip, (one, two, far)))
-    if rounded:
-        outer = zip((one, two), chains, strict=True)
-        closed += [(hip, (line, chain[2], far)) for line, chain in outer]
-    cells = [(*triangle, top) for top, face in closed for triangle in triangulated(face)]
-    return cells, gone, new
+    near = [_strip(*strip), _end(strip, chains, 0)]  # joined to the inner end of the hip
+    beyond, inside = [_end(strip, chains, 1)], [(one, two, far)]
+    new: list[Face] = [(*(chain[0] for chain in chains), hip), (*(c[-1] for c in chains), far)]
+    for line, chain in zip(strip, chains, strict=True):
+        run = chain[:3]
+        new += [(a, b, hip) for a, b in pairwise(run)] + [(run[-1], far, hip)]
+        if len(chain) > len(run):
+            wall, inner, outer = _walls(line, chain)
+            near, beyond = [*near, wall, inner], [*beyond, outer]
+            inside.append((2 * line + 1, chain[2], far))
+            new.append((chain[2], chain[3], far))
+    cells = _joined([*near, *inside], hip) + _joined(beyond, far)
+    return cells, [*near, *beyond], new
 
 
 def _hip(

@@ -17,18 +17,18 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
-from dogshape.sim.units import DEG, MM, RPM, from_si
+from dogshape.sim.units import DEG, MM, RPM, from_si, suffix_of
 
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
 
 _LENGTHS = ("height_mm", "outer_diameter_mm", "inner_diameter_mm", "axial_gap_mm")
 _DOG_KEYS = ("chamfer_deg", "traction_deg", "braking_deg", *_LENGTHS)
-#: Keys of a dog that came later, by field: records of dogs that have their defaults stay the same.
-_LATER = {
-    "edge_radius_mm": "edge_radius", "crest": "crest", "chamfer_back_deg": "chamfer_back",
-    "backlash_mm": "backlash",
-}  # fmt: skip
+#: Later keys of a dog with their defaults: records of dogs that have these stay as they were.
+DEFAULTS = {
+    key: from_si(key, getattr(Dog, key.removesuffix(suffix_of(key))))
+    for key in ("edge_radius_mm", "crest", "chamfer_back_deg", "backlash_mm")
+}
 
 
 def clutch_record(clutch: Clutch) -> Record:
@@ -42,9 +42,9 @@ def clutch_record(clutch: Clutch) -> Record:
         "count": dog.count,
         **{key: from_si(key, getattr(dog, key.rpartition("_")[0])) for key in _DOG_KEYS},
         **{
-            key: from_si(key, value)
-            for key, name in _LATER.items()
-            if (value := getattr(dog, name)) != getattr(Dog, name)
+            key: value
+            for key, usual in DEFAULTS.items()
+            if (value := from_si(key, getattr(dog, key.removesuffix(suffix_of(key))))) != usual
         },
         "sliding_mass_kg": rings.mass,
         "sliding_inertia_kgm2": rings.sliding_inertia,

@@ -21,23 +21,34 @@ def _flat(clutch: Clutch) -> Clutch:
     return clutch.with_dog(replace(clutch.dog, chamfer=0.0))
 
 
-@pytest.mark.parametrize("mismatch_rpm", [100.0, -100.0, 250.0, 400.0])
-def test_kinematic_entry_without_touching(clutch: Clutch, mismatch_rpm: float) -> None:
+@pytest.mark.parametrize(
+    ("mismatch_rpm", "change"),
+    [
+        *((100.0, {}), (-100.0, {}), (250.0, {}), (400.0, {})),
+        *((100.0, {"backlash": 0.6e-3}), (-250.0, {"backlash": 1.2e-3})),
+        (-100.0, {"traction": -4 * DEG, "braking": -3 * DEG, "backlash": 1.5e-3}),
+    ],
+)
+def test_kinematic_entry_without_touching(
+    clutch: Clutch, mismatch_rpm: float, change: dict[str, float]
+) -> None:
     r"""Flat faces at 0.2 m/s, 0.5 mm deep: P = (N/2 pi)(Phi - |dw| x/v - x tan/r).
 
-    The last term is the lean of the flank that is run towards; the other one is
-    run away from faster than it closes. At the mean radius and without that term the
+    The last term is the lean of the flank that is run towards, nothing of an undercut one; the
+    other one is run away from faster than it closes. The play is entry play over radius, with what
+    backlash adds. At the mean radius and without that term the
     prototype has 0.164 at 100 1/min and a limit of 363 1/min. Play and lean are
     lengths, the same all along the dog, so the outer end has the least angle.
     """
     depth, speed = 0.5e-3, 0.2
-    heavy = replace(_flat(clutch), rings=Rings(mass=50.0, sliding_inertia=0.01, output_inertia=0.6))
+    own = _flat(clutch).with_dog(replace(clutch.dog, chamfer=0.0, **change))
+    heavy = replace(own, rings=Rings(mass=50.0, sliding_inertia=0.01, output_inertia=0.6))
     dog, plant = heavy.dog, ClutchPlant(heavy)
     swept = abs(mismatch_rpm) * RPM * depth / speed
-    if mismatch_rpm == 100.0:
+    if mismatch_rpm == 100.0 and not change:
         simple = (dog.entry_play / dog.mean_radius - swept) / dog.pitch_angle
         assert simple == pytest.approx(0.164, abs=5e-4)
-    lean = math.tan(dog.traction if mismatch_rpm > 0 else dog.braking) * depth
+    lean = max(0.0, math.tan(dog.traction if mismatch_rpm > 0 else dog.braking)) * depth
     free = (dog.entry_play - lean) / dog.outer_radius
     exact = max(0.0, (free - swept) / dog.pitch_angle)
     angles = (np.arange(300) + 0.5) / 300 * dog.pitch_angle
@@ -46,6 +57,30 @@ def test_kinematic_entry_without_touching(clutch: Clutch, mismatch_rpm: float) -
         [first_touch(plant, (a, start), mismatch_rpm * RPM, speed, until) is None for a in angles]
     )
     assert share == pytest.approx(exact, abs=1.5 / 300)
+
+
+def test_chamfered_dogs_enter_by_themselves_in_what_their_tips_leave(clutch: Clutch) -> None:
+    """Without mismatch, until the edges of both flanks have passed: play over pitch.
+
+    ``(j + D (tan(beta) + tan(gamma)))/r`` with ``D = h - 2 d``, *d* the larger depth of both edges,
+    at the outer radius, where it is least; of flat tips entry play over radius.
+    """
+    heavy = Rings(mass=50.0, sliding_inertia=0.01, output_inertia=0.6)
+    for change in (
+        {},
+        {"crest": 0.4, "chamfer": 14 * DEG, "chamfer_back": 9 * DEG},
+        {"crest": 0.6, "chamfer": 16 * DEG, "chamfer_back": 16 * DEG, "backlash": 0.7e-3},
+        {"crest": 0.0, "chamfer": 0.0, "chamfer_back": 10 * DEG, "backlash": 0.3e-3},
+    ):
+        dog = replace(clutch.dog, **change)
+        drop = max(dog.drops_at(dog.outer_radius))
+        play = dog.backlash + (dog.height - 2.0 * drop) * dog.lean
+        exact = play / dog.outer_radius / dog.pitch_angle
+        plant = ClutchPlant(replace(clutch, dog=dog, rings=heavy))
+        angles = (np.arange(200) + 0.5) / 200 * dog.pitch_angle
+        start, until = dog.axial_gap - 1e-9, (2.0 * drop + 1e-5) / 0.2
+        touched = [first_touch(plant, (a, start), 1e-9, 0.2, until) for a in angles]
+        assert np.mean([one is None for one in touched]) == pytest.approx(exact, abs=1.5 / 200)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,155 @@
+"""Shifts of dogs with a ridge, backlash and undercut: both engines, mirror images, play."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dogshape.sim.planar import kernel
+from dogshape.sim.planar.engagement import PlanarClutch, planar_clutch
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Outcome, penetration
+from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.statistics.blocks import engage
+from tests.verification.test_shapes import ROOFS, SHAPES, mirrored, shaped
+
+Point = Callable[[float, float], OperatingPoint]
+ALL = {**ROOFS, **SHAPES}
+
+
+def _clutch(clutch: Clutch, name: str, radius: float = 0.0) -> Clutch:
+    return clutch.with_dog(replace(shaped(clutch.dog, name, ALL), edge_radius=radius))
+
+
+@pytest.mark.parametrize("radius", [0.0, 5e-5])
+@pytest.mark.parametrize("name", ALL)
+def test_shifts_follow_drake(clutch: Clutch, point: Point, name: str, radius: float) -> None:
+    """Same outcome and events, times within 0.1 % of Drake, the engine's own accuracy refined."""
+    own = _clutch(clutch, name, radius)
+    mine = own.with_engine("planar").refined()
+    for rpm, force, share in ((50, 469.0, 0.1), (-50, 469.0, 0.35), (5, 315.5, 0.93)):
+        angle = share * own.dog.pitch_angle
+        one, other = engage(own, point(rpm, force), angle), engage(mine, point(rpm, force), angle)
+        assert one.outcome is other.outcome
+        assert one.events.face_contacts == other.events.face_contacts
+        assert one.events.slots_skipped == other.events.slots_skipped
+        if one.shift_time is not None:
+            assert other.shift_time == pytest.approx(one.shift_time, rel=1e-3)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -> None:
+    """Random places with up to 0.1 mm of overlap and random speeds, as for the prototype."""
+    own = _clutch(clutch, name)
+    plant, mine, dog = ClutchPlant(own), planar_clutch(own), own.dog
+    plant.start(OperatingPoint(1.0, ForceProfile(469.0, 0.1766)), 0.1)
+    carriage = plant.plant.GetBodyByName("carriage").model_instance()
+    port = plant.plant.get_generalized_contact_forces_output_port(carriage)
+    rng, errors = np.random.default_rng(2), []
+    while len(errors) < 40:
+        angle = rng.uniform(-dog.pitch_angle, dog.pitch_angle)
+        way = rng.uniform(0.98 * dog.axial_gap, dog.travel)
+        if not 0.0 < penetration(dog, np.array([way]), np.array([angle]))[0] < 1e-4:
+            continue
+        output, sliding, speed = (float(v) for v in rng.normal(0.0, [5.0, 5.0, 0.3]))
+        plant.plant.SetPositions(plant.plant_context, [1.0 + angle, way, 1.0])
+        plant.plant.SetVelocities(plant.plant_context, [output, speed, sliding])
+        _, axial, torque = port.Eval(plant.plant_context)
+        found = _force(mine, angle, dog.travel - way, output - sliding, speed)
+        given = np.array([-axial, torque / dog.mean_radius])
+        if np.hypot(*given) > 1e-6:
+            own_force = np.array([found[0], found[1] / dog.mean_radius])
+            errors.append(float(np.hypot(*(own_force - given)) / np.hypot(*given)))
+    assert np.quantile(errors, 0.5) < 1e-5
+    assert np.quantile(errors, 0.9) < 3e-4
+
+
+@pytest.mark.parametrize("engine", ["planar", "drake"])
+@pytest.mark.parametrize("name", ["symmetric", "ridge aside", "play alone", "undercut"])
+def test_the_mirror_image_shifts_alike_at_the_other_sign(
+    clutch: Clutch, point: Point, name: str, engine: str
+) -> None:
+    """Opposite mismatch and angle; a symmetric roof is its own mirror image."""
+    here = _clutch(clutch, name).with_engine(engine).refined()
+    there = here.with_dog(mirrored(here.dog))
+    for rpm, share in ((25.0, 0.55), (-100.0, 0.3)):
+        angle = share * here.dog.pitch_angle
+        one = engage(here, point(rpm, 469.0), angle)
+        other = engage(there, point(-rpm, 469.0), -angle)
+        assert one.outcome is other.outcome is Outcome.ENGAGED
+        assert one.shift_time == pytest.approx(other.shift_time, rel=1e-4)
+        assert one.events.face_contacts == other.events.face_contacts
+        assert one.events.slots_skipped == other.events.slots_skipped
+
+
+def test_a_symmetric_roof_has_one_expected_time_for_both_signs(
+    clutch: Clutch, point: Point
+) -> None:
+    own = _clutch(clutch, "symmetric").with_engine("planar")
+    angles = (np.arange(24) + 0.5) / 24 * own.dog.pitch_angle
+    one, other = (
+        [engage(own, point(rpm, 469.0), float(a)).shift_time for a in angles] for rpm in (50, -50)
+    )
+    assert np.sort(np.array(one, dtype=float)) == pytest.approx(
+        np.sort(np.array(other, dtype=float)), rel=1e-5
+    )
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_rings_have_the_play_of_the_closed_form_at_every_depth(clutch: Clutch, name: str) -> None:
+    """Flanks touch where j/2 + D tan has been turned, at the radius where that is first.
+
+    D is the distance of the median planes, down from where the edges of that flank have passed all
+    along; rings that are turned towards each other are not quite parallel there.
+    """
+    plant = planar_clutch(_clutch(clutch, name))
+    dog = plant.clutch.dog
+    middle, (back, edge) = 0.5 * dog.pitch_angle, dog.drops_at(dog.outer_radius)
+    for sign, angle, drop in ((1.0, dog.traction, back), (-1.0, dog.braking, edge)):
+        for share in (0.05, 0.4, 0.95):
+            distance = share * (dog.height - 2.0 * drop)
+            play = 0.5 * dog.backlash + distance * np.tan(angle)
+            exact = np.arcsin(play / (dog.outer_radius if play > 0.0 else dog.inner_radius))
+            low, high = 0.0, 0.5 * middle
+            while high - low > 1e-9:
+                turned = 0.5 * (low + high)
+                force = _force(plant, middle + sign * turned, distance, 0.0, 0.0)
+                low, high = (low, turned) if any(force) else (turned, high)
+            assert low == pytest.approx(exact, abs=1e-4)
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_no_overlap_is_passed_over(clutch: Clutch, name: str) -> None:
+    """The force at random places is the same where every dog is looked at."""
+    plant = planar_clutch(_clutch(clutch, name))
+    everything = replace(
+        plant, surfaces=(*plant.surfaces[:3], np.array([-1e9, -1e9, 0.0]), *plant.surfaces[4:])
+    )
+    dog, rng, touched = plant.clutch.dog, np.random.default_rng(5), 0
+    for _ in range(3000):
+        angle, distance = rng.uniform(-1.0, 1.0) * dog.pitch_angle, rng.uniform(0.0, dog.height)
+        here, there = (_force(one, angle, distance, 3.0, 0.1) for one in (plant, everything))
+        assert here == there
+        touched += here[0] != 0.0
+    assert touched > 1000
+
+
+def test_ridges_meet_at_the_axial_gap(clutch: Clutch) -> None:
+    """Ridge on ridge at the mean radius: apart above, in touch 0.01 um below."""
+    for name in ROOFS:
+        plant = planar_clutch(_clutch(clutch, name))
+        dog = plant.clutch.dog
+        angle = -dog.crest_overlap / dog.mean_radius
+        assert _force(plant, angle, dog.height + 1e-9, 0.0, 0.0) == (0.0, 0.0)
+        assert _force(plant, angle, dog.height - 1e-8, 0.0, 0.0)[0] > 0.0
+
+
+def _force(plant: PlanarClutch, *state: float) -> tuple[float, float]:
+    """Compute force and torque at angle, distance and both speeds."""
+    work = kernel.workspace(len(plant.surfaces[1]))
+    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, work)
+    return found
