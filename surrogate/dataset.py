@@ -199,7 +199,7 @@ def rows_of(variables: Sequence[str], shifts: Iterable[Record]) -> Array:
     groups: dict[tuple[Any, ...], list[Record]] = defaultdict(list)
     for shift in shifts:
         design, where = (
-            tuple(round(float(shift.get(name, DEFAULTS.get(name))), DIGITS) for name in names)
+            tuple(round(float(shift[n] if n in shift else DEFAULTS[n]), DIGITS) for n in names)
             for names in (variables, WHERE)
         )
         groups[design, where, shift.get("seed")].append(shift)

@@ -59,8 +59,8 @@ def coordinates(data: Dataset, x: Array) -> Array:
 
 def shape_of(data: Dataset, x: Array) -> Array:
     """Compute entry play, tip width and fall of the face, mm, (m, 3); of a back too, (m, 4)."""
-    given, made = dict(zip(data.variables, x.T, strict=True)), DEFAULTS | data.physics
-    size = {name: np.broadcast_to(given.get(name, made[name]), len(x)) for name in SHAPE}
+    known = DEFAULTS | data.physics | dict(zip(data.variables, x.T, strict=True))
+    size = {name: np.broadcast_to(known[name], len(x)) for name in SHAPE}
     chamfer, traction, braking, back = (np.tan(np.radians(size[name])) for name in ANGLES)
     radius = 0.25 * (size["outer_diameter_mm"] + size["inner_diameter_mm"])
     play = size["height_mm"] * (traction + braking) + size["backlash_mm"]

@@ -103,7 +103,9 @@ def _write(study: Setup, row: Record, path: Path) -> None:
 
     variant, dog = (
         drawn_variant(row),
-        study.dog_with({key: row.get(key, DEFAULTS.get(key)) for key in study.shape_keys}),
+        study.dog_with(
+            {key: row[key] if key in row else DEFAULTS[key] for key in study.shape_keys}
+        ),
     )
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
     result = engage(

@@ -387,11 +387,11 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
     whole, remedy = (dog.count % 1 == 0) & (dog.count >= 2), "give a whole number"
     rule = "a ring has a whole number of dogs of at least 2"
     yield _Rule(whole, InputError, "dog.count", dog.count, "", rule, remedy)
-    rule, ends = "it must be at least {:.6g} and below 60 deg", (0.0, 0.0, UNDERCUT, UNDERCUT)
-    for name, least in zip(("chamfer", "chamfer_back", "traction", "braking"), ends, strict=True):
-        angle, key = getattr(dog, name), f"dog.{name}_deg"
-        kept = (angle >= least) & (angle < STEEP)
-        yield _Rule(kept, InputError, key, angle / DEG, "deg", rule, SCOPE, (least / DEG,))
+    rule = "it must be at least {:.6g} and below 60 deg"
+    for name in ("chamfer", "chamfer_back", "traction", "braking"):
+        angle, low = getattr(dog, name), UNDERCUT if name in FLANKS else 0.0
+        kept, number = (angle >= low) & (angle < STEEP), (low / DEG,)
+        yield _Rule(kept, InputError, f"dog.{name}_deg", angle / DEG, "deg", rule, SCOPE, number)
     kept = (dog.crest >= 0.0) & (dog.crest <= 1.0)
     rule = "it must lie between 0, a ridge on the braking edge, and 1, on the traction edge"
     yield _Rule(kept, InputError, "dog.crest", dog.crest, "", rule, "give a share of the tip")

@@ -474,7 +474,7 @@ def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
 
 
 def closing_face(dog: Dog) -> int | None:
-    """Return which face of a tip with two ends in a hip: 0 for the back, 1 for the face."""
+    """Find the face that ends in a hip, of a tip with two: 0 for the back, 1 for the face."""
     if not dog.has_back:
         return None
     planes, (apex, _) = dog_planes(dog), pressure_apex(dog)

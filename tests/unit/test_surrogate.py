@@ -223,3 +223,9 @@ def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
     found = shape_of(about, study.rows([study.prototype]))
     of_dog = [dog.entry_play, dog.tip_width, dog.edge_drop]
     assert found[0] == pytest.approx([1e3 * value for value in of_dog], rel=1e-9)
+    keys = {"dog.crest": 0.4, "dog.chamfer_back_deg": 12.0, "dog.backlash_mm": 0.3}
+    study = load_study("mq200_paper", {**keys, "variables.chamfer_back_deg": [4.0, 25.0]})
+    dog, about = study.clutch.dog, with_rows(study, np.zeros((0, 14)))
+    found = shape_of(about, study.rows([study.prototype]))
+    of_dog = [dog.entry_play, dog.tip_width, dog.edge_drop, dog.back_drop]
+    assert found[0] == pytest.approx([1e3 * value for value in of_dog], rel=1e-9)
