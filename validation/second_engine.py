@@ -15,10 +15,10 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
+from dogshape.sim import kernel
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.shift.events import STILL_WINDOW, stays_held
 from dogshape.sim.shift.trace import Series, Trace, trace_of
 from dogshape.validation.blind.mujoco_shift import loaded
 from dogshape.validation.second_model import (
@@ -68,7 +68,7 @@ class SecondShift:
             self.clutch,
             self.point.profile,
             np.concatenate([times, self.times]),
-            np.concatenate([flight, self.states]),
+            np.pad(np.concatenate([flight, self.states]), ((0, 0), (0, kernel.SIZE - 6))),
         )
 
 
@@ -107,9 +107,9 @@ class SecondEngine:
                 outcome = Outcome.ENGAGED
             elif end >= clutch.timeout:
                 outcome = Outcome.TIMED_OUT
-            elif not stays_held(clutch, motion, CHUNK, clutch.timeout - end):
+            elif not kernel.stays_held(motion, CHUNK, clutch.timeout - end, clutch.numbers):
                 still_since = end
-            elif end - still_since >= STILL_WINDOW and _half_up(point, end - STILL_WINDOW):
+            elif end - still_since >= kernel.STILL_WINDOW and _half_up(point, end):
                 outcome = Outcome.BLOCKED
         whole, moved, shift_time = np.concatenate(times), np.concatenate(states), None
         if outcome is Outcome.ENGAGED:
@@ -147,9 +147,10 @@ def _start(
     return start, solver_reference(settings, damping_ratio(clutch, point))
 
 
-def _half_up(point: OperatingPoint, time: float) -> bool:
+def _half_up(point: OperatingPoint, end: float) -> bool:
     """Test that the force was half up: then a ring that nothing holds would move."""
-    return bool(point.profile.at(time) >= 0.5 * point.profile.net_force)
+    before = end - kernel.STILL_WINDOW
+    return bool(point.profile.at(before) >= 0.5 * point.profile.net_force)
 
 
 def _flight(
