@@ -13,9 +13,9 @@ from scipy.spatial import ConvexHull
 
 import dogshape.sim.shift.mesh
 from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import dog_corners, ring_part
-from dogshape.sim.planar import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.geometry import FLANKS, Dog, crest_loss, crest_setback, flank_contact

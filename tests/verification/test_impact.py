@@ -10,7 +10,7 @@ import pytest
 from pydrake.systems.framework import Context
 from scipy.special import beta
 
-from dogshape.sim.planar import kernel
+from dogshape.sim import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import (
