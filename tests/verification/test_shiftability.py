@@ -98,7 +98,7 @@ def test_a_ring_falls_into_the_slot_that_comes(flat: Clutch, share: float, skipp
     found = [engage(plant, point, float(angle)) for angle in angles[on_face]]
     assert np.mean([one.events.slots_skipped > 0 for one in found]) == skipped
     if not skipped:
-        rests = (most - overlap[on_face]) / close.mean_radius
+        rests = (most - overlap)[on_face] / close.mean_radius
         passed = [one.shift_time or math.inf for one in found] - rests / speed
         assert 0.0 < passed.min() <= passed.max() < 0.012
 
