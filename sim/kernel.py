@@ -33,13 +33,14 @@ import numpy as np
 from numba import njit
 
 compiled = njit(cache=True, error_model="numpy")
+#: A call takes every field of every array: without calls a shift costs a fifth less.
+inlined = njit(cache=True, error_model="numpy", forceinline=True)
 
 #: A rigid plane meets the pressure of a plane only where it presses against it: cosine between
 #: its normal and the pressure's gradient, at least (112.5 degrees).
 OPPOSED = math.cos(0.625 * math.pi)
 MARGIN = 1.02  #: by which an overlap is looked for before dogs can touch
 ROOM = 9  #: corners of a quadrilateral cut by the planes of a dog, at most, beyond their number
-VALUES = 3  #: place for values at corners behind a polygon and two cut ones
 #: Angles of both rings, way, their rates; way and speed of the actuator; angle and rate of what is
 #: behind the sliding ring's shaft and the output ring's.
 SIZE = 12
@@ -82,33 +83,20 @@ WAYS, RATES = (0, 1, 2, 6, 8, 10), (3, 4, 5, 7, 9, 11)
 @compiled
 def workspace(planes):
     """Make room for the polygons of a dog with a number of planes that touch."""
-    return np.empty((VALUES + 1, ROOM + planes, 3 + planes))
+    return np.empty((3, ROOM + planes, 3 + planes))
 
 
-@compiled
+@inlined
 def _cut(work, here, count, a, b):
-    """Keep of polygon ``here`` what has more in column ``a`` than in ``b``; b < 0: than 0.
+    """Keep of polygon ``here`` what has more in column ``a`` than in ``b``; a = b: than 0.
 
-    Returns the number of corners that are left, and where: in the same place if all are, else in
-    the one of the two places for cut polygons that is free.
+    Returns the number of corners that are left, and in which of the two places for cut polygons.
     """
-    values = work[VALUES]
-    more, less = False, False
-    for i in range(count):
-        value = work[here, i, a] - (work[here, i, b] if b >= 0 else 0.0)
-        values[i, 0] = value
-        more |= value > 0.0
-        less |= value <= 0.0
-    if not more:
-        return 0, here
-    if not less:
-        return count, here
-    there = 2 if here == 1 else 1
-    columns = work.shape[2]
+    there, columns, less = 2 if here == 1 else 1, work.shape[2], 0.0 if a == b else 1.0
     kept, last = 0, count - 1
-    before = values[last, 0]
+    before = work[here, last, a] - less * work[here, last, b]
     for i in range(count):
-        value = values[i, 0]
+        value = work[here, i, a] - less * work[here, i, b]
         if (value > 0.0) != (before > 0.0):
             share = before / (before - value)
             for column in range(columns):
@@ -124,7 +112,7 @@ def _cut(work, here, count, a, b):
     return kept, there
 
 
-@compiled
+@inlined
 def friction_at(slip, law):
     """Compute the friction coefficient at a slip in m/s; ``law`` as for ``contact``."""
     ratio = slip / law[3]
@@ -136,7 +124,7 @@ def friction_at(slip, law):
     return held * ratio / math.sqrt(1.0 + ratio * ratio)
 
 
-@compiled
+@inlined
 def contact(angle, distance, turn, speed, surfaces, law, work):
     """Compute force along and torque about the shaft on the compliant dog.
 
@@ -148,7 +136,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     speed : of the sliding ring into engagement, m/s.
     surfaces : of ``PlanarClutch``.
     law : of ``PlanarClutch``; equal coefficients select the law of Drake's continuous plant.
-    work : of ``workspace``: a whole polygon, two cut ones, and values at corners.
+    work : of ``workspace``: a whole polygon and two cut ones.
 
     Returns
     -------
@@ -174,7 +162,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     return axial, torque
 
 
-@compiled
+@inlined
 def _meets(quad, c, s, distance, surfaces, work):
     """Place a rigid surface in the compliant dog's frame, with its depths; whether it may touch.
 
@@ -186,7 +174,8 @@ def _meets(quad, c, s, distance, surfaces, work):
         x, y, z = corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2]
         work[0, i, 0], work[0, i, 1], work[0, i, 2] = c * x - s * y, -(s * x + c * y), distance - z
     for turn in range(planes):
-        plane = (quad + turn) % planes  # its like is the one that it most often lies outside of
+        # Its like is the one that it most often lies outside of.
+        plane = quad + turn if quad + turn < planes else quad + turn - planes
         nx, ny, nz = normals[plane, 0], normals[plane, 1], normals[plane, 2]
         deepest = -1.0
         for i in range(4):
@@ -198,20 +187,26 @@ def _meets(quad, c, s, distance, surfaces, work):
     return True
 
 
-@compiled
+@inlined
 def _is_least_somewhere(work, plane, planes):
-    """Decide whether a plane's depth may be the least; not where another is at every corner."""
+    """Decide whether a plane's depth may be positive and the least; not where no corner has it so.
+
+    Row 4 of ``work[0]`` gets 1 at each plane that divides the surface, at its own for the sign.
+    """
     column = 3 + plane
-    for other in range(plane + 1, plane + planes):
-        depth, more = 3 + other % planes, False
+    for other in range(planes):
+        more, less = False, False
         for i in range(4):
-            more |= work[0, i, depth] > work[0, i, column]
+            value = work[0, i, 3 + other] - (work[0, i, column] if other != plane else 0.0)
+            more |= value > 0.0
+            less |= value <= 0.0
         if not more:
             return False
+        work[0, 4, 3 + other] = 1.0 if less else 0.0
     return True
 
 
-@compiled
+@inlined
 def _surface(quad, c, s, turn, speed, surfaces, law, work):
     """Cut a rigid surface, ``work[0]``, by the least depth and integrate over each part."""
     normals = surfaces[1]
@@ -226,11 +221,11 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
             continue
         if not _is_least_somewhere(work, plane, planes):
             continue
-        column = 3 + plane
-        count, where = _cut(work, 0, 4, column, -1)
-        for other in range(plane + 1, plane + planes):
-            if count > 2:
-                count, where = _cut(work, where, count, 3 + other % planes, column)
+        column, count, where = 3 + plane, 4, 0
+        for beyond in range(plane, plane + planes):
+            other = beyond if beyond < planes else beyond - planes
+            if count > 2 and work[0, 4, 3 + other] > 0.0:
+                count, where = _cut(work, where, count, 3 + other, column)
         for i in range(1, count - 1):
             force, moment = _triangle(work, where, i, column, normal, turn, speed, law)
             axial += force
@@ -238,7 +233,7 @@ def _surface(quad, c, s, turn, speed, surfaces, law, work):
     return axial, torque
 
 
-@compiled
+@inlined
 def _triangle(work, where, i, column, normal, turn, speed, law):
     """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
     mx, my, mz = normal
@@ -262,7 +257,7 @@ def _triangle(work, where, i, column, normal, turn, speed, law):
     return axial, torque
 
 
-@compiled
+@inlined
 def force_at(time, knots):
     """Evaluate a piecewise cubic: ``knots`` are times, values and slopes, (3, n); held beyond."""
     last = knots.shape[1] - 1
@@ -285,12 +280,12 @@ def force_at(time, knots):
     )
 
 
-@compiled
+@inlined
 def _smooth(value, small):
     return value / math.sqrt(value * value + small * small)
 
 
-@compiled
+@inlined
 def _spring(stretch, rate, stiff, loss, low, high, deep):
     """Compute a spring's force, or that of two stops (``sim.shift.mechanism.spring_force``)."""
     if low == high:
@@ -300,14 +295,14 @@ def _spring(stretch, rate, stiff, loss, low, high, deep):
     return push - max(behind * (stiff - loss * rate / (behind + deep)), 0.0)
 
 
-@compiled
+@inlined
 def _twist(state, plain):
     """Compute the torque of the shaft on the sliding ring at a state (12,), N m."""
     half, lead, rate = 0.5 * plain[BACKLASH], state[8] - state[2], state[9] - state[5]
     return _spring(lead, rate, plain[SHAFT], plain[SHAFT_LOSS], -half, half, plain[TWIST])
 
 
-@compiled
+@inlined
 def _resistance(way, speed, through, plain):
     """Compute detent and friction against the ring, N; ``through`` the spline goes a torque."""
     held = 0.0
@@ -321,7 +316,7 @@ def _resistance(way, speed, through, plain):
     return held
 
 
-@compiled
+@inlined
 def _drag(state, plain):
     """Compute the torque that holds what turns with the sliding ring's side, N m."""
     if plain[DRAG] == 0.0:
@@ -329,7 +324,7 @@ def _drag(state, plain):
     return plain[DRAG] * _smooth(state[9 if plain[BEHIND] > 0.0 else 5], plain[TURN_SPEED])
 
 
-@compiled
+@inlined
 def _forces(state, plain, surfaces, law, work):
     """Compute force along and torque about the shaft of all dogs at a state (12,), N and N m."""
     if state[1] <= surfaces[5]:
@@ -340,7 +335,7 @@ def _forces(state, plain, surfaces, law, work):
     return along * plain[DOGS], about * plain[DOGS]
 
 
-@compiled
+@inlined
 def _motion(push, along, about, state, out, plain):
     """Write the rates of a state (12,) into ``out``: ``push`` of the actuator, contact's forces."""
     way, speed = state[1], state[4]
@@ -394,7 +389,7 @@ def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
     changed = slopes[SIZE]
     more, moved = np.zeros(SIZE), np.zeros(SIZE)
     for j in (SIZE, 0, 1, 3, 4):  # the last one first: nothing is changed
-        small = _small(j, plain)
+        small = _small(j, plain) if j < SIZE else 0.0
         if j < SIZE:
             state[j] += small
         one, other = _forces(state, plain, surfaces, law, work)
