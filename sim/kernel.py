@@ -6,8 +6,11 @@ where :math:`d_i` is the least and positive; over that polygon the traction (Hun
 
 .. math:: t = k d_i (1 + D v_n)_+ \left(n + \mu \, s(|v_t|) \frac{v_t}{|v_t|}\right)
 
-is integrated by three points in each triangle of a fan. Steps: Bogacki and Shampine's pair 3(2)
-(1989); where dogs stay in touch, Shampine and Reichelt's linearly implicit pair 2(3) (1997).
+is integrated by three points in each triangle of a fan. IMPACT of Adams acts on the whole dog
+instead, with :math:`\sigma` the cubic step and *d* the largest depth, at the centroid of the
+overlap and along its mean normal, :math:`F = (K d^{3/2} + C \sigma(d/d_C) \, v_n)_+`. Steps:
+Bogacki and Shampine's pair 3(2) (1989); where dogs stay in touch, Shampine and Reichelt's linearly
+implicit pair 2(3) (1997).
 
 ``summarize`` works times, events and loads of either engine's run out of its states. Contact forces
 follow from the motion by balance of momentum, each the mean over the step that ends at its time.
@@ -70,6 +73,7 @@ _FAR, _NEAR = 2.0 / 3.0, 1.0 / 6.0
 #: Places of a triangle's three points, as shares of its corners.
 POINTS = ((_FAR, _NEAR, _NEAR), (_NEAR, _FAR, _NEAR), (_NEAR, _NEAR, _FAR))
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
+IMPACT_LAW = 7  #: numbers of a law that is IMPACT's
 
 STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
 STILL = 1e-3  #: m/s of slip below which faces count as held
@@ -135,7 +139,8 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     turn : output less sliding speed, rad/s.
     speed : of the sliding ring into engagement, m/s.
     surfaces : of ``PlanarClutch``.
-    law : of ``PlanarClutch``; equal coefficients select the law of Drake's continuous plant.
+    law : of ``PlanarClutch``; seven numbers are IMPACT's, equal coefficients of five select the law
+        of Drake's continuous plant.
     work : of ``workspace``: a whole polygon and two cut ones.
 
     Returns
@@ -154,6 +159,11 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
         if -place >= free - distance * ahead or place >= free - distance * behind:
             continue
         c, s = math.cos(place), math.sin(place)
+        if law.shape[0] == IMPACT_LAW:
+            force, moment = _impact(c, s, distance, turn, speed, surfaces, law, work)
+            axial += force
+            torque += moment
+            continue
         for quad in range(surfaces[1].shape[0]):
             if _meets(quad, c, s, distance, surfaces, work):
                 force, moment = _surface(quad, c, s, turn, speed, surfaces, law, work)
@@ -255,6 +265,74 @@ def _triangle(work, where, i, column, normal, turn, speed, law):
         axial -= pressure * (mz + rub * vz)
         torque -= pressure * (x * (my + rub * vy) - y * (mx + rub * vx))
     return axial, torque
+
+
+@compiled
+def _step_of(share):
+    """Rise from 0 to 1 as Adams' STEP over a share from 0 to 1."""
+    share = min(max(share, 0.0), 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+@compiled
+def impact_friction_at(slip, law):
+    """Compute the coefficient of Adams' Coulomb friction at a slip in m/s; law of IMPACT.
+
+    STEP from minus to plus the static one over twice the stiction velocity, and on to the dynamic.
+    """
+    if slip < law[3]:
+        return law[4] * (2.0 * _step_of(0.5 * (slip + law[3]) / law[3]) - 1.0)
+    return law[4] + (law[2] - law[4]) * _step_of((slip - law[3]) / (law[6] - law[3]))
+
+
+@compiled
+def _impact(c, s, distance, turn, speed, surfaces, law, work):
+    """Compute IMPACT's force and torque on the compliant dog from one dog of the opposite ring."""
+    normals = surfaces[1]
+    planes = normals.shape[0]
+    volume, deepest = 0.0, 0.0
+    px, py, nx, ny, nz = 0.0, 0.0, 0.0, 0.0, 0.0  # point and normal times the volume
+    for quad in range(planes):
+        if not _meets(quad, c, s, distance, surfaces, work):
+            continue
+        mx = c * normals[quad, 0] - s * normals[quad, 1]
+        my = -(s * normals[quad, 0] + c * normals[quad, 1])
+        mz = -normals[quad, 2]
+        for plane in range(planes):
+            along = mx * normals[plane, 0] + my * normals[plane, 1] + mz * normals[plane, 2]
+            if -along <= OPPOSED or not _is_least_somewhere(work, plane, planes):
+                continue
+            column, count, where = 3 + plane, 4, 0
+            for beyond in range(plane, plane + planes):
+                other = beyond % planes
+                if count > 2 and work[0, 4, 3 + other] > 0.0:
+                    count, where = _cut(work, where, count, 3 + other, column)
+            for i in range(1, count - 1):
+                p, q, r = work[where, 0], work[where, i], work[where, i + 1]
+                deepest = max(deepest, p[column], q[column], r[column])
+                ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+                bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+                ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+                third = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
+                for f0, f1, f2 in POINTS:
+                    part = third * (f0 * p[column] + f1 * q[column] + f2 * r[column])
+                    volume += part
+                    px += part * (f0 * p[0] + f1 * q[0] + f2 * r[0])
+                    py += part * (f0 * p[1] + f1 * q[1] + f2 * r[1])
+                    nx, ny, nz = nx + part * mx, ny + part * my, nz + part * mz
+    if volume <= 0.0:
+        return 0.0, 0.0
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    x, y, nx, ny, nz = px / volume, py / volume, nx / length, ny / length, nz / length
+    vx, vy, vz = turn * y, -turn * x, -speed
+    closing = vx * nx + vy * ny + vz * nz
+    spring = law[0] * deepest * math.sqrt(deepest)
+    force = max(spring + law[1] * _step_of(deepest / law[5]) * closing, 0.0)
+    vx, vy, vz = vx - closing * nx, vy - closing * ny, vz - closing * nz
+    slip = math.sqrt(vx * vx + vy * vy + vz * vz)
+    rub = impact_friction_at(slip, law) / slip if slip > 1e-12 else 0.0
+    moment = x * (ny + rub * vy) - y * (nx + rub * vx)
+    return -force * (nz + rub * vz), -force * moment
 
 
 @inlined
