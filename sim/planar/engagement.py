@@ -60,7 +60,7 @@ def planar_clutch(clutch: Clutch) -> PlanarClutch:
     offsets = np.array([plane.offset for plane in planes])
     lean = np.tan([dog.traction, dog.braking])
     lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
-    least = np.append(lean, 0.5 * dog.backlash / dog.outer_radius)
+    least = np.append(lean, 0.5 * dog.backlash_angle)
     surfaces = corners, normals, offsets, least, dog.pitch_angle, dog.axial_gap, dog.travel
     dynamic = contact.dynamic_friction
     static = contact.static_friction if clutch.solver.scheme == "cenic" else dynamic
