@@ -11,10 +11,10 @@ Widths run along the circumference at radius *r*:
 :math:`w_{tip,root} = \tfrac{1}{2}(\vartheta - \varphi) r \mp \tfrac{h}{2}(\tan\beta +
 \tan\gamma)`. With median planes *D* apart, rings have a play of :math:`\varphi r + D(\tan\beta +
 \tan\gamma)`, as far as flanks face each other: down from :math:`D = h - 2d` with the larger depth
-*d* of both edges below the ridge. Undercut flanks pass where that is not negative there. At full depth tip edges, rounded
-by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a flank along the shaft,
-:math:`\psi` the angle of the material: what touches is :math:`h - 2(d(r) + a)`, with the depth *d*
-of that flank's edge.
+*d* of both edges below the ridge. Undercut flanks pass where that is not negative there. At full
+depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
+flank along the shaft, :math:`\psi` the angle of the material: what touches is :math:`h - 2(d(r) +
+a)`, with the depth *d* of that flank's edge.
 """
 
 from __future__ import annotations

@@ -102,7 +102,7 @@ def test_a_symmetric_roof_has_one_expected_time_for_both_signs(
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_rings_have_the_play_of_the_closed_form_at_every_depth(clutch: Clutch, name: str) -> None:
-    """Flanks touch where half of the play and D tan has been turned, at the radius where it is first.
+    """Flanks touch where half of the play and D tan is turned, at the radius where that is first.
 
     D is the distance of the median planes, down from where the edges of that flank have passed all
     along; rings that are turned towards each other are not quite parallel there.
