@@ -41,9 +41,9 @@ def slips_of(study: Setup) -> list[str]:
     if (used := max(check.utilisation for check in loaded)) < IDLE:
         notes.append(f"the torque uses at most {used:.2%} of what the dogs bear; "
                      "is load.torque_Nm in N m?")  # fmt: skip
-    for name in ("chamfer", "traction", "braking"):
+    for name in ("chamfer", "chamfer_back", "traction", "braking"):
         angle = getattr(dog, name) / DEG
-        if 0.0 < angle < RADIANS:
+        if 0.0 < abs(angle) < RADIANS:
             notes.append(f"dog.{name}_deg is {angle:.4g} deg; is it in degrees? "
                          f"{angle:.4g} rad are {math.degrees(angle):.3g} deg")  # fmt: skip
     area = math.pi * (dog.outer_radius**2 - dog.inner_radius**2)

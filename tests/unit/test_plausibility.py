@@ -37,6 +37,8 @@ def test_what_the_model_lacks_is_refused_with_what_it_has(value: str) -> None:
     [
         (("dog.chamfer_deg=0.14",), "0.14 rad are 8.02 deg"),
         (("dog.traction_deg=0.21",), "dog.traction_deg is 0.21 deg; is it in degrees?"),
+        (("dog.traction_deg=-0.087", "dog.backlash_mm=0.3"), "-0.087 rad are -4.98 deg"),
+        (("dog.crest=0.5", "dog.chamfer_back_deg=0.2"), "dog.chamfer_back_deg is 0.2 deg"),
         (("output.inertia_kgm2=6048",), "output.inertia_kgm2 is 6048"),
         (("sliding.mass_kg=0.003",), "is it in kg?"),
         (("load.torque_Nm=0.2",), "is load.torque_Nm in N m?"),
