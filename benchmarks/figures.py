@@ -269,7 +269,7 @@ def studies() -> str:
 
     rows = [
         ("`mq200`: [the default study](#the-default-study)", time, "mq200"),
-        (f"`{PAPER}`: [as the paper asks](#as-the-paper-asks)", time, PAPER),
+        (f"`{PAPER}`: [the study of the paper](#the-study-of-the-paper)", time, PAPER),
         ("`mq200_actuation`: [shift control too](#shift-control-searched-with-the-shape)", time,
          "mq200_actuation"),
         ("`mq200_robust`: friction, force and inertia uncertain",
