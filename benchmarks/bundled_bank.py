@@ -14,7 +14,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from dogshape.cli.console import ProgressBar
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.prediction.simulations import BankStore, series_key
@@ -22,6 +21,7 @@ from dogshape.pipeline.diagnose.bank_diagnosis import BANK, TIMES, Means, brough
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
+from dogshape.terminal import ProgressBar
 
 SETS = ("mq200_stand", "mq200_adams")
 

@@ -21,7 +21,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from benchmarks.common import paper_study
-from dogshape.cli.console import ProgressBar
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.simulate.evaluation import expect_to, expectation_of
@@ -30,6 +29,8 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.statistics.blocks import Block, engage
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.units import DEG
+from dogshape.terminal import ProgressBar
 
 DENSE, GOAL, RUNS = 96, 0.01, 20
 Place = tuple[float, float, int]  #: mismatch, force and number of the angle
@@ -92,7 +93,11 @@ def simulated(study: Setup) -> Dense:
             start = time.process_time()
             found = engage(study.clutch, point, float(angle))
             dense.cpu[key] = time.process_time() - start
-            dense.rows[key] = {"outcome": found.outcome.value, "shift_time_s": found.shift_time}
+            dense.rows[key] = {
+                "outcome": found.outcome.value, "shift_time_s": found.shift_time,
+                "relative_angle_deg": angle / DEG, "count": study.clutch.dog.count,
+                "face_contacts": found.events.face_contacts,
+            }  # fmt: skip
     return dense
 
 

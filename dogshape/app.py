@@ -32,11 +32,13 @@ from dogshape.check import Checked
 from dogshape.pipeline.config.study_file import Setup, pair_of
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
-from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.reports.charts import front_figure
-from dogshape.pipeline.reports.designs import MARGIN, Row, goals_of, is_measured
+from dogshape.pipeline.reports.designs import MARGIN, Row, goals_of
+from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import own_surrogate
+from dogshape.running import receiver
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
@@ -84,7 +86,7 @@ class Desk:
     def searched(self) -> dict[str, Row]:
         """Designs that the search simulated, by number."""
         rows = [] if self.result is None else self.result["trials"]
-        return {str(row["trial"]): row for row in rows if is_measured(row)}
+        return {str(row["trial"]): row for row in rows if row[SIMULATED] is not None}
 
     def shape(self, trial: str = "") -> dict[str, str]:
         """Give the texts of the dog's numbers for a design of the search, or the study's own."""
@@ -353,17 +355,18 @@ def serve_app(
     folder: str | Path | None = None,
     port: int = 0,
     browser: bool = True,
-    progress: Progress = SILENT,
+    progress: Progress | bool = False,
     command: str = "",
 ) -> None:
     """Serve the live page of a study on this machine until it is interrupted.
 
-    ``surrogate``, ``folder`` and ``command`` as ``open_desk`` takes them. ``port`` 0 is any free
-    one; ``progress`` gets the address.
+    ``study``, ``surrogate``, ``folder``, ``command`` as ``open_desk`` takes them. ``port`` 0 is any
+    free one, ``browser`` whether to open it; ``progress`` gets the address.
+    Example: ``ds.serve_app(ds.Study("mq200"), port=8050, progress=True)``
     """
     server = start_server(open_desk(study, surrogate, folder, command), port)
     address = f"http://{HOST}:{server.port}/"
-    progress.say(f"{address} (Ctrl-C ends it)")
+    receiver(progress).say(f"{address} (Ctrl-C ends it)")
     if browser:
         webbrowser.open(address)
     server.serve_forever()

@@ -11,10 +11,10 @@ from dogshape.diagnosis.bench.bench_data import load_bench, require_something
 from dogshape.diagnosis.bench.comparison import ANGLES, compare
 from dogshape.diagnosis.bench.comparison import Comparison as Compared
 from dogshape.diagnosis.report.wording import findings_record
-from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, tabulate
 from dogshape.pipeline.reports.text import time_text
-from dogshape.pipeline.store.result_records import BenchPoint, engaged_record
+from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.running import Angles, Where, require_angles
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated
@@ -69,13 +69,15 @@ class Comparison(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give each operating point, the gap over all of them, and what looks odd in the set."""
         result = self.compared
+        engaged, tried, simulated = result.engaged
+        share = simulated if tried else None
         return {
             "name": result.bench.name,
             "engine": result.bench.clutch.solver.engine,
             "points": [row.to_dict() for row in self.rows],
             "rmse_s": result.rmse,
             "relative_rms": result.relative_rms,
-            "engaged": engaged_record(result),
+            "engaged": {"engaged": engaged, "tried": tried, "simulated_share": share},
             "numerical_error_s": result.numerical_error,
             **findings_record(result.bench),
         }
@@ -100,12 +102,13 @@ def validate(
     engine: str | None = None,
     jobs: int = 0,
     keep: str | Path | None = None,
-    progress: Progress = SILENT,
+    progress: Progress | bool = False,
 ) -> Comparison:
     """Simulate the operating points of a bench data set and compare.
 
     DataError or InputError for data that cannot be true, with file, row, column and the correction,
     for a set in which nothing is known of any shift, and for fewer than three angles.
+    Example: ``ds.validate("mq200_adams", 24)``
 
     Parameters
     ----------
@@ -114,21 +117,19 @@ def validate(
         of the set, or sixteen.
     correct : corrections of units and axes that the user confirms, ``"time=ms"``.
     engine : ``drake`` or ``planar``; None for that of the set's study.
-    jobs, keep : as in ``Study.expect``.
+    jobs, keep, progress : as in ``Study.expect``.
     """
     data = load_bench(bench, correct)
     require_angles(angles)
     chosen: int | tuple[float, ...] | None = None
-    if angles is None:
-        count = len(data.relative_angles or ()) or ANGLES
-    elif isinstance(angles, int):
-        chosen, count, text = angles, angles, str(angles)
-    else:
-        count, text = len(angles), ",".join(f"{angle:.12g}" for angle in angles)
-        chosen = tuple(angle * DEG for angle in angles)
-    if angles is not None and count < MIN_ANGLES:
-        rule = "but a comparison needs at least three; give more"
-        raise InputError(f"--angles is '{text}', {rule}")
+    if angles is not None:
+        chosen = angles if isinstance(angles, int) else tuple(angle * DEG for angle in angles)
+    counted = len(chosen) if isinstance(chosen, tuple) else chosen
+    if counted is not None and counted < MIN_ANGLES:
+        raise InputError(
+            f"--angles is '{angles}', but a comparison needs at least three; give more"
+        )
+    count = counted or len(data.relative_angles or ()) or ANGLES
     require_something(data)
     if engine is not None:
         data = replace(data, clutch=data.clutch.with_engine(engine))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup, points_of
 from dogshape.pipeline.record import Frame, Result, Table, frame_of
-from dogshape.pipeline.reports.text import ENGINES, interval_text, time_text
+from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_words, time_text
 from dogshape.pipeline.simulate.design import (
     Design,
     ToleranceTime,
@@ -23,10 +24,10 @@ from dogshape.pipeline.simulate.design import (
     weakest_within,
 )
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.pipeline.store.result_records import CheckRow, check_table
+from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime, QuantileRow, check_table
 from dogshape.pipeline.train.training_rows import mix_over, own_surrogate
 from dogshape.sim.errors import GeometryError
-from dogshape.sim.statistics.expectation import LEAST_ENGAGED, Expectation
+from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.strength.checks import feasible, smallest_margin
 from dogshape.sim.strength.dog_strength import UNJUDGED, strike_force, strike_torque
 from dogshape.sim.strength.locking import blocking_force
@@ -92,6 +93,8 @@ class Checked(Result):
         return [
             check_table(self.rows),
             "",
+            "S: safety factor, upper limit of a stress or force over its value, at nominal size, "
+            "beyond the factors of [load] that the limit contains",
             "margin: distance to the limit over the limit, at nominal size, with every tolerance "
             "at its worst, and by root sum of squares (no tolerances for the landing)",
             f"feasible: {verdict}{open_ones}",
@@ -166,6 +169,7 @@ class Check(Checked):
     engaged: float = 0.0
     guess: Guess | None = None
     refusal: str = ""
+    quantiles: Sequence[QuantileRow] = ()
 
     @property
     def time_s(self) -> float | None:
@@ -194,6 +198,8 @@ class Check(Checked):
                 f"scatter by {time_text(found.sd)}, {found.engaged:.1%} engage where fewest do",
                 *_retries(found),
             ]
+            times = quantile_words([one.to_dict() for one in self.quantiles])
+            lines += [f"shift time over the life: {times}"] if times else []
         lines += [] if self.guess is None else self._surrogate_lines(self.guess)
         if self.design.not_checked and not self.refusal:
             lines.append("landing not judged: the surrogate knows none; leave out --surrogate")
@@ -229,6 +235,7 @@ class Check(Checked):
         return {
             **time_record(self.expected, self.refusal),
             **({"engaged": self.engaged} if self.shifts else {}),
+            "quantiles": [one.to_dict() for one in self.quantiles],
             "operating_points": len(self.mix.points),
             "engine": "planar" if self.shifts else self.config.clutch.solver.engine,
             "shifts_planar": self.shifts,
@@ -292,7 +299,10 @@ def check_design(
     if found is None:
         return Check(config, design, within, mix, expected, guess=guess, refusal=refusal)
     mean = found.expectation
-    return Check(config, design, within, mix, expected, mean.shifts, mean.engaged, guess, refusal)
+    return Check(
+        config, design, within, mix, expected, mean.shifts, mean.engaged, guess, refusal,
+        ExpectedTime.of(mean).quantiles or (),
+    )  # fmt: skip
 
 
 def _guess(config: Setup, mix: Mix, named: str | Path | None, refusal: str) -> Guess | None:
@@ -311,10 +321,10 @@ def _guess(config: Setup, mix: Mix, named: str | Path | None, refusal: str) -> G
 
 def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
     """Give a simulated time with its interval, the engine's error in it, or why there is none."""
-    if found.mean_engaged is None or found.engaged < LEAST_ENGAGED:
+    if not found.engages:
         few = f"{found.engaged:.0%} where fewest do"
         return None, f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
-    share, n, sd = np.array([(p.engaged, p.n, p.sd) for p in found.points]).T
+    share, n, sd = np.array([(p.timed, p.n, p.sd) for p in found.points]).T
     weights = mix.weights * mix.retry
     unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2
     error = math.hypot(found.standard_error, ENGINE_ERROR * found.mean)

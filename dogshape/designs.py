@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,13 +49,10 @@ def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
     return record, found.to_dict()["checks"]
 
 
-def write_data_sheet(one: NamedDesign, path: str | Path, why: str = "") -> Path:
-    """Write the data sheet of a design: a page for A4, or JSON where the path ends in ``.json``.
-
-    ``why`` is the reason of a decision for it.
-    """
+def write_data_sheet(one: NamedDesign, path: str | Path, block: Mapping[str, str]) -> Path:
+    """Write the data sheet of a design, A4 or by its ending JSON, with a ``write_sheet`` block."""
     require_targets({"the data sheet": Path(path)})
-    write_sheet(one, *record_of(one), why.strip(), Path(path))
+    write_sheet(one, *record_of(one), block, Path(path))
     return Path(path)
 
 
@@ -98,6 +96,8 @@ class SideBySide(Result):
 
 def compare(*names: str) -> SideBySide:
     """Compare designs, studies, folders of results, or contact sets with the first of them.
+
+    Example: ``ds.compare("mq200#33", "results/mine#12")``
 
     ``names`` are such as ``"results/mq200#43"``, ``"mq200"``, ``"results/mine"`` or
     ``"lubricated_steel"``. Of a design that was not simulated the time is that of ``check``.

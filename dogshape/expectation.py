@@ -12,7 +12,7 @@ import numpy as np
 from scipy.stats import norm
 
 from dogshape.pipeline.config.study_file import Setup, load_study, points_of
-from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.progress import Progress, WorkCounter
 from dogshape.pipeline.record import (
     Figure,
     Frame,
@@ -22,18 +22,18 @@ from dogshape.pipeline.record import (
     number_or_none,
     tabulate,
 )
-from dogshape.pipeline.reports.charts import times_by_point
-from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, time_text
+from dogshape.pipeline.reports.charts import shiftability_figure, times_by_point
+from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
-from dogshape.running import Angles, Where, require_angles
+from dogshape.running import Angles, Where, receiver, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
 from dogshape.sim.statistics.expectation import Expectation as Mean
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.texts import read_table
-from dogshape.sim.units import DEG
+from dogshape.sim.units import DEG, RPM
 
 OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
 #: Mismatch in 1/min, force in N and rise time in s of one operating point, or all of a study's.
@@ -78,17 +78,41 @@ class Expectation(Result):
         lost = f"{mean.lost} of {mean.shifts} shifts did not engage"
         if mean.blocked:
             lost += f", {mean.blocked} held dog on dog by friction"
+        if freed := sum(point.freed for point in mean.points):
+            lost += f", {freed} of these freed by the alternating set-point"
         if mean.mean_engaged is not None:
             lost += f"; without their retries the mean is {in_ms(mean.mean_engaged)} ms"
         if not mean.engages:
-            return [mean.engaged_words, table, lost, engine]
+            count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
+            return [f"{count}: {NO_TIME}", table, lost, engine]
         error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error)"
         if found.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
         total = f"expected shift time {1e3 * mean.mean:.2f} {error}"
         if found.numerical_error_s is not None:
             total += f", numerical error {1e3 * found.numerical_error_s:.2g} ms"
-        return [table, total, engine, *([lost] if mean.lost else [])]
+        times = quantile_words([one.to_dict() for one in found.quantiles or ()])
+        direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
+        entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
+        more = [f"shift time over the life: {times}"] if times else []
+        return [table, total, *more, entry, engine, *([lost] if mean.lost else [])]
+
+    def shiftability(self) -> Frame:
+        """Give the shifts by entry, a row for each operating point and bin of its angles."""
+        import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
+
+        pitch = self.config.clutch.dog.pitch_angle / DEG
+        rows = [
+            (one.point.mismatch / RPM, one.point.profile.force, (k + 0.5) * pitch / bins, *counts)
+            for one in self.mean.points if (bins := len(one.by_angle))
+            for k, counts in enumerate(one.by_angle)
+        ]  # fmt: skip
+        entries = ("direct", "after_face_contact", "not_engaged")
+        return pd.DataFrame(rows, columns=("mismatch_rpm", "force_N", "angle_deg", *entries))
+
+    def plot_shiftability(self) -> Figure:
+        """Map direct entry over mismatch and force, and over mismatch and relative angle."""
+        return shiftability_figure({"": (self.to_dict()["points"], self.config.clutch.dog.count)})
 
     def to_dict(self) -> dict[str, Any]:
         """Give mean, errors, and an entry for each operating point."""
@@ -102,7 +126,7 @@ class Expectation(Result):
 
     def to_frame(self) -> Frame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""
-        return frame_of(self.record.points)
+        return frame_of(self.record.points).drop(columns="shiftability")
 
 
 def simulate_mean(
@@ -202,12 +226,12 @@ def expect_draws(
     *,
     angles: int | None = None,
     jobs: int = 0,
-    progress: Progress = SILENT,
+    progress: Progress | bool = False,
 ) -> DrawnExpectation:
     """Simulate the expected shift time at each draw of some keys of a study.
 
     InputError or DataError for a table, a key or a value that cannot be used, with its row, or too
-    few angles.
+    few angles. Example: ``ds.expect_draws("stand.toml", "stand-draws.csv", angles=8)``
 
     Parameters
     ----------
@@ -239,7 +263,7 @@ def expect_draws(
         except DogshapeError as error:
             raise type(error)(f"{path}, row {row}: {error}") from error
     means = []
-    with WorkCounter(progress, len(studies), unit="draws") as counter:
+    with WorkCounter(receiver(progress), len(studies), unit="draws") as counter:
         for one in studies:
             means.append(simulate_mean(one, Where(jobs), EVERYWHERE, angles))
             counter.advance(1)

@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
-from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Frame, Result, Table
 from dogshape.pipeline.reports.text import in_ms, time_text
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
 from dogshape.pipeline.train.training import fill, train
 from dogshape.pipeline.train.training_rows import space_out
+from dogshape.running import receiver
 from dogshape.sim.errors import InputError
 from dogshape.study import Study
 from dogshape.surrogate.store import LEAST_Q2, Stored
@@ -88,11 +89,12 @@ def fit(
     out: str | Path | None = None,
     jobs: int = 0,
     cluster: str | None = None,
-    progress: Progress = SILENT,
+    progress: Progress | bool = False,
 ) -> Fitted:
     """Fit the surrogate of a study and judge it on designs that it has not seen.
 
     InputError for settings of a study that was run, or too few designs.
+    Example: ``ds.fit("mq200", ["dog.count=18"], progress=True)``
 
     Parameters
     ----------
@@ -100,9 +102,10 @@ def fit(
         which designs that fill the space are simulated first into ``results/NAME-space``.
     settings : settings of a study that is named, ``["dog.count=18"]``.
     out : file of the surrogate; by default ``surrogate.json`` of the folder.
+    jobs, cluster, progress : as in ``Study.expect``.
     """
     begun = time.perf_counter()
-    target = None if out is None else Path(out)
+    target, told = None if out is None else Path(out), receiver(progress)
     require_targets({"--out": target})
     if settings and isinstance(where, Study):
         raise InputError("a Study has its settings already; give them to Study, or name the study")
@@ -111,11 +114,11 @@ def fit(
         config = where.config if isinstance(where, Study) else load_study(where, settings)
         folder = StudyFolder(space_out(config))
         require_variables(config)
-        fill(config, folder, jobs, cluster, progress)
+        fill(config, folder, jobs, cluster, told)
     elif settings:
         raise InputError(
             "--set cannot change a study that was run; leave it out, or name the study"
         )
-    stored = train(folder, target, say=progress.say)
+    stored = train(folder, target, say=told.say)
     seconds = time.perf_counter() - begun
     return Fitted(folder.stored_study(), stored, target or folder.surrogate, seconds)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_times
 from dogshape.diagnosis.bench.table import COLUMNS
@@ -40,7 +41,7 @@ from dogshape.pipeline.diagnose.gap_update import (
     update_record,
 )
 from dogshape.pipeline.diagnose.study_keys import rounded
-from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.gap_page import (
     cells_figure,
@@ -51,9 +52,10 @@ from dogshape.pipeline.reports.gap_page import (
     residual_table,
 )
 from dogshape.pipeline.store.folder import require_targets
+from dogshape.running import receiver
 from dogshape.sim.effects import load
 from dogshape.sim.errors import InputError, StorageError, number
-from dogshape.sim.files import write_whole, writing
+from dogshape.sim.files import write_frame, writing
 from dogshape.sim.units import RPM
 
 SHOWN_HYPOTHESES = 6  #: in the table of an update
@@ -156,12 +158,12 @@ def diagnose(
     study: str | None = None,
     engine: str = "planar",
     jobs: int = 0,
-    progress: Progress = SILENT,
+    progress: Progress | bool = False,
 ) -> Diagnosis:
     """Find which unmodelled effect makes a bench differ from the simulation.
 
     InputError, DataError or EffectError for a data set, an effect or a study that cannot be used,
-    with the remedy.
+    with the remedy. Example: ``ds.diagnose("mq200_stand", out="results/gap", progress=True)``
 
     Parameters
     ----------
@@ -173,10 +175,10 @@ def diagnose(
     effects : folder with effects of the user's own.
     study : study, or folder of its results, whose best designs are simulated with the cause.
     engine : of the simulations, ``planar`` or ``drake``, which takes some hours for a clutch.
-    jobs : worker processes, 0 for one a core.
+    jobs, progress : as in ``Study.expect``.
     """
-    given = load_bench(bench, correct)
-    means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress, engine)
+    given, told = load_bench(bench, correct), receiver(progress)
+    means = Means(Path(bank), None if effects is None else Path(effects), jobs, told, engine)
     folder = None if out is None else Path(out)
     if folder is not None:
         require_no_updates(folder)
@@ -190,7 +192,7 @@ def diagnose(
         if study is None:
             return Diagnosis(found, None, folder)
         verdict = headline_of(found.verdict, found.effects)
-        progress.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
+        told.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
         price = price_of(found, study, means, folder or Path(bank))
         if folder is not None:
             publish(found, folder, price)
@@ -233,8 +235,6 @@ class Update(Result):
 
     def to_frame(self) -> Frame:
         """Give a row for each hypothesis: probability before and after."""
-        import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
-
         both = {when: self.record[when]["probabilities"] for when in ("before", "after")}
         return pd.DataFrame(both).fillna(0.0).rename_axis("hypothesis")
 
@@ -246,17 +246,17 @@ def update_diagnosis(
     bank: str | Path = BANK,
     effects: str | Path | None = None,
     jobs: int = 0,
-    progress: Progress = SILENT,
+    progress: Progress | bool = False,
 ) -> Update:
     """Join new readings to the data set of an earlier diagnosis, and diagnose again.
 
     DataError or StorageError for a table or a folder that cannot be used, with the remedy. Nothing
-    is changed then.
+    is changed then. Example: ``ds.update_diagnosis("results/gap", "new.csv")``
 
     Parameters
     ----------
     folder : of the earlier diagnosis (``diagnose`` with ``out``).
-    new : table with the columns of ``shifts.csv``, in the same units.
+    new : CSV or .xlsx table with the columns of ``shifts.csv``, in the same units.
     effects : folder with effects of the user's own; that of the earlier diagnosis by default.
     bank, jobs, progress : as in ``diagnose``. The engine is that of the earlier diagnosis, so that
         before and now differ by the readings alone.
@@ -270,7 +270,7 @@ def update_diagnosis(
         before = before_of(place, count)
         own = effects if effects is not None else asked.effects
         own = None if own is None else Path(own)
-        found = diagnosed(bench, Means(Path(bank), own, jobs, progress, before["engine"]))
+        found = diagnosed(bench, Means(Path(bank), own, jobs, receiver(progress), before["engine"]))
         record = update_record(before, found, sheet, count)
         publish(found, place, history=add_update(place, record, count))
         settle_data(place)
@@ -356,8 +356,6 @@ class Plan(Result):
 
     def to_frame(self) -> Frame:
         """Give a row for each visit: operating point and shifts."""
-        import pandas as pd  # noqa: PLC0415  # half a second that other results do not need
-
         return pd.DataFrame(self.to_dict()["order"]).set_index("visit")
 
     def unlike(self, truth: int) -> tuple[float, list[int], list[int]]:
@@ -378,12 +376,12 @@ def plan_shifts(
     bank: str | Path = BANK,
     effects: str | Path | None = None,
     jobs: int = 0,
-    progress: Progress = SILENT,
+    progress: Progress | bool = False,
 ) -> Plan:
     """Plan shifts on a bench: operating points, numbers, order, and the causes they distinguish.
 
     InputError, DataError or StorageError for a data set, a number or a file that cannot be used,
-    with the remedy.
+    with the remedy. Example: ``ds.plan_shifts("mq200_stand", 120, out="to_fill.xlsx")``
 
     Parameters
     ----------
@@ -392,8 +390,8 @@ def plan_shifts(
     shifts : in all.
     points : operating points that are used, at most; None for any number.
     seed : of the order.
-    out : file for the table to fill in at the bench, which must not be there yet. It is a
-        ``shifts.csv`` without times; its column ``order`` shows a drift afterwards.
+    out : CSV or .xlsx file for the table to fill in at the bench, which must not be there yet. It
+        is a ``shifts.csv`` without times; its column ``order`` shows a drift afterwards.
     bank, effects, jobs, progress : as in ``diagnose``.
     """
     file = None if out is None else Path(out)
@@ -406,13 +404,13 @@ def plan_shifts(
             f"number of operating points is {points}, but {bench.name} has {len(bench.cells)}; "
             f"give 1 to {len(bench.cells)}"
         )
-    means = Means(Path(bank), None if effects is None else Path(effects), jobs, progress)
+    means = Means(Path(bank), None if effects is None else Path(effects), jobs, receiver(progress))
     plan = shift_plan(predicted_field(bench, means), shifts, seed, points)
     if file is not None:
-        lines = [",".join((*COLUMNS[:7], "order"))]
-        for place in (place for place, count in plan.order for _ in range(count)):
-            point = bench.cells[place].point
-            values = rounded(point.mismatch / RPM), rounded(point.profile.force), point.profile.rise
-            lines.append(f"{','.join(map(str, values))},1,,,,{len(lines)}")
-        write_whole(file, "\n".join(lines) + "\n")
+        todo = [bench.cells[place].point for place, count in plan.order for _ in range(count)]
+        rows = [
+            (rounded(p.mismatch / RPM), rounded(p.profile.force), p.profile.rise, 1) for p in todo
+        ]
+        sheet = pd.DataFrame(rows, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS[:7]])
+        write_frame(sheet.assign(order=range(1, len(rows) + 1)), file, digits=12)
     return Plan(bench, plan, file)

@@ -11,6 +11,7 @@ from dogshape.pipeline.record import Frame, Result, Table
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.train.design_table import Predicted, predict, require_another, text_table
 from dogshape.pipeline.train.training_rows import mix_over, stored_surrogate
+from dogshape.sim.files import write_frame
 
 NAMED = 5  #: rows of a table without an answer that are listed one by one
 
@@ -83,5 +84,5 @@ def predict_designs(
     table = text_table(designs, stored.surrogate.data.variables)
     found = Predictions(config, predict(config, stored.surrogate, mix, table), target)
     if target is not None:
-        found.predicted.write(target)
+        write_frame(found.to_frame(), target, digits=6)
     return found

@@ -24,11 +24,17 @@ WORDS = (
     (r"--set ([\w.]+)=(\S+?)(?=[\s,;:)]|$)", r'{"\1": \2}'),
     (r"--engine (\w+)", r'{"solver.engine": "\1"}'),
     (r"'dogshape fit'", "ds.fit(study)"),
+    (r"'dogshape study' with --resume", "study.search(resume=True)"),
     (r"'dogshape study'", "study.search()"),
-    (r"'dogshape (\w+)'", r"study.\1()"),
+    (r"'dogshape study ([^']+)'", r'ds.Study("\1").search()'),
+    (r"'dogshape gap update'", "ds.update_diagnosis()"),
+    (r"dogshape gap BENCH_DIR --out (\S+)", r'ds.diagnose(BENCH, out="\1")'),
+    (r"'dogshape validate'", "ds.validate()"),
+    (r"'dogshape report'", "ds.load_result(folder).report()"),
+    (r"'dogshape (check|strength)'", r"study.\1()"),
     (r"--relative-angle-deg", "angle_deg"),
     (r"--correct (\S+?)(?=[\s,;:)]|$)", r'correct=["\1"]'),
-    (r"--([a-z][a-zA-Z-]*)", lambda found: found[1].replace("-", "_")),
+    (r"(?<!TABLE )--([a-z][a-zA-Z-]*)", lambda found: found[1].replace("-", "_")),
 )
 
 

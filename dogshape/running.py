@@ -10,9 +10,17 @@ from typing import Any
 
 from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.simulate.executor import Executor, kept_shifts, scratch_executor, work_folder
-from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.errors import InputError, refusal, require_between
 
 Angles = int | Sequence[float] | None  #: how many evenly spaced ones, or listed ones, deg
+
+
+def receiver(wanted: Progress | bool) -> Progress:
+    """Give what receives progress: a bar in terminal or notebook for True, nothing for False."""
+    from dogshape.terminal import ProgressBar  # noqa: PLC0415  # rich, which few calls need
+
+    bar = ProgressBar() if wanted else SILENT
+    return bar if isinstance(wanted, bool) else wanted
 
 
 @dataclass(frozen=True)
@@ -26,14 +34,14 @@ class Where:
     jobs: int = 0
     cluster: str | None = None
     keep: str | Path | None = None
-    progress: Progress = SILENT
+    progress: Progress | bool = False
 
     @contextmanager
     def executor(
         self, name: str, asked: tuple[Any, ...], shifts: int
     ) -> Iterator[tuple[Executor, WorkCounter]]:
         """Give what simulates the shifts of one question, and the counter that it counts into."""
-        with WorkCounter(self.progress, shifts) as counter:
+        with WorkCounter(receiver(self.progress), shifts) as counter:
             if self.keep is None:
                 yield scratch_executor(self.jobs, counter.advance, self.cluster), counter
                 return
@@ -43,7 +51,9 @@ class Where:
 
 
 def require_angles(angles: Angles) -> None:
-    """Raise InputError for relative angles, deg, of which one is no finite angle."""
+    """Raise InputError for no relative angle, or angles, deg, of which one is not finite."""
+    if isinstance(angles, int):
+        require_between("--angles", angles, 1, 100_000, "give for instance 24")
     for angle in () if angles is None or isinstance(angles, int) else angles:
         if not abs(angle) <= 1e6:
             rule, remedy = "it must be a finite angle", "give an angle in degrees"

@@ -18,7 +18,7 @@ from dogshape.pipeline.reports.shift_page import (
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
 from dogshape.running import require_angles
-from dogshape.sim.files import naming
+from dogshape.sim.files import write_frame
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import engage, events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
@@ -139,9 +139,8 @@ class Shift(Result):
         return curves(self.engagement)
 
     def write_trace(self, path: str | Path) -> Path:
-        """Write the time series as CSV, columns as in bench traces; give its path."""
-        with naming(Path(path)):
-            self.to_frame().to_csv(path, index=False, float_format="%.9g")
+        """Write the time series as CSV or .xlsx, columns as in bench traces; give its path."""
+        write_frame(self.to_frame(), Path(path))
         return Path(path)
 
     def report(self, path: str | Path) -> Path:

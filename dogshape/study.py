@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys
-from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.progress import Progress
 from dogshape.python_words import speaks_python
 
 if TYPE_CHECKING:
@@ -84,6 +84,7 @@ class Study:
 
         InputError or GeometryError for a dog that cannot be made, a force without a rise time, an
         angle that is no number.
+        Example: ``study.shift(mismatch_rpm=50, force_N=469, angle_deg=10)``
 
         Parameters
         ----------
@@ -110,12 +111,12 @@ class Study:
         jobs: int = 0,
         cluster: str | None = None,
         keep: str | Path | None = None,
-        progress: Progress = SILENT,
+        progress: Progress | bool = False,
     ) -> Expectation:
         """Simulate the expected shift time: in the compiled engine, unless the study names another.
 
         InputError or GeometryError for half an operating point, a precision out of range, a dog
-        that cannot be made.
+        that cannot be made. Example: ``study.expect(precision=0.02, progress=True)``
 
         Parameters
         ----------
@@ -126,6 +127,7 @@ class Study:
         precision : wanted relative standard error, which finds the number of angles.
         jobs, cluster : worker processes, 0 for one a core; address of a Dask scheduler.
         keep : folder in which a run that was stopped leaves its finished shifts.
+        progress : True for a bar in terminal or notebook, or a ``Progress`` of one's own.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
         from dogshape.running import Where  # noqa: PLC0415
@@ -143,27 +145,31 @@ class Study:
         storage: str | None = None,
         resume: bool = False,
         report: bool = True,
-        progress: Progress = SILENT,
+        progress: Progress | bool = False,
     ) -> StudyResult:
         """Search for the best shape, or go on with a search; the report takes a minute or more.
 
         InputError or StorageError for an unknown objective, a study without variables, a folder or
         storage that holds another study, or one that is not to be resumed. EngineError where the
         audit finds that the engines do not agree; result and report are written.
+        Example: ``study.search("results/mine", resume=True, progress=True)``
 
         Parameters
         ----------
         out : folder of the results; None for ``results/NAME``.
         storage : PostgreSQL that machines share.
+        resume : whether to go on with a search that the folder holds.
+        jobs, cluster, progress : as in ``expect``.
         """
         from dogshape.pipeline.simulate.executor import end_workers  # noqa: PLC0415
         from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
         from dogshape.pipeline.study import Run, run_study  # noqa: PLC0415
+        from dogshape.running import receiver  # noqa: PLC0415
         from dogshape.study_result import StudyResult  # noqa: PLC0415
 
         begun = sum(os.times()[:4])
         folder = StudyFolder(default_out(self.config) if out is None else Path(out))
-        how = Run(folder, jobs, storage, resume, cluster, report, progress)
+        how = Run(folder, jobs, storage, resume, cluster, report, receiver(progress))
         record, page = run_study(self.config, how), folder.report if report else None
         end_workers()
         return StudyResult(self.config, folder.root, record, page, sum(os.times()[:4]) - begun)
@@ -178,7 +184,7 @@ class Study:
         """Check the design: seconds by the compiled engine, at once by a named surrogate.
 
         InputError or DataError for half an operating point, or a named surrogate of other physics
-        or not there.
+        or not there. Example: ``study.check(mismatch_rpm=50, force_N=469)``
 
         Parameters
         ----------
@@ -202,13 +208,13 @@ class Study:
         """Predict the shift times of many designs by the surrogate, without simulation.
 
         InputError or DataError for columns and cells that cannot be read, with row, column and
-        remedy.
+        remedy. Example: ``study.predict("designs.csv", out="answers.xlsx")``
 
         Parameters
         ----------
-        designs : CSV file or frame, a row each, columns named as the study's variables; what is
-            missing takes the study's value, other columns are kept.
-        out : CSV file for the answers; None writes none.
+        designs : CSV or .xlsx file (``FILE.xlsx#SHEET``) or frame, a row each, columns named as the
+            study's variables; what is missing takes the study's value, other columns are kept.
+        out : CSV or .xlsx file for the answers; None writes none.
         mismatch_rpm, force_N, surrogate : as in ``check``.
         """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
@@ -221,12 +227,13 @@ class Study:
         simulate: bool = True,
         jobs: int = 0,
         keep: str | Path | None = None,
-        progress: Progress = SILENT,
+        progress: Progress | bool = False,
     ) -> Strength:
         """Check strength, self-locking and manufacturability, and simulate the hardest landing.
 
         ``simulate`` is whether to simulate the landing, dog on dog, at the study's operating points
-        and angles; a dog that cannot be made is not simulated. ``keep`` as in ``expect``.
+        and angles; a dog that cannot be made is not simulated. ``jobs``, ``keep`` and ``progress``
+        as in ``expect``. Example: ``study.strength(simulate=False)``
         """
         from dogshape.check import check_strength  # noqa: PLC0415
         from dogshape.running import Where  # noqa: PLC0415
@@ -234,17 +241,25 @@ class Study:
         where = Where(jobs, None, keep, progress)
         return check_strength(self.config, where, simulate=simulate)
 
-    def data_sheet(self, path: str | Path, why: str = "") -> Path:
-        """Write the data sheet of the dog (``dogshape.designs.write_data_sheet``)."""
+    def data_sheet(self, path: str | Path, why: str = "", **block: str) -> Path:
+        """Write the data sheet of the dog to ``path``, a page for A4 or, by its ending, JSON.
+
+        ``why`` is the reason of a decision; ``block`` has drawing ``number``, ``revision``,
+        ``date`` (by default today), ``author``, ``checker``, ``decided_by``. InputError for others.
+        Example: ``study.data_sheet("sheet.html", "shortest", number="47-11", author="A. Novak")``
+        """
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
         from dogshape.pipeline.reports.data_sheet import NamedDesign  # noqa: PLC0415
 
-        return write_data_sheet(NamedDesign(self.name, self.config), path, why)
+        return write_data_sheet(NamedDesign(self.name, self.config), path, {"why": why, **block})
 
     def replace_keys(
         self, settings: Mapping[str, Any] | None = None, /, **dog: float | None
     ) -> Study:
-        """Give the study with other values, as the constructor takes them; None takes a key out."""
+        """Give the study with other ``settings`` and keys of the ``dog``; None takes a key out.
+
+        Example: ``study.replace_keys({"contact.set": "adams2019"}, chamfer_deg=11)``
+        """
         keys = {**(settings or {}), **{f"dog.{key}": value for key, value in dog.items()}}
         return Study.from_config(replace_keys(self.config, keys))
 

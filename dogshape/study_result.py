@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, cast
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.progress import SILENT, Progress
+from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import named_design
@@ -15,6 +15,7 @@ from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
 from dogshape.pipeline.reports.study_page import headline, publish, summary_tables
 from dogshape.pipeline.search.result_schema import require_result
 from dogshape.pipeline.store.folder import StudyFolder
+from dogshape.running import receiver
 
 PRINTED_KEYS = (
     "engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation", "audit",
@@ -69,24 +70,33 @@ class StudyResult(Result):
     def plot(self, objective: str | None = None) -> Figure:
         """Draw the front: the leading objective against another one, by default the next.
 
-        With one objective alone, against the smallest margin.
+        With one objective alone, against the smallest margin. Example: ``result.plot()``
         """
         others = [goal.name for goal in goals_of(self.record)[1:]] or [MARGIN]
         return front_figure(self.record, list(self.config.variables), objective or others[0])
 
-    def data_sheet(self, design: int, path: str | Path, why: str = "") -> Path:
-        """Write the data sheet of a design (``dogshape.designs.write_data_sheet``)."""
+    def data_sheet(self, design: int, path: str | Path, why: str = "", **block: str) -> Path:
+        """Write the data sheet of the ``design`` with a number.
+
+        ``path``, ``why`` and ``block`` as in ``Study.data_sheet``.
+        Example: ``result.data_sheet(33, "sheet.html", decided_by="E. Fiala")``
+        """
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
-        return write_data_sheet(named_design(f"{self.folder}#{design}"), path, why)
+        return write_data_sheet(
+            named_design(f"{self.folder}#{design}"), path, {"why": why, **block}
+        )
 
-    def report(self, progress: Progress = SILENT) -> Path:
-        """Write the report into the folder of the study; give its path."""
-        return publish(StudyFolder(self.folder), progress.say)
+    def report(self, progress: Progress | bool = False) -> Path:
+        """Write the report into the folder of the study; give its path.
+
+        ``progress`` as in ``Study.expect``. Example: ``result.report()``
+        """
+        return publish(StudyFolder(self.folder), receiver(progress).say)
 
 
 def load_result(folder: str | Path) -> StudyResult:
-    """Read the result of a study from its folder.
+    """Read the result of a study from its ``folder``. Example: ``ds.load_result("results/mq200")``
 
     StorageError for a folder without a study, or with damaged files. InputError for a
     ``result.json`` with keys that the schema lacks, or lacking keys of the schema.

@@ -7,30 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Protocol
 
 
-@dataclass(frozen=True)
-class Count:
-    """Progress of long work, of which an earlier run had finished ``known``.
+class Progress:
+    """Receiver of the progress of long work; this one ignores it."""
 
-    ``total`` may be an upper bound, ``unit`` is a plural; ended is the work finished or not.
-    """
-
-    done: int
-    total: int
-    known: int = 0
-    at_most: bool = False
-    unit: str = "shifts"
-    ended: bool = False
-
-
-class Progress(Protocol):
-    """Receiver of the progress of long work."""
-
-    def update(self, count: Count) -> None:
+    def update(self, count: WorkCounter) -> None:
         """Take the count, each time that it changes."""
         return
 
@@ -39,45 +22,40 @@ class Progress(Protocol):
         return
 
 
-class _Silent(Progress):
-    pass
-
-
-SILENT: Progress = _Silent()  #: ignores what it gets
+SILENT = Progress()
 
 
 class WorkCounter:
     """Counter of finished work that informs a progress; a context manager that reports the end.
 
-    ``total`` is expected in all, or an upper bound (``most``), of ``unit``, a plural.
+    ``done`` of ``total`` are finished, an upper bound if ``at_most``, ``known`` of them by an
+    earlier run; ``unit`` is a plural. ``ended`` is the work finished or not.
     """
 
     def __init__(
         self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts"
     ) -> None:
-        self._progress = progress
-        self._count = Count(0, total, at_most=most, unit=unit)
+        self._progress, self.done, self.known = progress, 0, 0
+        self.total, self.at_most, self.unit, self.ended = total, most, unit, False
 
     def __enter__(self) -> WorkCounter:
-        self._change()
+        self._progress.update(self)
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._change(ended=True)
-
-    def _change(self, **changes: Any) -> None:
-        self._count = replace(self._count, **changes)
-        self._progress.update(self._count)
+        self.ended = True
+        self._progress.update(self)
 
     def advance(self, count: int, known: int = 0) -> None:
         """Count ``count`` more as done, ``known`` of them by an earlier run; raise the total."""
-        done = self._count.done + count
-        total = max(self._count.total, done)
-        self._change(done=done, known=self._count.known + known, total=total)
+        self.done, self.known = self.done + count, self.known + known
+        self.total = max(self.total, self.done)
+        self._progress.update(self)
 
     def rest(self, count: int) -> None:
         """Expect ``count`` more than those that are done."""
-        self._change(total=self._count.done + count)
+        self.total = self.done + count
+        self._progress.update(self)
 
     @contextmanager
     def kept_in(self, root: Path, how: str) -> Iterator[None]:

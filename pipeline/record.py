@@ -12,7 +12,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import zip_longest
+from itertools import chain, zip_longest
 from typing import TYPE_CHECKING, Any, cast, get_args, get_origin
 
 from pydantic import BaseModel, Field
@@ -178,7 +178,8 @@ class Result(ABC):
 def _lines(part: str | Table) -> list[str]:
     if isinstance(part, str):
         return [part]
-    rows = [part.heads, *part.rows]
+    split = (zip_longest(*(cell.split("\n") for cell in row), fillvalue="") for row in part.rows)
+    rows = [part.heads, *chain.from_iterable(split)]
     cells = [row for row in rows if len(row) == len(part.heads)]  # a group has one cell
     widths = [max(map(len, column)) for column in zip_longest(*cells, fillvalue="")]
     return ["  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]

@@ -14,8 +14,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dogshape.sim.errors import StorageError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
 
 
 def write_whole(path: Path, content: str | bytes) -> None:
@@ -58,6 +62,15 @@ def naming(path: Path) -> Iterator[None]:
     except OSError as error:
         error.filename = str(path)
         raise
+
+
+def write_frame(frame: DataFrame, path: Path, digits: int = 9) -> None:
+    """Write a frame as a workbook where the path ends in ``.xlsx``, else as CSV with ``digits``."""
+    with naming(path):
+        if path.suffix.lower() == ".xlsx":
+            frame.to_excel(path, index=False)
+        else:
+            frame.to_csv(path, index=False, float_format=f"%.{digits}g", lineterminator="\n")
 
 
 PAUSE = 0.2  #: s between two tries to hold a folder

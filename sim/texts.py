@@ -2,7 +2,8 @@
 
 One reader for every table that comes in (``shifts.csv``, traces, designs). Commas, semicolons or
 tabs part the cells; where these are no commas, numbers may have a decimal comma. What could be
-read in two ways is refused with what to save instead.
+read in two ways is refused with what to save instead. A sheet of a workbook, ``FILE.xlsx`` or
+``FILE.xlsx#SHEET``, is read as a table with tabs.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 from dogshape.sim.errors import DataError, InputError, did_you_mean
 
@@ -24,6 +26,8 @@ SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 _WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_WORKBOOK = re.compile(r"(.+\.xlsx)(?:#(.+))?", re.IGNORECASE)
+_EITHER = re.compile(r"-?\d{1,3}\.\d{3}")  #: a number whose point could part thousands
 _BINARY = frozenset(range(32)) - set(b"\t\n\r\f")
 
 
@@ -141,18 +145,49 @@ def read_lines(path: Path) -> list[str]:
 
     Raises as ``read_table``.
     """
+    book = _WORKBOOK.fullmatch(str(path))
     try:
-        text = text_of(path)
+        text = _sheet_text(book) if book else text_of(path)
     except FileNotFoundError:
         raise
     except OSError as error:
         raise DataError(f"{path} cannot be read: {error.strerror}; check path and rights") from None
     except DataError as error:
+        if book:
+            raise
         raise DataError(f"{path} {NO_TABLE}: {error}; {SAVE}") from None
     if "\0" in text:
         raise DataError(f"{path} {NO_TABLE}: it is no text; {SAVE}")
     lines = text.splitlines(keepends=True)
     return lines[1:] if lines and re.fullmatch(r"sep=.\s*", lines[0]) else lines
+
+
+def file_of(table: Path) -> Path:
+    """Give the file of a table, without the sheet that may be named behind it."""
+    found = _WORKBOOK.fullmatch(str(table))
+    return Path(found[1]) if found else table
+
+
+def _sheet_text(found: re.Match[str]) -> str:
+    """Read a sheet of a workbook as text with tabs; DataError where none is named of several."""
+    import pandas as pd  # noqa: PLC0415  # half a second that other tables do not need
+
+    try:
+        every = pd.read_excel(found[1], sheet_name=None, header=None, dtype=object)
+    except (ValueError, KeyError, BadZipFile) as error:
+        raise DataError(f"{found[1]} is no workbook; save it as .xlsx or as CSV") from error
+    sheets = {name: frame for name, frame in every.items() if not frame.empty}
+    first, wanted = next(iter(sheets), "SHEET"), found[2]
+    if wanted not in sheets and (wanted or len(sheets) != 1):
+        fault = f"there is no sheet '{wanted}'" if wanted else "several sheets have cells"
+        rule = f"name one of {', '.join(sheets)}, as {found[1]}#{first}"
+        raise DataError(f"{found[1]}: {fault}; {rule}")
+
+    def text(cell: Any) -> Any:
+        # Written to four decimals, its point can be nothing else.
+        return f"{cell}0" if isinstance(cell, float) and _EITHER.fullmatch(str(cell)) else cell
+
+    return str(sheets[wanted or first].map(text).to_csv(sep="\t", index=False, header=False))
 
 
 def parted(path: Path, lines: list[str], separator: str) -> list[tuple[int, list[str]]]:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from dogshape.cli.app import app
 from dogshape.pipeline.__main__ import main
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
-from dogshape.pipeline.progress import Count
+from dogshape.pipeline.progress import Progress, WorkCounter
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run
 from dogshape.sim.clutch_tables import dog_fields
@@ -93,12 +93,12 @@ def searching(folder: Path, jobs: int = 0, storage: str | None = None, **more: A
 
 
 @dataclass(frozen=True)
-class Listener:
+class Listener(Progress):
     """A progress that keeps what it is told."""
 
     said: list[str]
 
-    def update(self, count: Count) -> None:
+    def update(self, count: WorkCounter) -> None:
         """Ignore a count."""
 
     def say(self, line: str) -> None:

@@ -57,8 +57,8 @@ def _shift(block: Block, angle: float) -> Record:
     turned = (angle / clutch.dog.pitch_angle + free / whole) % 1.0
     time = free + max(0.0, FACE - turned) * whole
     if time > clutch.timeout:
-        return {"outcome": "timed_out", "shift_time_s": None}
-    return {"outcome": "engaged", "shift_time_s": time}
+        return {"outcome": "timed_out", "shift_time_s": None, "face_contacts": 1}
+    return {"outcome": "engaged", "shift_time_s": time, "face_contacts": int(turned < FACE)}
 
 
 class Quick:

@@ -116,7 +116,9 @@ def read_foreign(path: Path, chosen: Sequence[range] = (), *, sums: bool = True)
     try:
         text = "".join(read_lines(path))
     except FileNotFoundError as error:
-        raise DataError(f"there is no {path}; give a CSV that the stand has written") from error
+        raise DataError(
+            f"there is no {path}; give a CSV or .xlsx that the stand has written"
+        ) from error
     stated = _DECIMAL.search(text)
     lines = _LABVIEW.sub(lambda found: "\n" * found.group().count("\n"), text).splitlines(True)
     ways = {separator: _Grid(parted(path, lines, separator)) for separator in ";\t,|"}

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from typer import Argument, Option
 
-from dogshape.cli.console import ProgressBar, warn
+from dogshape.cli.console import warn
 from dogshape.sim.errors import InputError
 
 #: Plain text for people and programs alike.
@@ -50,7 +50,7 @@ def kept(jobs: int) -> dict[str, Any]:
     """Give where simulations run and are kept until they are done, with a bar."""
     from dogshape.pipeline.simulate.executor import SHIFTS  # noqa: PLC0415
 
-    return {"jobs": jobs, "keep": SHIFTS, "progress": ProgressBar()}
+    return {"jobs": jobs, "keep": SHIFTS, "progress": True}
 
 
 def angles_of(text: str | None) -> int | tuple[float, ...] | None:
@@ -58,18 +58,12 @@ def angles_of(text: str | None) -> int | tuple[float, ...] | None:
     if text is None:
         return None
     try:
-        if "," in text:
-            listed = tuple(float(part) for part in text.split(","))
-            if all(abs(angle) < 5e5 for angle in listed):
-                return listed
-        elif 1 <= int(text) <= 100_000:
-            return int(text)
+        return tuple(map(float, text.split(","))) if "," in text else int(text)
     except ValueError:
-        pass
-    raise InputError(
-        f"--angles is '{text}', but it must be a whole number from 1 to 100000 "
-        "or a list of angles in degrees; write for instance 24 or 0,6,12,18"
-    )
+        raise InputError(
+            f"--angles is '{text}', but it must be a whole number or a list of angles in degrees; "
+            "write for instance 24 or 0,6,12,18"
+        ) from None
 
 
 def with_engine(overrides: list[str] | None, engine: str | None) -> list[str]:

@@ -135,6 +135,14 @@ class ContactSection(keys_of(ContactSet, contact_set)):  # type: ignore[misc]
     set: str = "lubricated_steel"
 
 
+class AlternatingSection(Section):
+    """Speed that frees blocked shifts (``SetPoint``), from ``after_s`` of the force on."""
+
+    amplitude_rpm: Annotated[float, Field(gt=0.0)]
+    period_s: Annotated[float, Field(gt=0.0)]
+    after_s: Annotated[float, Field(ge=0.0)]
+
+
 class ShiftSection(Section):
     """When a shift is done or given up, what a retry costs, and how far a rebound goes."""
 
@@ -142,6 +150,7 @@ class ShiftSection(Section):
     retraction_s: float = 0.2
     seated_tolerance_mm: float = 0.05
     rebound_mm: float = 1.0
+    alternating: AlternatingSection | None = later()
 
 
 class UncertainSection(Section):

@@ -7,6 +7,7 @@ that the package brings. Every mistake becomes one sentence.
 from __future__ import annotations
 
 import itertools
+import math
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -27,12 +28,13 @@ from dogshape.pipeline.config.operating import (
 )
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
-from dogshape.sim.errors import InputError
+from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import torque_peak
+from dogshape.sim.statistics.expectation import SetPoint
 from dogshape.sim.statistics.shift_records import (
     DEFAULTS,
     Record,
@@ -47,6 +49,8 @@ from dogshape.sim.texts import read_toml
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
+#: Share of the entry play that may pass in a fall (judged): at 0.7 flat dogs rebound, at 0.8 skip.
+SURE = 0.5
 #: Searched keys of the dog in the bundled studies, and all that a study may search.
 VARIABLES = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
 SHAPE = (*VARIABLES, "crest", "chamfer_back_deg", "backlash_mm")
@@ -121,6 +125,13 @@ class Setup:
     def retraction(self) -> float:
         """Time to pull back before a retry, s, and the dead time of that."""
         return self.file.shift.retraction_s + self.actuation.delay
+
+    @property
+    def set_point(self) -> SetPoint:
+        """Set-point that frees blocked shifts; one without amplitude frees none."""
+        own, late = self.file.shift.alternating, self.actuation.delay
+        known = own and SetPoint(own.amplitude_rpm * RPM, own.period_s, own.after_s + late)
+        return known or SetPoint()
 
     @property
     def mismatches(self) -> list[float]:
@@ -308,6 +319,7 @@ def build_study(file: StudyFile) -> Setup:
     clutch = replace(clutch, solver=file.solver.solver(contact, clutch.mechanism))
     points = file.operating.operating_points(actuation.profile)
     require_stiff_enough(clutch, max(point.profile.force for point in points))
+    _require_slow(file, clutch, min(point.profile.force for point in points))
     unsure = _uncertainty(file, clutch, points, actuation.table)
     limits = _limits(file, clutch, points)
     variables = file.variables.ranges
@@ -351,6 +363,21 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         seated_tolerance=file.shift.seated_tolerance_mm * MM,
         strikes=tuple(file.strike.at_ends(clutch.rings, points)) if file.strike else (),
     )
+
+
+def _require_slow(file: StudyFile, clutch: Clutch, force: float) -> None:
+    """Raise InputError where a ring that ``force`` in N pushes is not sure to fall into a slot."""
+    own, dog = file.shift.alternating, clutch.dog
+    mass = clutch.rings.mass + clutch.mechanism.added_mass
+    fall = math.sqrt(2.0 * mass * dog.height / force)
+    most = SURE * dog.entry_play / dog.mean_radius / fall / RPM
+    if own is not None and own.amplitude_rpm > most:
+        rule = (
+            f"{force:.6g} N push the ring {dog.height / MM:.4g} mm into a slot in "
+            f"{1e3 * fall:.3g} ms, and more than {most:.4g} 1/min may throw it out again"
+        )
+        key = "shift.alternating.amplitude_rpm"
+        raise InputError(refusal(key, own.amplitude_rpm, "1/min", rule, "lower it"))
 
 
 def wear_of(file: StudyFile) -> Wear | None:

@@ -90,6 +90,17 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
     return tomlkit.dumps(document).rstrip("\n") + "\n"
 
 
+def sources_of(text: str) -> dict[str, str]:
+    """List where values of a TOML text are from, by dotted key: its own comment or its table's."""
+    found = {}
+    for name, table in tomlkit.parse(text).items():
+        for key in table if isinstance(table, Table) else ():
+            comments = [one.trivia.comment for one in (table.value.item(key), table)]
+            sources = (comment.partition(SOURCE)[2].strip() for comment in comments)
+            found[f"{name}.{key}"] = next(filter(None, sources), "")
+    return found
+
+
 def _drop_source(item: Any) -> None:
     if isinstance(item, Item) and SOURCE in item.trivia.comment:
         kept = item.trivia.comment.partition(SOURCE)[0].rstrip(" ;")

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 
 from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.report.wording import chance, described, headline_of
@@ -47,8 +48,6 @@ class CalibratedStudy:
 
     def write(self, path: Path) -> None:
         """Write the study, and the draws beside it."""
-        import pandas as pd  # noqa: PLC0415  # slow to load
-
         draws = pd.DataFrame(list(self.draws), dtype=object)
         write_whole(draws_beside(path), draws.to_csv(index=False, lineterminator="\n"))
         write_whole(path, self.text)

@@ -200,8 +200,8 @@ def _timed(
     points = []
     for setting, mine in zip(settings, rows, strict=True):
         shifts = [replace(result_of(row), shift_time=setting.time_of(row)) for row in mine]
-        point = expect_point(setting.point, shifts, setting.clutch.timeout, study.retraction)
-        points.append(point)
+        freed, timeout = study.set_point.freed(shifts), setting.clutch.timeout
+        points.append(expect_point(setting.point, freed, timeout, study.retraction))
     found = expect(points)
     demand = demand_over(study, settings[0].clutch.dog, found, rows)
     return found, min(demand_checks(demand, study.limits), key=lambda one: one.margin)

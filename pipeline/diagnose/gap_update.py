@@ -17,6 +17,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from dogshape.diagnosis.bench.bench_data import Bench, corrected_sheet, load_bench, readings_of
 from dogshape.diagnosis.bench.slips import examine, require_no_slip
 from dogshape.diagnosis.bench.stand_file import load_stand
@@ -28,7 +30,7 @@ from dogshape.diagnosis.terms import UNKNOWN, Hypothesis, plain
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DataError, StorageError
 from dogshape.sim.files import write_whole
-from dogshape.sim.texts import read_table
+from dogshape.sim.texts import file_of, read_table
 
 DATA, JOINING, BEFORE, ASKED = "data", "joining", "data.before", "asked.json"
 UPDATES, RECORD, TABLE = "updates.json", "gap.json", "cells.csv"
@@ -101,10 +103,8 @@ def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
     Raises DataError for a table that is wrong, has slips of units, has joined before, repeats rows,
     or has set values that are nearly those of the bench.
     """
-    import pandas as pd  # noqa: PLC0415  # slow to load
-
     try:
-        digest = hashlib.sha256(new.read_bytes()).hexdigest()[:16]
+        digest = hashlib.sha256(file_of(new).read_bytes()).hexdigest()[:16]
     except OSError as error:
         rule = "name a table with the columns of shifts.csv"
         raise DataError(f"{new} cannot be read ({error.strerror}); {rule}") from error

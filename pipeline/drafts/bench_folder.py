@@ -12,9 +12,11 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from pandas import DataFrame
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_cells import SHIFTS, TRACE
@@ -25,11 +27,8 @@ from dogshape.diagnosis.bench.traces import SUFFIXES
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.sources import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
-from dogshape.sim.texts import text_of
+from dogshape.sim.texts import file_of, text_of
 from dogshape.sim.versions import bundled_root
-
-if TYPE_CHECKING:
-    from pandas import DataFrame
 
 Row = dict[str, Any]  #: a table of a TOML file
 OF_TRACES = "trace."  #: before the name of a quantity that is a column of traces
@@ -43,7 +42,7 @@ class BenchDraft:
 
     Parameters
     ----------
-    tables : CSV files of the stand; none gives a table to fill in.
+    tables : CSV or .xlsx files of the stand (``FILE.xlsx#SHEET``); none gives a table to fill.
     origin : study or bench whose clutch, contact, set values and rise of the force are taken.
     columns : quantity to column, unit or formula (``foreign_columns.said_match``).
     rise_s : rise time of the force for all rows that have none; None takes the origin's.
@@ -105,7 +104,7 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
             bench = load_bench(folder)
         except DogshapeError as error:
             raise type(error)(_fault_of(str(error), folder, out, rows)) from error
-        for path in draft.tables:
+        for path in map(file_of, draft.tables):
             (folder / "as_measured").mkdir(exist_ok=True)
             shutil.copyfile(path, folder / "as_measured" / path.name)
     return {
@@ -135,8 +134,6 @@ def _fault_of(text: str, folder: Path, out: Path, rows: DataFrame) -> str:
 
 def _read_tables(draft: BenchDraft, report: Report) -> DataFrame:
     """Read the rows of all tables, with their file and row beside the columns of ``shifts.csv``."""
-    import pandas as pd  # noqa: PLC0415  # slow to load
-
     if len({path.name for path in draft.tables}) < len(draft.tables):
         raise InputError(
             "two of the tables have the same file name, but both are kept beside each other; "
@@ -193,8 +190,6 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
 
 
 def _empty_rows(source: Source, report: Report) -> DataFrame:
-    import pandas as pd  # noqa: PLC0415  # slow to load
-
     report.assumed.append(
         "shifts.csv has the operating points of the origin, to be filled in: one row for each "
         "shift or mean"
@@ -294,8 +289,6 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> st
 
     Returns its path in the folder.
     """
-    import pandas as pd  # noqa: PLC0415  # slow to load
-
     path, target = Path(row["file"]).parent / row["trace"].replace("\\", "/"), folder / "traces"
     if not path.is_file():
         report.faults.append(
@@ -329,7 +322,9 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         values |= _group_set_points(rows, draft, source, report)
         _fill_rises(rows, draft, source, report)
         _mark_time_outs(rows, draft, source, report)
-        digests = [(p.name, hashlib.sha256(p.read_bytes()).hexdigest()) for p in draft.tables]
+        digests = [
+            (p.name, hashlib.sha256(file_of(p).read_bytes()).hexdigest()) for p in draft.tables
+        ]
         files = ", ".join(f"{name} (SHA-256 {digest[:16]})" for name, digest in digests)
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
     if rows["trace"].notna().any():

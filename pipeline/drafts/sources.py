@@ -108,11 +108,21 @@ def source_of(where: str) -> Source:
         return Source(bench.name, bench.clutch, rises, points, find_study(COMMENTED), taken)
     if not path.exists() and where not in bundled_studies():
         raise InputError(
-            f"--from is '{where}', but there is no study and no bench data set of that name; give "
-            "a TOML file, a folder with study.toml or bench.toml, mq200 or mq200_stand"
+            f"'{where}' is no kind of clutch, no study and no bench data set; give a TOML file, a "
+            f"folder with study.toml or bench.toml, mq200_stand or a kind: {bundled_kinds()}"
         )
     own = load_study(where)
     return Source(own.name, own.clutch, own.actuation.table, own.points, find_study(where), {})
+
+
+def bundled_kinds() -> str:
+    """List the bundled kinds of clutch with dogs, diameters and rated torque."""
+    words = "{} ({count} dogs, {outer_diameter_mm:g}/{inner_diameter_mm:g} mm, {load:g} N m)"
+    files = {name: load_study(name).file for name in bundled_studies()}
+    return ", ".join(
+        words.format(name, load=file.load.torque_Nm, **dict(file.dog))
+        for name, file in files.items()
+    )
 
 
 def require_free(folder: Path, force: bool) -> None:

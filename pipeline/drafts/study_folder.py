@@ -18,12 +18,14 @@ from typing import Any
 
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
-from dogshape.pipeline.config.toml_text import with_values
+from dogshape.pipeline.config.toml_text import sources_of, with_values
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.drafts.sources import COMMENTED, Values, draft_folder, source_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import validate
+from dogshape.sim.shift.mechanism import SPLINE
+from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
 
 HEAD = """\
@@ -42,7 +44,6 @@ CLUTCH = {
     "dog.chamfer_deg": "chamfer of the face, deg",
     "dog.traction_deg": "side angle of the traction flank, deg",
     "dog.braking_deg": "side angle of the braking flank, deg",
-    HEIGHT: "height of the dogs, mm",
     "dog.outer_diameter_mm": "outer diameter of the dogs, mm",
     "dog.inner_diameter_mm": "inner diameter of the dogs, mm",
     "dog.axial_gap_mm": "axial gap between the crests before the shift, mm",
@@ -50,20 +51,26 @@ CLUTCH = {
     "sliding.inertia_kgm2": "inertia of the shifted ring and what turns with it, kg m2",
     "output.inertia_kgm2": "inertia of the other side, referred to the dogs, kg m2",
 }
-#: Words for the keys of what a study's clutch has to do.
+RADIUS, DRAG, MATERIAL = "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "material.set"
+#: Words for keys whose default follows from the clutch, and of what it does and is made of.
 USE = {
+    HEIGHT: "height of the dogs, mm",
     TORQUE: "rated torque at the dogs, N m",
     ACTUATOR: "forces that the actuator can have, N, with blanks between",
     "actuation.rise_s": "rise time of each of these forces, s",
     "operating.mismatch_rpm": "mismatches at which it shifts, 1/min",
     OPERATING: "forces with which it shifts, N",
+    RADIUS: "radius of the toothing that the ring slides on, mm",
+    DRAG: "drag torque on the shifted ring, N m",
+    MATERIAL: "material",
 }
+CHOICES = {MATERIAL: tuple(MATERIALS)}
 RING = (*DIAMETERS, *INERTIAS)
 ANY = (*RING, MASS, TORQUE, ACTUATOR)
 #: Keys and tables that hold for one clutch, after the keys of the clutch that void them.
 BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
     RING: (
-        "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm", "mechanism.ring_inertia_kgm2",
+        RADIUS, DRAG, "mechanism.ring_inertia_kgm2",
         "mechanism.input_stiffness_Nm_rad", "mechanism.spline_backlash_deg",
         "mechanism.wheel_inertia_kgm2", "mechanism.output_stiffness_Nm_rad",
         "driveline.stiffness_Nm_rad",
@@ -108,10 +115,23 @@ def write_study(
     }
 
 
-def use_of(origin: str, values: Mapping[str, Any]) -> Values:
-    """List the askable values that a draft with ``values`` would have at the keys of ``USE``."""
-    tables = tomllib.loads(_drafted(origin, values)[0])
-    return {key: found for key in USE if askable(found := value_at(tables, key))}
+def questions_of(origin: str, values: Mapping[str, Any]) -> tuple[Values, dict[str, str]]:
+    """List defaults, and words with their sources, of what a draft with ``values`` asks for."""
+    source, (text, *_) = source_of(origin), _drafted(origin, values)
+    tables, copied = (partial(value_at, tomllib.loads(one)) for one in (text, text_of(source.file)))
+    sources, own = sources_of(text), {key: tables(key) for key in CLUTCH | USE}
+    for key, value, whence in (
+        (RADIUS, rounded(0.5 * SPLINE * tables(DIAMETERS[1])), f"{SPLINE:g} of the inner radius"),
+        (DRAG, 0.0, "none, an assumption"),
+    ):
+        if own[key] is None and copied(key) is not None:
+            own[key], sources[key] = value, whence
+    if MASS not in values:
+        del own[MASS], sources[MASS]
+    found = source.dog_values | {key: value for key, value in own.items() if askable(value)}
+    words = {key: (CLUTCH | USE).get(key, key) for key in found}
+    said = {key: f"{words[key]} ({sources[key]})" for key in words if sources.get(key)}
+    return found, words | said
 
 
 def askable(value: Any) -> bool:

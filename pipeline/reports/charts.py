@@ -8,17 +8,19 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
+import numpy as np
 import plotly.graph_objects as go
+import plotly.io as pio
 from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.designs import Row, design_name, goals_of, is_measured, of_kinds
-from dogshape.pipeline.reports.text import axis, check_name, place_name
+from dogshape.pipeline.reports.designs import Row, design_name, goals_of, of_kinds
+from dogshape.pipeline.reports.text import axis, check_name, minus, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
 
-if TYPE_CHECKING:
-    pass
+# A notebook keeps its figures in HTML too, with plotly's code once, so that they survive export.
+if pio.renderers.default == "plotly_mimetype":
+    pio.renderers.default = "plotly_mimetype+notebook"
 
 INK, GREY = "#1b2733", "#9aa5b1"
 BLUE, ORANGE, GREEN, RED = "#1f5fa8", "#c8590c", "#2e7d4f", "#b3261e"
@@ -46,6 +48,12 @@ ROOM = 23.0  #: between numbers and marks of the front, px
 #: Leaders to the numbers of designs, the shortest first; px, y downwards.
 LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
 BESIDE = 3  #: panels of effects side by side
+PLACE = ("mismatch_rpm", "force_N")
+ENTRIES = ("first try", "direct entry")
+ENTRY_NOTE = (
+    "First try: shifts that engage at it (Bóka 2010), not shown where all do; direct entry: those "
+    "that touch no face (Aljawabrah and Lovas 2024). An x marks angles at which not all engage."
+)
 
 
 def styled(figure: go.Figure, height: int) -> go.Figure:
@@ -73,7 +81,7 @@ def front_figure(result: Row, variables: Sequence[str], other: str) -> go.Figure
             showlegend=False, hoverinfo="skip",
         )  # fmt: skip
     for kind, every in of_kinds(result).items():
-        rows, bars = [row for row in every if is_measured(row)], {}
+        rows, bars = [row for row in every if row[SIMULATED] is not None], {}
         if kind in ("front", "chosen", "prototype"):
             named += rows
             look = {"thickness": 1, "width": 3, "color": INK}
@@ -154,6 +162,59 @@ def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) ->
         range=[-0.7, len(names) - 0.3],
     )  # fmt: skip
     return styled(figure, 110 + 22 * len(names))
+
+
+def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Figure:
+    """Map shares of shifts over mismatch and force, and direct entry over the relative angle.
+
+    ``sides`` have records of operating points with their ``shiftability``, and the number of dogs.
+    Points that are no grid have a row each.
+    """
+    every = [row for rows, _ in sides.values() for row in rows]
+    speeds, forces = ({row[key] for row in every[: len(every) // len(sides)]} for key in PLACE)
+    grid = len(forces) > 1 and len(every) == len(sides) * len(speeds) * len(forces)
+    shown = ENTRIES[all(row["engaged"] == 1.0 for row in every) :]
+    widths = [0.24 if grid else 0.08] * len(shown)
+    figure = make_subplots(
+        len(sides), len(widths) + 1, column_widths=[*widths, 1.0 - sum(widths)], shared_yaxes=True,
+        horizontal_spacing=0.02, vertical_spacing=0.24 / len(sides), row_titles=[*sides],
+        column_titles=[*shown, f"{ENTRIES[1]}, by angle"],
+    )  # fmt: skip
+    lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1}
+    hover = "%{y}, %{x}: %{z:.0f} %<extra></extra>"
+    for place, (rows, count) in enumerate(sides.values(), start=1):
+        ordered = sorted(rows, key=lambda row: [row[key] for key in PLACE])
+        pushes = [f"{row[PLACE[1]]:.3g}" if grid else "" for row in ordered]
+        names = [minus(f"{row[PLACE[0]]:.4g}") if grid else place_name(*(row[k] for k in PLACE))
+                 for row in ordered]  # fmt: skip
+        for column, entry in enumerate(shown, start=1):
+            share = [row["engaged"] if entry == ENTRIES[0] else row["shiftability"]["direct"]
+                     for row in ordered]  # fmt: skip
+            figure.add_heatmap(
+                x=pushes, y=names, z=100.0 * np.array(share), texttemplate="%{z:.0f}",
+                hovertemplate=hover, row=place, col=column, **look,
+            )  # fmt: skip
+            figure.update_xaxes(type="category", tickangle=0, row=place, col=column)
+        counts: dict[str, np.ndarray] = {}
+        for name, row in zip(names, ordered, strict=True):
+            counts[name] = counts.get(name, 0) + np.array(row["shiftability"]["by_angle"])
+        made, lines = np.array([*counts.values()]), max(lines, len(counts))
+        whole, bins = made.sum(axis=2), made.shape[1]
+        figure.add_heatmap(
+            x=(np.arange(bins) + 0.5) * 360.0 / count / bins, y=[*counts],
+            z=100.0 * made[:, :, 0] / np.where(whole, whole, np.nan),
+            text=np.where(made[:, :, 2] > 0, "x", ""), texttemplate="%{text}", row=place,
+            col=len(shown) + 1, **look, hovertemplate=hover,
+        )  # fmt: skip
+        figure.update_yaxes(title=axis(PLACE[0]) if grid else "", row=place, col=1)
+    titles = [*[axis(PLACE[1]) if grid else ""] * len(shown), "relative angle, °"]
+    for column, title in enumerate(titles, start=1):
+        figure.update_xaxes(title=title, row=len(sides), col=column)
+    bar = {"title": {"text": "shifts, %", "side": "right"}, "thickness": 14}
+    shades = {"colorscale": [[0, "#eef3f9"], [1, BLUE]], "cmin": 0, "cmax": 100}
+    figure.update_layout(coloraxis={**shades, "colorbar": bar})
+    figure.update_yaxes(type="category", automargin=True)
+    return styled(figure, 80 + len(sides) * (65 + 24 * lines))
 
 
 def effects_figure(found: Row) -> go.Figure:

@@ -24,7 +24,6 @@ from dogshape.pipeline.reports.designs import (
     Row,
     confirmation_of,
     engaged_shifts,
-    is_measured,
     margins_of,
 )
 from dogshape.pipeline.reports.report import Report
@@ -47,7 +46,7 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import DogSection
-from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.errors import DogshapeError, InputError, did_you_mean
 from dogshape.sim.shift.clutch import CONTACT_SETS
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
@@ -62,6 +61,11 @@ SIMULATION = (
     SIMULATED, "standard_error_s", "source", "engaged", "shifts_engaged", "gain_s",
     "gain_standard_error_s", "worst_against_prototype", "slowest_point",
 )  # fmt: skip
+#: Keys of the title block of a data sheet with their words; the reason of a decision stands above.
+TITLE_BLOCK = {
+    "number": "drawing number", "revision": "revision", "date": "date", "author": "author",
+    "checker": "checked by", "decided_by": "decided by",
+}  # fmt: skip
 PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 
 
@@ -210,16 +214,16 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
     confirmed = confirmation_of(result, row)
     known = row if confirmed is None else confirmed
     found: Row = {"engaged": known["engaged"], "source": "search"}
-    if is_measured(known):
+    if known[SIMULATED] is not None:
         found |= {key: known[key] or 0.0 for key in (SIMULATED, "standard_error_s")}
     if confirmed is not None:
         own = result["confirmation"]["prototype"]
         found |= {"source": "new angles", "confirmed": True}
         found["shifts_engaged"] = list(engaged_shifts(confirmed))
-        if is_measured(known):
+        if known[SIMULATED] is not None:
             slow = max(confirmed["points"], key=lambda p: p["mean_s"])
             found["slowest_point"] = {k: slow[k] for k in (*PLACE, "mean_s", "standard_error_s")}
-        if is_measured(known) and is_measured(own) and not row["prototype"]:
+        if known[SIMULATED] is not None and own[SIMULATED] is not None and not row["prototype"]:
             loss, error = difference(own, confirmed) or (0.0, 0.0)
             found |= {"gain_s": -loss, "gain_standard_error_s": error}
             found["worst_against_prototype"] = max(
@@ -311,17 +315,25 @@ def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
     return list(found.values())
 
 
-def write_sheet(one: NamedDesign, record: Row, checks: Sequence[Row], why: str, path: Path) -> None:
+def write_sheet(
+    one: NamedDesign, record: Row, checks: Sequence[Row], block: Mapping[str, str], path: Path
+) -> None:
     """Write the data sheet of a design as a page, or as JSON by the ending of the path.
 
-    ``record`` and ``checks`` are those of the design; ``why`` is the reason of a decision for it.
+    ``record`` and ``checks`` are those of the design; ``block`` has values of ``TITLE_BLOCK`` and
+    ``why``, the reason of a decision for it. InputError for other keys.
     """
     study, time = one.own_study, f"{datetime.now(UTC):%Y-%m-%dT%H:%M:%SZ}"
+    title = {"why": "", **dict.fromkeys(TITLE_BLOCK, ""), "date": time[:10]}
+    for key in block.keys() - title.keys():
+        raise InputError(f"'{key}' is no key of a data sheet; {did_you_mean(key, title)}")
+    title |= {key: text.strip() for key, text in block.items()}
     own = [check for check in checks if check["name"] not in SUMMARIES]
     own.sort(key=lambda check: list(GROUPS).index(check["group"]))
     dimensions, origin = _dimensions(study), provenance_of(one.study, one.result)
     if path.suffix.lower() == ".json":
-        given = {"name": one.title, "time": time, "why": why or None, **record}
+        known = {key: text or None for key, text in title.items()}
+        given = {"name": one.title, "time": time, **known, **record}
         sheet = {**given, "dimensions": dimensions, "checks": own, "provenance": origin}
         return write_json(path, sheet)
     sizes = []
@@ -330,14 +342,15 @@ def write_sheet(one: NamedDesign, record: Row, checks: Sequence[Row], why: str, 
         size = f"{row['value']:.2f} {unit}" if unit else f"{row['value']}"
         within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
         sizes.append((check_name(label(row["key"])), size, within))
-    columns = ("name", "value", "limit", "unit", "margin", "margin_worst_case")
+    columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")
     known = dict.fromkeys(CheckRow.model_fields)
     rows = [
         CheckRow.model_construct(**{**known, **check, "name": check_name(check["name"])})
         for check in own
     ]
     facts = [pair for pair in words_of(record).items() if pair[1] != "-"]
-    page = Report(f"{one.title}: data sheet, {time}", why, compact=True)
+    page = Report(f"{one.title}: data sheet, {time}", title.pop("why"), compact=True)
+    page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))
     page.add("", Markup(dimensioned_svg(study.clutch.dog, study.limits, one.title)))
     page.add(f"Dimensions ({record['material']})", Table(("", "", ""), sizes))
     page.add("Times (± one standard error), margins, friction", Table(("", ""), facts))

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
 
-LEAST_ENGAGED = 0.5  #: share of the shifts of an operating point from which it has a time
 MARGIN, QUANTILE_TIME = "smallest_margin", "shift_time_quantile_s"
 #: Units that are shown instead of the stored ones, and the factors that lead to them.
 SHOWN = {
@@ -91,16 +90,6 @@ def goals_of(result: Row, *more: str) -> list[Goal]:
 def design_name(row: Row) -> str:
     """Name a design."""
     return "prototype" if row["prototype"] else f"design {row['trial']}"
-
-
-def is_measured(found: Row) -> bool:
-    """Check whether a row or a confirmed design has a time that shifts say, not retries alone.
-
-    At every operating point ``LEAST_ENGAGED`` of the shifts engaged.
-    """
-    points = found["points"]
-    shares = [p["engaged"] for p in points] if isinstance(points, list) else [found["engaged"]]
-    return found[SIMULATED] is not None and min(shares, default=1.0) >= LEAST_ENGAGED
 
 
 def confirmed_designs(result: Row) -> dict[int, Row]:

@@ -15,7 +15,13 @@ from markupsafe import Markup
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.record import Bad, Table
-from dogshape.pipeline.reports.charts import effects_figure, front_figure, times_by_point
+from dogshape.pipeline.reports.charts import (
+    ENTRY_NOTE,
+    effects_figure,
+    front_figure,
+    shiftability_figure,
+    times_by_point,
+)
 from dogshape.pipeline.reports.data_sheet import (
     dates_of,
     difference,
@@ -36,7 +42,6 @@ from dogshape.pipeline.reports.designs import (
     failed_at_new_angles,
     failed_words,
     goals_of,
-    is_measured,
     margins_of,
     simulated_frame,
 )
@@ -53,6 +58,7 @@ from dogshape.pipeline.reports.text import (
     ms_with_error,
     percent,
     place_name,
+    quantile_words,
     time_text,
     value,
 )
@@ -68,6 +74,7 @@ LANDING = "_impact"  #: end of the names of the checks of a landing
 TIME = "expected shift time, ms"
 #: Columns of the alternatives, of the words of a record.
 COLUMNS = ("smallest margin, nominal size", "at worst-case tolerances", "locks above friction")
+SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys
 Pair = tuple[float, float]
 
 
@@ -100,7 +107,7 @@ def write_report(folder: StudyFolder) -> Path:
         if effects is not None:
             page.add("Variables", *effect_parts(effects["effects"]))
             page.add("Limits", prices_table(effects["prices"]))
-        page.add("Operating points", *point_parts(result))
+        page.add("Operating points", *point_parts(study, result))
         page.add("Single shifts", *shift_parts(folder, study, result))
         page.add("Life", *([life_table(result["life"])] if result.get("life") else []))
         page.add("Drawing", Markup(dimensioned_svg(dog, study.limits, title)))
@@ -119,7 +126,8 @@ def headline(result: Row) -> str:
         return f"No design of this search passes every check{f': {how}' if how else ''}."
     name, lead, gains = design_name(best), goals_of(result)[0], gained(result)
     if not c:
-        words = lead.words(lead.shown(best), lead.error(best)) if is_measured(best) else "no time"
+        timed = best[SIMULATED] is not None
+        words = lead.words(lead.shown(best), lead.error(best)) if timed else "no time"
         return f"Best so far, not confirmed: {name}, {lead.label} {words}."
     failed = failed_words(c["best"])
     fails = f", but fails {failed} at the new angles" if failed else ""
@@ -141,7 +149,7 @@ def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
     c, best = result["confirmation"], result["best"]
     if not c or best is None or best["prototype"]:
         return []
-    own, timed = c["prototype"], is_measured(c["prototype"]) and is_measured(c["best"])
+    own, timed = c["prototype"], None not in (c["prototype"][SIMULATED], c["best"][SIMULATED])
     gains = {
         goal: (goal.factor * one["value"], goal.factor * (one["standard_error"] or 0.0))
         for goal in goals_of(result, SIMULATED) if (one := c["gains"].get(goal.name))
@@ -250,7 +258,7 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         words += minus(f" ({100 * gain / abs(before):.0f} %)") if before else ""
         words += " (not clear)" if abs(gain) < 2.0 * error else ""
         yield f"gain in the {goal.label}", Bad(words) if gain < 0.0 else words
-    if is_measured(c["best"]) and is_measured(c["prototype"]):
+    if None not in (c["best"][SIMULATED], c["prototype"][SIMULATED]):
         found = point_differences(c["prototype"], c["best"])
         most = max(found, key=lambda one: float(one["difference_s"]))
         slower = [one for one in found if one["difference_s"] > 0.0]
@@ -265,6 +273,9 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
     words = f"{own} of {n} shifts; prototype {other} of {m}"
     yield "engaged at the first try", Bad(words) if own < n else words
+    for side, name in SIDES.items():
+        if words := quantile_words(c[side].get("quantiles") or ()):
+            yield f"shift time over the life, {name}", words
     if within := best["time_within_tolerances"]:
         yield "shift time within tolerances", f"± {in_ms(within['root_sum_square_s'])} ms"
     ends = [
@@ -338,8 +349,8 @@ def effect_parts(effects: Row) -> list[Part]:
     ]
 
 
-def point_parts(result: Row) -> list[Part]:
-    """Build the figure of the operating points; empty before the confirmation.
+def point_parts(study: Setup, result: Row) -> list[Part]:
+    """Build the figures of the operating points; empty before the confirmation.
 
     Points of a design that is operated in its own way are named as those of the prototype.
     """
@@ -352,7 +363,13 @@ def point_parts(result: Row) -> list[Part]:
     ]
     sides = {"prototype": ("mean_s", "standard_error_s"), "chosen": ("chosen_s", "chosen_error_s")}
     caption = "At the new angles, retries included; bars are 95 % intervals."
-    return [times_by_point(rows, sides), caption]
+    parts: list[Part] = [times_by_point(rows, sides), caption]
+    if all(point.get("shiftability") for key in SIDES for point in c[key]["points"]):
+        own = study.clutch.dog.count
+        counts = {"prototype": own, "best": result["best"].get("count", own)}
+        entries = {name: (c[key]["points"], counts[key]) for key, name in SIDES.items()}
+        parts += [shiftability_figure(entries), ENTRY_NOTE]
+    return parts
 
 
 def shift_parts(folder: StudyFolder, study: Setup, result: Row) -> list[Part]:

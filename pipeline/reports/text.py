@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 from dogshape.pipeline.record import MINUS, Bad
+from dogshape.sim.strength.checks import RULES, safety_factor
 from dogshape.sim.units import suffix_of, unit_of
 
 LABELS = {
@@ -64,9 +67,13 @@ def percent(margin: float) -> str:
 
 
 def margin_cell(name: str, margin: float | None) -> str:
-    """Print a margin with its check; below zero it is marked as bad; empty where there is none."""
-    text = "" if margin is None else f"{percent(margin)} {check_name(name)}".strip()
-    return Bad(text) if (margin or 0.0) < 0.0 else text
+    """Print a margin with its check and safety factor S, below zero as bad; empty for none."""
+    if margin is None:
+        return ""
+    safety = safety_factor(RULES[name], margin) if name in RULES else None
+    factor = "" if safety is None else f", S {safety:.2f}"
+    text = f"{percent(margin)} {check_name(name)}{factor}".strip()
+    return Bad(text) if margin < 0.0 else text
 
 
 def place_name(mismatch_rpm: float, force_N: float) -> str:
@@ -100,6 +107,15 @@ def time_text(seconds: float | None, error: float | None = None) -> str:
     if seconds is None:
         return "-"
     return f"{in_ms(seconds) if error is None else ms_with_error(seconds, error)} ms"
+
+
+def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
+    """Print the times within which shares of all shifts engage; ``QuantileRow`` has the keys."""
+    return ", ".join(
+        f"{100 * one['share']:.4g} % within {time_text(one['time_s'], one['standard_error_s'])}"
+        for one in quantiles
+        if one["time_s"] is not None
+    )
 
 
 def interval_text(time: float, low: float, high: float, share: str = "95 %") -> str:

@@ -41,7 +41,7 @@ from dogshape.sim.statistics.expectation import (
     time_quantile,
 )
 from dogshape.sim.statistics.shift_records import Record as Shift
-from dogshape.sim.statistics.shift_records import landing_of, result_of
+from dogshape.sim.statistics.shift_records import entries_by_angle, landing_of, result_of
 from dogshape.sim.strength.checks import Check, smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.landing import (
@@ -87,13 +87,6 @@ def integrated(
     return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
 
 
-def _quantile(shifts: Shifts) -> Estimate:
-    study = shifts.study
-    results = [[result_of(row) for row in mine] for mine in shifts.rows]
-    share, timeout = study.file.search.quantile, study.clutch.timeout
-    return time_quantile(shifts.weights, results, share, timeout, study.retraction)
-
-
 SURELY = 2.0  #: standard errors of a difference that count for a design
 
 
@@ -124,7 +117,7 @@ def _strike_torque(shifts: Shifts) -> Estimate:
 #: What each simulated objective is worked out by.
 ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
     SIMULATED: lambda shifts: Estimate(shifts.expectation.mean, shifts.expectation.standard_error),
-    "shift_time_quantile_s": _quantile,
+    "shift_time_quantile_s": lambda s: s.expectation.quantiles[s.study.file.search.quantile],
     "worst_shift_time_s": lambda shifts: max(
         (Estimate(point.mean, point.standard_error) for point in shifts.expectation.points),
         key=lambda one: one.value,
@@ -224,7 +217,7 @@ def _simulated(
     estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
     limited = {name: estimates[name].value for name in simulated_limits(study)}
     # Shifts whose integration failed say nothing of engagement.
-    share = min((p.engaged for p in expectation.points if p.n), default=1.0)
+    share = min((p.timed for p in expectation.points if p.n), default=1.0)
     shifts = [shift for mine in rows for shift in mine]
     return Simulated(
         expectation,
@@ -279,16 +272,19 @@ def expectation_of(
     rows: Sequence[Sequence[Shift]],
     even: bool = True,
 ) -> Expectation:
-    """Return the expectation over points from the records of each."""
-    timeout = study.clutch.timeout
-    return expect(
-        [
-            expect_point(point, [result_of(r) for r in mine], timeout, study.retraction, even=even)
-            for point, mine in zip(points, rows, strict=True)
-        ]
-    )
+    """Return the expectation over points from the records of each, with its quantiles."""
+    lost, found, shifts = (study.clutch.timeout, study.retraction), [], []
+    for point, mine in zip(points, rows, strict=True):
+        shifts.append(study.set_point.freed([result_of(row) for row in mine]))
+        one = expect_point(point, shifts[-1], *lost, even=even)
+        found.append(replace(one, by_angle=entries_by_angle(mine)))
+    weights = [point.weight for point in points]
+    levels = study.file.search.quantile, RARE
+    quantiles = {share: time_quantile(weights, shifts, share, *lost) for share in levels}
+    return replace(expect(found), quantiles=quantiles)
 
 
+RARE = 0.999  #: of the shifts over a life, the quantile beside that of ``search.quantile``
 FIRST = 6  #: angles of the first round
 ENOUGH = 24  #: shifts from which a standard error is believed
 MOST = 96  #: angles of the last round

@@ -7,11 +7,44 @@ from typing import TYPE_CHECKING, Any
 
 from dogshape.pipeline.record import SHARE, Bad, Record, Table, key, number_or_none, tabulate
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
-from dogshape.sim.strength.checks import GROUPS, Check
+from dogshape.sim.strength.checks import GROUPS, Check, safety_factor
 from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
-    from dogshape.diagnosis.bench.comparison import Comparison, Difference
+    from dogshape.diagnosis.bench.comparison import Difference
+
+
+class Shiftability(Record):
+    """Entry at the first try; intervals are Wilson's, of 95 %, and even angles err less."""
+
+    engaged_interval: list[float] = key("ends of the interval of `engaged`", SHARE)
+    direct: float = key("share of the shifts that enter a slot without touching a face", SHARE)
+    direct_interval: list[float] = key("ends of its interval", SHARE)
+    by_angle: list[list[int]] = key(
+        "shifts in equal bins of the relative angle over a pitch, from dogs facing dogs: direct, "
+        "engaged after face contact, not engaged"
+    )
+
+    @classmethod
+    def of(cls, p: PointExpectation) -> Shiftability:
+        """Record the entries of an operating point."""
+        from scipy.stats import binomtest  # noqa: PLC0415  slow to load
+
+        direct, late, _ = map(sum, zip(*p.by_angle, strict=True))
+        tests = (binomtest(count, p.n) for count in (direct + late, direct))
+        engaged, own = ([*one.proportion_ci(method="wilson")] for one in tests)
+        return cls(
+            engaged_interval=engaged, direct=direct / p.n, direct_interval=own,
+            by_angle=[list(one) for one in p.by_angle],
+        )  # fmt: skip
+
+
+class QuantileRow(Record):
+    """A quantile of the time of all shifts over the mix, as over a life; retries included."""
+
+    share: float = key("share of all shifts that engage within the time", SHARE)
+    time_s: float | None = key("that time; null where fewer than one shift lies beyond", "s")
+    standard_error_s: float | None = key("its standard error (Woodruff)", "s")
 
 
 class PointRow(Record):
@@ -37,6 +70,9 @@ class PointRow(Record):
     held_dog_on_dog: int | None = key(
         "shifts that friction held dog on dog; absent in earlier versions", "", None
     )
+    shiftability: Shiftability | None = key(
+        "how shifts enter; null without any, absent in earlier versions", "", None
+    )
 
     @classmethod
     def of(cls, p: PointExpectation) -> PointRow:
@@ -51,6 +87,7 @@ class PointRow(Record):
             engaged=p.engaged,
             n=p.n,
             held_dog_on_dog=p.blocked,
+            shiftability=Shiftability.of(p) if p.n and p.by_angle else None,
         )
 
 
@@ -76,12 +113,19 @@ class ExpectedTime(Record):
     held_dog_on_dog: int | None = key(
         "shifts that friction held dog on dog; absent in earlier versions", "", None
     )
+    quantiles: list[QuantileRow] | None = key(
+        "quantiles of the time; absent in earlier versions", "", None
+    )
     points: list[PointRow] = key("the operating points")
 
     @classmethod
     def of(cls, found: Expectation) -> ExpectedTime:
         """Record an expectation; where too few shifts engage there is no time, nor its error."""
-        none = not found.engages
+        none, quantiles = not found.engages, list[QuantileRow]()
+        for share, one in found.quantiles.items():
+            known = not none and (1.0 - share) * found.shifts >= 1.0
+            time, error = (one.value, one.standard_error) if known else (None, None)
+            quantiles.append(QuantileRow(share=share, time_s=time, standard_error_s=error))
         return cls(
             expected_shift_time_s=found.time,
             standard_error_s=None if none else number_or_none(found.standard_error),
@@ -92,6 +136,7 @@ class ExpectedTime(Record):
             shifts=found.shifts,
             not_engaged=found.lost,
             held_dog_on_dog=found.blocked,
+            quantiles=quantiles,
             points=[PointRow.of(point) for point in found.points],
         )
 
@@ -126,6 +171,10 @@ class CheckRow(Record):
         "ends of ranges in the study file at which the margin is smallest; absent without ranges",
         *("", None),
     )  # fmt: skip
+    safety: float | None = key(
+        "safety factor, upper limit of a stress or force over its value; null for other checks",
+        "1", None, head="S", form=".2f",
+    )  # fmt: skip
 
 
 def check_record(check: Check) -> dict[str, Any]:
@@ -136,15 +185,15 @@ def check_record(check: Check) -> dict[str, Any]:
         name=check.name, value=number_or_none(check.value), limit=check.limit, unit=check.unit,
         margin=number_or_none(check.margin), passed=check.passed, group=rule.group,
         at_most=rule.at_most, meaning=rule.meaning, formula=rule.formula, source=rule.source,
-        limit_key=rule.key, **ends,
+        limit_key=rule.key, safety=safety_factor(rule, check.margin), **ends,
     )  # fmt: skip
     return row.to_dict()
 
 
 def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
-    """Tabulate checks by group; by default with value, limit and margins."""
+    """Tabulate checks by group; by default with value, limit, safety factor and margins."""
     columns = names or (
-        *("name", "value", "limit", "unit"),
+        *("name", "value", "limit", "unit", "safety"),
         *("margin", "margin_worst_case", "margin_root_sum_square", "passed"),
     )
     cells, looks = list[list[str]](), dict[int, str]()
@@ -202,9 +251,3 @@ class BenchPoint(Record):
             engaged=d.simulated.engaged,
             n=d.simulated.n,
         )
-
-
-def engaged_record(result: Comparison) -> dict[str, Any]:
-    """Record the share of tried shifts that engaged, on the bench and in the simulation."""
-    engaged, tried, simulated = result.engaged
-    return {"engaged": engaged, "tried": tried, "simulated_share": simulated if tried else None}

@@ -6,9 +6,10 @@ import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+import pandas as pd
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
@@ -19,14 +20,11 @@ from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
-from dogshape.sim.texts import TextTable, listed, read_table
+from dogshape.sim.texts import TextTable, file_of, listed, read_table
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate, interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 CHUNK = 5000  #: designs that are worked out at a time
 TIMES = (
@@ -43,8 +41,6 @@ def verdicts(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
     A row for each, with ``CHECKS`` and whether there is such a dog, ``real``: NaN and no worst
     check where not. The reason is why there is none, or why it cannot be made.
     """
-    import pandas as pd  # noqa: PLC0415  # half a second that a quick answer does not need
-
     alike = np.zeros(len(x), dtype=bool)
     with np.errstate(all="ignore"):  # of shapes that cannot be
         if judged_together(study, names):
@@ -82,8 +78,6 @@ def _unmade(broken: Iterable[str]) -> str:
 
 
 def _judge_together(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
-    import pandas as pd  # noqa: PLC0415
-
     checks = strength_checks(_dogs(study, names, x), study.limits)
     margins = pd.DataFrame({c.name: np.broadcast_to(c.margin, len(x)) for c in checks})
     smallest, broken = margins.min(axis=1), margins[[n for n in margins if n in MAKEABLE]] < 0.0
@@ -126,13 +120,6 @@ class Predicted:
             found.insert(place, name, self.table.column(name))
         return found
 
-    def write(self, target: Path) -> None:
-        """Write the table again with the answers beside it, as CSV."""
-        answers = self.answers[[*TIMES, *CHECKS]].copy()
-        for place, name in enumerate(self.table.head):
-            answers.insert(place, name, [cells[place] for _, cells in self.table.rows], True)
-        answers.to_csv(target, index=False, float_format="%.6g")
-
     def record(self, target: Path | None) -> dict[str, Any]:
         """Give what was asked and answered, as JSON takes it; it was written to ``target``."""
         answers, time = self.answers, self.answers[TIMES[0]]
@@ -166,8 +153,6 @@ class Predicted:
 
 def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> Predicted:
     """Predict the designs of a table; one that cannot be has no time, and a reason."""
-    import pandas as pd  # noqa: PLC0415
-
     require_same_physics(surrogate.data, study.physics)
     variables = surrogate.data.variables
     _require_columns(table, variables)
@@ -191,13 +176,14 @@ def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> P
 
 
 def beside(source: Path) -> Path:
-    """Give the file of the answers to a table: NAME-times.csv beside it."""
-    return source.with_name(f"{source.stem}-times.csv")
+    """Give the file of the answers to a table: NAME-times.csv or NAME-times.xlsx beside it."""
+    ending = ".csv" if file_of(source) == source and source.suffix != ".xlsx" else ".xlsx"
+    return source.with_name(f"{source.stem}-times{ending}")
 
 
 def require_another(source: Path, target: Path) -> None:
     """Raise InputError where the answers would overwrite the table."""
-    if target.resolve() == source.resolve():
+    if target.resolve() == file_of(source).resolve():
         raise InputError(f"--out is {target}, the table that is read; name another file")
 
 

@@ -32,7 +32,10 @@ def row_record(rows: Array) -> list[list[float | None]]:
 
 def mix_over(study: Setup, points: Sequence[OperatingPoint]) -> Mix:
     """Mix operating points by their weights, with the time of a retry in the study."""
-    return mix_of(points, study.clutch.timeout + study.retraction)
+    # The mean rest of faces on half a pitch: a surrogate knows no other.
+    quarter = np.array([0.25 * study.clutch.dog.pitch_angle])
+    freed, lost = study.set_point.passages(quarter)[0], study.clutch.timeout + study.retraction
+    return mix_of(points, float(np.nan_to_num(freed, nan=lost)))
 
 
 def study_mix(study: Setup) -> Mix:

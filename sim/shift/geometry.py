@@ -76,8 +76,8 @@ class Dog:
     InputError
         A value is not finite, negative or outside its mathematical range.
     GeometryError
-        The flanks meet below the tip, a chamfer eats a flank, undercut dogs do not pass each
-        other, or the roundings of the edges leave nothing of faces or flanks.
+        The flanks meet below the tip, a chamfer eats a flank or belongs to no face, undercut dogs
+        do not pass each other, or the roundings of the edges leave nothing of faces or flanks.
     """
 
     count: int
@@ -400,10 +400,10 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
         kept = (dog.crest != end) | (angle == 0.0)
         rule = f"it must be 0 with dog.crest = {end:g}: the ridge stands on the {side} edge"
         remedy = "give dog.crest between 0 and 1, 0.5 for a ridge in the middle"
-        yield _Rule(kept, InputError, f"dog.{name}_deg", angle / DEG, "deg", rule, remedy)
+        yield _Rule(kept, GeometryError, f"dog.{name}_deg", angle / DEG, "deg", rule, remedy)
     kept = (dog.crest == 0.0) | (dog.crest == 1.0) | (dog.chamfer + dog.chamfer_back > 0.0)
     rule, remedy = "a flat tip has no ridge", "give a chamfer, or leave dog.crest out"
-    yield _Rule(kept, InputError, "dog.crest", dog.crest, "", rule, remedy)
+    yield _Rule(kept, GeometryError, "dog.crest", dog.crest, "", rule, remedy)
     rule = "it must lie between {:.6g} and {:.6g} mm"
     remedy = "check the length and that it is in millimetres"
     for key, (low, high) in LENGTHS.items():

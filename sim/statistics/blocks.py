@@ -16,6 +16,7 @@ import numpy as np
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
+from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.statistics.shift_records import (
@@ -25,7 +26,7 @@ from dogshape.sim.statistics.shift_records import (
     landing_record,
 )
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
-from dogshape.sim.units import MM, RPM
+from dogshape.sim.units import DEG, MM, RPM
 from dogshape.sim.versions import engine
 
 
@@ -139,13 +140,18 @@ def even_block(
 
 def events_record(result: Engagement) -> Record:
     """Return the events of a shift as a flat record in the edge's units."""
-    events = result.events
+    events, rest = result.events, {}
+    if result.outcome is Outcome.BLOCKED:  # the overlap left in the sense of the mismatch
+        overlap, most = face_overlap(result.clutch, result.trace.relative_angle[-1:])
+        left = float((most - overlap if result.point.mismatch > 0.0 else overlap)[0])
+        rest["rest_overlap_deg"] = max(left, 0.0) / result.clutch.dog.mean_radius / DEG
     return {
         "face_contacts": events.face_contacts,
         "slots_skipped": events.slots_skipped,
         "rebound_travel_mm": events.rebound / MM,
         "time_blocked_s": events.time_blocked,
         "face_slide_mm": events.face_slide / MM,
+        **rest,
     }
 
 

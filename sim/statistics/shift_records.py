@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from dogshape.sim.errors import ranges_of
@@ -123,14 +123,32 @@ def content_key(record: Record) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:20]
 
 
+BINS = 24  #: of the relative angle over a pitch, at most
+
+
+def entries_by_angle(records: Sequence[Record]) -> list[list[int]]:
+    """Count direct entries, those after face contact and failures, by relative angle.
+
+    In equal bins of a pitch from dogs facing dogs; shifts whose integration failed are left out.
+    """
+    counts = [[0, 0, 0] for _ in range(min(BINS, len(records)))]
+    for one in (row for row in records if row["outcome"] != Outcome.DIVERGED.value):
+        phase = one["relative_angle_deg"] * one["count"] / 360.0 % 1.0
+        entry = 2 if one["shift_time_s"] is None else int(one["face_contacts"] > 0)
+        counts[int(phase * len(counts))][entry] += 1
+    return counts
+
+
 def unfinished(record: Record) -> bool:
     """Test that the clock ended a shift: another run may finish it."""
     return str(record.get("reason", "")).startswith(TIME_LIMIT)
 
 
 def result_of(record: Record) -> ShiftResult:
-    """Extract outcome and time from a record."""
-    return ShiftResult(Outcome(record["outcome"]), record["shift_time_s"])
+    """Extract outcome, time, and the rest of a blocked shift from a record."""
+    rest = record.get("rest_overlap_deg")
+    outcome, time = Outcome(record["outcome"]), record["shift_time_s"]
+    return ShiftResult(outcome, time, None if rest is None else rest * DEG)
 
 
 def landing_record(landing: Landing) -> Record:

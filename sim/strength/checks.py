@@ -98,6 +98,12 @@ class Check:
         return self.margin >= 0.0
 
 
+def safety_factor(rule: Rule, margin: float) -> float | None:
+    """Compute the upper limit of a stress or force over its value; None for other checks."""
+    loaded = rule.at_most and rule.unit in ("MPa", "N") and margin < 1.0
+    return 1.0 / (1.0 - margin) if loaded else None
+
+
 def feasible(checks: Iterable[Check]) -> bool:
     """Decide whether every check passes."""
     return all(check.passed for check in checks)

@@ -70,6 +70,31 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     assert (only["n"], only["engaged"]) == (2, 1.0)
 
 
+def test_a_set_point_that_alternates_frees_what_is_held(dogshape: Call) -> None:
+    """Flat dogs at a low mismatch: a retry of 1.2 s, the set-point, one too fast, one in part."""
+    point = ("--mismatch-rpm", 10, "--force-N", 469, "--angles", 24, "--jobs", 1)
+    flat = ("expect", "mq200_paper", *point, "--set", "dog.chamfer_deg=0")
+    own = "shift.alternating={{amplitude_rpm={}, period_s=0.6, after_s=0.4}}"
+    held, freed = (
+        dogshape(*flat, *more, "--json").json for more in ((), ("--set", own.format(20)))
+    )
+    assert held["expected_shift_time_s"] is None
+    assert freed["engages"]
+    assert 0.2 < freed["expected_shift_time_s"] < 1.0
+    assert [one["share"] for one in freed["quantiles"]] == [0.95, 0.999]
+    assert freed["quantiles"][0]["time_s"] > freed["expected_shift_time_s"]
+    assert freed["quantiles"][1]["time_s"] is None  # of 24 shifts
+    (before,), (after,) = held["points"], freed["points"]
+    assert before["shiftability"] == after["shiftability"]
+    assert before["engaged"] == after["engaged"] < 0.5
+    said = dogshape(*flat, "--set", own.format(20))
+    assert "freed by the alternating set-point" in said.out
+    said = dogshape(*flat, "--set", own.format(900))
+    assert "more than 147.7 1/min may throw it out again; lower it" in said.sentence
+    said = dogshape(*flat, "--set", "shift.alternating.amplitude_rpm=20")
+    assert "'shift.alternating.period_s' is missing; add it" in said.err
+
+
 @pytest.fixture
 def studied(finished: Finished, tmp_path: Path) -> Path:
     """A folder with the results of a study at smoke size."""

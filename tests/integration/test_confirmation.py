@@ -68,7 +68,7 @@ def searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Searched:
                 time = _time(given) + LATE * (new and own in (lucky or ()))
                 yield {
                     "key": key, **given, "outcome": "blocked" if stuck else "engaged",
-                    "seed": block.seed, "shift_time_s": None if stuck else time,
+                    "seed": block.seed, "shift_time_s": None if stuck else time, "face_contacts": 1,
                     "peak_axial_force_N": 1e3, "peak_tangential_force_N": 1e3,
                     **landing_record(Landing((load,) * len(OVERLAPS))),
                 }  # fmt: skip

@@ -56,7 +56,14 @@ def test_report_in_a_browser_and_on_paper(reported: Path, tmp_path: Path) -> Non
             "[...document.querySelectorAll('a[href^=shifts]')].map(a => a.getAttribute('href'))"
         )
         printed = browser.print_pdf()
-    for words in ("were not simulated", "prototype", "tip width", "versions"):
+    for words in (
+        "were not simulated",
+        "prototype",
+        "tip width",
+        "versions",
+        "by angle",
+        "% within",
+    ):
         assert words in text
     assert 4 <= len(re.findall(rb"/Type\s*/Page\b", printed)) <= 10
     boxes = set(re.findall(rb"/MediaBox\s*\[([^\]]*)\]", printed))
@@ -79,7 +86,7 @@ def test_report_in_a_browser_and_on_paper(reported: Path, tmp_path: Path) -> Non
 @pytest.mark.parametrize("name", ["mq200_paper", "mq200"])
 def test_a_data_sheet_prints_on_one_page(tmp_path: Path, name: str) -> None:
     why = "a reason that goes on for more than one line: " + 30 * "why, "
-    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", why)
+    page = write_data_sheet(named_design(name), tmp_path / "sheet.html", {"why": why})
     with Chromium(tmp_path / "profile") as browser:
         browser.look(page)
         assert re.findall(rb"/Count (\d+)", browser.print_pdf()) == [b"1"]

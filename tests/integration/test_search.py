@@ -11,7 +11,7 @@ import pytest
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.schema import VariablesSection
-from dogshape.pipeline.config.study_file import Setup, build_study, load_study
+from dogshape.pipeline.config.study_file import Setup, build_study, load_study, pair_of
 from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
 from dogshape.pipeline.search.state import SIMULATION
 from dogshape.pipeline.simulate.design import design_of, worth_simulating
@@ -19,6 +19,7 @@ from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import DogshapeError, InputError, StorageError
 from dogshape.sim.units import RPM
+from dogshape.surrogate.store import load
 from tests.conftest import SMALL, searching
 from tests.integration.studies import Finished
 
@@ -30,6 +31,22 @@ def _rows(folder: Path) -> list[dict[str, Any]]:
 def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
     names = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
     return [(*(row[n] for n in names), row["expected_shift_time_s"]) for row in result["trials"]]
+
+
+def test_ridge_back_chamfer_and_backlash_are_searched(tmp_path: Path) -> None:
+    """Of every design the dog, the checks, the shifts and the surrogate have them."""
+    keys = {"dog.crest": 0.5, "dog.chamfer_back_deg": 12.0, "search.trials": 11}
+    ranges = {"crest": [0.3, 0.7], "chamfer_back_deg": [8.0, 18.0], "backlash_mm": [0.0, 0.3]}
+    searched = {f"variables.{key}": ends for key, ends in ranges.items()}
+    small = dict(map(pair_of, SMALL))
+    study = load_study("mq200_paper", small | keys | searched)
+    run_study(study, searching(tmp_path))
+    result = json.loads((tmp_path / "result.json").read_text())
+    names = list(study.variables)
+    assert result["trials"][0]["backlash_mm"] == 0.0
+    for row in result["trials"][1:]:
+        assert all(low <= row[key] <= high for key, (low, high) in study.variables.items())
+    assert load(tmp_path / "surrogate.json").surrogate.data.variables == tuple(names)
 
 
 def test_a_study_ends_with_everything(finished: Finished) -> None:

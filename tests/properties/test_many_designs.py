@@ -12,6 +12,7 @@ from dogshape.pipeline.simulate.design import Design, design_of
 from dogshape.pipeline.train.design_table import judged_together, verdicts
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dogs
+from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.units import DEG, MM
@@ -101,3 +102,23 @@ def test_verdicts_are_those_of_each_design(settings: tuple[str, ...]) -> None:
             assert margins[found["worst_check"][place]] == pytest.approx(
                 found["smallest_margin"][place], rel=1e-12
             )
+
+
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of shapes that cannot be
+def test_ridges_and_backlash_are_judged_together_as_each_of_them() -> None:
+    more = {"dog.crest": 0.5, "dog.chamfer_back_deg": 12.0}
+    ranges = {"crest": [0.0, 1.0], "chamfer_back_deg": [2.0, 30.0], "backlash_mm": [0.0, 1.0]}
+    study = load_study("mq200", more | {f"variables.{key}": ends for key, ends in ranges.items()})
+    names, low, high = (*study.variables,), *np.array(list(study.variables.values())).T
+    x = low + np.random.default_rng(7).random((DESIGNS, len(low))) * (high - low)
+    x[:, names.index("count")] = np.round(x[:, names.index("count")])
+    x[0, names.index("crest")] = 1.0
+    found = verdicts(study, names, x)
+    assert 20 < found["real"].sum() < DESIGNS
+    assert "ridge stands on the traction edge" in found["reason"][0]
+    for row, real, margin in zip(x, found["real"], found["smallest_margin"], strict=True):
+        design = design_of(study, study.named(row))
+        assert bool(design.checks) == real
+        if real:
+            least = smallest_margin(design.checks).margin
+            assert margin == pytest.approx(least, rel=1e-9, abs=1e-12)

@@ -81,6 +81,7 @@ def test_what_fails_or_does_not_engage_is_no_alternative(kept: tuple[Setup, Row]
     _by_trial(record)[fails]["checks"][0]["margin"] = -0.01
     points = _by_trial(record)[stuck]["points"]
     points[0]["engaged"] = 0.0
+    _by_trial(record)[stuck][TIME] = None
     rows = {row[0]: row for row in alternatives_table(study, record).rows}
     assert str(fails) not in rows
     count = sum(p["n"] for p in points)

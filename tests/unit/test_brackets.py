@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from dogshape.cli.console import ProgressBar, emit, say
+from dogshape.cli.console import emit
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Table
+from dogshape.terminal import ProgressBar
 
 NAMES = ("stand [v2] :smile:", "a[red]b", "[/red] x")
 
@@ -24,7 +25,7 @@ def test_tables_and_lines_print_names_as_they_are(
 
 @pytest.mark.parametrize("name", NAMES)
 def test_progress_prints_names_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    say(f"kept in {name}")
+    ProgressBar().say(f"kept in {name}")
     with WorkCounter(ProgressBar(), 1) as progress:
         progress.say(f"finished shifts are in {name}")
     err = capsys.readouterr().err

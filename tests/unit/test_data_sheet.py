@@ -64,12 +64,29 @@ def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
     assert sheet["provenance"]["command"] == "dogshape study mq200 --set dog.chamfer_deg=12.0"
 
 
+def test_the_title_block_says_who_decided_and_why(dogshape: Call, folder: StudyFolder) -> None:
+    block = {"number": "47-11", "revision": "B", "author": "A. Novak", "checker": "C. Dvorak",
+             "decided_by": "E. Fiala"}  # fmt: skip
+    result = ds.load_result(folder.root)
+    sheet = json.loads(result.data_sheet(TRIAL, "sheet.json", WHY, **block).read_text())
+    assert sheet.items() >= {**block, "why": WHY, "date": sheet["time"][:10]}.items()
+    options = [part for key, text in block.items() for part in ("--title", f"{key}={text}")]
+    name = f"{folder.root}#{TRIAL}"
+    said = dogshape("export", name, "--sheet", "a.html", *options, "--title", "date=2026-11-30")
+    assert said.status == 0
+    page = Path("a.html").read_text()
+    assert all(word in page for word in (*block.values(), "2026-11-30", "checked by", "<th>S</th>"))
+    with pytest.raises(ds.InputError, match="'autor' is no key of a data sheet; did you mean"):
+        result.data_sheet(TRIAL, "sheet.json", autor="A. Novak")
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (("mq200_paper#480", "--sheet", "a.html"), "has no design 480"),
         (("mq200_paper#1", "--set", "dog.count=20", "--sheet", "a.html"), "--set would change"),
-        (("mq200_paper#1", "--svg", "a.svg", "--why", "x"), "--why is for the data sheet"),
+        (("mq200_paper#1", "--svg", "a.svg", "--why", "x"), "--why and --title are for"),
+        (("mq200#33", "--sheet", "a.html", "--title", "autor=x"), "did you mean 'author'"),
         (("mq200_paper#1", "--sheet", "a.pdf"), "must end in .html"),
     ],
 )

@@ -44,7 +44,7 @@ GUARDED = {
     "sqlalchemy": ("pipeline/store/trial_storage.py",),
     "plotly": ("pipeline/reports/",),
     "typer": ("dogshape/cli/", "validation/blind/verbs.py"),
-    "rich": ("dogshape/cli/",),
+    "rich": ("dogshape/terminal.py",),
     "joblib": ("pipeline/simulate/executor.py", "validation/blind/sealed.py"),
     "distributed": ("pipeline/simulate/executor.py",),
     "mujoco": ("validation/blind/mujoco_shift.py",),
@@ -238,7 +238,7 @@ print(*sorted({set(SLOW) - {"numpy"}} & set(sys.modules)))
 def test_one_place_makes_consoles() -> None:
     """It turns markup off: names and paths of users have square brackets."""
     making = [path for path in MODULES if "Console(" in path.read_text(encoding="utf-8")]
-    assert making == [ROOT / "dogshape" / "cli" / "console.py"]
+    assert making == [ROOT / "dogshape" / "terminal.py"]
 
 
 def test_no_room_asks_for_the_time_of_day() -> None:

@@ -161,7 +161,7 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
     # The prototype's source and limit in seconds do not stay beside another torque.
     meanings = [comment.partition(SOURCE)[0].rstrip(" ;") for comment in comments]
     strike = "of flanks at the largest mismatch; of ranges the worst ends count; output side rigid"
-    gone = ("for the study", "at any operating point, on the study's own dog", strike)
+    gone = ("for the study", "at any operating point surely, on the study's own dog", strike)
     assert all(meaning in text for meaning in meanings if meaning not in gone)
     assert "thesis table 5" not in text
     assert "thesis table 6" in text
@@ -174,7 +174,8 @@ def test_a_study_with_values_of_ones_own_keeps_its_comments(dogshape: Call) -> N
     [
         (("--set", "dog.cuont=20"), "did you mean 'dog.count'?"),
         (("--set", "dog.height_mm=-3.0"), "dog.height_mm is -3 mm"),
-        (("--from", "nowhere"), "no study and no bench data set of that name"),
+        (("--like", "mq20"), "'mq20' is no kind of clutch, no study and no bench data set"),
+        (("--like", "mq20"), "or a kind: amt (30 dogs, 140/124 mm, 2500 N m), ev_disconnect"),
         (("--out", "my clutch"), "letters, digits"),
     ],
 )
@@ -190,11 +191,27 @@ def test_a_study_that_is_none_is_not_written(
 def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    answers = "\n18\n\n\n\n3,2" + 18 * "\n"
-    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=answers)
+    # Dogs, ring and what turns with it; height, torque, actuator, operation; toothing, drag, steel.
+    answers = "\n30 8 12 22 140 124 1 2,5 0,05 0,6 5 1500 1500 0,1 50 1500  0,8 steel 20MnCr5"
+    typed = answers.replace(" ", "\n")
+    done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
     assert done.exit_code == 0, done.stderr
-    dog = load_study("mine").clutch.dog
-    assert (dog.count, dog.height) == (18, pytest.approx(3.2e-3))
+    study = load_study("mine")
+    dog, mechanism = study.clutch.dog, study.clutch.mechanism
+    assert (dog.count, dog.height) == (30, pytest.approx(5e-3))
+    assert mechanism.spline_radius == pytest.approx(0.8 * 0.062)
+    assert (mechanism.drag_torque, study.limits.material.name) == (0.8, "20MnCr5")
+    for words in (
+        "kinds of clutch: amt (30 dogs, 140/124 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
+        "chamfer of the face, deg (the MQ200 prototype, thesis table 5) [8]:",
+        "slides on, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
+        "give one of 16MnCr5, 20MnCr5",
+    ):  # fmt: skip
+        assert words in done.stderr
+    # The same clutch again by twenty times return: toothing and drag are its own.
+    done = CliRunner().invoke(app, ["init", "study", "--out", "same"], input=20 * "\n")
+    assert done.exit_code == 0, done.stderr
+    assert load_study("same").physics_hash == load_study("mq200").physics_hash
     Path("m.csv").write_text("x;y;F_shift (kN)\n50;190;0,469\n100;180;0,469\n")
     said = ["shift_time_s=y:ms", "mismatch_rpm=x", "y", "stand 7", "me, today", "", "y"]
     said += ["command", "arm", "actuator", "known", "n"]
@@ -211,7 +228,7 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 def _begun(dogshape: Call, *sets: str, origin: str = "mq200") -> tuple[Said, Setup]:
     given = [part for one in sets for part in ("--set", one)]
-    said = dogshape("init", "study", "--from", origin, "--out", "own", "--yes", "--json", *given)
+    said = dogshape("init", "study", "--like", origin, "--out", "own", "--yes", "--json", *given)
     assert said.status == 0, said.err
     return said, load_study("own")
 

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.cli.console import ProgressBar
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
@@ -20,6 +19,7 @@ from dogshape.pipeline.store.folder import append
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
+from dogshape.terminal import ProgressBar
 from tests.conftest import Listener, Said
 from tests.diagnosed import simulated_bench, simulated_diagnosis
 from tests.made_up import Quick, few_cells, made_up

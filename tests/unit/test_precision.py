@@ -30,7 +30,13 @@ class MadeUp:
 
     def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
         """Return the records of blocks."""
-        return [[_row(self.time(a / b.clutch.dog.pitch_angle)) for a in b.angles] for b in blocks]
+        return [
+            [
+                {**_row(self.time(angle / block.clutch.dog.pitch_angle)), **given}
+                for angle, given in zip(block.angles, block.inputs, strict=True)
+            ]
+            for block in blocks
+        ]
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +55,8 @@ def _slope(phase: float) -> float:
 
 
 def _row(time: float | None) -> Record:
-    return {"outcome": "engaged" if time else "timed_out", "shift_time_s": time}
+    outcome = "engaged" if time else "timed_out"
+    return {"outcome": outcome, "shift_time_s": time, "face_contacts": 1}
 
 
 def test_numerical_error_is_mean_and_scatter_of_the_repeated_shifts(

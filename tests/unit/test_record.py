@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from dogshape.cli.console import rich_table
 from dogshape.pipeline.record import Bad, Record, Table, frame_of, key, key_table, tabulate
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
+from dogshape.terminal import print_parts
 
 
 class Point(Record):
@@ -47,7 +47,7 @@ def test_console_and_page_print_the_cells_that_are_declared(tmp_path: Path) -> N
     assert list(table.heads) == ["speed, 1/min", "time, ms", "passed"]
     assert table.rows == [["\N{MINUS SIGN}50", "12.3", "yes"], ["5", "-", "no"]]
     assert tabulate(Point, POINTS, "time_s").rows == [["12.3"], ["-"]]
-    Console(file=stream, width=100).print(rich_table(table))
+    print_parts(Console(file=stream, width=100), [table])
     Report("points").add("", table).save(tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text()
     for words in (*table.heads, *table.rows[0]):

@@ -81,6 +81,7 @@ def test_what_does_not_engage_has_no_time_and_no_gain(
 ) -> None:
     for point in (point for key in keys for point in result["confirmation"][key]["points"]):
         point["engaged"] = share
+    result["confirmation"] |= {key: result["confirmation"][key] | {TIME: None} for key in keys}
     assert headline(result) == f"Design 2 engages in {32 * share:.0f} of 32 shifts."
     assert not any("gain" in name or "slower" in name for name in dict(facts_of(few, result)))
 

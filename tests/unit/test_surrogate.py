@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,7 +18,7 @@ from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Dataset, Grid, Mix, grid_of
 from dogshape.surrogate.model import Surrogate, fit, shape_of
 from dogshape.surrogate.process import Effort
-from dogshape.surrogate.query import ask, in_range
+from dogshape.surrogate.query import ask, faces_hold, in_range
 from dogshape.surrogate.store import Stored, load, save, validate
 
 NAMES = ("chamfer_deg", "height_mm", "count")
@@ -215,6 +217,15 @@ def test_faces_that_hold_have_no_estimate(
     assert (answer.expected is None) == holds
     assert answer.refusal.startswith("faces hold: no estimate") == holds
     assert bool(in_range(model, np.array([list(asked.values())]))[0]) <= (not holds)
+
+
+def test_a_back_that_holds_has_no_estimate_either() -> None:
+    physics, known = {"static_friction": 0.12}, np.array([[8.0, 9.0], [12.0, 14.0]])
+    data: Any = SimpleNamespace(
+        variables=("chamfer_deg", "chamfer_back_deg"), x=known, physics=physics
+    )
+    asked = np.array([[10.0, 10.0], [10.0, 5.0], [5.0, 10.0], [8.0, 9.0]])
+    assert faces_hold(data, asked).tolist() == [False, True, True, False]
 
 
 def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:

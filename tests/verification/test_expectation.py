@@ -83,7 +83,8 @@ def test_a_time_needs_half_of_the_shifts_at_each_point(
     both = expect([rare, sure])
     assert (rare.time is not None) == (both.time is not None) == timed
     assert sure.time == pytest.approx(0.06)
-    assert both.engaged_words.startswith(f"engages in {10 + engaged} of 20 shifts")
+    assert (both.shifts, both.lost) == (20, 10 - engaged)
+    assert (f"engages in {10 + engaged} of 20 shifts" in _printed(both)) is not timed
 
 
 def _errors(point: Point, time: Callable[[float], float], n: int) -> tuple[float, float, float]:

@@ -9,11 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
-from dogshape.cli.console import ProgressBar, emit
+from dogshape.cli.console import emit
 from dogshape.cli.options import PLAIN, Jobs, Json
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.simulate.executor import workers_of
+from dogshape.terminal import ProgressBar
 from dogshape.validation.blind.cases import SEED
 from dogshape.validation.blind.sealed import manifest_of
 from dogshape.validation.blind.sealed import run as run_cases

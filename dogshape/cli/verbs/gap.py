@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 import dogshape as ds
-from dogshape.cli.console import ProgressBar, emit, show
+from dogshape.cli.console import emit, show
 from dogshape.cli.options import BenchArg, Corrections, Jobs, Json
 from dogshape.sim.errors import DogshapeError, InputError
 
@@ -51,7 +51,7 @@ def gap(
         calibrated_study.require_new_study(write, base)
     found = ds.diagnose(
         bench, correct=correct or (), out=out, bank=bank, effects=effects, study=study,
-        engine=engine, jobs=jobs, progress=ProgressBar(),
+        engine=engine, jobs=jobs, progress=True,
     )  # fmt: skip
     if write is None:
         show(found, json)
@@ -75,7 +75,9 @@ def gap_plan(
     shifts: Annotated[int, Option(help="shifts in all, at least 20")],
     points: Annotated[int | None, Option(min=1, help="operating points, at most")] = None,
     seed: Annotated[int, Option(min=0, help="of the random order")] = 1,
-    out: Annotated[Path | None, Option(metavar="FILE", help="table to fill in, CSV")] = None,
+    out: Annotated[
+        Path | None, Option(metavar="FILE", help="table to fill in, CSV or .xlsx")
+    ] = None,
     bank: Bank = BANK,
     effects: Effects = None,
     jobs: Jobs = 0,
@@ -90,14 +92,14 @@ def gap_plan(
     """
     found = ds.plan_shifts(
         where, shifts, points=points, seed=seed, out=out, bank=bank, effects=effects, jobs=jobs,
-        progress=ProgressBar(),
+        progress=True,
     )  # fmt: skip
     show(found, json)
 
 
 def gap_update(
     folder: Annotated[Path, Argument(metavar="DIR", help="--out of an earlier diagnosis")],
-    new: Annotated[Path, Argument(metavar="NEW.csv", help="columns as in shifts.csv")],
+    new: Annotated[Path, Argument(metavar="NEW.csv", help="or .xlsx; columns as in shifts.csv")],
     bank: Bank = BANK,
     effects: Effects = None,
     jobs: Jobs = 0,
@@ -111,4 +113,4 @@ def gap_update(
     Example: dogshape gap update results/gap-stand new.csv
     """
     how: dict[str, Any] = {"bank": bank, "effects": effects, "jobs": jobs}
-    show(ds.update_diagnosis(folder, new, **how, progress=ProgressBar()), json)
+    show(ds.update_diagnosis(folder, new, **how, progress=True), json)

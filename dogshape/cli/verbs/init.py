@@ -11,10 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from dogshape.cli.console import emit, rich_table, say, terminal
+from dogshape.cli.console import emit
 from dogshape.cli.options import PLAIN, Json, Sets
 from dogshape.sim.errors import InputError, meant_number
 from dogshape.sim.units import unit_of
+from dogshape.terminal import print_parts, terminal
 
 if TYPE_CHECKING:
     from dogshape.pipeline.drafts.bench_folder import BenchDraft
@@ -44,7 +45,9 @@ Force = Annotated[bool, Option("--force", help="write over files of the same nam
 @init.command()
 def study(
     out: Annotated[Path, Option(help="folder to write")] = Path("my_clutch"),
-    origin: Annotated[str, Option("--from", help="study to copy, or a bench's clutch")] = "mq200",
+    origin: Annotated[
+        str, Option("--like", "--from", help="kind of clutch, study, or a bench's clutch")
+    ] = "mq200",
     set_: Sets = None,
     yes: Yes = False,
     force: Force = False,
@@ -85,27 +88,27 @@ def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool)
     from dogshape.pipeline.drafts import sources  # noqa: PLC0415
     from dogshape.pipeline.drafts import study_folder as draft  # noqa: PLC0415
 
-    origin = ask("begin from (a study, or the folder of a bench)", origin)
-    before = sources.source_of(origin).dog_values
-    given = {key: value for key, value in values.items() if draft.askable(value)}
-    before |= {key: value for key, value in given.items() if key in draft.CLUTCH}
-    answers = ask_values(before, draft.CLUTCH)
+    typer.echo(f"kinds of clutch: {sources.bundled_kinds()}", err=True)
+    origin = ask("begin from (a kind, a study, or the folder of a bench)", origin)
+    before, words = draft.questions_of(origin, values)
+    before = {key: value for key, value in before.items() if key not in draft.USE}
+    answers = ask_values(before, words)
     # What follows from the clutch is the default of the other questions.
-    use = draft.use_of(origin, values | changed(answers, before))
-    before, answers = before | use, answers | ask_values(use, draft.USE)
+    then, words = draft.questions_of(origin, values | changed(answers, before))
+    use = {key: then[key] for key in draft.USE if key in then}
+    before, answers = before | use, answers | ask_values(use, words)
     while True:
-        # The height is set as answered, also where it is the default.
-        own = values | changed(answers, before) | {draft.HEIGHT: answers[draft.HEIGHT]}
+        own = values | changed(answers, before)
         try:
             return draft.write_study(out, origin, own, force=force)
         except InputError as error:
-            say(f"{error}\nnothing is written yet; your answers are kept")
-            answers = ask_values(answers, draft.CLUTCH | draft.USE)
+            typer.echo(f"{error}\nnothing is written yet; your answers are kept", err=True)
+            answers = ask_values(answers, words)
 
 
 @init.command()
 def bench(
-    tables: Annotated[list[Path] | None, Argument(metavar="[CSV ...]")] = None,
+    tables: Annotated[list[Path] | None, Argument(metavar="[CSV|XLSX ...]")] = None,
     out: Annotated[Path | None, Option(help="default: the name of the first table")] = None,
     origin: Annotated[str, Option("--from", help="whose clutch the stand has")] = "mq200_stand",
     column: Annotated[list[str] | None, Option(metavar="QUANTITY=COLUMN[:UNIT]")] = None,
@@ -122,7 +125,7 @@ def bench(
     Each quantity is printed as it was read, with the reason; so is what was left out. Cells that
     can be read in two ways are asked about in a terminal, and refused without one. A column has a
     unit, --column shift_time_s='t 90 %:ms', or is a formula, --column mismatch_rpm='n_out - n_in';
-    --column engaged=- leaves a quantity out.
+    --column engaged=- leaves a quantity out. FILE.xlsx#SHEET is a sheet of a workbook.
 
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench
     """
@@ -162,15 +165,13 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand."""
     from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
     from dogshape.pipeline.drafts.sources import source_of  # noqa: PLC0415
-    from dogshape.pipeline.drafts.study_folder import CLUTCH  # noqa: PLC0415
+    from dogshape.pipeline.drafts.study_folder import CLUTCH, USE  # noqa: PLC0415
 
     found = guessed(draft)
     while draft.tables:
-        for part in _reading(found):
-            shown = part if isinstance(part, str) else rich_table(part)
-            terminal(stderr=True).print(shown)
+        print_parts(terminal(stderr=True), _reading(found))
         for fault in found["faults"]:
-            say(fault)
+            typer.echo(fault, err=True)
         if not found["faults"] and ask("is that right?", True):
             break
         answer = ask("say one, as shift_time_s=COLUMN:UNIT or decimal=, (empty: go on)", "")
@@ -185,7 +186,7 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     origin = ask("clutch of the stand, as in (study or bench)", draft.origin)
     if not ask(f"is the clutch exactly that of '{origin}'?", True):
         before = source_of(origin).dog_values
-        values = changed(ask_values(before, CLUTCH), before) | values
+        values = changed(ask_values(before, CLUTCH | USE), before) | values
     for key, (question, choices) in RECORD.items():
         if key not in values and (key != EMPTY or found["empty"]):
             values[key] = ask(f"{question}: {', '.join(choices)}", "unknown", choices)
@@ -256,7 +257,11 @@ def ask(question: str, default: Any, choices: Sequence[str] = ()) -> Any:
 
 def ask_values(values: Mapping[str, Any], words: Mapping[str, str]) -> dict[str, Any]:
     """Ask for values by their keys."""
-    return {key: ask(words.get(key, key), value) for key, value in values.items()}
+    from dogshape.pipeline.drafts.study_folder import CHOICES  # noqa: PLC0415
+
+    return {
+        key: ask(words.get(key, key), value, CHOICES.get(key, ())) for key, value in values.items()
+    }
 
 
 def changed(found: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:

@@ -10,10 +10,10 @@ from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated, Any
 
-from typer import Argument, Option
+from typer import Argument, Option, echo
 
 import dogshape as ds
-from dogshape.cli.console import ProgressBar, emit, say, show, warn
+from dogshape.cli.console import emit, show, warn
 from dogshape.cli.options import (
     BenchArg,
     Cluster,
@@ -54,7 +54,7 @@ def shift(
     force_rise_s: Rise = None,
     all_dogs: Annotated[bool, Option("--all-dogs", help="model every dog")] = False,
     html: Annotated[Path | None, Option(help="write an animation with its curves")] = None,
-    trace: Annotated[Path | None, Option(help="write the time series as CSV")] = None,
+    trace: Annotated[Path | None, Option(help="write the time series, CSV or .xlsx")] = None,
     engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
@@ -113,7 +113,7 @@ def expect(
         )
     if isinstance(listed, tuple):
         raise InputError(f"--angles is '{angles}', but --draws takes a number; give one")
-    how: dict[str, Any] = {"jobs": jobs, "progress": ProgressBar()}
+    how: dict[str, Any] = {"jobs": jobs, "progress": True}
     show(ds.expect_draws(study, draws, settings, angles=listed, **how), json)
 
 
@@ -167,8 +167,8 @@ def check(
     surrogate: SurrogateFile = None,
     mismatch_rpm: OneMismatch = None,
     force_N: OneForce = None,
-    designs: Annotated[Path | None, Option(help="CSV, columns as chamfer_deg")] = None,
-    out: Annotated[Path | None, Option(help="with --designs: CSV of the answers")] = None,
+    designs: Annotated[Path | None, Option(help="CSV or .xlsx, columns as chamfer_deg")] = None,
+    out: Annotated[Path | None, Option(help="with --designs: CSV or .xlsx of the answers")] = None,
     engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
@@ -193,7 +193,7 @@ def check(
 
         many = given.predict(designs, out=out or beside(designs), **asked)
         for line in many.notes:
-            say(line)
+            echo(line, err=True)
         show(many, json, ok=not many.to_dict()["impossible"])
         return
     if out is not None:
@@ -227,7 +227,7 @@ def study(
     settings += [f"search.seed={seed}"] if seed is not None else []
     found = ds.Study(study, settings).search(
         out, jobs=jobs, cluster=cluster, storage=storage, resume=resume, report=not no_report,
-        progress=ProgressBar(),
+        progress=True,
     )  # fmt: skip
     show(found, json, ok=found.best is not None)
 
@@ -243,7 +243,7 @@ def report(
 
     Example: dogshape report results/mq200
     """
-    path = ds.load_result(directory).report(progress=ProgressBar())
+    path = ds.load_result(directory).report(progress=True)
     emit({"report": str(path)}, json, lambda: [f"report: {path}"])
 
 
@@ -265,7 +265,7 @@ def fit(
     Example: dogshape fit results/mq200
     """
     how: dict[str, Any] = {"out": out, "jobs": jobs, "cluster": cluster}
-    show(ds.fit(where, with_engine(set_, engine), **how, progress=ProgressBar()), json)
+    show(ds.fit(where, with_engine(set_, engine), **how, progress=True), json)
 
 
 def compare(
@@ -289,6 +289,7 @@ def export(
     svg: Annotated[Path | None, Option(help="dimensioned section of a dog")] = None,
     sheet: Annotated[Path | None, Option(help="data sheet, HTML or JSON by ending")] = None,
     why: Annotated[str, Option(help="with --sheet: reason of a decision")] = "",
+    title: Annotated[list[str] | None, Option(metavar="KEY=TEXT", help="with --sheet")] = None,
     body_mm: Annotated[float, Option(help="thickness of a ring below the slots")] = 3.0,
     set_: Sets = None,
     json: Json = False,
@@ -297,6 +298,7 @@ def export(
 
     The data sheet has dimensions, times, margins and provenance: those of the search for
     results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
+    Its --title has number (of the drawing), revision, date, author, checker and decided_by.
 
     Example: dogshape export mq200#33 --stl ring.stl --svg dog.svg --sheet sheet.html
     """
@@ -317,8 +319,8 @@ def export(
         raise InputError(
             "export was asked for nothing; give --stl, --step, --svg or --sheet with a file"
         )
-    if why and sheet is None:
-        raise InputError("--why is for the data sheet; give --sheet with a file")
+    if (why or title) and sheet is None:
+        raise InputError("--why and --title are for the data sheet; give --sheet with a file")
     require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
@@ -343,7 +345,8 @@ def export(
     if sheet is not None:
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
-        write_data_sheet(one, sheet, why)
+        block = dict(text.partition("=")[::2] for text in title or ())
+        write_data_sheet(one, sheet, {"why": why, **block})
     written = {kind: str(path) for kind, path in files.items() if path is not None}
     volume = part_volume(dog, radius, body) / MM**3
     words = {"svg": "drawing", "stl": "one ring, both are alike", "step": "both rings",
@@ -380,6 +383,6 @@ def app(
         given = ds.Study(study, set_)
     ds.serve_app(
         given, surrogate=surrogate, folder=folder, port=port, browser=browser,
-        progress=ProgressBar(), command=shlex.join([study, *(f"--set={s}" for s in set_ or ())]),
+        progress=True, command=shlex.join([study, *(f"--set={s}" for s in set_ or ())]),
     )  # fmt: skip
     raise KeyboardInterrupt  # by which the server ends

@@ -1,0 +1,97 @@
+"""Sentences, tables and progress as a terminal or a notebook shows them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
+from rich import progress as rich_progress
+from rich.console import Console
+from rich.table import Table as RichTable
+
+from dogshape.pipeline.progress import Progress, WorkCounter, about
+
+if TYPE_CHECKING:
+    from dogshape.pipeline.record import Table
+
+CELL_EVERY = 0.5  #: s between counts in a notebook
+LINE_EVERY = 15.0  #: s between lines of progress where standard error is no terminal
+
+
+def terminal(*, stderr: bool = False, width: int | None = None) -> Console:
+    """Make a console that prints names and paths as they are: no markup, emoji or colours.
+
+    Every console of the program comes from here; ``[v2]`` in a path is no markup.
+    """
+    return Console(stderr=stderr, width=width, markup=False, emoji=False, highlight=False)
+
+
+def print_parts(console: Console, parts: Iterable[str | Table]) -> None:
+    """Print sentences, and tables with words to the left, numbers to the right, groups in bold."""
+    for part in parts:
+        console.print(part if isinstance(part, str) else _drawn(part))
+
+
+def _drawn(table: Table) -> RichTable:
+    drawn = RichTable(box=None, pad_edge=False, header_style="bold", show_header=any(table.heads))
+    for place, head in enumerate(table.heads):
+        words = place == 0 or place in table.words or not any(table.heads)
+        drawn.add_column(head, justify="left" if words else "right", overflow="fold")
+    for place, row in enumerate(table.rows):
+        drawn.add_row(*row, style="bold" if table.looks.get(place) == "group" else None)
+    return drawn
+
+
+class ProgressBar(Progress):
+    """Bar and sentences of long work: cleared at the end, in a notebook counts that stay in a cell.
+
+    The time left follows from the mean rate since the start: proposals between
+    shifts count, and a total that changes does not reset it, as it resets rich's own rate.
+    """
+
+    def __init__(self) -> None:
+        self._console = terminal(stderr=True)
+        self._bar: rich_progress.Progress | None = None
+        self._cell: Any = None  #: what a notebook shows
+        self._printed = self._moved = 0.0
+
+    def update(self, count: WorkCounter) -> None:
+        """Show a count: move the bar, or now and then a line, in a notebook always the same."""
+        if self._bar is None:
+            if count.ended:
+                return
+            columns = rich_progress.BarColumn(), rich_progress.TextColumn("{task.description}")
+            self._bar = rich_progress.Progress(
+                "simulating", *columns, rich_progress.TimeElapsedColumn(), console=self._console,
+                transient=True, disable=not self._console.is_terminal,
+            )  # fmt: skip
+            self._bar.add_task("", total=count.total)
+            self._bar.start()
+            if self._console.is_jupyter:
+                from IPython.display import display  # noqa: PLC0415  # there is a notebook
+
+                show: Any = display  # has no types
+                self._cell = show({"text/plain": ""}, raw=True, display_id=True)
+            self._printed, self._moved = self._console.get_time(), 0
+        (task,) = self._bar.tasks
+        total = f"at most {count.total}" if count.at_most else f"{count.total}"
+        words, new = f"{count.done} of {total} {count.unit}", count.done - count.known
+        if new and not count.ended:
+            left = (task.elapsed or 0.0) / new * (count.total - count.done)
+            words += f", {about(left)} left"
+        moved = new > self._moved and not self._console.is_terminal
+        self._bar.update(task.id, total=count.total, completed=count.done, description=words)
+        now = self._console.get_time()
+        if count.ended:
+            self._bar.stop()
+            self._bar = None
+        if self._cell is not None and (count.ended or now - self._printed >= CELL_EVERY):
+            self._printed = now
+            self._cell.update({"text/plain": f"simulating: {words}"}, raw=True)
+        elif self._bar is not None and moved and now - self._printed >= LINE_EVERY:
+            self._printed, self._moved = now, new
+            self._console.print(words, soft_wrap=True)
+
+    def say(self, line: str) -> None:
+        """Print a sentence above the bar."""
+        self._console.print(line, soft_wrap=True)

@@ -1,0 +1,124 @@
+"""First tries and freed shifts against closed forms, and against simulated shifts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dogshape.pipeline.config.study_file import SURE
+from dogshape.pipeline.store.result_records import PointRow
+from dogshape.sim.planar.engagement import engage, planar_clutch
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.shift.events import face_overlap
+from dogshape.sim.statistics.blocks import even_block, run_block
+from dogshape.sim.statistics.expectation import (
+    SetPoint,
+    ShiftResult,
+    expect_point,
+    time_quantile,
+)
+from dogshape.sim.statistics.shift_records import entries_by_angle, result_of
+from dogshape.sim.units import RPM
+
+SLOW = SetPoint(amplitude=2.0, period=0.5, start=0.1)  #: swings by 1/pi rad
+
+
+@pytest.fixture
+def flat(clutch: Clutch) -> Clutch:
+    """The prototype without chamfer, in the compiled engine."""
+    return clutch.with_dog(replace(clutch.dog, chamfer=0.0)).with_engine("planar")
+
+
+def _slow(mismatch_rpm: float) -> OperatingPoint:
+    return OperatingPoint(mismatch_rpm * RPM, ForceProfile(235.0, 1e-3))
+
+
+def test_the_integral_of_the_speed_passes_the_overlap() -> None:
+    """A sin(w t) added up to the time of passage; beyond A T/pi there is none."""
+    rests = np.array([0.01, 0.1, 0.3, 0.99 / math.pi, 1.01 / math.pi])
+    times = SLOW.passages(rests)
+    for rest, end in zip(rests[:4], times[:4] - SLOW.start, strict=True):
+        grid = np.linspace(0.0, end, 2001)
+        speed = SLOW.amplitude * np.sin(2.0 * np.pi * grid / SLOW.period)
+        assert np.trapezoid(speed, grid) == pytest.approx(rest, rel=1e-6)
+    assert math.isnan(times[4])
+    assert np.isnan(SetPoint().passages(rests)).all()
+
+
+def test_the_mean_passage_is_the_closed_form() -> None:
+    r"""Rests even up to U: (T/2 pi)(sin f - f cos f)/(1 - cos f), cos f = 1 - 2 pi U/(A T)."""
+    n, pitch, held = 4000, 2.0 * math.pi / 24, 2800
+    rests = (np.arange(held) + 0.5) * pitch / n
+    shifts = [ShiftResult(Outcome.BLOCKED, None, rest) for rest in rests.tolist()]
+    shifts += [ShiftResult(Outcome.ENGAGED, 0.08)] * (n - held)
+    freed = SLOW.freed(shifts)
+    f = math.acos(1.0 - 2.0 * math.pi * (held / n * pitch) / (SLOW.amplitude * SLOW.period))
+    passage = SLOW.period / (2.0 * math.pi) * (math.sin(f) - f * math.cos(f)) / (1.0 - math.cos(f))
+    found = expect_point(_slow(5.0), freed, 1.0, 0.2)
+    assert found.mean == pytest.approx(0.3 * 0.08 + 0.7 * (SLOW.start + passage), rel=1e-6)
+    assert (found.engaged, found.timed, found.blocked, found.freed) == (0.3, 1.0, held, held)
+    assert found.mean_engaged == pytest.approx(0.08)
+    last = SLOW.passages(np.array([held / n * pitch]))[0]
+    assert time_quantile([1.0], [freed], 0.9995, 1.0, 0.2).value == pytest.approx(last, rel=1e-3)
+    assert expect_point(_slow(5.0), SetPoint().freed(shifts), 1.0, 0.2).time is None
+
+
+@pytest.mark.parametrize("mismatch_rpm", [5.0, -5.0])
+def test_rests_of_blocked_shifts_are_what_the_slide_has_left(
+    flat: Clutch, mismatch_rpm: float
+) -> None:
+    """Faces that slide by J dw2/(2 mu F r) and stand (Bóka): even angles leave even rests."""
+    n, pitch, point = 48, flat.dog.pitch_angle, _slow(mismatch_rpm)
+    rows = run_block(even_block(flat, point, n, (1, 0)))
+    found = [one.rest for one in map(result_of, rows) if one.outcome is Outcome.BLOCKED]
+    even = (np.arange(len(found)) + 0.5) * pitch / n
+    assert len(found) > 30
+    assert np.sort(np.array(found, dtype=float)) == pytest.approx(even, abs=pitch / n)
+
+
+@pytest.mark.parametrize(("share", "skipped"), [(0.2, 0.0), (SURE, 0.0), (0.8, 1.0)])
+def test_a_ring_falls_into_the_slot_that_comes(flat: Clutch, share: float, skipped: float) -> None:
+    """Without friction, from on a face: at shares of the speed that passes the play in a fall."""
+    slippery = replace(flat.contact, static_friction=1e-3, dynamic_friction=1e-3)
+    close = replace(flat.dog, axial_gap=1e-5)
+    plant = planar_clutch(replace(flat, contact=slippery, dog=close))
+    fall = math.sqrt(2.0 * flat.rings.mass * close.height / 235.0)
+    speed = share * close.entry_play / close.mean_radius / fall
+    point = OperatingPoint(speed, ForceProfile(235.0, 1e-4))
+    angles = np.linspace(0.0, close.pitch_angle, 48)
+    overlap, most = face_overlap(plant.clutch, angles)
+    on_face = (overlap > 0.05 * most) & (overlap < 0.95 * most)
+    found = [engage(plant, point, float(angle)) for angle in angles[on_face]]
+    assert np.mean([one.events.slots_skipped > 0 for one in found]) == skipped
+    if not skipped:
+        rests = (most - overlap[on_face]) / close.mean_radius
+        passed = [one.shift_time or math.inf for one in found] - rests / speed
+        assert 0.0 < passed.min() <= passed.max() < 0.012
+
+
+@pytest.mark.parametrize("mismatch_rpm", [5.0, 25.0])
+def test_entries_of_flat_dogs_are_those_of_the_closed_forms(
+    flat: Clutch, mismatch_rpm: float
+) -> None:
+    """Direct: play less the way turned while the ring falls past the crests; engaged: Bóka's."""
+    n, dog, point = 96, flat.dog, _slow(mismatch_rpm)
+    rows = list(run_block(even_block(flat, point, n, (1, 0))))
+    own = expect_point(point, [result_of(row) for row in rows], 1.0, 0.2)
+    found = PointRow.of(replace(own, by_angle=entries_by_angle(rows))).shiftability
+    assert found is not None
+    play = dog.entry_play / dog.mean_radius
+    slide = flat.rings.reduced_inertia * point.mismatch**2
+    slide /= 2.0 * flat.contact.dynamic_friction * 235.0 * dog.mean_radius
+    assert found.direct == pytest.approx(play / dog.pitch_angle, abs=0.02)
+    assert found.direct_interval[0] < play / dog.pitch_angle < found.direct_interval[1]
+    assert own.engaged == pytest.approx((play + slide) / dog.pitch_angle, abs=1.6 / 30)
+    assert found.engaged_interval[0] < own.engaged < found.engaged_interval[1]
+    assert [sum(counts) for counts in found.by_angle] == [4] * 24
+    direct = [counts[0] for counts in found.by_angle]
+    assert direct.count(4) >= 4
+    assert np.count_nonzero(np.diff(np.sign([*direct, direct[0]]))) == 2  # one run of angles
