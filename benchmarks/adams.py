@@ -19,8 +19,8 @@ import numpy as np
 from dogshape.diagnosis.bench.bench_data import Bench, Cell, load_bench
 from dogshape.diagnosis.bench.comparison import Comparison, compare
 from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.sim.kernel import crossing
 from dogshape.sim.shift.clutch import Clutch, ImpactLaw, contact_set
-from dogshape.sim.shift.trace import crossing
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM, RPM
 
@@ -70,7 +70,7 @@ def unhindered(bench: Bench, clutch: Clutch, end: float) -> list[float]:
         shifts = [engage(clutch, cell.point, float(turn)) for turn in turns]
         traces = [s.trace for s in shifts if not s.events.slots_skipped]
         times = [crossing(t.time, t.displacement, t.axial_speed, end) for t in traces]
-        found.append(float(np.mean([t for t in times if t is not None])) / cell.time)
+        found.append(float(np.nanmean(times)) / cell.time)
     return found
 
 

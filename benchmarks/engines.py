@@ -9,6 +9,11 @@ published set is Drake's ``cenic`` at its default accuracy.
 Where both differ by more than a percent, up to ``--causes`` shifts drawn at random are simulated
 again, one change at a time: finer steps of Drake, of the compiled engine, of both.
 One process; takes a quarter of an hour.
+
+    python -m benchmarks.engines --batch N
+
+The cost of a shift in a search instead: the prototype of ``mq200`` at its operating points with
+draws, *N* angles each, every block by the compiled engine and then its first shift in Drake.
 """
 
 from __future__ import annotations
@@ -16,16 +21,22 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common import paper_study
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.simulate.evaluation import design_blocks, evaluate
+from dogshape.pipeline.simulate.executor import scratch_executor
+from dogshape.sim import kernel
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, Rings, solver_for
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.statistics.blocks import engage
+from dogshape.sim.statistics.blocks import engage, run_block
 from dogshape.sim.units import DEG, RPM
 
 ANGLES = 8
@@ -203,13 +214,59 @@ def off_of(one: Engagement, other: Engagement) -> float:
     return abs(one.shift_time / other.shift_time - 1.0)
 
 
+def timed(name: str, spent: dict[str, float]) -> None:
+    """Add up the CPU time in a compiled function, s."""
+    inner = getattr(kernel, name)
+
+    def measured(*given: Any) -> Any:
+        begin = time.process_time()
+        found = inner(*given)
+        spent[name] += time.process_time() - begin
+        return found
+
+    setattr(kernel, name, measured)
+
+
+def print_batch(angles: int) -> None:
+    """Print the CPU time of a shift in a search, by parts, and its ratio to Drake's."""
+    study, names = load_study("mq200"), ("advance", "summarize")
+    study = replace(study, clutch=study.clutch.with_engine("planar"))
+    params = {key: study.prototype[key] for key in study.variables}
+    evaluate(study, [params], scratch_executor(1), 1, 0)  # compiled before it is timed
+    spent = dict.fromkeys((*names, "records", "Drake"), 0.0)
+    for name in names:
+        timed(name, spent)
+    blocks, drake = design_blocks(study, params, angles, 1), solver_for(study.clutch.contact)
+    for block in blocks:
+        begin = time.process_time()
+        rows = list(run_block(block))
+        middle = time.process_time()
+        reference = replace(block.only([0]), clutch=replace(block.clutch, solver=drake))
+        list(run_block(reference))
+        spent["records"] += middle - begin
+        spent["Drake"] += (time.process_time() - middle) * len(rows)
+    begin, count = time.process_time(), len(blocks) * angles
+    (found,) = evaluate(study, [params], scratch_executor(1), angles, 1)
+    spent["search"] = (time.process_time() - begin) * count / found.shifts
+    for name in names:  # in both runs
+        spent[name] *= count / (count + found.shifts)
+    print(f"CPU of a shift, ms; {count} shifts, every {angles}th in Drake too")
+    for name, value in spent.items():
+        print(f"{name:10s} {1e3 * value / count:8.3f}")
+    print(f"Drake over records {spent['Drake'] / spent['records']:.1f}")
+
+
 def main() -> None:
     """Simulate and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--seed", type=int, default=20261126)
     parser.add_argument("--designs", type=int, default=9)
     parser.add_argument("--causes", type=int, default=100)
+    parser.add_argument("--batch", type=int, metavar="ANGLES")
     given = parser.parse_args()
+    if given.batch:
+        print_batch(given.batch)
+        return
     study = paper_study()
     engage(study.clutch.with_engine("planar"), study.points[0], 0.1)  # compiled before it is timed
     groups = sampled(given.seed, given.designs)

@@ -12,9 +12,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 from benchmarks.common import kept, paper_study
+from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome, penetration
+from dogshape.sim.shift.conclusion import Outcome, section_planes
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, RPM
@@ -47,9 +48,9 @@ def cell(plant: ClutchPlant, point: OperatingPoint) -> tuple[int, float]:
         if shift.outcome is Outcome.DIVERGED:
             refused += 1
         else:
-            trace = shift.trace
-            depth = penetration(dog, trace.displacement, trace.relative_angle)
-            deepest = max(deepest, float(depth.max()))
+            run, numbers = shift.run, plant.clutch.numbers
+            depth, _ = kernel.extremes(run.times, run.states, section_planes(dog), numbers)
+            deepest = max(deepest, depth)
     return refused, deepest
 
 

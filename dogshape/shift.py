@@ -110,7 +110,7 @@ class Shift(Result):
             "events": events_record(result),
             "loads": {
                 **loads_record(result),
-                **shaft_record(result.trace),
+                **shaft_record(result),
                 "torque_peak_Nm": self.torque_peak,
             },
             "detail": result.detail,

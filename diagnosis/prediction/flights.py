@@ -29,14 +29,12 @@ from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
 from dogshape.diagnosis.prediction.model import Space
 from dogshape.diagnosis.prediction.simulations import Level
 from dogshape.diagnosis.terms import Array, Hypothesis
+from dogshape.sim import kernel
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.planar import kernel
-from dogshape.sim.planar.engagement import numbers_of
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.mechanism import SLIP
-from dogshape.sim.shift.trace import crossing
 
 TOLERANCE = np.array([1e-5, 1e-9])  #: error of a speed in m/s and of a place in m of a step
 FIRST, STEP = 1e-5, 5e-3  #: s, first and longest step
@@ -54,6 +52,7 @@ RING, RING_RATE, ACTUATOR, ACTUATOR_RATE = 1, 4, 6, 7  #: places in a state of t
 #: Surfaces and law of dogs that never touch.
 NO_DOGS = (np.zeros((1, 4, 3)), np.zeros((1, 3)), np.zeros(1), np.zeros(2), 1.0, 1e9, 1e9)
 NO_LAW = np.zeros(5)
+NO_LOOK = np.zeros(0)  #: no state before: a ring that stands still is simulated on
 
 COLUMNS = 2 * SIZE + len(WAYS) + 1  #: of a row: marks as t^(-1/2), creep, margins, delay
 NODES = (1, 17, 9, 5, 3)  #: along each parameter of an effect, by the number of parameters
@@ -84,12 +83,11 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
     times, creep = np.zeros((2, len(settings), SIZE))
     rings = np.zeros((len(settings), ways.size))
     for k, setting in enumerate(settings):
-        knots = np.array(setting.point.profile.knots())
+        knots = setting.point.profile.knots
         time, way, speed, ring, rest = _motion(setting, knots, float(ways[-1]))
-        found = [crossing(time, way, speed, level) for level in ways]
-        found += [crossing(knots[0], knots[1], knots[2], level) for level in forces]
-        late = setting.clutch.timeout
-        times[k] = [late if mark is None else min(mark, late) for mark in found]
+        found = [kernel.crossing(time, way, speed, level) for level in ways]
+        found += [kernel.crossing(knots[0], knots[1], knots[2], level) for level in forces]
+        times[k] = np.fmin(found, setting.clutch.timeout)  # NaN for never
         marks = times[k, : ways.size]
         rings[k] = np.interp(marks, time, ring)
         creep[k, : ways.size] = CREEP * SLIP * rest / np.fmax(np.interp(marks, time, speed), SLIP)
@@ -100,7 +98,7 @@ def _motion(setting: Setting, knots: Array, way: float) -> tuple[Array, Array, A
     """Integrate a flight: times, displacement, speed, way of the ring, (n,), and time held, s."""
     clutch, mechanism = setting.clutch, setting.clutch.mechanism
     linked, numbers = mechanism.has_linkage, np.zeros(kernel.NUMBERS)
-    numbers[AXIAL] = numbers_of(clutch)[AXIAL]
+    numbers[AXIAL] = clutch.numbers[AXIAL]
     numbers[[kernel.SLIDING, kernel.OUTPUT, kernel.RADIUS, kernel.TURN_SPEED]] = 1.0
     numbers[kernel.REBOUND], numbers[kernel.WAY] = 1e9, 1.02 * way
     numbers[kernel.USED] = kernel.LINKED_SIZE if linked else kernel.PLAIN_SIZE
@@ -123,8 +121,8 @@ def _held(setting: Setting, knots: Array, numbers: Array) -> tuple[Array, Array]
     mechanism, end = setting.clutch.mechanism, LAST * setting.clutch.timeout
     friction = mechanism.friction
     if not mechanism.has_linkage:
-        loose = crossing(knots[0], knots[1], knots[2], friction)
-        return np.array([0.0, end if loose is None else loose]), np.zeros((2, kernel.SIZE))
+        loose = kernel.crossing(knots[0], knots[1], knots[2], friction)
+        return np.array([0.0, end if np.isnan(loose) else loose]), np.zeros((2, kernel.SIZE))
     heavy = numbers.copy()
     heavy[kernel.SLEEVE], heavy[kernel.FRICTION], heavy[kernel.DETENT] = 1e12, 0.0, 0.0
     linkage = float(heavy[kernel.STIFF]), float(heavy[kernel.LOSS])
@@ -152,8 +150,8 @@ def _advanced(
     times, states = np.empty(room + 1), np.empty((room + 1, kernel.SIZE))
     times[0], states[0] = now, state
     *_, made, _ = kernel.advance(
-        now, FIRST, states[0].copy(), until, numbers, knots, NO_DOGS, NO_LAW, TOLERANCE, STEP,
-        np.zeros(2), times[1:], states[1:],
+        now, FIRST, states[0].copy(), NO_LOOK, until, numbers, knots, NO_DOGS, NO_LAW, TOLERANCE,
+        STEP, np.zeros(2), times[1:], states[1:],
     )  # fmt: skip
     return times[: made + 1], states[: made + 1]
 
@@ -275,7 +273,7 @@ class Flights:
             values = tuple(p.at(share) for p, share in zip(parameters, row, strict=True))
             with suppress(DogshapeError):
                 setting = Level(h, values).setting(self.effects, base)
-                axial, force = numbers_of(setting.clutch)[AXIAL].tobytes(), setting.point.profile
+                axial, force = setting.clutch.numbers[AXIAL].tobytes(), setting.point.profile
                 keys[k] = profile, force, axial, setting.sensor, setting.clutch.timeout
                 new[keys[k]] = setting
                 rows[k, 2 * SIZE :] = setting.clutch.dog.axial_gap

@@ -24,9 +24,10 @@ from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.charts import BLUE, GREEN, GREY, INK, ORANGE, styled
 from dogshape.pipeline.reports.report import figure_html, script, write_page
 from dogshape.pipeline.reports.text import ENGINES, check_name, in_ms, minus, value
+from dogshape.sim import kernel
 from dogshape.sim.files import naming
 from dogshape.sim.shift.conclusion import Engagement, Outcome
-from dogshape.sim.shift.events import crests_cross, touching
+from dogshape.sim.shift.events import crests_cross
 from dogshape.sim.shift.mesh import dog_solid
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.blocks import events_record, loads_record
@@ -62,13 +63,15 @@ def trace_frame(trace: Trace) -> pd.DataFrame:
     )
 
 
-def _series(trace: Trace) -> pd.DataFrame:
+def _series(result: Engagement) -> pd.DataFrame:
     """Thin the time series to ``SAMPLES``; of impacts the largest force of an interval is kept."""
+    trace = result.trace
     first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
     found = trace_frame(trace).iloc[first]
+    touches = kernel.touching(trace.contact_force, trace.shift_force, result.run.states)
     return found.assign(
         contact_force_N=np.maximum.reduceat(trace.contact_force, first),
-        touching=np.maximum.reduceat(touching(trace).astype(float), first),
+        touching=np.maximum.reduceat(touches.astype(float), first),
         mismatch_rpm=found["output_speed_rpm"] - found["sliding_speed_rpm"],
     )
 
@@ -97,7 +100,7 @@ def write_animation(
     dog, point, contact = result.clutch.dog, result.point, result.clutch.contact.name
     data = {
         # Steps can be far below a microsecond; nine digits of a second keep them apart.
-        "series": _series(result.trace).round(9).to_dict("list"),
+        "series": _series(result).round(9).to_dict("list"),
         "phases": [
             {"name": phase_title(p.name), "start": p.start, "end": p.end, "tone": _tone(p.name)}
             for p in result.phases if p.end > p.start
@@ -138,7 +141,7 @@ def _tone(phase: str) -> str:
 
 def curves(result: Engagement) -> go.Figure:
     """Draw displacement, speeds and forces over time, with the phases behind them."""
-    series = _series(result.trace)
+    series = _series(result)
     time = 1e3 * series["t_s"]
     figure = make_subplots(3, 1, shared_xaxes=True, vertical_spacing=0.05)
     for name, (row, line) in CURVES.items():

@@ -11,15 +11,15 @@ from __future__ import annotations
 import math
 import time
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.planar import kernel
+from dogshape.sim import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Run, engaged, failure_of, states_held
-from dogshape.sim.shift.events import STILL_WINDOW, stands_still
-from dogshape.sim.shift.mechanism import DEEP, DEEP_TWIST, SLIP, TURN, Shaft
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import rigid_dog, touching_planes, touching_quads
 
 Floats = NDArray[np.float64]
@@ -37,23 +37,18 @@ class PlanarClutch:
         compliant dog's planes, m, (p,); least turn by the lean of a traction and a braking flank
         over the distance, rad/m, and by half of the backlash, rad, (3,); pitch, rad; gap and
         travel, m.
-    numbers : masses, mechanism and stop, in the places of ``sim.planar.kernel``.
     law : of the contact, (5,): stiffness, dissipation, dynamic friction, stiction velocity, static;
         or of IMPACT, (7,): stiffness, damping, the same three, depth, transition velocity.
     """
 
     clutch: Clutch
     surfaces: Surfaces
-    numbers: Floats
     law: Floats
 
 
-def planar_clutch(clutch: Clutch) -> PlanarClutch:
-    """Prepare a clutch.
-
-    As in the Drake plant static friction counts where the contact set needs ``cenic``.
-    """
-    dog, contact = clutch.dog, clutch.contact
+@lru_cache(maxsize=4)  # draws of what is uncertain have one dog
+def surfaces_of(dog: Dog) -> Surfaces:
+    """Compute the surfaces of a dog and its planes, as ``PlanarClutch`` has them."""
     vertices, planes = rigid_dog(dog).vertices, touching_planes(dog)
     corners = np.array([vertices[list(quad)] for quad in touching_quads(dog)])
     normals = np.array([plane.normal for plane in planes])
@@ -61,45 +56,22 @@ def planar_clutch(clutch: Clutch) -> PlanarClutch:
     lean = np.tan([dog.traction, dog.braking])
     lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
     least = np.append(lean, 0.5 * dog.backlash / dog.outer_radius)
-    surfaces = corners, normals, offsets, least, dog.pitch_angle, dog.axial_gap, dog.travel
+    return corners, normals, offsets, least, dog.pitch_angle, dog.axial_gap, dog.travel
+
+
+def planar_clutch(clutch: Clutch) -> PlanarClutch:
+    """Prepare a clutch.
+
+    As in the Drake plant static friction counts where the contact set needs ``cenic``.
+    """
+    contact = clutch.contact
     dynamic = contact.dynamic_friction
     static = contact.static_friction if clutch.solver.scheme == "cenic" else dynamic
     law = [contact.stiffness, contact.dissipation, dynamic, contact.stiction_velocity, static]
     if (own := contact.impact) is not None:
         law[0], law[1], law[4] = own.stiffness, own.damping, contact.static_friction
         law += [own.depth, own.transition_velocity]
-    return PlanarClutch(clutch, surfaces, numbers_of(clutch), np.array(law))
-
-
-def numbers_of(clutch: Clutch) -> Floats:
-    """Fill the numbers of a clutch, in the places of ``sim.planar.kernel``, (NUMBERS,)."""
-    dog, rings, own = clutch.dog, clutch.rings, clutch.mechanism
-    wholes = zip(clutch.shafts, (rings.sliding_inertia, rings.output_inertia), strict=True)
-    near, far = (shaft or Shaft(whole, 0.0, 0.0, 0.0) for shaft, whole in wholes)
-    stiff, loss = own.linkage(rings.mass) if own.has_linkage else (0.0, 0.0)
-    share = own.spline_share(rings.mass, dog.mean_radius, rings.sliding_inertia)
-    used = kernel.LINKED_SIZE if own.has_linkage else kernel.PLAIN_SIZE
-    stop = clutch.contact.stiffness * dog.count * dog.tip_width * dog.radial_width
-    places: dict[int, float] = {
-        kernel.SLEEVE: own.sleeve_mass(rings.mass), kernel.SLIDING: near.near,
-        kernel.FAR: own.actuator_mass(rings.mass) or 1.0, kernel.OUTPUT: far.near,
-        kernel.DAMPING: own.damping, kernel.FRICTION: own.friction, kernel.DETENT: own.detent,
-        kernel.DETENT_AT: own.detent_position, kernel.DETENT_WIDTH: own.detent_width,
-        kernel.SPLINE: share * own.spline_friction / own.spline_radius,
-        kernel.DRAG: own.drag_torque, kernel.STIFF: stiff, kernel.LOSS: loss,
-        kernel.PLAY: own.free_play, kernel.DOGS: dog.count, kernel.REBOUND: clutch.rebound,
-        kernel.STOP: stop, kernel.RADIUS: dog.mean_radius,
-        kernel.WAY: clutch.shift_travel, kernel.SLIP_SPEED: SLIP, kernel.TURN_SPEED: TURN,
-        kernel.DEEP_STOP: DEEP, kernel.TWIST: DEEP_TWIST, kernel.LINKED: own.has_linkage,
-        kernel.USED: kernel.SIZE if own.has_shafts else used,
-        kernel.BEHIND: near.far, kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping,
-        kernel.BACKLASH: near.backlash, kernel.AHEAD: far.far, kernel.OUT_SHAFT: far.stiffness,
-        kernel.OUT_LOSS: far.damping,
-        kernel.DETENT_SEAT: own.detent_seat or math.inf,
-    }  # fmt: skip
-    numbers = np.zeros(kernel.NUMBERS)
-    numbers[list(places)] = list(places.values())
-    return numbers
+    return PlanarClutch(clutch, surfaces_of(clutch.dog), np.array(law))
 
 
 PLACE_ERROR = 1e-4  #: s, error of a place over that of a speed
@@ -120,28 +92,22 @@ def _run(plant: PlanarClutch, point: OperatingPoint, angle: float) -> Run:
     """Integrate from where friction lets the ring go to the end of the travel or the time-out."""
     clutch, solver = plant.clutch, plant.clutch.solver
     tolerance = np.array([solver.accuracy, PLACE_ERROR * solver.accuracy])
-    knots = np.array(point.profile.knots())
-    times, states = states_held(clutch, point, angle)
-    now, state, step, spent = float(times[-1]), states[-1].copy(), FIRST_STEP, 0
-    count, last, blocked, failure = len(times), None, False, ""
-    parts, mode = [(times, states)], np.zeros(2)
+    held, begun = states_held(clutch, point, angle)
+    now, state, step, spent = float(held[-1]), begun[-1].copy(), FIRST_STEP, 0
+    count, why, failure = len(held), kernel.FULL, ""
+    parts, mode, before = [(held, begun)], np.zeros(2), np.full(kernel.SIZE, math.nan)
     deadline = time.monotonic() + solver.time_limit
-    while now < clutch.timeout and not (blocked or failure):
-        until = min(STILL_WINDOW * (math.floor(now / STILL_WINDOW + 1e-9) + 1), clutch.timeout)
-        room, places = np.empty(RECORD_SIZE), np.empty((RECORD_SIZE, kernel.SIZE))
+    while why == kernel.FULL and not failure:
+        size = max(0, min(RECORD_SIZE, solver.max_steps + 1 - count))
+        times, states = np.empty(size), np.empty((size, kernel.SIZE))
         why, now, step, made, tried = kernel.advance(
-            now, step, state, until, plant.numbers, knots, plant.surfaces, plant.law, tolerance,
-            solver.max_step, mode, room, places,
+            now, step, state, before, clutch.timeout, clutch.numbers, point.profile.knots,
+            plant.surfaces, plant.law, tolerance, solver.max_step, mode, times, states,
         )  # fmt: skip
-        parts.append((room[:made], places[:made]))
+        parts.append((times[:made], states[:made]))
         count, spent = count + made, spent + tried
         if why == kernel.LOST:
             state[:] = math.nan
         failure = failure_of(clutch, now, state, count, deadline)
-        if why == kernel.ENGAGED:
-            break
-        if why == kernel.PAUSED:
-            blocked = not failure and stands_still(clutch, point, now, last, state)
-            last = state.copy()
     whole, there = (np.concatenate(one) for one in zip(*parts, strict=True))
-    return Run(whole, there, blocked, failure, spent)
+    return Run(whole, there, why == kernel.HELD, failure, spent)

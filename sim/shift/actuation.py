@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -88,19 +89,21 @@ class ForceProfile:
         whole: Times = self.net_force - (self.net_force - rising) * np.exp(-beyond)
         return whole
 
-    def knots(self) -> tuple[Series, Series, Series]:
-        """Return times in s, forces in N and their slopes in N/s, cubic in between, each (n,).
+    @cached_property
+    def knots(self) -> Series:
+        """Times in s, forces in N and their slopes in N/s, cubic in between, (3, n).
 
         The force keeps its last value, with a lag that 30 lags after the rise.
         """
         if self.lag == 0.0:
-            return np.array([0.0, self.rise]), np.array([0.0, self.net_force]), np.zeros(2)
+            return np.array([[0.0, self.rise], [0.0, self.net_force], [0.0, 0.0]])
         early = self.lag * np.linspace(0.0, 12.0, 49)
         late = self.rise + self.lag * np.linspace(0.0, 30.0, 121)
         times = np.concatenate([early[early < self.rise], np.linspace(0.0, self.rise, 65), late])
         times = np.unique(np.round(times, 12))
         forces = self.at(times)
-        return times, forces, (cubic_step(times / self.rise, self.net_force) - forces) / self.lag
+        slopes = (cubic_step(times / self.rise, self.net_force) - forces) / self.lag
+        return np.array([times, forces, slopes])
 
     @property
     def record(self) -> dict[str, float]:

@@ -6,7 +6,12 @@ and a relative angle say what is asked of it.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
 
 from dogshape.sim.errors import (
     InputError,
@@ -20,7 +25,16 @@ from dogshape.sim.errors import (
 )
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mechanism import NOTHING, Mechanism, Shaft, shaft_of
+from dogshape.sim.shift.mechanism import (
+    DEEP,
+    DEEP_TWIST,
+    NOTHING,
+    SLIP,
+    TURN,
+    Mechanism,
+    Shaft,
+    shaft_of,
+)
 from dogshape.sim.units import RPM, unit_of
 
 
@@ -229,6 +243,43 @@ class Clutch:
             shaft_of(own.ring_inertia, rings.sliding_inertia, own.input_stiffness, own.backlash),
             shaft_of(own.wheel_inertia, rings.output_inertia, own.output_stiffness),
         )
+
+    @cached_property
+    def numbers(self) -> NDArray[np.float64]:
+        """Masses, mechanism, stop and faces, in the places of ``sim.kernel``, (NUMBERS,)."""
+        from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and few verbs simulate
+
+        dog, rings, own = self.dog, self.rings, self.mechanism
+        wholes = zip(self.shafts, (rings.sliding_inertia, rings.output_inertia), strict=True)
+        near, far = (shaft or Shaft(whole, 0.0, 0.0, 0.0) for shaft, whole in wholes)
+        stiff, loss = own.linkage(rings.mass) if own.has_linkage else (0.0, 0.0)
+        share = own.spline_share(rings.mass, dog.mean_radius, near.near) if not near.far else 1.0
+        used = kernel.LINKED_SIZE if own.has_linkage else kernel.PLAIN_SIZE
+        places: dict[int, float] = {
+            kernel.SLEEVE: own.sleeve_mass(rings.mass), kernel.SLIDING: near.near,
+            kernel.FAR: own.actuator_mass(rings.mass) or 1.0, kernel.OUTPUT: far.near,
+            kernel.DAMPING: own.damping, kernel.FRICTION: own.friction, kernel.DETENT: own.detent,
+            kernel.DETENT_AT: own.detent_position, kernel.DETENT_WIDTH: own.detent_width,
+            kernel.DETENT_SEAT: own.detent_seat or math.inf,
+            kernel.SPLINE: share * own.spline_friction / own.spline_radius,
+            kernel.DRAG: own.drag_torque, kernel.STIFF: stiff, kernel.LOSS: loss,
+            kernel.PLAY: own.free_play, kernel.DOGS: dog.count, kernel.REBOUND: self.rebound,
+            kernel.STOP: self.contact.stiffness * dog.count * dog.tip_width * dog.radial_width,
+            kernel.RADIUS: dog.mean_radius, kernel.WAY: self.shift_travel,
+            kernel.SLIP_SPEED: SLIP, kernel.TURN_SPEED: TURN, kernel.DEEP_STOP: DEEP,
+            kernel.TWIST: DEEP_TWIST, kernel.LINKED: own.has_linkage,
+            kernel.USED: kernel.SIZE if own.has_shafts else used, kernel.BEHIND: near.far,
+            kernel.SHAFT: near.stiffness, kernel.SHAFT_LOSS: near.damping,
+            kernel.BACKLASH: near.backlash, kernel.AHEAD: far.far,
+            kernel.OUT_SHAFT: far.stiffness, kernel.OUT_LOSS: far.damping,
+            kernel.PITCH: dog.pitch_angle, kernel.CREST: dog.crest_overlap,
+            kernel.FACES: 2.0 * dog.face_width, kernel.SLOPE: dog.tangents[0],
+            kernel.BACKS: 2.0 * dog.back_width, kernel.BACK_SLOPE: math.tan(dog.chamfer_back),
+            kernel.HEIGHT: dog.height, kernel.GAP: dog.axial_gap, kernel.LENGTH: dog.radial_width,
+        }  # fmt: skip
+        numbers = np.zeros(kernel.NUMBERS)
+        numbers[list(places)] = list(places.values())
+        return numbers
 
     def refined(self) -> Clutch:
         """Return the same clutch with a tolerance thirty times smaller and half the step."""

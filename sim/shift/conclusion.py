@@ -15,18 +15,20 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
-from functools import lru_cache
+from functools import cached_property, lru_cache
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.events import Events, Phase, events_of, faces_meet, phases_of, touching
+from dogshape.sim.shift.events import PHASES, Events, Phase
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import Loads, loads_of
+from dogshape.sim.shift.loads import OVERLAPS, Landing, Loads
 from dogshape.sim.shift.mesh import pressure_apex
-from dogshape.sim.shift.trace import Series, Trace, crossing, cubic, trace_of
+from dogshape.sim.shift.trace import Series, Trace, trace_of
 from dogshape.sim.units import MM
 
 
@@ -49,29 +51,22 @@ MESSAGES = {
 
 #: Beginning of the reason of a failure that depends on the speed of the machine.
 TIME_LIMIT = "no end after solver.time_limit_s"
-LONGEST_TURN = 0.05  #: pitches, by which a step may turn without a look at what is between
 #: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
 COVERED_DEPTH = 1.0 / 3.0
 FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
 DEAD_TIME = "dead time"  #: name of the phase before the force starts
+_CLASSES = np.array(OVERLAPS)
 LATEST_RELEASE = 0.99  #: of the time-out, from which on a ring that was never let go is simulated
 
 
-def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Series:
-    r"""Compute how deep a sliding dog lies in an output dog, m, (n,); 0 where they are apart.
+@lru_cache(maxsize=4)  # shifts of a design have one dog
+def section_planes(dog: Dog) -> Series:
+    r"""Compute normals of a dog's planes across and along the shaft, and 2 p_n in m, (p, 3).
 
-    Sections at the mean radius are convex and one is the other turned by half a turn, so
-    along each shared normal they overlap by :math:`2 p_n - n \cdot c`, with the plane's
-    distance and the way between both centres; the least over flanks, face and back is the depth.
-    Axial way of the sliding ring from the start, m, and output ring's lead over dogs facing dogs,
-    rad, each (n,).
+    At the mean radius, for ``sim.kernel.penetration``: flanks, face and back.
     """
-    across = -relative_angle * dog.mean_radius
-    across = across - dog.pitch * np.round(across / dog.pitch)
-    y = across + dog.pitch * np.array([[-1.0], [0.0], [1.0]])  # the dogs on either side too
-    z = dog.travel - displacement
     quarter, half, right = 0.25 * (dog.pitch - dog.backlash), 0.5 * dog.height, 0.5 * math.pi
-    ridge, depths = 0.5 * dog.crest_overlap, []
+    ridge, planes = 0.5 * dog.crest_overlap, []
     # A point of each plane beside its normal's lean.
     for angle, side, at, up in (
         (dog.traction, 1.0, quarter, 0.0),
@@ -80,48 +75,25 @@ def penetration(dog: Dog, displacement: Series, relative_angle: Series) -> Serie
         (right - dog.chamfer_back, 1.0, ridge, half),
     ):
         n_y, n_z = side * math.cos(angle), math.sin(angle)
-        depths.append(2.0 * (n_y * at + n_z * up) - (n_y * y + n_z * z))
-    deepest: Series = np.maximum(np.minimum.reduce(depths).max(axis=0), 0.0)
-    return deepest
+        planes.append((n_y, n_z, 2.0 * (n_y * at + n_z * up)))
+    return np.array(planes)
 
 
-def path_of(clutch: Clutch, trace: Trace) -> tuple[Series, Series]:
-    """Follow a shift between its steps too: way in m and relative angle in rad, each (m,).
-
-    A step turns fast rings by more than a pitch, and dogs may meet and part within it. Steps that
-    turn by more than ``LONGEST_TURN`` are divided into parts that do not, on the cubic.
-    """
-    way, angle = trace.displacement, trace.relative_angle
-    turned = np.abs(np.diff(angle)) / clutch.dog.pitch_angle
-    long = np.flatnonzero(turned > LONGEST_TURN)
-    if not long.size:
-        return way, angle
-    parts = int(np.ceil(turned.max() / LONGEST_TURN))
-    share, step = np.arange(1, parts)[:, None] / parts, np.diff(trace.time)[long]
-
-    def followed(place: Series, rate: Series) -> Series:
-        start, end = (place[long], rate[long]), (place[long + 1], rate[long + 1])
-        return np.append(place, cubic(share, step, start, end))
-
-    return followed(way, trace.axial_speed), followed(angle, trace.relative_speed)
-
-
-def passing_through(clutch: Clutch, displacement: Series, relative_angle: Series) -> str:
+def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
     """Describe why a shift is not valid; empty where it is.
 
     Two limits hold it. Down to a third of the apex's depth the pyramids of the three faces cover
     all that is touched (``sim.shift.mesh``); deeper, the pressure may push the wrong way. Both
     flanks touch at full travel, or with a backlash that over their lean beyond, so a ring farther
-    than its tolerance from there is not in its slot. Arguments as for ``penetration``, over the
-    whole shift.
+    than its tolerance from there is not in its slot. ``deepest`` is the penetration and
+    ``farthest`` the way over the whole shift, m.
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
-    deepest = float(penetration(clutch.dog, displacement, relative_angle).max())
     limit = COVERED_DEPTH * pressure_apex(clutch.dog)[1]
     if deepest > limit:
         rule = f"the contact pushes back down to {limit / MM:.4g} mm: dogs passed through"
         return refusal("penetration of the dogs", deepest / MM, "mm", rule, remedy)
-    dog, beyond = clutch.dog, float(displacement.max()) - clutch.dog.travel
+    dog, beyond = clutch.dog, farthest - clutch.dog.travel
     if dog.backlash > 0.0:
         beyond -= dog.backlash / dog.lean if dog.lean > 0.0 else math.inf
     if beyond > clutch.seated_tolerance:
@@ -178,7 +150,13 @@ class Engagement:
     steps: int
     evaluations: int
     detail: str
-    trace: Trace
+    run: Run
+
+    @cached_property
+    def trace(self) -> Trace:
+        """Time series, worked out when they are first asked for."""
+        made = trace_of(self.clutch, self.point.profile, self.run.times, self.run.states)
+        return replace(made, time=made.time + self.point.profile.delay)
 
 
 @dataclass(frozen=True)
@@ -190,7 +168,7 @@ class Run:
     mechanism does not move apart has no meaning.
     """
 
-    times: Series  #: s, (n,)
+    times: Series  #: s, (n,), each later than the one before
     states: Series  #: (n, 12)
     blocked: bool  #: whether the rings stood still on each other
     failure: str  #: why the integration was lost; empty where it was not
@@ -218,22 +196,24 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     A shift whose dogs passed through each other is ``Outcome.DIVERGED``. Times of a run
     count from the start of the force, those of the result from the command: a dead time later.
     """
-    trace, way = trace_of(clutch, point.profile, run.times, run.states), clutch.shift_travel
-    done = crossing(trace.time, trace.displacement, trace.axial_speed, way)
-    far = done
-    if clutch.mechanism.has_linkage:
-        far = crossing(trace.time, trace.actuator_displacement, trace.actuator_speed, way)
-    outcome = Outcome.ENGAGED
-    failure = run.failure or passing_through(clutch, *path_of(clutch, trace))
+    from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
+
+    ends, limits, marks, events, loads, line_loads = kernel.summarize(
+        run.times, run.states, clutch.numbers, point.profile.knots, section_planes(clutch.dog),
+        _CLASSES,
+    )  # fmt: skip
+    done, far = map(_given, ends)
+    landing = Landing(tuple(line_loads.tolist()))
+    fields: list[Any] = [*loads[:5], *map(_given, loads[5:]), landing]
+    outcome, late = Outcome.ENGAGED, point.profile.delay
+    failure = run.failure or passing_through(clutch, *limits)
     if failure:
         outcome = Outcome.DIVERGED
     elif done is None:
         outcome = Outcome.BLOCKED if run.blocked else Outcome.TIMED_OUT
-    touches = touching(trace)
-    faces = touches & faces_meet(clutch, trace.relative_angle, trace.displacement)
-    end, late = float(trace.time[-1]) if done is None else done, point.profile.delay
-    phases = phases_of(clutch, trace, touches, faces, end)
-    delayed = [Phase(one.name, one.start + late, one.end + late) for one in phases]
+    end = float(run.times[-1]) if done is None else done
+    between = pairwise([late, *(mark + late for mark in marks), end + late])
+    phases = [Phase(name, *times) for name, times in zip(PHASES, between, strict=True)]
     return Engagement(
         clutch=clutch,
         point=point,
@@ -241,14 +221,19 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         outcome=outcome,
         shift_time=None if done is None or outcome is not Outcome.ENGAGED else done + late,
         actuator_time=None if far is None or outcome is Outcome.DIVERGED else far + late,
-        phases=(*([Phase(DEAD_TIME, 0.0, late)] if late else ()), *delayed),
-        events=events_of(clutch, trace, faces),
-        loads=loads_of(clutch, trace, faces, phases[-1]),
-        steps=len(trace.time),
+        phases=(*([Phase(DEAD_TIME, 0.0, late)] if late else ()), *phases),
+        events=Events(*events),
+        loads=Loads(*fields),
+        steps=len(run.times),
         evaluations=run.evaluations,
         detail=failure or MESSAGES[outcome],
-        trace=replace(trace, time=trace.time + late),
+        run=run,
     )
+
+
+def _given(value: float) -> float | None:
+    """Replace a number that there is not by None."""
+    return None if math.isnan(value) else value
 
 
 def engaged(

@@ -12,9 +12,9 @@ import time
 import numpy as np
 from pydrake.systems.framework import Context, EventStatus
 
+from dogshape.sim import kernel
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Run, engaged, failure_of
-from dogshape.sim.shift.events import STILL_WINDOW, stands_still
 from dogshape.sim.shift.plant import ClutchPlant
 
 
@@ -43,7 +43,7 @@ def _run(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Ru
     under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
     # Beside where the run begins: the time in which the ring was held.
     times, states = plant.held[0][:-1].tolist(), [*plant.held[1][:-1]]
-    blocked, failure, last, check_at = False, "", None, STILL_WINDOW
+    blocked, failure, last, check_at = False, "", np.full(12, np.nan), kernel.STILL_WINDOW
     deadline = time.monotonic() + clutch.solver.time_limit
 
     def record(context: Context) -> EventStatus | None:
@@ -56,8 +56,9 @@ def _run(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Ru
         if under_way and len(times) > 1:
             failure = failure_of(clutch, now, state, len(times), deadline)
         if under_way and not failure and now >= check_at:
-            blocked = stands_still(clutch, point, now, last, state)
-            last, check_at = state, now + STILL_WINDOW
+            left, knots = clutch.timeout - now, point.profile.knots
+            blocked = kernel.stands_still(now, last, state, left, clutch.numbers, knots)
+            last, check_at = state, now + kernel.STILL_WINDOW
         ended = blocked or failure or not under_way
         return EventStatus.ReachedTermination(plant.plant, "ended") if ended else None
 
@@ -72,4 +73,5 @@ def _run(plant: ClutchPlant, point: OperatingPoint, relative_angle: float) -> Ru
     finally:
         simulator.clear_monitor()
     spent = simulator.get_integrator().get_num_derivative_evaluations()
-    return Run(np.array(times), np.array(states), blocked, failure, spent)
+    grown = np.diff(times, prepend=-1.0) > 0.0
+    return Run(np.array(times)[grown], np.array(states)[grown], blocked, failure, spent)

@@ -20,10 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.shift.clutch import Clutch
-from dogshape.sim.shift.events import Flags, Phase, face_overlap
-from dogshape.sim.shift.trace import Series, Trace
+from dogshape.sim.shift.trace import Trace
 
-IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
 #: Lower ends of the classes of overlap, m; the last has no upper end.
 OVERLAPS = (*(i * 1e-4 for i in range(20)), 2e-3, 3e-3)
 
@@ -54,6 +52,7 @@ class Loads:
     residual_mismatch : relative speed with which the flanks close for good, at the
         start of seating, rad/s, signed; None where none closed. Flanks that struck and
         flew off before show in the impulse and in ``strike_mismatch``.
+    input_torque, output_torque : largest of the shafts on their rings, N m; None for rigid ones.
     landing : what faces and edges bore.
     """
 
@@ -63,70 +62,9 @@ class Loads:
     energy_dissipated: float
     strike_mismatch: float
     residual_mismatch: float | None
+    input_torque: float | None
+    output_torque: float | None
     landing: Landing
-
-
-def loads_of(clutch: Clutch, trace: Trace, faces: Flags, seating: Phase) -> Loads:
-    """Return the loads of a shift; ``faces`` marks steps with a face on a face, (n,)."""
-    before = max(0, int(np.searchsorted(trace.time, seating.start)) - 1)
-    closed = seating.end > seating.start
-    pressed = _within_impact(trace, np.maximum(trace.contact_force - trace.shift_force, 0.0))
-    turned = _within_impact(trace, trace.tangential_force)
-    struck = float(np.abs(turned).max()) * clutch.dog.mean_radius
-    return Loads(
-        peak_axial_force=float(trace.contact_force.max()),
-        peak_tangential_force=float(np.abs(trace.tangential_force).max()),
-        impact_impulse=float(np.hypot(pressed, turned).max()),
-        energy_dissipated=float(energy_lost(clutch, trace)[-1]),
-        strike_mismatch=struck / clutch.rings.reduced_inertia,
-        residual_mismatch=float(trace.relative_speed[before]) if closed else None,
-        landing=_dog_on_dog(clutch, trace, faces),
-    )
-
-
-def _dog_on_dog(clutch: Clutch, trace: Trace, faces: Flags) -> Landing:
-    """Return the largest load of faces while the force is more axial than tangential."""
-    dog = clutch.dog
-    landed = faces & (trace.contact_force > np.abs(trace.tangential_force))
-    load = trace.contact_force[landed] / (dog.count * dog.radial_width)
-    overlap, most = face_overlap(clutch, trace.relative_angle[landed])
-    # Past the middle the braking edge parts the faces.
-    classes = np.searchsorted(OVERLAPS, np.minimum(overlap, most - overlap), side="right") - 1
-    largest = np.zeros(len(OVERLAPS))
-    np.maximum.at(largest, classes, load)
-    return Landing(tuple(largest.tolist()))
-
-
-def _within_impact(trace: Trace, force: Series) -> Series:
-    """Return the impulse of a force (n,) over an impact's length from each time on, N s, (n,)."""
-    impulse = np.cumsum(force * trace.steps)
-    gained: Series = np.interp(trace.time + IMPACT, trace.time, impulse) - impulse
-    return gained
-
-
-def energy_lost(clutch: Clutch, trace: Trace) -> Series:
-    """Return initial energy and work of the shift force less kinetic energy, J, (n,).
-
-    What a mechanism took is in it, and what shafts store.
-    """
-    rings, mechanism = clutch.rings, clutch.mechanism
-    twice = (
-        mechanism.sleeve_mass(rings.mass) * trace.axial_speed**2
-        + mechanism.actuator_mass(rings.mass) * trace.actuator_speed**2
-    )
-    for shaft, whole, near, far in (
-        (clutch.shafts[0], rings.sliding_inertia, trace.sliding_speed, trace.input_speed),
-        (clutch.shafts[1], rings.output_inertia, trace.output_speed, trace.output_far_speed),
-    ):
-        if shaft is None or far is None:
-            twice = twice + whole * near**2
-        else:
-            twice = twice + shaft.near * near**2 + shaft.far * far**2
-    kinetic = 0.5 * twice
-    mean_force = 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
-    work = np.concatenate([[0.0], np.cumsum(mean_force * np.diff(trace.actuator_displacement))])
-    lost: Series = kinetic[0] + work - kinetic
-    return lost
 
 
 def torque_peak(clutch: Clutch, trace: Trace, stiffness: float) -> float:

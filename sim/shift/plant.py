@@ -378,5 +378,5 @@ def _ring_inertia(mass: float, polar: float) -> tree.SpatialInertia:
 
 
 def _trajectory(profile: ForceProfile, share: int) -> PiecewisePolynomial:
-    times, values, slopes = profile.knots()
+    times, values, slopes = profile.knots
     return PiecewisePolynomial.CubicHermite(times, values[None] / share, slopes[None] / share)

@@ -16,8 +16,6 @@ import numpy as np
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
-from dogshape.sim.shift.events import face_overlap
-from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.statistics.shift_records import (
     Record,
@@ -142,8 +140,11 @@ def events_record(result: Engagement) -> Record:
     """Return the events of a shift as a flat record in the edge's units."""
     events, rest = result.events, {}
     if result.outcome is Outcome.BLOCKED:  # the overlap left in the sense of the mismatch
-        overlap, most = face_overlap(result.clutch, result.trace.relative_angle[-1:])
-        left = float((most - overlap if result.point.mismatch > 0.0 else overlap)[0])
+        from dogshape.sim import kernel  # noqa: PLC0415  slow to load
+
+        numbers, angle = result.clutch.numbers, float(result.trace.relative_angle[-1])
+        overlap, most, _ = kernel.facing(kernel.face_overlap(angle, numbers), numbers)
+        left = most - overlap if result.point.mismatch > 0.0 else overlap
         rest["rest_overlap_deg"] = max(left, 0.0) / result.clutch.dog.mean_radius / DEG
     return {
         "face_contacts": events.face_contacts,
@@ -169,11 +170,10 @@ def loads_record(result: Engagement) -> Record:
     }
 
 
-def shaft_record(trace: Trace) -> Record:
+def shaft_record(result: Engagement) -> Record:
     """Return the largest torques of shafts that give way, N m; nothing for rigid ones."""
-    shafts = ("input", trace.input_torque), ("output", trace.output_torque)
-    peaks = [(name, float(np.abs(torque).max())) for name, torque in shafts if torque is not None]
-    return {f"{name}_torque_peak_Nm": peak for name, peak in peaks}
+    shafts = ("input", result.loads.input_torque), ("output", result.loads.output_torque)
+    return {f"{name}_torque_peak_Nm": peak for name, peak in shafts if peak is not None}
 
 
 def run_block(block: Block) -> Iterator[Record]:
@@ -192,7 +192,7 @@ def run_block(block: Block) -> Iterator[Record]:
         }
         if clutch.mechanism.has_linkage:
             record["actuator_time_s"] = result.actuator_time
-        record |= shaft_record(result.trace) | events_record(result) | loads_record(result)
+        record |= shaft_record(result) | events_record(result) | loads_record(result)
         record |= {"steps": result.steps, "evaluations": result.evaluations}
         if result.outcome is Outcome.DIVERGED:
             record["reason"] = result.detail

@@ -135,7 +135,7 @@ class Ridges:
     ) -> float:
         """Return the width of overlap, m, from which creep does not lead out of the window in time.
 
-        Regularised friction (``sim.planar.kernel.friction_at``) holds the load across at the slip
+        Regularised friction (``sim.kernel.friction_at``) holds the load across at the slip
         ``stiction tan(pi ratio / (2 friction))``, m/s; ``left`` in s.
         """
         width = 0.0

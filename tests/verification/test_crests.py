@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.reports.shift_page import event_facts
+from dogshape.sim import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
 from tests.conftest import dog_of
@@ -52,7 +52,7 @@ def test_crests_that_cross_hang_where_the_chamfer_would_slide(lean: Clutch, poin
     assert event_facts(hung)[-1].startswith("stands crest across crest")
     assert time_on_crests(hung) > 0.1
     trace = hung.trace
-    overlap, _ = face_overlap(lean, trace.relative_angle[-1:])
+    overlap = kernel.face_overlap(trace.relative_angle[-1:], lean.numbers)
     force = float(trace.shift_force[-1]) / lean.dog.count
     depth, ratio = crests.balance(overlap, force)
     assert trace.displacement[-1] - lean.dog.axial_gap == pytest.approx(depth[0], rel=0.03)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
@@ -13,10 +13,10 @@ from scipy.spatial import ConvexHull
 
 import dogshape.sim.shift.mesh
 from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import dog_corners, ring_part
-from dogshape.sim.planar import kernel
-from dogshape.sim.planar.engagement import planar_clutch
+from dogshape.sim.planar.engagement import planar_clutch, surfaces_of
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.geometry import FLANKS, Dog, crest_loss, crest_setback, flank_contact
 from dogshape.sim.shift.loads import OVERLAPS, Landing
@@ -116,9 +116,12 @@ def test_pressure_of_a_dog_is_its_depth(
 
 
 @pytest.fixture
-def _exact(monkeypatch: pytest.MonkeyPatch) -> None:
+def _exact(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let planes stand out of an edge by a fiftieth of a micrometre, for comparison with arcs."""
     monkeypatch.setattr(dogshape.sim.shift.mesh, "DEVIATION", 2e-8)
+    surfaces_of.cache_clear()
+    yield
+    surfaces_of.cache_clear()
 
 
 def _pressed(clutch: Clutch, aside: float, depth: float) -> tuple[float, float]:

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from scipy.integrate import cumulative_trapezoid
 
-from dogshape.sim import engines
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
@@ -18,6 +17,7 @@ from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK, Mechanism
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
+from dogshape.sim.statistics import blocks
 from dogshape.sim.units import DEG, RPM
 
 Point = Callable[[float, float], OperatingPoint]
@@ -34,7 +34,7 @@ def flight(clutch: Clutch) -> Flight:
         far = clutch.with_dog(replace(clutch.dog, axial_gap=90e-3))
         far = replace(far, timeout=time, mechanism=Mechanism(**mechanism))
         own = far if engine == "drake" else far.with_engine(engine)
-        result = engines.engage(own, OperatingPoint(50 * RPM, profile), 0.0)
+        result = blocks.engage(own, OperatingPoint(50 * RPM, profile), 0.0)
         assert result.outcome is Outcome.TIMED_OUT
         assert result.trace.displacement.max() < 90e-3
         assert np.abs(result.trace.contact_force).max() < 0.01 * profile.force

@@ -11,11 +11,11 @@ import pytest
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS
 from dogshape.diagnosis.prediction import flights as module
 from dogshape.diagnosis.prediction.flights import Flights, fly
+from dogshape.sim import kernel
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.shift.trace import crossing
 from tests.flying import EFFECTS, settings
 
 GAP = 1e-3
@@ -104,7 +104,7 @@ def test_the_flight_is_that_of_a_shift_in_drake(plain: Setting, name: str, senso
     way, speed = trace.displacement, trace.axial_speed
     if sensor == "actuator":
         way, speed = trace.actuator_displacement, trace.actuator_speed
-    drake = [crossing(trace.time, way, speed, level) for level in LEVELS]
+    drake = [kernel.crossing(trace.time, way, speed, level) for level in LEVELS]
     assert _fly(setting)[: len(WAYS)] == pytest.approx(drake, abs=5e-5)
 
 

@@ -10,7 +10,7 @@ import pytest
 from pydrake.systems.framework import Context
 from scipy.special import beta
 
-from dogshape.sim.planar import kernel
+from dogshape.sim import kernel
 from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import (
@@ -111,10 +111,9 @@ def _bounced(clutch: Clutch, law: ImpactLaw, speed: float) -> Impact:
     plant, gap = planar_clutch(flat), flat.dog.axial_gap
     state, record = np.zeros(kernel.SIZE), (np.empty(30_000), np.empty((30_000, kernel.SIZE)))
     state[[1, 4]] = gap, speed
-    knots = np.array(ForceProfile(1.0, 10.0).knots())
     _, _, _, count, _ = kernel.advance(
-        0.0, 1e-7, state, 0.02, plant.numbers, knots, plant.surfaces, plant.law,
-        np.array([1e-6, 1e-12]), 1e-6, np.zeros(2), *record,
+        0.0, 1e-7, state, np.empty(0), 0.02, flat.numbers, ForceProfile(1.0, 10.0).knots,
+        plant.surfaces, plant.law, np.array([1e-6, 1e-12]), 1e-6, np.zeros(2), *record,
     )  # fmt: skip
     time, depth = record[0][:count], record[1][:count, 1] - gap
     out = int(np.argmax(depth < 0.0))

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from dogshape.sim import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.engagement import engage
-from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.shift.plant import ClutchPlant
@@ -34,9 +34,8 @@ def test_peak_pressure_of_flat_faces(clutch: Clutch, point: Point, force: float)
     result = engage(ClutchPlant(flat), operating, 0.0)
     profile, contact, mass = operating.profile, clutch.contact, clutch.rings.mass
     start = profile.free_flight_time(dog.axial_gap, mass)
-    angle = np.array([operating.mismatch * start])
-    overlap, most = face_overlap(flat, angle)
-    width = float(min(overlap[0], most[0] - overlap[0]))
+    overlap = kernel.face_overlap(operating.mismatch * start, flat.numbers)
+    width = float(min(overlap, 2.0 * dog.face_width - overlap))
     stiffness = contact.stiffness * width * dog.radial_width * dog.count
 
     def press(x: float, v: float) -> float:

@@ -11,9 +11,9 @@ from dataclasses import replace
 import pytest
 from pydrake.systems.framework import Context, EventStatus
 
+from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
-from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import MM, RPM
 
@@ -77,8 +77,8 @@ def test_faces_fall_away_from_each_other_at_positive_mismatch(
     """Where |dw| r tan(chamfer) exceeds the axial speed, they never touch; else they close."""
     dog, speed, apart = heavy.dog, 0.01, 0.1 * MM
     assert 60.0 * RPM * dog.mean_radius * math.tan(dog.chamfer) > 2.0 * speed
-    overlap = face_overlap(heavy, 0.0)[0]  # type: ignore[arg-type]  # a number serves as well
-    place = (0.0, dog.axial_gap + float(overlap) * math.tan(dog.chamfer) - apart)
+    overlap = kernel.face_overlap(0.0, heavy.numbers)
+    place = (0.0, dog.axial_gap + overlap * math.tan(dog.chamfer) - apart)
     # For as long as the faces stand opposite each other.
     until = 0.5 * dog.face_width / (60.0 * RPM * dog.mean_radius)
     assert speed * until > apart  # by its axial way alone the ring would touch

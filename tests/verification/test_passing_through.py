@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim import kernel
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -15,9 +16,8 @@ from dogshape.sim.shift.conclusion import (
     Engagement,
     Outcome,
     passing_through,
-    path_of,
-    penetration,
     require_stiff_enough,
+    section_planes,
 )
 from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.geometry import Dog
@@ -29,8 +29,16 @@ _DOG = Dog(31, 10.63 * DEG, 6.89 * DEG, 24.5 * DEG, 2.485e-3, 52e-3, 44e-3, 1e-3
 
 
 def _depth(dog: Dog, displacement: float, pitches: float) -> float:
-    angle = np.array([pitches * dog.pitch_angle])
-    return float(penetration(dog, np.array([displacement]), angle)[0])
+    numbers = _fine().with_dog(dog).numbers
+    return kernel.penetration(
+        displacement, pitches * dog.pitch_angle, section_planes(dog), numbers
+    )  # fmt: skip
+
+
+def _extremes(shift: Engagement) -> tuple[float, float]:
+    """Find the deepest penetration and the farthest way of a shift, m."""
+    planes = section_planes(shift.clutch.dog)
+    return kernel.extremes(shift.run.times, shift.run.states, planes, shift.clutch.numbers)
 
 
 @pytest.mark.parametrize(("side", "angle"), [(-1, _DOG.braking), (1, _DOG.traction)])
@@ -52,18 +60,18 @@ def _shift(mismatch: float, force: float, rise: float, pitches: float) -> Engage
 
 
 def test_a_dog_inside_another_is_refused_with_depth_and_remedy() -> None:
-    way, clutch = np.array([_DOG.travel]), _fine()
-    assert _depth(_DOG, _DOG.travel, 0.1) > pressure_apex(_DOG)[1]
-    said = passing_through(clutch, way, np.array([0.1 * _DOG.pitch_angle]))
+    clutch, deep = _fine(), _depth(_DOG, _DOG.travel, 0.1)
+    assert deep > pressure_apex(_DOG)[1]
+    said = passing_through(clutch, deep, _DOG.travel)
     assert said.startswith("penetration of the dogs is")
     assert "lower shift force or mismatch" in said
-    assert passing_through(clutch, way, np.array([0.49 * _DOG.pitch_angle])) == ""
+    assert passing_through(clutch, _depth(_DOG, _DOG.travel, 0.49), _DOG.travel) == ""
 
 
 def test_a_ring_beyond_its_travel_is_refused() -> None:
-    clutch, seated = _fine(), np.array([0.5 * _DOG.pitch_angle])
-    assert passing_through(clutch, np.array([_DOG.travel + 0.04 * MM]), seated) == ""
-    said = passing_through(clutch, np.array([_DOG.travel + 0.06 * MM]), seated)
+    clutch = _fine()
+    assert passing_through(clutch, 0.0, _DOG.travel + 0.04 * MM) == ""
+    said = passing_through(clutch, 0.0, _DOG.travel + 0.06 * MM)
     assert said.startswith("way beyond full travel is 0.06 mm")
 
 
@@ -77,8 +85,7 @@ def test_a_shift_whose_dogs_pass_through_is_simulated_with_finer_steps(pitches: 
     assert result.outcome is Outcome.ENGAGED
     assert result.shift_time == again.shift_time
     assert result.clutch == clutch
-    depth = penetration(_DOG, result.trace.displacement, result.trace.relative_angle)
-    assert depth.max() < 0.2 * MM
+    assert _extremes(result)[0] < 0.2 * MM
 
 
 @pytest.mark.parametrize("pitches", [0.1, 0.6])
@@ -102,14 +109,24 @@ def test_a_contact_too_soft_for_its_force_is_refused() -> None:
         load_study("mq200_paper", ["contact.stiffness_Pa_m=1e10"])
 
 
+def test_dogs_that_pass_within_a_step_are_found() -> None:
+    """Seated in one slot before and in the next after a step: face to face in its middle."""
+    pitch, states = _DOG.pitch_angle, np.zeros((2, kernel.SIZE))
+    states[:, 0], states[:, 1], states[:, 3] = [0.5 * pitch, 1.5 * pitch], _DOG.travel, pitch / 1e-3
+    times, numbers = np.array([0.0, 1e-3]), _fine().numbers
+    deepest, farthest = kernel.extremes(times, states, section_planes(_DOG), numbers)
+    assert farthest == pytest.approx(_DOG.travel)
+    between = (_depth(_DOG, _DOG.travel, share) for share in np.linspace(0.5, 1.5, 21))
+    assert deepest == pytest.approx(max(between))
+    assert _depth(_DOG, _DOG.travel, 0.5) == pytest.approx(0.0, abs=1e-12)
+
+
 def test_dogs_are_looked_at_between_the_steps_of_a_fast_shift() -> None:
     """At 5000 1/min a step of 1 ms turns two pitches: with it these dogs pass 0.89 mm deep."""
     dog = Dog(26, 6.75 * DEG, 10.38 * DEG, 12.01 * DEG, 3.96e-3, 52e-3, 44e-3, 1e-3)
     clutch = replace(load_study("mq200_paper").clutch, dog=dog)
     point = OperatingPoint(5000 * RPM, ForceProfile(100.0, 0.05))
     found = engage(ClutchPlant(clutch), point, 7.4755 * DEG)
-    way, angle = path_of(clutch, found.trace)
-    assert way.size > found.trace.time.size
     assert found.outcome is Outcome.ENGAGED
-    assert penetration(dog, way, angle).max() < COVERED_DEPTH * pressure_apex(dog)[1]
+    assert _extremes(found)[0] < COVERED_DEPTH * pressure_apex(dog)[1]
     assert found.shift_time == pytest.approx(0.0918, rel=0.05)

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dogshape.sim.planar import kernel
+from dogshape.sim import kernel
 from dogshape.sim.planar.engagement import PlanarClutch, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome, penetration
+from dogshape.sim.shift.conclusion import Outcome, section_planes
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from tests.verification.test_shapes import ROOFS, SHAPES, mirrored, shaped
@@ -53,7 +53,7 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -
     while len(errors) < 40:
         angle = rng.uniform(-dog.pitch_angle, dog.pitch_angle)
         way = rng.uniform(0.98 * dog.axial_gap, dog.travel)
-        if not 0.0 < penetration(dog, np.array([way]), np.array([angle]))[0] < 1e-4:
+        if not 0.0 < kernel.penetration(way, angle, section_planes(dog), own.numbers) < 1e-4:
             continue
         output, sliding, speed = (float(v) for v in rng.normal(0.0, [5.0, 5.0, 0.3]))
         plant.plant.SetPositions(plant.plant_context, [1.0 + angle, way, 1.0])

@@ -10,11 +10,11 @@ import pytest
 
 from dogshape.pipeline.config.study_file import SURE
 from dogshape.pipeline.store.result_records import PointRow
+from dogshape.sim import kernel
 from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.shift.events import face_overlap
 from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.sim.statistics.expectation import (
     SetPoint,
@@ -91,12 +91,14 @@ def test_a_ring_falls_into_the_slot_that_comes(flat: Clutch, share: float, skipp
     speed = share * close.entry_play / close.mean_radius / fall
     point = OperatingPoint(speed, ForceProfile(235.0, 1e-4))
     angles = np.linspace(0.0, close.pitch_angle, 48)
-    overlap, most = face_overlap(plant.clutch, angles)
+    numbers = plant.clutch.numbers
+    faces = [kernel.facing(kernel.face_overlap(angle, numbers), numbers) for angle in angles]
+    overlap, most, _ = np.array(faces).T
     on_face = (overlap > 0.05 * most) & (overlap < 0.95 * most)
     found = [engage(plant, point, float(angle)) for angle in angles[on_face]]
     assert np.mean([one.events.slots_skipped > 0 for one in found]) == skipped
     if not skipped:
-        rests = (most - overlap[on_face]) / close.mean_radius
+        rests = (most - overlap)[on_face] / close.mean_radius
         passed = [one.shift_time or math.inf for one in found] - rests / speed
         assert 0.0 < passed.min() <= passed.max() < 0.012
 

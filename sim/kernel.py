@@ -1,0 +1,1135 @@
+r"""Contact of one dog with the opposite ring, plane by plane, and the motion it gives; compiled.
+
+Below the skin of the compliant dog the pressure is stiffness times the least of the depths
+:math:`d_i = o_i - n_i \cdot p` below its planes. A touching quadrilateral of a rigid dog is cut to
+where :math:`d_i` is the least and positive; over that polygon the traction (Hunt and Crossley 1975)
+
+.. math:: t = k d_i (1 + D v_n)_+ \left(n + \mu \, s(|v_t|) \frac{v_t}{|v_t|}\right)
+
+is integrated by three points in each triangle of a fan. IMPACT of Adams acts on the whole dog
+instead, with :math:`\sigma` the cubic step and *d* the largest depth, at the centroid of the
+overlap and along its mean normal, :math:`F = (K d^{3/2} + C \sigma(d/d_C) \, v_n)_+`. Steps:
+Bogacki and Shampine's pair 3(2) (1989); where dogs stay in touch, Shampine and Reichelt's linearly
+implicit pair 2(3) (1997).
+
+``summarize`` works times, events and loads of either engine's run out of its states. Contact forces
+follow from the motion by balance of momentum, each the mean over the step that ends at its time.
+Along the shaft, with masses and forces as in ``sim.shift.mechanism``,
+
+.. math:: \int F_c = \int F - m_s \Delta\dot x - m_a \Delta\dot y - c \Delta x - \int \left(R
+   + D + \mu_s \frac{|T|}{r_s} \sigma\right).
+
+The integral of the shift force is known in closed form; the others are smooth over a step:
+Simpson's rule, with the middle from the cubic through both ends. About the shaft, :math:`\int M_c =
+J_1 \Delta\omega + \int M_0 \sigma`, of ring and rest together where a shaft gives way.
+
+One file: the compiler's cache knows of changes in a function's own file alone.
+"""
+
+# mypy: disable-error-code="no-untyped-def"
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+compiled = njit(cache=True, error_model="numpy")
+#: A call takes every field of every array: without calls a shift costs a fifth less.
+inlined = njit(cache=True, error_model="numpy", forceinline=True)
+
+#: A rigid plane meets the pressure of a plane only where it presses against it: cosine between
+#: its normal and the pressure's gradient, at least (112.5 degrees).
+OPPOSED = math.cos(0.625 * math.pi)
+MARGIN = 1.02  #: by which an overlap is looked for before dogs can touch
+ROOM = 9  #: corners of a quadrilateral cut by the planes of a dog, at most, beyond their number
+#: Angles of both rings, way, their rates; way and speed of the actuator; angle and rate of what is
+#: behind the sliding ring's shaft and the output ring's.
+SIZE = 12
+PLAIN_SIZE, LINKED_SIZE = 6, 8  #: without shafts that give way, and without an actuator apart
+#: Which numbers of a state are angles or ways, and which turn.
+PLACES = np.array([True, True, True, False, False, False, *[True, False] * 3])
+TURNS = np.array([True, False, True, True, False, True, False, False, *[True] * 4])
+#: Why ``advance`` returned; HELD: the rings stand still on each other.
+ENGAGED, PAUSED, FULL, LOST, HELD = range(5)
+LEAST = 1e-12  #: s, a step below which the integration is lost
+ROSENBROCK = 1.0 / (2.0 + math.sqrt(2.0))  #: of a step, its implicit part
+#: Changes of a place in m, a speed in m/s and a time in s by which slopes are measured.
+SMALL_WAY, SMALL_SPEED, SMALL_TIME = 1e-9, 1e-6, 1e-7
+KEPT = 8  #: steps for which slopes are kept
+PATIENCE = 60  #: steps in touch after which implicit ones are tried
+#: In ``mode``: steps in touch; the step that implicit ones must exceed, s.
+TOUCHED, BEATEN = range(2)
+
+# Places in ``plain``, the numbers of a clutch.
+(SLEEVE, FAR, SLIDING, OUTPUT, DAMPING, FRICTION, DETENT, DETENT_AT, DETENT_WIDTH, SPLINE, DRAG,
+ STIFF, LOSS, PLAY, DOGS, REBOUND, STOP, RADIUS, WAY, SLIP_SPEED, TURN_SPEED, DEEP_STOP,
+ LINKED, USED, BEHIND, SHAFT, SHAFT_LOSS, BACKLASH, AHEAD, OUT_SHAFT, OUT_LOSS,
+ TWIST, PITCH, CREST, FACES, SLOPE, HEIGHT, GAP, LENGTH, BACKS, BACK_SLOPE,
+ DETENT_SEAT) = range(42)  # fmt: skip
+NUMBERS = 42
+_FAR, _NEAR = 2.0 / 3.0, 1.0 / 6.0
+#: Places of a triangle's three points, as shares of its corners.
+POINTS = ((_FAR, _NEAR, _NEAR), (_NEAR, _FAR, _NEAR), (_NEAR, _NEAR, _FAR))
+STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
+IMPACT_LAW = 7  #: numbers of a law that is IMPACT's
+
+STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
+STILL = 1e-3  #: m/s of slip below which faces count as held
+LIFT = 1e-4  #: m by which faces must part before a touch counts as a new one
+IMPACT = 1e-3  #: s, the window over which the impulse of an impact is taken
+LONGEST_TURN = 0.05  #: pitches, by which a step may turn without a look at what is between
+#: Places of a state and of their rates.
+WAYS, RATES = (0, 1, 2, 6, 8, 10), (3, 4, 5, 7, 9, 11)
+
+
+@compiled
+def workspace(planes):
+    """Make room for the polygons of a dog with a number of planes that touch."""
+    return np.empty((3, ROOM + planes, 3 + planes))
+
+
+@inlined
+def _cut(work, here, count, a, b):
+    """Keep of polygon ``here`` what has more in column ``a`` than in ``b``; a = b: than 0.
+
+    Returns the number of corners that are left, and in which of the two places for cut polygons.
+    """
+    there, columns, less = 2 if here == 1 else 1, work.shape[2], 0.0 if a == b else 1.0
+    kept, last = 0, count - 1
+    before = work[here, last, a] - less * work[here, last, b]
+    for i in range(count):
+        value = work[here, i, a] - less * work[here, i, b]
+        if (value > 0.0) != (before > 0.0):
+            share = before / (before - value)
+            for column in range(columns):
+                start = work[here, last, column]
+                work[there, kept, column] = start + share * (work[here, i, column] - start)
+            kept += 1
+        if value > 0.0:
+            for column in range(columns):
+                work[there, kept, column] = work[here, i, column]
+            kept += 1
+        before = value
+        last = i
+    return kept, there
+
+
+@inlined
+def friction_at(slip, law):
+    """Compute the friction coefficient at a slip in m/s; ``law`` as for ``contact``."""
+    ratio = slip / law[3]
+    if law[4] == law[2]:
+        return law[2] * 0.6366197723675814 * math.atan(ratio)
+    late = ratio - 10.0
+    fall = late / math.sqrt(1.0 + late * late) / 0.9950371902099892
+    held = (law[4] - law[2]) * 0.5 * (1.0 - fall) + law[2]
+    return held * ratio / math.sqrt(1.0 + ratio * ratio)
+
+
+@inlined
+def contact(angle, distance, turn, speed, surfaces, law, work):
+    """Compute force along and torque about the shaft on the compliant dog.
+
+    Parameters
+    ----------
+    angle : output ring's lead over dogs facing dogs, rad.
+    distance : of the median planes, m.
+    turn : output less sliding speed, rad/s.
+    speed : of the sliding ring into engagement, m/s.
+    surfaces : of ``PlanarClutch``.
+    law : of ``PlanarClutch``; seven numbers are IMPACT's, equal coefficients of five select the law
+        of Drake's continuous plant.
+    work : of ``workspace``: a whole polygon and two cut ones.
+
+    Returns
+    -------
+    tuple of float
+        Force against the shift, N, and torque on the sliding ring, N m; of one dog.
+    """
+    pitch, ahead, behind = surfaces[4], surfaces[3][0], surfaces[3][1]
+    axial, torque = 0.0, 0.0
+    base = angle - pitch * np.round(angle / pitch)
+    for dog in range(-1, 2):
+        place = base + dog * pitch
+        # Flanks of one kind lie half a pitch from each other less what they lean and half of the
+        # backlash, at the radius where that is least, and MARGIN.
+        free = 0.5 * pitch * MARGIN - surfaces[3][2]
+        if -place >= free - distance * ahead or place >= free - distance * behind:
+            continue
+        c, s = math.cos(place), math.sin(place)
+        if law.shape[0] == IMPACT_LAW:
+            force, moment = _impact(c, s, distance, turn, speed, surfaces, law, work)
+            axial += force
+            torque += moment
+            continue
+        for quad in range(surfaces[1].shape[0]):
+            if _meets(quad, c, s, distance, surfaces, work):
+                force, moment = _surface(quad, c, s, turn, speed, surfaces, law, work)
+                axial += force
+                torque += moment
+    return axial, torque
+
+
+@inlined
+def _meets(quad, c, s, distance, surfaces, work):
+    """Place a rigid surface in the compliant dog's frame, with its depths; whether it may touch.
+
+    ``work[0]`` gets corners and their depths below all planes, m.
+    """
+    corners, normals, offsets = surfaces[0], surfaces[1], surfaces[2]
+    planes = normals.shape[0]
+    for i in range(4):
+        x, y, z = corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2]
+        work[0, i, 0], work[0, i, 1], work[0, i, 2] = c * x - s * y, -(s * x + c * y), distance - z
+    for turn in range(planes):
+        # Its like is the one that it most often lies outside of.
+        plane = quad + turn if quad + turn < planes else quad + turn - planes
+        nx, ny, nz = normals[plane, 0], normals[plane, 1], normals[plane, 2]
+        deepest = -1.0
+        for i in range(4):
+            along = nx * work[0, i, 0] + ny * work[0, i, 1] + nz * work[0, i, 2]
+            work[0, i, 3 + plane] = offsets[plane] - along
+            deepest = max(deepest, work[0, i, 3 + plane])
+        if deepest <= 0.0:
+            return False
+    return True
+
+
+@inlined
+def _is_least_somewhere(work, plane, planes):
+    """Decide whether a plane's depth may be positive and the least; not where no corner has it so.
+
+    Row 4 of ``work[0]`` gets 1 at each plane that divides the surface, at its own for the sign.
+    """
+    column = 3 + plane
+    for other in range(planes):
+        more, less = False, False
+        for i in range(4):
+            value = work[0, i, 3 + other] - (work[0, i, column] if other != plane else 0.0)
+            more |= value > 0.0
+            less |= value <= 0.0
+        if not more:
+            return False
+        work[0, 4, 3 + other] = 1.0 if less else 0.0
+    return True
+
+
+@inlined
+def _surface(quad, c, s, turn, speed, surfaces, law, work):
+    """Cut a rigid surface, ``work[0]``, by the least depth and integrate over each part."""
+    normals = surfaces[1]
+    mx = c * normals[quad, 0] - s * normals[quad, 1]
+    my = -(s * normals[quad, 0] + c * normals[quad, 1])
+    normal = (mx, my, -normals[quad, 2])
+    planes = normals.shape[0]
+    axial, torque = 0.0, 0.0
+    for plane in range(planes):
+        along = mx * normals[plane, 0] + my * normals[plane, 1] + normal[2] * normals[plane, 2]
+        if -along <= OPPOSED:
+            continue
+        if not _is_least_somewhere(work, plane, planes):
+            continue
+        column, count, where = 3 + plane, 4, 0
+        for beyond in range(plane, plane + planes):
+            other = beyond if beyond < planes else beyond - planes
+            if count > 2 and work[0, 4, 3 + other] > 0.0:
+                count, where = _cut(work, where, count, 3 + other, column)
+        for i in range(1, count - 1):
+            force, moment = _triangle(work, where, i, column, normal, turn, speed, law)
+            axial += force
+            torque += moment
+    return axial, torque
+
+
+@inlined
+def _triangle(work, where, i, column, normal, turn, speed, law):
+    """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
+    mx, my, mz = normal
+    p, q, r = work[where, 0], work[where, i], work[where, i + 1]
+    ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+    ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    weight = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
+    axial, torque = 0.0, 0.0
+    for f0, f1, f2 in POINTS:
+        x, y = f0 * p[0] + f1 * q[0] + f2 * r[0], f0 * p[1] + f1 * q[1] + f2 * r[1]
+        depth = f0 * p[column] + f1 * q[column] + f2 * r[column]
+        vx, vy, vz = turn * y, -turn * x, -speed
+        closing = vx * mx + vy * my + vz * mz
+        pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * weight
+        vx, vy, vz = vx - closing * mx, vy - closing * my, vz - closing * mz
+        slip = math.sqrt(vx * vx + vy * vy + vz * vz)
+        rub = friction_at(slip, law) / slip if slip > 1e-12 else 0.0
+        axial -= pressure * (mz + rub * vz)
+        torque -= pressure * (x * (my + rub * vy) - y * (mx + rub * vx))
+    return axial, torque
+
+
+@compiled
+def _step_of(share):
+    """Rise from 0 to 1 as Adams' STEP over a share from 0 to 1."""
+    share = min(max(share, 0.0), 1.0)
+    return share * share * (3.0 - 2.0 * share)
+
+
+@compiled
+def impact_friction_at(slip, law):
+    """Compute the coefficient of Adams' Coulomb friction at a slip in m/s; law of IMPACT.
+
+    STEP from minus to plus the static one over twice the stiction velocity, and on to the dynamic.
+    """
+    if slip < law[3]:
+        return law[4] * (2.0 * _step_of(0.5 * (slip + law[3]) / law[3]) - 1.0)
+    return law[4] + (law[2] - law[4]) * _step_of((slip - law[3]) / (law[6] - law[3]))
+
+
+@compiled
+def _impact(c, s, distance, turn, speed, surfaces, law, work):
+    """Compute IMPACT's force and torque on the compliant dog from one dog of the opposite ring."""
+    normals = surfaces[1]
+    planes = normals.shape[0]
+    volume, deepest = 0.0, 0.0
+    px, py, nx, ny, nz = 0.0, 0.0, 0.0, 0.0, 0.0  # point and normal times the volume
+    for quad in range(planes):
+        if not _meets(quad, c, s, distance, surfaces, work):
+            continue
+        mx = c * normals[quad, 0] - s * normals[quad, 1]
+        my = -(s * normals[quad, 0] + c * normals[quad, 1])
+        mz = -normals[quad, 2]
+        for plane in range(planes):
+            along = mx * normals[plane, 0] + my * normals[plane, 1] + mz * normals[plane, 2]
+            if -along <= OPPOSED or not _is_least_somewhere(work, plane, planes):
+                continue
+            column, count, where = 3 + plane, 4, 0
+            for beyond in range(plane, plane + planes):
+                other = beyond % planes
+                if count > 2 and work[0, 4, 3 + other] > 0.0:
+                    count, where = _cut(work, where, count, 3 + other, column)
+            for i in range(1, count - 1):
+                p, q, r = work[where, 0], work[where, i], work[where, i + 1]
+                deepest = max(deepest, p[column], q[column], r[column])
+                ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+                bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+                ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+                third = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
+                for f0, f1, f2 in POINTS:
+                    part = third * (f0 * p[column] + f1 * q[column] + f2 * r[column])
+                    volume += part
+                    px += part * (f0 * p[0] + f1 * q[0] + f2 * r[0])
+                    py += part * (f0 * p[1] + f1 * q[1] + f2 * r[1])
+                    nx, ny, nz = nx + part * mx, ny + part * my, nz + part * mz
+    if volume <= 0.0:
+        return 0.0, 0.0
+    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    x, y, nx, ny, nz = px / volume, py / volume, nx / length, ny / length, nz / length
+    vx, vy, vz = turn * y, -turn * x, -speed
+    closing = vx * nx + vy * ny + vz * nz
+    spring = law[0] * deepest * math.sqrt(deepest)
+    force = max(spring + law[1] * _step_of(deepest / law[5]) * closing, 0.0)
+    vx, vy, vz = vx - closing * nx, vy - closing * ny, vz - closing * nz
+    slip = math.sqrt(vx * vx + vy * vy + vz * vz)
+    rub = impact_friction_at(slip, law) / slip if slip > 1e-12 else 0.0
+    moment = x * (ny + rub * vy) - y * (nx + rub * vx)
+    return -force * (nz + rub * vz), -force * moment
+
+
+@inlined
+def force_at(time, knots):
+    """Evaluate a piecewise cubic: ``knots`` are times, values and slopes, (3, n); held beyond."""
+    last = knots.shape[1] - 1
+    if time >= knots[0, last]:
+        return knots[1, last]
+    if time <= knots[0, 0]:
+        return knots[1, 0]
+    low, high = 0, last
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if knots[0, middle] <= time else (low, middle)
+    step = knots[0, high] - knots[0, low]
+    s = (time - knots[0, low]) / step
+    t = 1.0 - s
+    return (
+        (1.0 + 2.0 * s) * t * t * knots[1, low]
+        + s * t * t * step * knots[2, low]
+        + s * s * (3.0 - 2.0 * s) * knots[1, high]
+        - s * s * t * step * knots[2, high]
+    )
+
+
+@inlined
+def _smooth(value, small):
+    return value / math.sqrt(value * value + small * small)
+
+
+@inlined
+def _spring(stretch, rate, stiff, loss, low, high, deep):
+    """Compute a spring's force, or that of two stops (``sim.shift.mechanism.spring_force``)."""
+    if low == high:
+        return stiff * stretch + loss * rate
+    ahead, behind = max(stretch - high, 0.0), max(low - stretch, 0.0)
+    push = max(ahead * (stiff + loss * rate / (ahead + deep)), 0.0)
+    return push - max(behind * (stiff - loss * rate / (behind + deep)), 0.0)
+
+
+@inlined
+def _twist(state, plain):
+    """Compute the torque of the shaft on the sliding ring at a state (12,), N m."""
+    half, lead, rate = 0.5 * plain[BACKLASH], state[8] - state[2], state[9] - state[5]
+    return _spring(lead, rate, plain[SHAFT], plain[SHAFT_LOSS], -half, half, plain[TWIST])
+
+
+@inlined
+def _resistance(way, speed, through, plain):
+    """Compute detent and friction against the ring, N; ``through`` the spline goes a torque."""
+    held = 0.0
+    if plain[DETENT] != 0.0:
+        for sign, place in ((1.0, plain[DETENT_AT]), (-1.0, plain[DETENT_SEAT])):
+            bump = max(1.0 - (2.0 * (way - place) / plain[DETENT_WIDTH]) ** 2, 0.0)
+            held += sign * plain[DETENT] * bump * bump
+    rub = plain[FRICTION] + plain[SPLINE] * abs(through)
+    if rub > 0.0:
+        held += rub * _smooth(speed, plain[SLIP_SPEED])
+    return held
+
+
+@inlined
+def _drag(state, plain):
+    """Compute the torque that holds what turns with the sliding ring's side, N m."""
+    if plain[DRAG] == 0.0:
+        return 0.0
+    return plain[DRAG] * _smooth(state[9 if plain[BEHIND] > 0.0 else 5], plain[TURN_SPEED])
+
+
+@inlined
+def _forces(state, plain, surfaces, law, work):
+    """Compute force along and torque about the shaft of all dogs at a state (12,), N and N m."""
+    if state[1] <= surfaces[5]:
+        return 0.0, 0.0
+    angle, turn = state[0] - state[2], state[3] - state[5]
+    distance = surfaces[6] - state[1]
+    along, about = contact(angle, distance, turn, state[4], surfaces, law, work)
+    return along * plain[DOGS], about * plain[DOGS]
+
+
+@inlined
+def _motion(push, along, about, state, out, plain):
+    """Write the rates of a state (12,) into ``out``: ``push`` of the actuator, contact's forces."""
+    way, speed = state[1], state[4]
+    behind = 0.0
+    if way < -plain[REBOUND]:
+        depth = -plain[REBOUND] - way
+        behind = max(plain[STOP] * depth * (1.0 - STOP_LOSS * speed), 0.0)
+    drive = push
+    out[6], out[7] = speed, 0.0
+    if plain[LINKED] > 0.0:
+        u, rate, deep = state[6] - way, state[7] - speed, plain[DEEP_STOP]
+        drive = _spring(u, rate, plain[STIFF], plain[LOSS], 0.0, plain[PLAY], deep)
+        out[6] = state[7]
+        out[7] = (push - drive) / plain[FAR]
+    drive_torque, through = 0.0, about
+    if plain[BEHIND] > 0.0:
+        through = drive_torque = _twist(state, plain)
+    held, drag = _resistance(way, speed, through, plain), _drag(state, plain)
+    out[0], out[1], out[2] = state[3], speed, state[5]
+    out[4] = (drive - held - plain[DAMPING] * speed - along + behind) / plain[SLEEVE]
+    out[8:] = 0.0
+    if plain[BEHIND] > 0.0:
+        out[5] = (about + drive_torque) / plain[SLIDING]
+        out[8], out[9] = state[9], -(drive_torque + drag) / plain[BEHIND]
+    else:
+        out[5] = (about - drag) / plain[SLIDING]
+    if plain[AHEAD] > 0.0:
+        lead, rate = state[10] - state[0], state[11] - state[3]
+        back = plain[OUT_SHAFT] * lead + plain[OUT_LOSS] * rate
+        out[3] = (back - about) / plain[OUTPUT]
+        out[10], out[11] = state[11], -back / plain[AHEAD]
+    else:
+        out[3] = -about / plain[OUTPUT]
+
+
+@compiled
+def rates(time, state, out, plain, knots, surfaces, law, work):
+    """Write the rates of a state (12,) into ``out``; whether dogs touch."""
+    along, about = _forces(state, plain, surfaces, law, work)
+    _motion(force_at(time, knots), along, about, state, out, plain)
+    return along != 0.0 or about != 0.0
+
+
+@compiled
+def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
+    """Write into ``slopes`` (13, 12) how the rates ``now`` change with the state, and in time.
+
+    Contact follows from relative angle and speed: of either ring's, one is looked at.
+    """
+    push, along, about = force_at(time, knots), 0.0, 0.0
+    changed = slopes[SIZE]
+    more, moved = np.zeros(SIZE), np.zeros(SIZE)
+    for j in (SIZE, 0, 1, 3, 4):  # the last one first: nothing is changed
+        small = _small(j, plain) if j < SIZE else 0.0
+        if j < SIZE:
+            state[j] += small
+        one, other = _forces(state, plain, surfaces, law, work)
+        if j == SIZE:
+            along, about = one, other
+            continue
+        state[j] -= small
+        more[j], moved[j] = one - along, other - about
+    more[2], moved[2], more[5], moved[5] = -more[0], -moved[0], -more[3], -moved[3]
+    for j in range(int(plain[USED])):
+        small, was = _small(j, plain), state[j]
+        state[j] = was + small
+        _motion(push, along + more[j], about + moved[j], state, changed, plain)
+        state[j] = was
+        slopes[j] = (changed - now) / small
+    _motion(force_at(time + SMALL_TIME, knots), along, about, state, changed, plain)
+    changed[:] = (changed - now) / SMALL_TIME
+
+
+@compiled
+def _small(j, plain):
+    """Give the change of a state's number ``j`` by which slopes are measured."""
+    small = SMALL_WAY if PLACES[j] else SMALL_SPEED
+    return small / plain[RADIUS] if TURNS[j] else small
+
+
+@compiled
+def _factor(step, slopes, matrix, size):
+    """Factor ``1 - step J`` in place, (12, 12), without exchange of rows."""
+    for i in range(size):
+        for j in range(size):
+            matrix[i, j] = (1.0 if i == j else 0.0) - step * slopes[j, i]
+    for k in range(size):
+        for i in range(k + 1, size):
+            share = matrix[i, k] / matrix[k, k]
+            matrix[i, k] = share
+            if share != 0.0:
+                for j in range(k + 1, size):
+                    matrix[i, j] -= share * matrix[k, j]
+
+
+@compiled
+def _solve(matrix, right, size):
+    """Replace a right-hand side by the solution, with the factors of ``_factor``."""
+    for i in range(size):
+        for j in range(i):
+            right[i] -= matrix[i, j] * right[j]
+    for i in range(size - 1, -1, -1):
+        for j in range(i + 1, size):
+            right[i] -= matrix[i, j] * right[j]
+        right[i] /= matrix[i, i]
+
+
+@compiled
+def _implicit(
+    time, h, new, state, stages, trial, slopes, matrix, plain, knots, surfaces, law, work
+):
+    """Make a step of ``h`` into ``trial``; its error into the third of the stages.
+
+    ``new`` slopes are measured first.
+    """
+    k1, k2, k3, k4 = stages
+    if new:
+        _slopes(time, state, k1, slopes, plain, knots, surfaces, law, work)
+    size = int(plain[USED])
+    part = h * ROSENBROCK
+    _factor(part, slopes, matrix, size)
+    one = k1 + part * slopes[SIZE]
+    _solve(matrix, one, size)
+    trial[:] = state + 0.5 * h * one
+    rates(time + 0.5 * h, trial, k2, plain, knots, surfaces, law, work)
+    two = k2 - one
+    _solve(matrix, two, size)
+    two += one
+    trial[:] = state + h * two
+    touch = rates(time + h, trial, k4, plain, knots, surfaces, law, work)
+    k3[:] = k4 - (6.0 + math.sqrt(2.0)) * (two - k2) - 2.0 * (one - k1) + part * slopes[SIZE]
+    _solve(matrix, k3, size)
+    k3[:] = (one - 2.0 * two + k3) / 6.0
+    return touch
+
+
+@compiled
+def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
+    """Make a step of ``h`` into ``trial``; its error into the third of the stages."""
+    k1, k2, k3, k4 = stages
+    for i in range(SIZE):
+        trial[i] = state[i] + 0.5 * h * k1[i]
+    rates(time + 0.5 * h, trial, k2, plain, knots, surfaces, law, work)
+    for i in range(SIZE):
+        trial[i] = state[i] + 0.75 * h * k2[i]
+    rates(time + 0.75 * h, trial, k3, plain, knots, surfaces, law, work)
+    for i in range(SIZE):
+        trial[i] = state[i] + h * (2.0 * k1[i] + 3.0 * k2[i] + 4.0 * k3[i]) / 9.0
+    touch = rates(time + h, trial, k4, plain, knots, surfaces, law, work)
+    for i in range(SIZE):
+        k3[i] = -5.0 * k1[i] / 72.0 + k2[i] / 12.0 + k3[i] / 9.0 - 0.125 * k4[i]
+    return touch
+
+
+@compiled
+def _worst(h, error, plain, tolerance):
+    """Compute the largest error over its tolerance."""
+    worst = 0.0
+    for i in range(int(plain[USED])):
+        one = abs(h * error[i])
+        if TURNS[i]:
+            one *= plain[RADIUS]
+        worst = max(worst, one / (tolerance[1] if PLACES[i] else tolerance[0]))
+    return worst if math.isfinite(worst) else 1e3
+
+
+@compiled
+def _reached(last, time, state, before, until, plain, knots):
+    """Decide whether ring and actuator made the travel, or at a look are held; PAUSED for neither.
+
+    ``last`` is the step before a look, others as for ``advance``.
+    """
+    if state[1] >= plain[WAY] and (plain[LINKED] == 0.0 or state[6] >= plain[WAY]):
+        return ENGAGED
+    if not last or not before.size:
+        return PAUSED
+    held = stands_still(time, before, state, until - time, plain, knots)
+    before[:] = state
+    return HELD if held else PAUSED
+
+
+@compiled
+def _next_look(time, before, until):
+    """Compute the time of the next look whether the rings stand still, s."""
+    if not before.size:
+        return until
+    return min(STILL_WINDOW * (math.floor(time / STILL_WINDOW + 1e-9) + 1.0), until)
+
+
+@njit(cache=True, error_model="numpy", nogil=True)
+def advance(
+    time, step, state, before, until, plain, knots, surfaces, law, tolerance, max_step, mode,
+    times, states,
+):  # fmt: skip
+    """Integrate until the travel is made, the rings are held, or time or record are at an end.
+
+    Parameters
+    ----------
+    time, step : now, and the step to try, s.
+    state : (12,); holds the last state afterwards.
+    before : state at the last look whether the rings stand still, every ``STILL_WINDOW``, (12,);
+        NaN where there was none, and of size 0 where nobody looks.
+    until : s.
+    tolerance : error of a speed in m/s and of a place in m that a step may have, (2,).
+    mode : of the steps, (2,), zeros at the start; holds what the next call goes on with.
+    times, states : room for the record, (n,) and (n, 12).
+
+    Returns
+    -------
+    tuple
+        Why it ended, time, next step, number of recorded steps, evaluations.
+    """
+    work = workspace(surfaces[1].shape[0])
+    stages = (np.empty(SIZE), np.empty(SIZE), np.empty(SIZE), np.empty(SIZE))
+    k1, _, k3, k4 = stages
+    trial, slopes, matrix = np.empty(SIZE), np.zeros((SIZE + 1, SIZE)), np.empty((SIZE, SIZE))
+    touch = rates(time, state, k1, plain, knots, surfaces, law, work)
+    count, spent = 0, 1
+    age = KEPT  # of the slopes, in steps
+    while time < until:
+        if count >= times.shape[0]:
+            return FULL, time, step, count, spent
+        stop = _next_look(time, before, until)
+        last = time + step >= stop
+        h = stop - time if last else step
+        stiff = mode[BEATEN] > 0.0
+        if stiff:
+            new = age >= KEPT
+            spent, age = spent + (5 if new else 0), 0 if new else age
+            touches = _implicit(
+                time, h, new, state, stages, trial, slopes, matrix,
+                plain, knots, surfaces, law, work,
+            )  # fmt: skip
+        else:
+            touches = _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work)
+        spent += 2 if stiff else 3
+        worst = _worst(h, k3, plain, tolerance)
+        if worst <= 1.0:
+            time = stop if last else time + h
+            state[:] = trial
+            k1[:] = k4
+            states[count] = trial
+            times[count] = time
+            count += 1
+            age = KEPT if last else age + 1
+            touch = touches
+            mode[TOUCHED] = mode[TOUCHED] + 1.0 if touch else 0.0
+            why = _reached(last, time, state, before, until, plain, knots)
+            if why != PAUSED:
+                return why, time, step, count, spent
+        elif h < LEAST:
+            return LOST, time, step, count, spent
+        else:
+            age = KEPT if age > 0 else 0
+        grown = min(5.0, max(0.1, 0.9 * worst ** (-1.0 / 3.0)))
+        if not last or grown < 1.0:
+            step = min(h * grown, max_step)
+        # Implicit steps where dogs stay in touch, and back where that gains nothing.
+        if not stiff:
+            age = KEPT
+            mode[BEATEN] = step if mode[TOUCHED] >= PATIENCE else 0.0
+        elif not touch or step < mode[BEATEN]:
+            mode[BEATEN], mode[TOUCHED] = 0.0, 0.0
+    return PAUSED, time, step, count, spent
+
+
+@compiled
+def stands_still(time, before, state, left, plain, knots):
+    """Decide whether the rings are held, once the force is half up and would move free ones.
+
+    Parameters
+    ----------
+    time, left : of ``state``, and to the time-out, s.
+    before, state : (12,), one ``STILL_WINDOW`` apart; NaN where there is none before.
+    """
+    if math.isnan(before[0]) or force_at(time - STILL_WINDOW, knots) < 0.5 * knots[1, -1]:
+        return False
+    both = np.empty((2, SIZE))
+    both[0], both[1] = before, state
+    if plain[USED] == SIZE:
+        # What hangs on a ring may still turn, in its play or on its shaft, and set the ring going.
+        for one in both:
+            behind = max(abs(one[9] - one[5]), abs(one[11] - one[3]))
+            if plain[RADIUS] * behind > STILL:
+                return False
+    return stays_held(both, STILL_WINDOW, left, plain)
+
+
+@compiled
+def stays_held(states, span, left, plain):
+    """Decide whether rings stand still, and creep and its growth would not free them in time.
+
+    Parameters
+    ----------
+    states : output angle, displacement, sliding angle and their rates first, (n, 6 or more), over
+        the last ``span`` s.
+    left : time to the time-out, s.
+    """
+    first, last = states[0], states[-1]
+    turning, sliding = 0.0, 0.0
+    for state in states:
+        turning = max(turning, plain[RADIUS] * abs(state[3] - state[5]))
+        sliding = max(sliding, abs(state[4]))
+    if max(turning, abs(last[4])) > STILL:
+        return False
+    grown = plain[RADIUS] * abs(last[3] - last[5] - first[3] + first[5])
+    turned = turning * left + 0.5 * grown / span * left * left
+    made = sliding * left + 0.5 * abs(last[4] - first[4]) / span * left * left
+    angle, way = last[0] - last[2], last[1]
+    free = np.inf  # slip that would free a face from a face
+    if faces_meet(angle, way, plain):
+        overlap, most, _ = facing(face_overlap(angle, plain), plain)
+        free = min(overlap, most - overlap)
+    return turned < 0.5 * free and made < 0.5 * (plain[WAY] - way)
+
+
+@compiled
+def face_overlap(angle, plain):
+    """Compute the overlap of two faces along the circumference, m; a number or (n,).
+
+    At the mean radius ``L = c + a r``: *c* is the overlap of the ridges at dogs
+    facing dogs, *a* the angle from there. Faces part at L = 0, ridge on ridge, and
+    at twice the width of a face; where L is negative, backs overlap by as much.
+    """
+    offset = (angle + 0.5 * plain[PITCH]) % plain[PITCH] - 0.5 * plain[PITCH]
+    return plain[CREST] + offset * plain[RADIUS]
+
+
+@compiled
+def facing(overlap, plain):
+    """Give overlap, twice the width and slope of two faces, or backs, at a ``face_overlap``."""
+    if overlap > 0.0:
+        return overlap, plain[FACES], plain[SLOPE]
+    return -overlap, plain[BACKS], plain[BACK_SLOPE]
+
+
+@compiled
+def faces_meet(angle, way, plain):
+    """Decide whether a position allows a face to touch a face, or a back a back.
+
+    Those that overlap by L touch at a depth of ``L tan(chamfer)``; a twentieth
+    of the height is allowed for the turn of one face against the other.
+    """
+    overlap, most, slope = facing(face_overlap(angle, plain), plain)
+    touch = overlap * slope + 0.05 * plain[HEIGHT]
+    return 0.0 < overlap < most and way - plain[GAP] <= touch
+
+
+@compiled
+def shift_force(times, knots):
+    """Compute the shift force, N, and its integral from the start, N s, at times, (n,) each."""
+    force, given = np.empty(times.size), np.empty(times.size)
+    place, before, last = 0, 0.0, knots.shape[1] - 1
+    for i in range(times.size):
+        while place < last and times[i] >= knots[0, place + 1]:
+            before += _integral(1.0, place, knots)
+            place += 1
+        force[i] = force_at(times[i], knots)
+        since = times[i] - knots[0, place]
+        if place == last:
+            given[i] = before + since * knots[1, last]
+        else:
+            step = knots[0, place + 1] - knots[0, place]
+            given[i] = before + _integral(since / step, place, knots)
+    return force, given
+
+
+@compiled
+def _integral(s, place, knots):
+    """Integrate the piecewise cubic from a knot to a share of the way to the next."""
+    step, two, three, four = knots[0, place + 1] - knots[0, place], s * s, s**3, s**4
+    return step * (
+        knots[1, place] * (s - three + 0.5 * four)
+        + knots[2, place] * step * (0.5 * two - 2.0 / 3.0 * three + 0.25 * four)
+        + knots[1, place + 1] * (three - 0.5 * four)
+        + knots[2, place + 1] * step * (0.25 * four - three / 3.0)
+    )
+
+
+@compiled
+def contact_means(times, states, given, plain):
+    """Compute the contact's force against the shift, N, and torque on the sliding ring, N m.
+
+    Means over the steps that end at times, (n,) each, 0 at the first one; ``given`` (n,) is the
+    integral of the shift force.
+    """
+    force, torque = np.zeros(times.size), np.zeros(times.size)
+    held = plain[USED] > PLAIN_SIZE or plain[DAMPING] > 0.0 or plain[DETENT] > 0.0
+    held |= plain[FRICTION] > 0.0 or plain[SPLINE] > 0.0 or plain[DRAG] > 0.0
+    middle = np.empty(SIZE)
+    for i in range(1, times.size):
+        start, end, step = states[i - 1], states[i], times[i] - times[i - 1]
+        gained = plain[SLIDING] * (end[5] - start[5])
+        if plain[BEHIND] > 0.0:
+            gained += plain[BEHIND] * (end[9] - start[9])
+        torque[i] = gained / step
+        momentum = plain[SLEEVE] * (end[4] - start[4])
+        if not held:
+            force[i] = (given[i] - given[i - 1] - momentum) / step
+            continue
+        for k in range(len(WAYS)):
+            way, rate = WAYS[k], RATES[k]
+            middle[way] = 0.5 * (start[way] + end[way]) + 0.125 * step * (start[rate] - end[rate])
+            middle[rate] = 1.5 * (end[way] - start[way]) / step - 0.25 * (start[rate] + end[rate])
+        dragged = _drag(start, plain) + 4.0 * _drag(middle, plain) + _drag(end, plain)
+        torque[i] += dragged / 6.0
+        # What the rule leaves of a drag torque is no contact.
+        if abs(torque[i]) < 0.01 * plain[DRAG]:
+            torque[i] = 0.0
+        if end[1] == start[1]:
+            continue  # at rest friction holds the shift force, whatever it is
+        if plain[LINKED] > 0.0:
+            momentum += plain[FAR] * (end[7] - start[7])
+        resisting = 0.0
+        for part, weight in ((start, 1.0), (middle, 4.0), (end, 1.0)):
+            through = _twist(part, plain) if plain[BEHIND] > 0.0 else torque[i]
+            resisting += weight * _resistance(part[1], part[4], through, plain)
+        pushed = given[i] - given[i - 1] - plain[DAMPING] * (end[1] - start[1])
+        force[i] = (pushed - momentum) / step - resisting / 6.0
+    return force, torque
+
+
+@compiled
+def crossing(times, ways, speeds, way):
+    """Find the time in s at which a displacement first reaches ``way``; NaN where it never does.
+
+    Where the first state is there already, that is its time; between two states it is on the cubic.
+    Series (n,).
+    """
+    for i in range(times.size):
+        if ways[i] >= way:
+            break
+    else:
+        return np.nan
+    if i == 0:
+        return times[0]
+    step, low, high = times[i] - times[i - 1], 0.0, 1.0
+    for _ in range(50):
+        s = 0.5 * (low + high)
+        there = _cubic(s, step, ways[i - 1], speeds[i - 1], ways[i], speeds[i])
+        low, high = (low, s) if there >= way else (s, high)
+    return times[i - 1] + step * 0.5 * (low + high)
+
+
+@compiled
+def _cubic(s, step, x0, v0, x1, v1):
+    """Evaluate the cubic between two places with rates at its share ``s``."""
+    t = 1.0 - s
+    return (
+        (1.0 + 2.0 * s) * t**2 * x0
+        + s * t**2 * step * v0
+        + s * s * (3.0 - 2.0 * s) * x1
+        + s * s * (s - 1.0) * step * v1
+    )
+
+
+@compiled
+def penetration(way, angle, planes, plain):
+    r"""Compute how deep a sliding dog lies in an output dog, m; 0 where they are apart.
+
+    Sections at the mean radius are convex and one is the other turned by half a turn, so
+    along each shared normal they overlap by :math:`2 p_n - n \cdot c`, with the plane's
+    distance and the way between both centres; the least over all planes is the depth.
+
+    Parameters
+    ----------
+    way, angle : axial way of the sliding ring from the start, m, and output ring's lead over dogs
+        facing dogs, rad.
+    planes : normals across and along the shaft, and :math:`2 p_n`, m, (p, 3).
+    """
+    pitch, deepest = plain[PITCH] * plain[RADIUS], 0.0
+    across = -angle * plain[RADIUS]
+    across -= pitch * np.rint(across / pitch)
+    up = plain[GAP] + plain[HEIGHT] - way
+    for dog in range(-1, 2):  # the dogs on either side too
+        least = np.inf
+        for i in range(planes.shape[0]):
+            along = planes[i, 0] * (across + dog * pitch) + planes[i, 1] * up
+            least = min(least, planes[i, 2] - along)
+        deepest = max(deepest, least)
+    return deepest
+
+
+@compiled
+def extremes(times, states, planes, plain):
+    """Find the deepest penetration and the farthest way of a shift, m, between its steps too.
+
+    A step turns fast rings by more than a pitch, and dogs may meet and part within it. Steps that
+    turn by more than ``LONGEST_TURN`` are divided into parts that do not, on the cubic.
+    """
+    most, longest = 0.0, LONGEST_TURN * plain[PITCH]
+    for i in range(1, times.size):
+        turned = states[i, 0] - states[i, 2] - states[i - 1, 0] + states[i - 1, 2]
+        most = max(most, abs(turned))
+    parts = math.ceil(most / longest)
+    farthest, angle, deepest = states[0, 1], states[0, 0] - states[0, 2], 0.0
+    for i in range(times.size):
+        end, step = states[i], times[i] - times[max(0, i - 1)]
+        start, before, angle = states[max(0, i - 1)], angle, end[0] - end[2]
+        farthest = max(farthest, end[1])
+        deepest = max(deepest, penetration(end[1], angle, planes, plain))
+        for part in range(1, parts if abs(angle - before) > longest else 1):
+            s, turns, turned = part / parts, start[3] - start[5], end[3] - end[5]
+            way = _cubic(s, step, start[1], start[4], end[1], end[4])
+            between = _cubic(s, step, before, turns, angle, turned)
+            farthest = max(farthest, way)
+            deepest = max(deepest, penetration(way, between, planes, plain))
+    return deepest, farthest
+
+
+@compiled
+def touching(force, push, states):
+    """Mark steps with a contact, (n,): contact and shift force in N, states (n, 12)."""
+    touches = np.zeros(force.size, np.bool_)
+    for i in range(force.size):
+        turned = states[i, 5] - states[max(0, i - 1), 5]
+        touches[i] = force[i] > 0.5 + 0.01 * push[i] or abs(turned) > 1e-6
+    return touches
+
+
+@compiled
+def _marks(times, states, touches, faces, end, plain):
+    """Find the ends of free flight and face contact and the start of seating, s."""
+    first = met = seat = end
+    last = -1.0
+    for i in range(times.size - 1, -1, -1):
+        if states[i, 1] >= plain[GAP]:
+            met = times[i]
+        if touches[i]:
+            first = times[i]
+        if faces[i]:
+            last = max(last, times[i])
+    if last < 0.0:
+        first = last = met
+    for i in range(times.size - 1, -1, -1):
+        if touches[i] and times[i] > last:
+            seat = times[i]
+    return min(first, end), min(last, end), min(seat, end)
+
+
+@compiled
+def _events(times, states, overlap, faces, plain):
+    """Compute face contacts, slots skipped, rebound in m, time blocked in s and face slide in m."""
+    rebound = blocked = slide = deepest = 0.0
+    landings, flown, before = 0, -np.inf, -np.inf
+    for i in range(times.size):
+        state = states[i]
+        deepest = max(deepest, state[1]) if i else state[1]
+        rebound = max(rebound, deepest - state[1])
+        over, most, slope = facing(overlap[i], plain)
+        level = plain[GAP] + over * slope - state[1]
+        apart = level if 0.0 < over < most else plain[GAP] + plain[HEIGHT]
+        flown = max(flown, apart)
+        if not faces[i]:
+            continue
+        if not landings or (not faces[i - 1] and flown - before > LIFT):
+            landings += 1
+        flown = before = apart
+        slip = abs(state[3] - state[5]) * plain[RADIUS]
+        step = times[i] - times[i - 1] if i else 0.0
+        if slip < STILL:
+            blocked += step
+        else:
+            slide += slip * step
+    return landings, _skipped(states, overlap, plain), rebound, blocked, slide
+
+
+@compiled
+def _skipped(states, overlap, plain):
+    """Count slots between the first one within reach and the one that was entered.
+
+    Slot *k* lies between the angles k and k + 1 pitches. Dogs that stand on a face
+    when the crests meet reach the next slot in the direction of the mismatch.
+    """
+    met, last = 0, states.shape[0] - 1
+    while met <= last and states[met, 1] < plain[GAP]:
+        met += 1
+    if met > last:
+        return 0
+    forward, slots = states[0, 3] - states[0, 5] >= 0.0, (0.0, 0.0)
+    for i in (met, last):
+        place = (states[i, 0] - states[i, 2]) / plain[PITCH]
+        over, most, _ = facing(overlap[i], plain)
+        if 0.0 < over < most and states[i, 1] < plain[WAY]:
+            slot = np.rint(place) - (0.0 if forward else 1.0)
+        else:
+            slot = math.floor(place)
+        slots = slots[1], slot
+    return max(0, int(slots[1] - slots[0] if forward else slots[0] - slots[1]))
+
+
+@compiled
+def _strikes(times, force, push, torque, plain):
+    """Find the largest impulse within ``IMPACT``, N s, and the largest of the torque alone, N m s.
+
+    Of the contact force what it gives beyond holding the shift force, ``push``, N, counts; (n,).
+    """
+    along, about = np.zeros(times.size), np.zeros(times.size)
+    for i in range(1, times.size):
+        step = times[i] - times[i - 1]
+        along[i] = along[i - 1] + max(force[i] - push[i], 0.0) * step
+        about[i] = about[i - 1] + torque[i] * step
+    impulse, struck, after = 0.0, 0.0, 0
+    for i in range(times.size):
+        until = times[i] + IMPACT
+        while after < times.size - 1 and times[after + 1] <= until:
+            after += 1
+        one, other = along[after], about[after]
+        if after < times.size - 1:
+            share = (until - times[after]) / (times[after + 1] - times[after])
+            one += share * (along[after + 1] - one)
+            other += share * (about[after + 1] - other)
+        turn = abs(other - about[i])
+        struck = max(struck, turn)
+        impulse = max(impulse, math.hypot(one - along[i], turn / plain[RADIUS]))
+    return impulse, struck
+
+
+@compiled
+def energy_lost(states, push, plain):
+    """Compute initial energy and work of the shift force less kinetic energy at the end, J.
+
+    What a mechanism took is in it, and what shafts store; ``push`` is the shift force, N, (n,).
+    """
+    place, work = 6 if plain[LINKED] > 0.0 else 1, 0.0
+    for i in range(1, push.size):
+        work += 0.5 * (push[i] + push[i - 1]) * (states[i, place] - states[i - 1, place])
+    first, last = states[0], states[-1]
+    twice = plain[SLEEVE] * (first[4] ** 2 - last[4] ** 2)
+    if plain[LINKED] > 0.0:
+        twice += plain[FAR] * (first[7] ** 2 - last[7] ** 2)
+    for mass, rate in ((SLIDING, 5), (BEHIND, 9), (OUTPUT, 3), (AHEAD, 11)):
+        twice += plain[mass] * (first[rate] ** 2 - last[rate] ** 2)
+    return work + 0.5 * twice
+
+
+@compiled
+def _line_loads(force, torque, overlap, faces, classes, plain):
+    """Compute the largest load of faces, N/m, while the force is more axial than tangential.
+
+    By class of overlap: ``classes`` are their lower ends, m, (k,).
+    """
+    largest = np.zeros(classes.size)
+    for i in range(force.size):
+        if faces[i] and force[i] > abs(torque[i]) / plain[RADIUS]:
+            # Past the middle the edge of the flank parts the faces.
+            over, most, _ = facing(overlap[i], plain)
+            least = min(over, most - over)
+            place = 0
+            while place + 1 < classes.size and classes[place + 1] <= least:
+                place += 1
+            largest[place] = max(largest[place], force[i] / (plain[DOGS] * plain[LENGTH]))
+    return largest
+
+
+@compiled
+def _shaft_peaks(states, plain):
+    """Find the largest torque of sliding and output ring's shaft, N m; NaN for a rigid one."""
+    behind = 0.0 if plain[BEHIND] > 0.0 else np.nan
+    ahead = 0.0 if plain[AHEAD] > 0.0 else np.nan
+    for state in states:
+        if plain[BEHIND] > 0.0:
+            behind = max(behind, abs(_twist(state, plain)))
+        if plain[AHEAD] > 0.0:
+            lead, rate = state[10] - state[0], state[11] - state[3]
+            ahead = max(ahead, abs(plain[OUT_SHAFT] * lead + plain[OUT_LOSS] * rate))
+    return behind, ahead
+
+
+@compiled
+def summarize(times, states, plain, knots, planes, classes):
+    """Work times, events and loads out of a run.
+
+    Parameters
+    ----------
+    times, states : of the run, (n,) and (n, 12).
+    planes : as for ``penetration``.
+    classes : lower ends of classes of overlap, m, (k,).
+
+    Returns
+    -------
+    tuple
+        Times at which ring and actuator made the travel, s, NaN for never; deepest penetration and
+        farthest way, m; ends of free flight and face contact, start of seating, s; fields of
+        ``Events``; of ``Loads`` without the landing; line loads, (k,).
+    """
+    ring = far = crossing(times, states[:, 1], states[:, 4], plain[WAY])
+    if plain[LINKED] > 0.0:
+        far = crossing(times, states[:, 6], states[:, 7], plain[WAY])
+    push, given = shift_force(times, knots)
+    force, torque = contact_means(times, states, given, plain)
+    touches, overlap = touching(force, push, states), np.empty(times.size)
+    faces, end, before, peaks = (
+        touches.copy(),
+        times[-1] if math.isnan(ring) else ring,
+        0,
+        (0.0, 0.0),
+    )
+    for i in range(times.size):
+        angle = states[i, 0] - states[i, 2]
+        overlap[i] = face_overlap(angle, plain)
+        faces[i] &= faces_meet(angle, states[i, 1], plain)
+        peaks = max(peaks[0], force[i]), max(peaks[1], abs(torque[i]))
+    marks = _marks(times, states, touches, faces, end, plain)
+    while before + 1 < times.size and times[before + 1] < marks[2]:
+        before += 1
+    impulse, struck = _strikes(times, force, push, torque, plain)
+    near, output = plain[SLIDING] + plain[BEHIND], plain[OUTPUT] + plain[AHEAD]
+    loads = (
+        peaks[0], peaks[1] / plain[RADIUS], impulse, energy_lost(states, push, plain),
+        struck * (near + output) / (near * output),
+        states[before, 3] - states[before, 5] if marks[2] < end else np.nan,
+        *_shaft_peaks(states, plain),
+    )  # fmt: skip
+    return (
+        (ring, far), extremes(times, states, planes, plain), marks,
+        _events(times, states, overlap, faces, plain), loads,
+        _line_loads(force, torque, overlap, faces, classes, plain),
+    )  # fmt: skip
