@@ -55,7 +55,7 @@ def surfaces_of(dog: Dog) -> Surfaces:
     offsets = np.array([plane.offset for plane in planes])
     lean = np.tan([dog.traction, dog.braking])
     lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
-    least = np.append(lean, 0.5 * dog.backlash / dog.outer_radius)
+    least = np.append(lean, 0.5 * dog.backlash_angle)
     return corners, normals, offsets, least, dog.pitch_angle, dog.axial_gap, dog.travel
 
 

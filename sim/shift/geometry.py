@@ -1,19 +1,20 @@
 r"""The dog and the pair of rings, from a few numbers and two diameters (Jasny et al. 2019).
 
 Chamfer :math:`\alpha`, side angles :math:`\beta, \gamma`, height *h*, *N* dogs, pitch
-:math:`\vartheta = 2\pi/N`, backlash *j*. A flank is a plane along the radial line at
-:math:`\pm\vartheta/4`, *j*/4 within it at half height: there a slot is wider than a dog by *j*. The
-ridge, :math:`z = h/2`, divides the tip at the share *c* (``crest``) from the braking to the
+:math:`\vartheta = 2\pi/N`, backlash :math:`\varphi`, *j* at the mean radius. A flank is a plane
+through the radial line at :math:`\pm(\vartheta - \varphi)/4` at half height, so that mating flanks
+lie on each other once the play is turned; there a slot is wider than a dog by :math:`\varphi r`.
+The ridge, :math:`z = h/2`, divides the tip at the share *c* (``crest``) from the braking to the
 traction edge at every radius. The face falls from it by :math:`\alpha` towards the braking flank,
 the back by :math:`\alpha_b` towards the traction flank; *c* = 1 has no back, *c* = 0 no face.
 Widths run along the circumference at radius *r*:
-:math:`w_{tip,root} = \tfrac{1}{2}(\vartheta r - j) \mp \tfrac{h}{2}(\tan\beta + \tan\gamma)`. With
-median planes *D* apart, rings have a play of :math:`j + D(\tan\beta + \tan\gamma)`, as far as
-flanks face each other: down from :math:`D = h - 2d` with the larger depth *d* of both edges below
-the ridge. Undercut flanks pass where that is not negative there. At full depth tip edges, rounded
-by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a flank along the shaft,
-:math:`\psi` the angle of the material: what touches is :math:`h - 2(d(r) + a)`, with the depth *d*
-of that flank's edge.
+:math:`w_{tip,root} = \tfrac{1}{2}(\vartheta - \varphi) r \mp \tfrac{h}{2}(\tan\beta +
+\tan\gamma)`. With median planes *D* apart, rings have a play of :math:`\varphi r + D(\tan\beta +
+\tan\gamma)`, as far as flanks face each other: down from :math:`D = h - 2d` with the larger depth
+*d* of both edges below the ridge. Undercut flanks pass where that is not negative there. At full
+depth tip edges, rounded by :math:`\varrho`, take :math:`a = \varrho \cos\beta \cot(\psi/2)` from a
+flank along the shaft, :math:`\psi` the angle of the material: what touches is :math:`h - 2(d(r) +
+a)`, with the depth *d* of that flank's edge.
 """
 
 from __future__ import annotations
@@ -141,6 +142,11 @@ class Dog:
         return self.pitch_angle * self.mean_radius
 
     @property
+    def backlash_angle(self) -> float:
+        """Play of the seated pair, rad."""
+        return self.backlash / self.mean_radius
+
+    @property
     def lean(self) -> float:
         """Sum of the tangents of both side angles."""
         return self.tangents[1] + self.tangents[2]
@@ -160,15 +166,17 @@ class Dog:
         return traction, where(self.crest == 0.0, -self.chamfer_back, self.chamfer)
 
     def tip_width_at(self, radius: float) -> float:
-        """Width of the dog at crest height at ``radius``, m; the floor has ``backlash`` more.
+        """Width of the dog at crest height at ``radius``, m; the floor has the play there more.
 
         It runs between the planes of both flanks, whatever the chamfers take.
         """
-        return 0.5 * (self.pitch_angle * radius - self.backlash) - 0.5 * self.height * self.lean
+        middle = 0.5 * (self.pitch_angle - self.backlash_angle) * radius
+        return middle - 0.5 * self.height * self.lean
 
     def root_width_at(self, radius: float) -> float:
-        """Width of the dog at its root at ``radius``, m; the slot's mouth has ``backlash`` more."""
-        return 0.5 * (self.pitch_angle * radius - self.backlash) + 0.5 * self.height * self.lean
+        """Width of the dog at its root at ``radius``, m; the slot's mouth has the play more."""
+        middle = 0.5 * (self.pitch_angle - self.backlash_angle) * radius
+        return middle + 0.5 * self.height * self.lean
 
     @property
     def tip_width(self) -> float:
@@ -193,12 +201,12 @@ class Dog:
     def passing_play(self) -> float:
         """Play with which flanks first face each other on the way in, at the inner radius, m.
 
-        The least one on the way where the flanks are undercut; ``backlash`` at full depth is where
-        they are not.
+        The least one on the way where the flanks are undercut; that at full depth is where they
+        are not.
         """
         inner = self.inner_radius
         drop = largest(self.edge_drop_at(inner), self.back_drop_at(inner))
-        return self.backlash + (self.height - 2.0 * drop) * self.lean
+        return self.backlash_angle * inner + (self.height - 2.0 * drop) * self.lean
 
     @property
     def edge_drop(self) -> float:
@@ -256,13 +264,12 @@ class Dog:
     def ridge_offset(self) -> float:
         """Distance of the ridge from the radial line that it is parallel to, m.
 
-        That line is at ``(2 crest - 1) pitch_angle / 4``; the distance is positive to growing
-        angles. Two ridges on each other cross at twice this distance over the radius.
+        That line is at ``2 crest - 1`` times the angle of the traction flank's; the distance is
+        positive to growing angles. Two ridges on each other cross at twice this distance over the
+        radius.
         """
-        half, quarter = 0.5 * self.height, 0.25 * self.backlash
-        _, traction, braking = self.tangents
-        back = (1.0 - self.crest) * (half * braking + quarter)
-        return back - self.crest * (half * traction + quarter)
+        half, (_, traction, braking) = 0.5 * self.height, self.tangents
+        return (1.0 - self.crest) * half * braking - self.crest * half * traction
 
     @property
     def braking_flank_height(self) -> float:
@@ -527,7 +534,8 @@ def root_radius_room(dog: Dog) -> float:
     # Over its radius a fillet takes along floor and flank, and a rounding along its sides:
     fillets = [1.0 / tan(0.25 * math.pi + 0.5 * lean) for lean in (dog.traction, dog.braking)]
     cuts, own = dog.edge_cuts, dog.edge_radius > 0.0
-    rooms = [(dog.tip_width_at(dog.inner_radius) + dog.backlash, sum(fillets))]
+    floor = dog.tip_width_at(dog.inner_radius) + dog.backlash_angle * dog.inner_radius
+    rooms = [(floor, sum(fillets))]
     for length, fillet, cut in zip(flanks, fillets, cuts, strict=True):
         rooms.append((length - dog.edge_radius * cut, fillet if own else fillet + cut))
     if not own:

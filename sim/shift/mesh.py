@@ -49,12 +49,12 @@ class Plane:
 
 
 def flank_line(dog: Dog, side: int) -> tuple[Vertices, Vertices]:
-    """Return directions along and across the radial line of a flank, each (3,).
+    """Return directions along and across the radial line in a flank, each (3,).
 
     ``side`` is +1 for the traction and -1 for the braking flank; the second
     direction points out of the dog.
     """
-    quarter = 0.25 * dog.pitch_angle
+    quarter = 0.25 * (dog.pitch_angle - dog.backlash_angle)
     along = np.array([math.cos(quarter), side * math.sin(quarter), 0.0])
     across = np.array([-math.sin(quarter), side * math.cos(quarter), 0.0])
     return along, across
@@ -62,7 +62,7 @@ def flank_line(dog: Dog, side: int) -> tuple[Vertices, Vertices]:
 
 def ridge_line(dog: Dog) -> tuple[Vertices, Vertices]:
     """Return directions along the ridge and across it, to growing angles, each (3,)."""
-    turn = rotation((2.0 * dog.crest - 1.0) * 0.25 * dog.pitch_angle)
+    turn = rotation((2.0 * dog.crest - 1.0) * 0.25 * (dog.pitch_angle - dog.backlash_angle))
     return turn[:, 0], turn[:, 1]
 
 
@@ -77,8 +77,7 @@ def dog_planes(dog: Dog) -> dict[str, Plane]:
     planes = {}
     for name, side, angle in (("traction", 1, dog.traction), ("braking", -1, dog.braking)):
         across = flank_line(dog, side)[1]
-        plane = Plane(math.cos(angle) * across + math.sin(angle) * axis, 0.0)
-        planes[name] = plane.moved(-0.25 * dog.backlash * math.cos(angle))
+        planes[name] = Plane(math.cos(angle) * across + math.sin(angle) * axis, 0.0)
     # Through the ridge, from where the faces fall.
     _, across = ridge_line(dog)
     ridge = dog.ridge_offset * across + half * axis
@@ -89,9 +88,8 @@ def dog_planes(dog: Dog) -> dict[str, Plane]:
         normal = math.cos(fall) * axis + math.sin(fall) * across
         planes[name] = Plane(normal, float(normal @ ridge))
     planes["root"] = Plane(-axis, half)
-    quarter = 0.25 * dog.pitch_angle
     radial = np.array([1.0, 0.0, 0.0])
-    planes["inner"] = Plane(-radial, -dog.inner_radius * math.cos(quarter))
+    planes["inner"] = Plane(-radial, -dog.inner_radius * flank_line(dog, +1)[0][0])
     planes["outer"] = Plane(radial, dog.outer_radius)
     return planes
 
@@ -407,7 +405,7 @@ def rigid_dog(dog: Dog) -> Mesh:
         along, across = flank_line(dog, side)
         slope = np.array([0.0, 0.0, 1.0]) - math.tan(angle) * across
         for radius in (dog.inner_radius, dog.outer_radius):
-            start = radius * along - 0.25 * dog.backlash * across
+            start = radius * along
             top = (face.offset - face.normal @ start) / (face.normal @ slope)
             points += [start - 0.5 * dog.height * slope, start + top * slope]
     return Mesh(np.array(points), _in_triangles(touching_quads(dog)))

@@ -121,7 +121,7 @@ def outside_fit(dog: Dog, root_radius: float) -> list[str]:
         ("radial width over root width", dog.radial_width / dog.root_width, 0.3, LONGEST),
         ("root width over root radius", dog.root_width / root_radius, 6.0, 50.0),
         ("height over root width", dog.height / dog.root_width, 0.35, 1.2),
-        ("steepest side angle, deg", max(dog.traction, dog.braking) / DEG, 0.0, 30.0),
+        *((f"{flank} angle, deg", side_angle(dog, flank) / DEG, 0.0, 30.0) for flank in FLANKS),
     )
     return [
         f"{name} is {value:.3g}, but the root formula was fitted to {low:g} to {high:g}"

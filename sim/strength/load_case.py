@@ -31,6 +31,7 @@ SEED = 20261123
 STIFFNESS = 25e9  #: N/m of a pair of dogs per m of their radial width
 SIGMAS = 3.0  #: standard deviations of a single pitch deviation in its tolerance
 MICRON = 1e-6
+LEAST_ERROR, MOST_ERROR = 1e-2, 1e3  #: of tabled errors, over the approach of perfect dogs
 
 Floats = NDArray[np.float64]
 Share = Callable[[int, float, float], float]  #: of a number of dogs, scatter and wave
@@ -74,9 +75,21 @@ def landing_share(count: int, scatter: float, wave: float = 0.0) -> float:
     return float(1.0 / _approaches(count, scatter, wave, peak).mean() ** 2)
 
 
-def _rounded_share(count: int, scatter: float, wave: float) -> float:
-    """Return ``landing_share`` of errors to three digits: thousands of landings share an answer."""
-    return landing_share(count, float(f"{scatter:.3g}"), float(f"{wave:.3g}"))
+def tabled_share(count: int, scatter: float, wave: float) -> float:
+    """Interpolate ``landing_share``, to 5e-4: landings of a dog differ by their force alone."""
+    larger = max(scatter, wave)
+    if not LEAST_ERROR < larger < MOST_ERROR:
+        return landing_share(count, scatter, wave)
+    table = _share_table(count, scatter / larger, wave / larger)
+    return float(np.interp(np.log(larger), *table))
+
+
+@lru_cache(maxsize=256)
+def _share_table(count: int, scatter: float, wave: float) -> tuple[Floats, Floats]:
+    """Tabulate ``landing_share`` over the log of the size of errors in a fixed proportion, (n,)."""
+    sizes = np.geomspace(LEAST_ERROR, MOST_ERROR, 201)
+    shares = [landing_share(count, size * scatter, size * wave) for size in sizes.tolist()]
+    return np.log(sizes), np.array(shares)
 
 
 @lru_cache(maxsize=64)
@@ -210,11 +223,11 @@ class LoadCase:
     def landing(self, dog: Dog, line_load: float) -> float:
         """Return the share of the dogs that lands; ``line_load`` in N/m is that of all alike."""
         force = line_load * dog.radial_width
-        return self._share(_rounded_share, dog, force, dog.mean_radius * self.tilt)
+        return self._share(tabled_share, dog, force, dog.mean_radius * self.tilt)
 
     def blow(self, dog: Dog, force: float) -> float:
         """Return the share of the dogs that takes a strike on flanks; ``force`` in N as above."""
-        return self._share(_rounded_share, dog, force, 0.5 * self.run_out)
+        return self._share(tabled_share, dog, force, 0.5 * self.run_out)
 
     def _share(self, share: Share, dog: Dog, force: float, wave: float) -> float:
         """Compute a share of the dogs; ``load_sharing`` where nothing is said of their errors."""

@@ -35,10 +35,10 @@ def test_kinematic_entry_without_touching(
     r"""Flat faces at 0.2 m/s, 0.5 mm deep: P = (N/2 pi)(Phi - |dw| x/v - x tan/r).
 
     The last term is the lean of the flank that is run towards, nothing of an undercut one; the
-    other one is run away from faster than it closes. The play is entry play over radius, with what
-    backlash adds. At the mean radius and without that term the
-    prototype has 0.164 at 100 1/min and a limit of 363 1/min. Play and lean are
-    lengths, the same all along the dog, so the outer end has the least angle.
+    other one is run away from faster than it closes. Phi is the angle of the backlash and the lean
+    of both flanks over the radius. At the mean radius and without the last term the prototype has
+    0.164 at 100 1/min and a limit of 363 1/min. Leans are lengths, the same all along the dog: the
+    outer end has the least angle of them, the inner one the most undercut.
     """
     depth, speed = 0.5e-3, 0.2
     own = _flat(clutch).with_dog(replace(clutch.dog, chamfer=0.0, **change))
@@ -49,7 +49,8 @@ def test_kinematic_entry_without_touching(
         simple = (dog.entry_play / dog.mean_radius - swept) / dog.pitch_angle
         assert simple == pytest.approx(0.164, abs=5e-4)
     lean = max(0.0, math.tan(dog.traction if mismatch_rpm > 0 else dog.braking)) * depth
-    free = (dog.entry_play - lean) / dog.outer_radius
+    leans = dog.height * dog.lean - lean
+    free = dog.backlash_angle + leans / (dog.outer_radius if leans > 0.0 else dog.inner_radius)
     exact = max(0.0, (free - swept) / dog.pitch_angle)
     angles = (np.arange(300) + 0.5) / 300 * dog.pitch_angle
     start, until = dog.axial_gap - 1e-9, depth / speed
@@ -62,8 +63,8 @@ def test_kinematic_entry_without_touching(
 def test_chamfered_dogs_enter_by_themselves_in_what_their_tips_leave(clutch: Clutch) -> None:
     """Without mismatch, until the edges of both flanks have passed: play over pitch.
 
-    ``(j + D (tan(beta) + tan(gamma)))/r`` with ``D = h - 2 d``, *d* the larger depth of both edges,
-    at the outer radius, where it is least; of flat tips entry play over radius.
+    Angle of the backlash and ``D (tan(beta) + tan(gamma))/r`` with ``D = h - 2 d``, *d* the larger
+    depth of both edges, at the outer radius, where it is least.
     """
     heavy = Rings(mass=50.0, sliding_inertia=0.01, output_inertia=0.6)
     for change in (
@@ -74,8 +75,8 @@ def test_chamfered_dogs_enter_by_themselves_in_what_their_tips_leave(clutch: Clu
     ):
         dog = replace(clutch.dog, **change)
         drop = max(dog.drops_at(dog.outer_radius))
-        play = dog.backlash + (dog.height - 2.0 * drop) * dog.lean
-        exact = play / dog.outer_radius / dog.pitch_angle
+        leans = (dog.height - 2.0 * drop) * dog.lean / dog.outer_radius
+        exact = (dog.backlash_angle + leans) / dog.pitch_angle
         plant = ClutchPlant(replace(clutch, dog=dog, rings=heavy))
         angles = (np.arange(200) + 0.5) / 200 * dog.pitch_angle
         start, until = dog.axial_gap - 1e-9, (2.0 * drop + 1e-5) / 0.2

@@ -41,14 +41,14 @@ def _checks(dog: Dog, limits: Limits = LIMITS) -> dict[str, Check]:
 
 def test_a_roof_is_judged_by_its_flatter_face_and_lower_edge(roof: Dog) -> None:
     tan = {n: math.tan(n * DEG) for n in (14, 20)}
-    inner = math.pi * 22.0 / 15 - 0.3 - 3.7 * tan[14]
-    outer = math.pi * 26.0 / 15 - 0.3 - 3.7 * tan[14]
+    inner = math.pi * 22.0 / 15 - 0.3 * 22.0 / 24.0 - 3.7 * tan[14]
+    outer = math.pi * 26.0 / 15 - 0.3 * 26.0 / 24.0 - 3.7 * tan[14]
     tip = math.pi * 24.0 / 15 - 0.3 - 3.7 * tan[14]
     slope = tan[20] / (1.0 - tan[20] * tan[14])  # of the back, which falls deeper than the face
     found = _checks(roof)
     assert found["chamfer_release"].value == pytest.approx(14.0)
     assert found["tip_width"].value == pytest.approx(inner)
-    assert found["slot_width"].value == pytest.approx(inner + 0.6)
+    assert found["slot_width"].value == pytest.approx(inner + 0.6 * 22.0 / 24.0)
     assert found["flank_height"].value == pytest.approx(3.7 - 0.45 * outer * slope)
     assert found["chamfer_share"].value == pytest.approx(0.45 * tip * slope / 3.7)
     contact = flank_contact(roof, 0.0, "traction")
@@ -63,7 +63,7 @@ def test_an_undercut_dog_holds_itself_and_has_to_be_pulled(undercut: Dog) -> Non
     assert found["pull_out_force"].value == pytest.approx(pull)
     assert blocking_force(undercut, LIMITS.load) == 0.0
     assert found["separating_force_traction"].value < 0.0
-    mouth = math.pi * 22.0 / 6 + 2.0 - 0.5 * 3.7 * (math.tan(4 * DEG) + math.tan(5 * DEG))
+    mouth = 22.0 * (math.pi / 6 + 2.0 / 24.0) - 0.5 * 3.7 * (math.tan(4 * DEG) + math.tan(5 * DEG))
     assert found["slot_width"].value == pytest.approx(mouth)
     rest = replace(LIMITS.load, pull_out_share=0.05)
     (eased,) = (c for c in locking_checks(undercut, rest) if c.name == "pull_out_force")
@@ -83,7 +83,7 @@ def test_tolerances_move_what_a_dog_has(roof: Dog, undercut: Dog, prototype: Dog
     spread = margin_losses(undercut, LIMITS)["tip_width"].by_dimension
     moved = 0.5 * 3.7 * (math.tan(4.0 * DEG) - math.tan(3.75 * DEG))
     assert spread["traction"] == pytest.approx(moved / 1.5)
-    assert spread["backlash"] == pytest.approx(0.5 * 0.05 / 1.5)
+    assert spread["backlash"] == pytest.approx(0.5 * 0.05 * 22.0 / 24.0 / 1.5)
     assert "chamfer_back" in margin_losses(roof, LIMITS)["tip_width"].by_dimension
     assert not {"chamfer_back", "backlash"} & {*LIMITS.tolerances.dimensions_of(prototype)}
 

@@ -15,6 +15,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, section_planes
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
+from dogshape.sim.units import DEG, MM
 from tests.verification.test_shapes import ROOFS, SHAPES, mirrored, shaped
 
 Point = Callable[[float, float], OperatingPoint]
@@ -101,7 +102,7 @@ def test_a_symmetric_roof_has_one_expected_time_for_both_signs(
 
 @pytest.mark.parametrize("name", SHAPES)
 def test_rings_have_the_play_of_the_closed_form_at_every_depth(clutch: Clutch, name: str) -> None:
-    """Flanks touch where j/2 + D tan has been turned, at the radius where that is first.
+    """Flanks touch where half of the play and D tan is turned, at the radius where that is first.
 
     D is the distance of the median planes, down from where the edges of that flank have passed all
     along; rings that are turned towards each other are not quite parallel there.
@@ -112,14 +113,33 @@ def test_rings_have_the_play_of_the_closed_form_at_every_depth(clutch: Clutch, n
     for sign, angle, drop in ((1.0, dog.traction, back), (-1.0, dog.braking, edge)):
         for share in (0.05, 0.4, 0.95):
             distance = share * (dog.height - 2.0 * drop)
-            play = 0.5 * dog.backlash + distance * np.tan(angle)
-            exact = np.arcsin(play / (dog.outer_radius if play > 0.0 else dog.inner_radius))
+            lean = distance * np.tan(angle)
+            radius = dog.outer_radius if lean > 0.0 else dog.inner_radius
+            exact = 0.5 * dog.backlash_angle + np.arcsin(lean / radius)
             low, high = 0.0, 0.5 * middle
             while high - low > 1e-9:
                 turned = 0.5 * (low + high)
                 force = _force(plant, middle + sign * turned, distance, 0.0, 0.0)
                 low, high = (low, turned) if any(force) else (turned, high)
             assert low == pytest.approx(exact, abs=1e-4)
+
+
+@pytest.mark.parametrize("angle", [12.0, -4.0])
+def test_flanks_lie_on_each_other_once_the_play_is_turned(clutch: Clutch, angle: float) -> None:
+    """Pressed 30 um into each other they bear the same over the whole flank, whatever the play."""
+    found = []
+    for backlash in (1.2, 2.4, 4.0):
+        own = {"count": 6, "traction": angle * DEG, "backlash": backlash * MM}
+        plant = planar_clutch(clutch.with_dog(replace(clutch.dog, chamfer=0.0, **own)))
+        dog = plant.clutch.dog
+        closed = 0.5 * (dog.pitch_angle + dog.backlash_angle)
+        found.append(_force(plant, closed + 30e-6 / dog.mean_radius, 0.0, 0.0, 0.0))
+    area = dog.height * dog.radial_width
+    assert found[1] == pytest.approx(found[0], rel=1e-5)
+    assert found[2] == pytest.approx(found[0], rel=1e-5)
+    assert abs(found[0][1]) == pytest.approx(
+        clutch.contact.stiffness * 30e-6 * np.cos(angle * DEG) * area * dog.mean_radius, rel=0.02
+    )
 
 
 @pytest.mark.parametrize("name", ALL)

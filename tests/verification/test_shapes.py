@@ -77,9 +77,10 @@ def test_planes_meet_in_the_points_of_the_profile(prototype: Dog, name: str) -> 
     around.append(planes["root"])
     lines = [-1.0] * 2 + [2.0 * dog.crest - 1.0] * (len(around) == 6) + [1.0] * 2
     for first, last, line, (y, z) in zip(around[:-1], around[1:], lines, section(dog), strict=True):
-        along, across, _ = rotation(0.25 * line * dog.pitch_angle).T
+        lead = 0.25 * line * (dog.pitch_angle - dog.backlash_angle)
+        along, across, _ = rotation(lead).T
         point = meeting(first, last, Plane(along, dog.mean_radius))
-        arc = 0.25 * line * dog.pitch_angle * dog.mean_radius
+        arc = lead * dog.mean_radius
         close = 5e-6 if abs(line) == 1.0 else 1e-12
         assert (arc + across @ point, point[2]) == pytest.approx((y, z), abs=close)
 
@@ -173,11 +174,12 @@ def test_undercut_passes_as_far_as_the_chamfers_let_it(prototype: Dog) -> None:
     dog = roof(prototype, chamfer=16 * DEG, chamfer_back=16 * DEG, backlash=0.4e-3, **own)
     drop = dog.edge_drop_at(dog.inner_radius)
     least = 2.0 * math.tan(3.0 * DEG) * (dog.height - 2.0 * drop)
-    assert dog.passing_play == pytest.approx(dog.backlash - least)
+    inner = dog.inner_radius / dog.mean_radius
+    assert dog.passing_play == pytest.approx(dog.backlash * inner - least)
     with pytest.raises(DogshapeError, match="play at the mouth of a slot"):
-        replace(dog, backlash=0.98 * least)  # a wider tip has a deeper edge
-    flat = replace(dog, crest=1.0, chamfer=0.0, chamfer_back=0.0)
-    assert flat.passing_play == pytest.approx(flat.entry_play)
+        replace(dog, backlash=0.98 * least / inner)  # a wider tip has a deeper edge
+    flat = replace(dog, crest=1.0, chamfer=0.0, chamfer_back=0.0, backlash=0.5e-3)
+    assert flat.passing_play == pytest.approx(flat.entry_play - 0.5e-3 * (1.0 - inner))
 
 
 ROOFS = {

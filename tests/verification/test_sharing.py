@@ -16,7 +16,13 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import demand_of
-from dogshape.sim.strength.load_case import LoadCase, landing_share, load_share, pitch_tolerance
+from dogshape.sim.strength.load_case import (
+    LoadCase,
+    landing_share,
+    load_share,
+    pitch_tolerance,
+    tabled_share,
+)
 
 SCATTERS = (0.05, 0.3, 1.0, 5.0)
 
@@ -163,3 +169,11 @@ def test_keys_of_accuracy() -> None:
     ):
         with pytest.raises(InputError, match=words):
             load_study("mq200_paper", wrong)
+
+
+@pytest.mark.parametrize("count", [6, 30])
+def test_the_table_of_landings_is_what_it_interpolates(count: int) -> None:
+    rng = np.random.default_rng(3)
+    for size, wave in zip(10.0 ** rng.uniform(-3.0, 4.0, 40), 20 * [0.0, 0.4], strict=True):
+        exact = landing_share(count, size, wave * size)
+        assert tabled_share(count, size, wave * size) == pytest.approx(exact, rel=5e-4)

@@ -2,11 +2,12 @@ r"""Mesh of one pitch of a ring for the stress at the root of its dog.
 
 The section at a radius is unrolled: x along the circumference from the middle of the dog, z along
 the axis, floor of the slot at -h/2. A fillet joins the floor to either flank; edges of the tip are
-sharp. It is cut halfway to the next dog, and reaches ``depth`` below the floor. Blocks: a surface
-layer over floor, fillet and flank of either side; the core of the dog between them; the body below
-dog and floors. They are ruled between two curves and keep their numbers of cells at every radius:
-planes of nodes, each turned by x/R about the axis, make hexahedra with 27 nodes. Flanks are planes
-through radial lines to within a thousandth of their lean.
+sharp, and a ridge between them is left out. It is cut halfway to the next dog, and reaches
+``depth`` below the floor. Blocks: a surface layer over floor, fillet and flank of either side; the
+core of the dog between them; the body below dog and floors. They are ruled between two curves and
+keep their numbers of cells at every radius: planes of nodes, each turned by x/R about the axis,
+make hexahedra with 27 nodes. Flanks are planes through radial lines to within a thousandth of their
+lean.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.optimize import brentq
 
 from dogshape.sim.errors import GeometryError, refusal, require_between
-from dogshape.sim.shift.geometry import Dog, Flank, side_angle
+from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, side_angle
 from dogshape.sim.units import MM
 
 Points = NDArray[np.float64]
@@ -48,7 +49,8 @@ class RootShape:
             self._require_room(flank)
 
     def _require_room(self, flank: Flank) -> None:
-        room = 0.5 * self.dog.tip_width_at(self.dog.inner_radius)
+        radius = self.dog.inner_radius
+        room = 0.5 * (self.dog.tip_width_at(radius) + self.dog.backlash_angle * radius)
         need = (1.0 + _SMALLEST_FLOOR) * self.root_radius * math.tan(0.5 * self.sweep(flank))
         remedy = "use a smaller root radius, fewer dogs or smaller side angles"
         if room < need:
@@ -70,10 +72,7 @@ class RootShape:
 
     def top(self, flank: Flank, radius: float) -> float:
         """Upper end of a flank at a radius above the median plane, m."""
-        dog = self.dog
-        if flank == "traction":
-            return 0.5 * dog.height
-        return 0.5 * dog.height - dog.edge_drop_at(radius)
+        return 0.5 * self.dog.height - self.dog.drops_at(radius)[FLANKS.index(flank)]
 
     @property
     def layer(self) -> float:
@@ -146,19 +145,20 @@ def _line(start: Points, end: Points, at: Points) -> Points:
 def _side(shape: RootShape, flank: Flank, radius: float, fineness: int) -> _Side:
     dog, rho, layer = shape.dog, shape.root_radius, shape.layer
     lean, sweep = side_angle(shape.dog, flank), shape.sweep(flank)
-    quarter, floor = 0.25 * dog.pitch_angle * radius, -0.5 * dog.height
+    play, floor = dog.backlash_angle * radius, -0.5 * dog.height
+    quarter = 0.25 * (dog.pitch_angle * radius - play)
     foot = quarter - floor * math.tan(lean) + rho * math.tan(0.5 * sweep)
-    cut = quarter - floor * math.tan(lean) + 0.5 * dog.tip_width_at(radius)
+    cut = quarter - floor * math.tan(lean) + 0.5 * (dog.tip_width_at(radius) + play)
     angles = sweep * _with_middles(np.linspace(0.0, 1.0, 2 * _ARC * fineness + 1))
     ray = np.column_stack([-np.sin(angles), -np.cos(angles)])
     centre = np.array([foot, floor + rho])
     arc, inner = centre + rho * ray, centre + (rho + layer) * ray
     top = shape.top(flank, radius)
-    rise = math.tan(dog.chamfer) * (-1.0 if flank == "traction" else 1.0)
+    rise = math.tan(dog.falls[FLANKS.index(flank)])
     edge = np.array([quarter - top * math.tan(lean), top])
     # Gradings belong to the mean radius, so that they are the same at every radius.
     cell = rho * sweep / (2 * _ARC * fineness)
-    long = 0.5 * dog.tip_width - rho * math.tan(0.5 * sweep)
+    long = 0.5 * (dog.tip_width + dog.backlash) - rho * math.tan(0.5 * sweep)
     high = (shape.top(flank, dog.mean_radius) - floor - shape.fillet_height(flank)) / math.cos(lean)
     along_floor = 1.0 - _graded(_FLOOR * fineness, long, 1.5 * cell)[::-1]
     along_flank = _graded(_FLANK * fineness, high, 1.5 * cell)
