@@ -91,7 +91,7 @@ bank: $(VENV)/ready
 
 # The studies that are bundled, with the results that are kept of them, and what their best
 # designs gain under other contact and bear as a gearbox loads them (half an hour).
-STUDIES := mq200 mq200_actuation mq200_paper mq200_robust mq200_three
+STUDIES := mq200 mq200_actuation mq200_both mq200_paper mq200_robust mq200_three amt ev_disconnect motorcycle
 studies: $(VENV)/ready
 	for name in $(STUDIES); do \
 	  $(BIN)/dogshape study studies/$$name --out results/$$name --resume || exit 1; \

@@ -100,10 +100,16 @@ def percent(share: float, digits: int = 0) -> str:
 
 
 def confirmed(study: str, who: str, digits: int = 1) -> str:
-    """Write the time of the prototype or the best design at new angles, with its length."""
+    """Write the time of the prototype or the best design at new angles, with the other objective.
+
+    That is the length, or the backlash.
+    """
     found, row = result(study)["confirmation"][who], designs(study)[who]
-    pair = [1e3 * found[key] for key in ("expected_shift_time_s", "standard_error_s")]
-    return f"{plus_minus(pair, digits)}; {row['axial_length_mm']:.1f} mm"
+    pair = [found[key] for key in ("expected_shift_time_s", "standard_error_s")]
+    time = "none" if None in pair else plus_minus([1e3 * one for one in pair], digits)
+    other = f"{row['axial_length_mm']:.1f}" if "axial_length_mm" in row else (
+        f"{row['backlash_mm']:.2f}")  # fmt: skip
+    return f"{time}; {other} mm"
 
 
 def designs(study: str) -> dict[str, Any]:
@@ -258,7 +264,7 @@ def contacts() -> str:
 
 def studies() -> str:
     """Write prototype and choice of the bundled studies."""
-    time, blow = "expected time; axial length", "peak_impact_force_N"
+    time, blow, lash = "expected time; axial length", "peak_impact_force_N", "time; backlash"
 
     def other(study: str, who: str) -> str:
         length = f"{designs(study)[who]['axial_length_mm']:.1f} mm"
@@ -275,12 +281,16 @@ def studies() -> str:
         ("`mq200_robust`: friction, force and inertia uncertain",
          "95 % quantile of the time; axial length", "mq200_robust"),
         ("`mq200_three`: both signs of mismatch", f"{time}; peak impact force", "mq200_three"),
+        ("`mq200_both`: both signs, a ridge in the tip and backlash free", lash, "mq200_both"),
+        ("`amt`: truck gearbox, pneumatic, up and down", time, "amt"),
+        ("`ev_disconnect`: speed-controlled, near zero mismatch", lash, "ev_disconnect"),
+        ("`motorcycle`: few undercut dogs with flat tips and play", lash, "motorcycle"),
     ]  # fmt: skip
-    simple = ("mq200", PAPER, "mq200_actuation")
+    apart = ("mq200_robust", "mq200_three")
     return markdown(
         ("study", "sought", "prototype", "chosen"),
         [
-            (words, sought, *((confirmed if study in simple else other)(study, who)
+            (words, sought, *((other if study in apart else confirmed)(study, who)
                               for who in ("prototype", "best")))
             for words, sought, study in rows
         ],

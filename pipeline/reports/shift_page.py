@@ -68,7 +68,10 @@ def _series(result: Engagement) -> pd.DataFrame:
     trace = result.trace
     first = np.unique(np.linspace(0, len(trace.time) - 1, SAMPLES).astype(int))
     found = trace_frame(trace).iloc[first]
-    touches = kernel.touching(trace.contact_force, trace.shift_force, result.run.states)
+    touches = kernel.touching(
+        trace.time, trace.contact_force, trace.tangential_force * result.clutch.dog.mean_radius,
+        trace.shift_force, result.clutch.numbers,
+    )  # fmt: skip
     return found.assign(
         contact_force_N=np.maximum.reduceat(trace.contact_force, first),
         touching=np.maximum.reduceat(touches.astype(float), first),

@@ -53,6 +53,7 @@ MESSAGES = {
 TIME_LIMIT = "no end after solver.time_limit_s"
 #: of the apex's depth, to which the field covers all faces (``sim.shift.mesh``)
 COVERED_DEPTH = 1.0 / 3.0
+PASSED_OVER = 1e-5  #: m of overlap within a step without contact, beside what roundings take
 FINER = 10.0  #: by which steps shrink once dogs passed through each other within one
 DEAD_TIME = "dead time"  #: name of the phase before the force starts
 _CLASSES = np.array(OVERLAPS)
@@ -136,6 +137,7 @@ class Engagement:
     derivatives that the integrator asked for, the measure of what a shift costs.
     ``actuator_time`` is when the actuator first made the shift's travel, s: the shift time
     unless there is a linkage; None if it never did. A run goes on until ring and actuator have.
+    ``missed`` is how deep dogs lay in each other within steps that show no contact, m.
     """
 
     clutch: Clutch
@@ -150,6 +152,7 @@ class Engagement:
     steps: int
     evaluations: int
     detail: str
+    missed: float
     run: Run
 
     @cached_property
@@ -198,7 +201,7 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
-    ends, limits, marks, events, loads, line_loads = kernel.summarize(
+    ends, limits, missed, marks, events, loads, line_loads = kernel.summarize(
         run.times, run.states, clutch.numbers, point.profile.knots, section_planes(clutch.dog),
         _CLASSES,
     )  # fmt: skip
@@ -227,6 +230,7 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         steps=len(run.times),
         evaluations=run.evaluations,
         detail=failure or MESSAGES[outcome],
+        missed=missed,
         run=run,
     )
 
@@ -241,11 +245,13 @@ def engaged(
 ) -> Engagement:
     """Conclude one shift from its ``first`` run; ``rerun`` simulates it with another clutch.
 
-    Dogs that are fast enough pass through each other within one step; such a shift is simulated
-    again with steps of at most a tenth, and has diverged only if it does so again.
+    Dogs that are fast enough pass through each other within one step, or meet and part; such a
+    shift is simulated again with steps of at most a tenth, and has diverged only if dogs pass
+    through each other again.
     """
     found = conclude(clutch, point, angle, first)
-    if found.outcome is not Outcome.DIVERGED or first.failure:
+    seen = found.missed <= PASSED_OVER + 0.5 * clutch.dog.edge_radius
+    if first.failure or (found.outcome is not Outcome.DIVERGED and seen):
         return found
     solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
     more = rerun(replace(clutch, solver=solver))

@@ -8,6 +8,8 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim import kernel
 from dogshape.sim.errors import InputError
+from dogshape.sim.planar.engagement import engage as planar_engage
+from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import (
@@ -130,3 +132,26 @@ def test_dogs_are_looked_at_between_the_steps_of_a_fast_shift() -> None:
     assert found.outcome is Outcome.ENGAGED
     assert _extremes(found)[0] < COVERED_DEPTH * pressure_apex(dog)[1]
     assert found.shift_time == pytest.approx(0.0918, rel=0.05)
+
+
+def test_a_touch_within_one_step_is_not_passed_over() -> None:
+    """At 700 1/min a flat tip grazes another one for 0.1 ms, which a step of 1 ms does not see."""
+    clutch = load_study("motorcycle").clutch
+    point, angle = OperatingPoint(700 * RPM, ForceProfile(500.0, 0.04)), 42 * DEG
+    plain = engage(ClutchPlant(clutch), point, angle)
+    fine = planar_engage(planar_clutch(clutch.with_engine("planar").refined()), point, angle)
+    assert plain.events.face_contacts == fine.events.face_contacts == 1
+    assert plain.shift_time == pytest.approx(fine.shift_time, rel=2e-3)
+
+
+def test_a_ring_that_drag_slows_touches_nothing() -> None:
+    """The flight of a ring that turns in drag ends at the first touch, as without drag."""
+    clutch = load_study("mq200").clutch.with_engine("planar")
+    point = OperatingPoint(100 * RPM, ForceProfile(469.0, 0.1766))
+    rings = replace(clutch.rings, initial_speed=2000 * RPM)
+    still, turning = (
+        planar_engage(planar_clutch(replace(clutch, rings=own)), point, 0.05)
+        for own in (clutch.rings, rings)
+    )
+    assert turning.phases[0].end == pytest.approx(still.phases[0].end, rel=0.02)
+    assert turning.phases[0].end > 0.015
