@@ -26,9 +26,9 @@ PRINTED_KEYS = (
 class StudyResult(Result):
     """A searched study: the designs it tried, the front, the chosen design and its confirmation.
 
-    ``record`` is the content of ``result.json``, with the keys of ``docs/studies.md``, ``page`` the
-    report, None where none was made, ``seconds_cpu`` the processor time of search, audit and report
-    on this machine in this call, None for a result that was read.
+    ``record`` is the content of ``result.json``, with the keys of ``docs/api/result.md``, ``page``
+    the report, None where none was made, ``seconds_cpu`` the processor time of search, audit and
+    report on this machine in this call, None for a result that was read.
     """
 
     config: Setup

@@ -1,4 +1,4 @@
-"""Settings of a diagnosis: they decide it, are kept with it, and docs/inference.md has them all."""
+"""Settings of a diagnosis: they decide it and are kept with it (docs/api/diagnosis.md)."""
 
 from __future__ import annotations
 
