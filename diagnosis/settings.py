@@ -97,6 +97,9 @@ class Settings:
         0.5, "probability", "the same where nobody noted it", "judged", "")
     zero_at_force: float = constant(
         0.5, "probability", "that times start with the force where nobody noted it", "judged", "")
+    left_out: float = constant(
+        0.05, "probability", "of just these rows without a time, where their shifts were not made",
+        "judged", "operators leave out a corner or an edge of a plan, which has some twenty")
     floor: float = constant(
         0.01, "probability", "that the data say nothing, since they are unlike the model of errors",
         "judged", "one data set in a hundred; no answer is surer")
