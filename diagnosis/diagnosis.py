@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,6 +14,7 @@ from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.comparison import PointGap
+from dogshape.diagnosis.bench.stand_file import EmptyCells
 from dogshape.diagnosis.inference.fit import Fit, HeldOut, Interval, fit, held_out
 from dogshape.diagnosis.inference.outcome import NextTest
 from dogshape.diagnosis.inference.ranking import Ranking, rank
@@ -25,6 +26,7 @@ from dogshape.diagnosis.inference.static_readings import (
     measured_facts,
 )
 from dogshape.diagnosis.inference.verdict import (
+    Probabilities,
     Verdict,
     decide,
     inclusion,
@@ -225,39 +227,35 @@ class Diagnosis:
 def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USUAL) -> Diagnosis:
     """Diagnose a data set by the models of each place where displacement may be read."""
     begin = time.process_time()
-    answers = [
-        a for place, model in models.items() for a in _answers(bench, place, model, settings)
+    unknown = any(cell.unknown for cell in bench.cells)
+    meanings: tuple[EmptyCells, ...] = ("not_made", "failed") if unknown else ("unknown",)
+    ranked = [
+        _answers(bench, place, empty, model, settings)
+        for place, model in models.items()
+        for empty in meanings
     ]
-    evidence = _mixed(answers, settings)
-    best = max(answers, key=lambda one: one.log).ranking
-    likelihood, model = best.likelihood, best.likelihood.model
-    flights = Flights(model.effects, model.settings)
-    plausible = [h for h, p in evidence.items() if p > FITTED and h in best.samples]
-    fits = {h: fit(likelihood, best.samples[h], flights) for h in dict.fromkeys((NONE, *plausible))}
-    shares = {h: unseen(likelihood, one, evidence) for h, one in fits.items() if forward(h)}
-    posterior = seen_apart(shares, evidence)
-    within = within_margin(likelihood, fits, evidence, bench.margin)
-    known = [h for h in posterior if h in fits]
+    evidence = _mixed([answer for answers in ranked for answer in answers], settings)
+    fitted = [_fitted(answers, evidence) for answers in ranked]
+    whole, readings = _conclude(fitted, settings), []
+    likelihood, fits = whole.best.likelihood, whole.best.fits
+    model, known = likelihood.model, [h for h in whole.posterior if h in fits]
     rival = next((fits[h] for h in known[1:] if h != NONE), None)
     plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
     times = np.array([np.nan if cell.time is None else cell.time for cell in bench.cells])
     turned = {} if model.turned is None else {REVERSED: registry.load()[REVERSED]}
-    total, readings = logsumexp([one.log for one in answers]), []
-    keys = dict.fromkeys(item for one in answers for item in one.record.items())
+    keys = dict.fromkeys(i for answers in ranked for one in answers for i in one.record.items())
     for key, value in keys:
-        mine = [one for one in answers if one.record.get(key) == value]
-        chances = seen_apart(shares, _mixed(mine, settings))
+        mine = _conclude(fitted, settings, (key, value))
         prior = 1.0 / sum(k == key for k, _ in keys)
-        probability = float(np.exp(logsumexp([one.log for one in mine]) - total))
+        probability = float(np.exp(mine.log - whole.log))
         probability = (1.0 - settings.floor) * probability + settings.floor * prior
-        verdict = decide(chances, fits, within, settings)
-        readings.append(Reading(key, value, probability, verdict, chances))
+        readings.append(Reading(key, value, probability, mine.verdict, mine.posterior))
     return Diagnosis(
-        bench, dict(sorted({**model.effects, **turned}.items())), settings, likelihood, posterior,
-        evidence, fits, decide(posterior, fits, within, settings), within,
+        bench, dict(sorted({**model.effects, **turned}.items())), settings, likelihood,
+        whole.posterior, evidence, fits, whole.verdict, whole.within,
         held_out(likelihood, fits[known[0]], rival, times - plain), tuple(readings),
-        (*facts_of(bench), *measured_facts(bench, model.effects)), flights,
-        time.process_time() - begin,
+        (*facts_of(bench), *measured_facts(bench, model.effects)),
+        Flights(model.effects, model.settings), time.process_time() - begin,
     )  # fmt: skip
 
 
@@ -275,8 +273,65 @@ class _Answer:
         return float(logsumexp(list(self.logs.values())))
 
 
-def _answers(bench: Bench, place: str, model: Model, settings: Settings) -> list[_Answer]:
+@dataclass(frozen=True)
+class _Fitted:
+    """Answers by one ranking, its fits, and the shares of each that smaller ones predict."""
+
+    answers: Sequence[_Answer]
+    likelihood: Likelihood
+    fits: Mapping[Hypothesis, Fit]
+    shares: Mapping[Hypothesis, Probabilities]
+
+
+@dataclass(frozen=True)
+class _Conclusion:
+    """Answer over meanings of the record, with the ranking of the most probable one."""
+
+    best: _Fitted
+    log: float  #: of prior times evidence
+    posterior: Probabilities
+    within: float
+    verdict: Verdict
+
+
+def _fitted(answers: Sequence[_Answer], evidence: Probabilities) -> _Fitted:
+    """Fit none and all plausible hypotheses of a ranking."""
+    ranking = answers[0].ranking
+    likelihood, model = ranking.likelihood, ranking.likelihood.model
+    flights = Flights(model.effects, model.settings)
+    plausible = [h for h, p in evidence.items() if p > FITTED and h in ranking.samples]
+    names = dict.fromkeys((NONE, *plausible))
+    fits = {h: fit(likelihood, ranking.samples[h], flights) for h in names}
+    shares = {h: unseen(likelihood, one, evidence) for h, one in fits.items() if forward(h)}
+    return _Fitted(answers, likelihood, fits, shares)
+
+
+def _conclude(
+    fitted: Sequence[_Fitted], settings: Settings, item: tuple[str, str] | None = None
+) -> _Conclusion:
+    """Decide over all meanings of the record, or those with one item."""
+    parts = [(one, [a for a in one.answers if item is None or item in a.record.items()])
+             for one in fitted]  # fmt: skip
+    parts = [(one, mine) for one, mine in parts if mine]
+    logs = [logsumexp([a.log for a in mine]) for _, mine in parts]
+    log, posterior, within = float(logsumexp(logs)), dict[Hypothesis, float](), 0.0
+    for (one, mine), part in zip(parts, np.exp(np.array(logs) - log).tolist(), strict=True):
+        evidence = _mixed(mine, settings)
+        margin = one.likelihood.bench.margin
+        within += part * within_margin(one.likelihood, one.fits, evidence, margin)
+        for h, p in seen_apart(one.shares, evidence).items():
+            posterior[h] = posterior.get(h, 0.0) + part * p
+    posterior = dict(sorted(posterior.items(), key=lambda item: -item[1]))
+    best = max(parts, key=lambda part: max(a.log for a in part[1]))[0]
+    verdict = decide(posterior, best.fits, within, settings)
+    return _Conclusion(best, log, posterior, within, verdict)
+
+
+def _answers(
+    bench: Bench, place: str, empty: EmptyCells, model: Model, settings: Settings
+) -> list[_Answer]:
     """Rank the hypotheses under each meaning that the record may have."""
+    bench = replace(bench, cells=tuple(cell.with_empty(empty) for cell in bench.cells))
     seen, record = observe(bench, model), bench.record
     likelihood = Likelihood(bench, seen, model, settings)
     flights = Flights(model.effects, model.settings)
@@ -298,6 +353,8 @@ def _answers(bench: Bench, place: str, model: Model, settings: Settings) -> list
     grid: dict[str, dict[str, float]] = {}
     if record.displacement_at == "unknown":
         grid["displacement_at"] = {place: 0.5}
+    if empty != "unknown":
+        grid["empty_cells"] = {empty: settings.left_out if empty == "not_made" else 1.0}
     if record.time_zero == "unknown" and DELAY in model.effects:
         grid["time_zero"] = {"command": 1.0 - at_force, "force": at_force}
     if record.sense == "unknown" and model.turned is not None:

@@ -68,6 +68,10 @@ RECORD = {  #: questions about the record
         "place of the displacement sensor",
         "Look whether the displacement is measured at the sleeve or at the actuator.",
     ),
+    "empty_cells": (
+        "meaning of rows without a time",
+        "Look up whether shifts without a time were not made, or failed.",
+    ),
 }
 STEP = 1e-3  #: s, sampling step of a recording
 MARK_SIZES = (1e-3, 4e-3, 0.014, 0.053, 0.2)  #: s, offsets of marks by an unknown cause

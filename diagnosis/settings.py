@@ -63,10 +63,12 @@ class Settings:
         "judged", "in a checked table an entry in some hundred is wrong")
     odd_size: float = constant(
         0.5, "of the mean", "standard deviation of what such a mean is off by", "judged", "")
-    nuisance: float = constant(
-        3.0, "factor", "within which stiffness and dissipation of the contact are known (one "
-        "standard deviation of the logarithm)", "judged",
-        "edge contact is up to 30 times softer than a flank, oil film damps up to 10 times more")
+    nuisance: Mapping[str, float] = constant(
+        {"contact_creep": 1.15, "contact_dissipation": 3.0, "contact_stiffness": 3.0},
+        "factor", "within which stiction velocity, dissipation and stiffness of the contact are "
+        "known (one standard deviation of the logarithm); no data set of shifts may name them",
+        "judged", "the stiction velocity is stated with the contact, which leaves a quarter; oil "
+        "film damps up to 10 times more, edge contact is up to 30 times softer than a flank")
     flight_freedom: float = constant(
         5.0, "degrees of freedom", "of the Student distribution of a profile's marks", "judged",
         "one odd profile decides nothing alone")
@@ -97,6 +99,9 @@ class Settings:
         0.5, "probability", "the same where nobody noted it", "judged", "")
     zero_at_force: float = constant(
         0.5, "probability", "that times start with the force where nobody noted it", "judged", "")
+    left_out: float = constant(
+        0.05, "probability", "of just these rows without a time, where their shifts were not made",
+        "judged", "operators leave out a corner or an edge of a plan, which has some twenty")
     floor: float = constant(
         0.01, "probability", "that the data say nothing, since they are unlike the model of errors",
         "judged", "one data set in a hundred; no answer is surer")

@@ -119,6 +119,13 @@ EFFECTS = (
                   "from some millimetres and record the rebound."),
         title="other rebound of the dogs"),
     Effect(
+        "contact_creep", (
+            Parameter("stiction_factor", 1.0, 0.5, 2.0, "log-uniform", least=0.5, most=2.0),),
+        _changed("contact", mul, stiction_velocity="stiction_factor"),
+        BenchTest("creep of held faces", "Press two dog faces on each other under a known load, "
+                  "pull with half the friction and record how fast they slip."),
+        title="other creep of held faces"),
+    Effect(
         "chamfer_angle", (Parameter("chamfer_offset_deg", 0.0, -4.0, 4.0, "uniform"),),
         _changed("dog", add, chamfer="chamfer_offset_deg"),
         BenchTest("chamfer by profile", "Measure the profile of some dogs of either ring on a "

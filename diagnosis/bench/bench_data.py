@@ -8,7 +8,7 @@ Before anything is made of the numbers they are examined for slips of units and 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dogshape.diagnosis.bench.corrections import Finding, corrected, parse
 from dogshape.diagnosis.bench.slips import examine, found_step, impossible, require_no_slip
-from dogshape.diagnosis.bench.stand_file import Stand, load_stand
+from dogshape.diagnosis.bench.stand_file import EmptyCells, Stand, load_stand
 from dogshape.diagnosis.bench.table import Sheet, bad_cell, load_sheet
 from dogshape.diagnosis.bench.traces import BenchTrace
 from dogshape.sim.errors import DataError, InputError, number
@@ -99,6 +99,16 @@ class Cell:
         """Traces of its shifts."""
         return tuple(r.trace for r in self.readings if r.trace is not None)
 
+    def with_empty(self, meaning: EmptyCells) -> Cell:
+        """Return the cell with unknown shifts as ``record.empty_cells`` has them."""
+        if meaning == "unknown":
+            return self
+        failed = meaning == "failed"
+        return replace(self, readings=tuple(
+            replace(r, n=r.n * failed, engaged=False if failed else None)
+            if r.engaged is None else r for r in self.readings
+        ))  # fmt: skip
+
 
 def gather(readings: Sequence[Reading]) -> tuple[Cell, ...]:
     """Gather readings by operating point, in the order in which these first appear."""
@@ -152,6 +162,7 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
         "clock_step": found_step(sheet) if stand.clock_step is None else stand.clock_step,
     }  # fmt: skip
     cells = gather(readings_of(stand, sheet, asked))
+    cells = tuple(cell.with_empty(stand.record.empty_cells) for cell in cells)
     return Bench(**own, cells=cells, warnings=findings, folder=folder)
 
 
@@ -196,12 +207,8 @@ def readings_of(stand: Stand, sheet: Sheet, asked: tuple[str, ...]) -> list[Read
             raise DataError(f"{sheet.path}, row {row.row}: {error}") from error
         if rule := impossible(stand, row, asked):
             raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
-        n, engaged = row.n, row.engaged
-        if engaged is None and stand.record.empty_cells == "not_made":
-            n = 0
-        if engaged is None and stand.record.empty_cells == "failed":
-            engaged = False
-        found.append(Reading(row.row, point, n, row.time, engaged, row.trace, row.sd, row.place))
+        known = row.n, row.time, row.engaged, row.trace, row.sd, row.place
+        found.append(Reading(row.row, point, *known))
     return found
 
 

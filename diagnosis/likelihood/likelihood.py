@@ -90,7 +90,9 @@ class Likelihood:
         parts = [self._nominal(self.bench.errors.systematic)]
         for name, effect in self.model.nuisances.items():
             (only,) = effect.parameters
-            factors = only.neutral_of(self.model.setting) * self.settings.nuisance**QUANTILES
+            factors = (
+                only.neutral_of(self.model.setting) * self.settings.nuisance[name] ** QUANTILES
+            )
             values = np.clip(factors, only.low, only.high)[:, None]
             changes = self.model.changes(name, values).moments[..., 0] / len(QUANTILES) ** 0.5
             _, sizes, directions = np.linalg.svd(changes, full_matrices=False)

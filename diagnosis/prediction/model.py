@@ -40,8 +40,6 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Sensor, Setting, angle_weights
 from dogshape.sim.statistics.blocks import Runner
 
-#: Properties of the contact that no data set of shifts may name.
-NUISANCES = ("contact_dissipation", "contact_stiffness")
 FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
@@ -409,7 +407,7 @@ def build_models(
         plain = settings_of(bench, place)
         wide = {n: with_wide_range(e, plain[0]) for n, e in effects.items()}
         measured = {one.effect for one in bench.measured}
-        nuisances = {n: wide.pop(n) for n in NUISANCES if n in wide and n not in measured}
+        nuisances = {n: wide.pop(n) for n in settings.nuisance if n in wide and n not in measured}
         turned = None
         if wide.pop(REVERSED, None) is not None:
             other = [one.with_point(mismatch=0.0 - one.point.mismatch) for one in plain]

@@ -29,6 +29,8 @@ READINGS = {
     ("sense", "reversed"): "the rings turn in the reversed sense",
     ("displacement_at", "sleeve"): "displacement is read at the sleeve",
     ("displacement_at", "actuator"): "displacement is read at the actuator",
+    ("empty_cells", "not_made"): "shifts without a time were not made",
+    ("empty_cells", "failed"): "shifts without a time failed",
 }
 
 

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.bench_data import Reading, gather, load_bench
+from dogshape.diagnosis.bench.stand_file import EmptyCells
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.report.wording import chance, summary
 from dogshape.sim.errors import DogshapeError
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import OperatingPoint
 from tests.benches import good_set
+from tests.diagnosed import simulated_bench, simulated_diagnosis
 
 HEAD = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s,engaged\n"
 
@@ -56,6 +64,38 @@ def test_empty_cells_are_read_as_stated(
     assert (cell.engaged, cell.failed, cell.unknown) == (3, failed, unknown)
     assert (cell.n, cell.time) == (3, pytest.approx(0.1))
     assert (other.engaged, other.failed, other.unknown) == (1, 0, 0)
+
+
+def _silent(force: float, meaning: EmptyCells, **cause: Mapping[str, float]) -> Diagnosis:
+    """Diagnose means of shifts with a cause, beside rows of three at a force without a time."""
+    bench = simulated_bench(cause)
+    slips, profile = [cell.point.mismatch for cell in bench.cells[::3]], ForceProfile(force, 0.1766)
+    rows = [Reading(50, OperatingPoint(slip, profile), 3, None, None) for slip in slips]
+    cells = (*bench.cells, *(cell.with_empty(meaning) for cell in gather(rows)))
+    record = bench.record.model_copy(update={"empty_cells": meaning})
+    clutch = replace(bench.clutch, timeout=0.5)  # below the flight of a ring that hardly moves
+    return simulated_diagnosis(replace(bench, clutch=clutch, cells=cells, record=record))
+
+
+def test_a_meaning_of_empty_cells_that_decides_is_stated_beside_the_answer() -> None:
+    """Shifts at 60 N fail by 120 N of friction, which times from 235 N on hardly show."""
+    found = _silent(60.0, "unknown", sleeve_friction={"friction_N": 120.0})
+    one, other = found.readings
+    assert (one.verdict.causes, other.verdict.causes) == ((), ("sleeve_friction",))
+    assert found.verdict.causes == ()
+    assert f"If shifts without a time failed ({chance(other.probability)})" in summary(found)
+    for meaning, reading in (("not_made", one), ("failed", other)):
+        stated = _silent(60.0, meaning, sleeve_friction={"friction_N": 120.0})
+        assert (stated.readings, stated.verdict) == ((), reading.verdict)
+        most = max(stated.posterior.values())
+        assert max(reading.posterior.values()) == pytest.approx(most, rel=0.01)
+
+
+def test_failures_that_nothing_explains_decide_nothing() -> None:
+    found = _silent(600.0, "unknown", actuation_delay={"delay_s": 0.08})
+    assert [one.probability > 0.9 for one in found.readings] == [True, False]
+    assert found.verdict.causes == ("actuation_delay",)
+    assert "without a time" not in summary(found)
 
 
 CYCLES = (0.12, 0.17, 0.09, 0.11, 0.21)

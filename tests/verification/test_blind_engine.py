@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.effects import load
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import dog_solid
@@ -175,7 +176,7 @@ def test_dog_is_that_of_the_project(stand: Stand) -> None:
 
 def test_ranges_are_those_of_the_priors() -> None:
     effects = load()
-    assert set(effects) - set(RANGES) == {"contact_dissipation", "contact_stiffness"}
+    assert set(effects) - set(RANGES) == set(USUAL.nuisance)
     for name, ranges in RANGES.items():
         theirs = [
             (p.name, p.low, p.high, p.scale == "log-uniform") for p in effects[name].parameters

@@ -65,6 +65,17 @@ def test_the_plant_sees_stiffness_and_dissipation(setting: Setting) -> None:
     assert _pressed(dead.clutch, depth, speed)[0] == pytest.approx(exact, rel=1e-3)
 
 
+def test_the_plant_sees_the_stiction_velocity(setting: Setting) -> None:
+    """The force along is mu (2/pi) atan(v/v_s) of the axial one."""
+    slow = setting.with_contact(stiction_velocity=0.1, dynamic_friction=0.1)
+    fast = EFFECTS["contact_creep"].apply(slow, {"stiction_factor": 3.0})
+    speed = 50 * RPM * slow.clutch.dog.mean_radius
+    for one, stiction in ((slow, 0.1), (fast, 0.3)):
+        axial, along = _pressed(one.clutch, 5e-6, 0.0)
+        law = 0.1 * 2.0 / math.pi * math.atan(speed / stiction)
+        assert along / axial == pytest.approx(law, rel=0.01)
+
+
 @pytest.mark.parametrize("offset", [-0.3, 0.4])
 def test_another_gap_is_another_free_flight(clutch: Clutch, point: Point, offset: float) -> None:
     """Dogs facing slots, hardly turning: the ring flies the whole travel."""
