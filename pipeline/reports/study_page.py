@@ -174,7 +174,8 @@ def alternatives_table(study: Setup, result: Row) -> Table:
     Costs are differences to the chosen design, ± one standard error.
     """
     best, confirmed = result["best"], bool(result["confirmation"])
-    goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in (SIMULATED, MARGIN)]
+    shown = {SIMULATED, MARGIN, *study.variables}
+    goals = [goal for goal in goals_of(result, SIMULATED) if goal.name not in shown]
     own = [row for row in result["trials"] if row["prototype"]]
     rows = {row["trial"]: row for row in (best, *result["front"], *own)}
     known = {trial: searched_record(study, result, row) for trial, row in rows.items()}
