@@ -170,13 +170,14 @@ class Breaking(ForceProfile):
     once: str = ""
     parent: int = 0
 
-    def at(self, time: float) -> float:
-        """Break in the midst of a shift, where the simulation asks whether the rings stand."""
+    @property
+    def knots(self) -> Any:
+        """Break in a shift, where the compiled engine asks for the course of the force."""
         if os.getpid() != self.parent and not Path(self.once).is_file():
             if self.once:
                 Path(self.once).touch()
             os.kill(os.getpid(), signal.SIGKILL)
-        return super().at(time)
+        return super().knots
 
 
 def _broken(study: Setup, tmp_path: Path, once: str = "") -> tuple[Executor, list[Block]]:

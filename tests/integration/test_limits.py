@@ -59,7 +59,7 @@ def test_means_over_the_mix(name: str, of: Callable[[Record], float]) -> None:
 
 def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
     study = study_with(
-        "search.limits.worst_shift_time_s=1.0", "search.limits.slower_than_reference_s=0.0"
+        "search.limits.worst_shift_time_s=1.0", "search.limits.slower_than_reference_s=-0.1"
     )
     other, _ = measured(study)
     assert other.measured.limited["slower_than_reference_s"] < 0.0
@@ -71,7 +71,7 @@ def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
         for a, b in zip(*both, strict=True)
     )
     assert found.measured.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
-    assert lost > 0.0
+    assert lost > -0.1
     assert not design_of(study, {"chamfer_deg": 5.0}, found.measured).feasible
 
 
