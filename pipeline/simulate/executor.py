@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
-from joblib.externals.loky import get_reusable_executor
+from joblib.externals.loky import get_reusable_executor, process_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
 from dogshape.pipeline.progress import WorkCounter
@@ -40,6 +40,7 @@ Progress = Callable[[int, int], None]  #: gets the shifts just finished, and tho
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 MANY = 100  #: blocks that a cluster is sent at once
 LOOK = 1.0  #: s between looks whether the parent is alive
+LEAK = int(1.5e9)  #: bytes by which a worker may grow
 TRIES = 3  #: times that workers may die one after the other without a shift finished
 
 # The pool replaces a worker that has grown by plants and compiled code, and loses nothing by it.
@@ -169,6 +170,8 @@ def _work_alone(block: Block, path: Path) -> list[Record]:
     """Work in a process of its own, no longer than its parent; Ctrl-C is the parent's business."""
     _end_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # A worker that grows by more is taken to leak and ends; both engines take 0.4 GB of code.
+    process_executor._MAX_MEMORY_LEAK_SIZE = LEAK
     return _work(block, path)
 
 

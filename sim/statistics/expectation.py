@@ -77,6 +77,8 @@ class SetPoint:
 
     def freed(self, shifts: Sequence[ShiftResult]) -> list[ShiftResult]:
         """Give each blocked shift the time at which it is freed; it remains ``Outcome.BLOCKED``."""
+        if self.amplitude == 0.0:
+            return list(shifts)
         rests = np.array([np.nan if s.rest is None else s.rest for s in shifts])
         pairs = zip(shifts, self.passages(rests).tolist(), strict=True)
         return [s if math.isnan(time) else replace(s, shift_time=time) for s, time in pairs]

@@ -50,6 +50,12 @@ def test_the_integral_of_the_speed_passes_the_overlap() -> None:
     assert np.isnan(SetPoint().passages(rests)).all()
 
 
+def test_nothing_frees_a_shift_without_a_set_point() -> None:
+    """Not even one that friction holds at the very edge of a face."""
+    shifts = [ShiftResult(Outcome.BLOCKED, None, rest) for rest in (0.0, 0.1)]
+    assert SetPoint().freed(shifts) == shifts
+
+
 def test_the_mean_passage_is_the_closed_form() -> None:
     r"""Rests even up to U: (T/2 pi)(sin f - f cos f)/(1 - cos f), cos f = 1 - 2 pi U/(A T)."""
     n, pitch, held = 4000, 2.0 * math.pi / 24, 2800
