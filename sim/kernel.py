@@ -899,6 +899,14 @@ def penetration(way, angle, planes, plain):
 
 
 @compiled
+def _within(s, step, start, end):
+    """Give way and relative angle at the share ``s`` of a step between two states, on the cubic."""
+    before, after = start[0] - start[2], end[0] - end[2]
+    way = _cubic(s, step, start[1], start[4], end[1], end[4])
+    return way, _cubic(s, step, before, start[3] - start[5], after, end[3] - end[5])
+
+
+@compiled
 def extremes(times, states, planes, plain):
     """Find the deepest penetration and the farthest way of a shift, m, between its steps too.
 
@@ -917,9 +925,7 @@ def extremes(times, states, planes, plain):
         farthest = max(farthest, end[1])
         deepest = max(deepest, penetration(end[1], angle, planes, plain))
         for part in range(1, parts if abs(angle - before) > longest else 1):
-            s, turns, turned = part / parts, start[3] - start[5], end[3] - end[5]
-            way = _cubic(s, step, start[1], start[4], end[1], end[4])
-            between = _cubic(s, step, before, turns, angle, turned)
+            way, between = _within(part / parts, step, start, end)
             farthest = max(farthest, way)
             deepest = max(deepest, penetration(way, between, planes, plain))
     return deepest, farthest
@@ -950,9 +956,7 @@ def passed_over(times, states, touches, planes, plain):
             continue
         parts = math.ceil(abs(after - before) / longest)
         for part in range(1, parts):
-            s = part / parts
-            way = _cubic(s, step, start[1], start[4], end[1], end[4])
-            angle = _cubic(s, step, before, start[3] - start[5], after, end[3] - end[5])
+            way, angle = _within(part / parts, step, start, end)
             deepest = max(deepest, penetration(way, angle, planes, plain))
     return deepest
 

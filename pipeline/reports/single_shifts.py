@@ -101,12 +101,8 @@ def _write(study: Setup, row: Record, path: Path) -> None:
     from dogshape.pipeline.reports.shift_page import write_animation  # noqa: PLC0415
     from dogshape.sim.statistics.blocks import engage  # noqa: PLC0415
 
-    variant, dog = (
-        drawn_variant(row),
-        study.dog_with(
-            {key: row[key] if key in row else DEFAULTS[key] for key in study.shape_keys}
-        ),
-    )
+    variant, shape = drawn_variant(row), DEFAULTS | row
+    dog = study.dog_with({key: shape[key] for key in study.shape_keys})
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
     result = engage(
         variant.clutch(study.clutch.with_dog(dog)), point, row["relative_angle_deg"] * DEG
