@@ -12,8 +12,8 @@ import threading
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from functools import partial
 from pathlib import Path
+from typing import Any
 
 from optuna.exceptions import StorageInternalError
 from optuna.storages import (
@@ -23,7 +23,7 @@ from optuna.storages import (
     RetryHeartbeatStaleTrialCallback,
 )
 from optuna.storages.journal import JournalFileBackend
-from sqlalchemy import URL, NullPool, make_url, text
+from sqlalchemy import URL, NullPool, create_engine, make_url, text
 from sqlalchemy.exc import ArgumentError, SQLAlchemyError
 
 from dogshape.pipeline.store.folder import StudyFolder
@@ -31,6 +31,7 @@ from dogshape.sim.errors import StorageError
 
 DRIVER = "postgresql+psycopg"  #: of the extra 'machines'
 BEAT, SILENCE = 5, 60  #: s between heartbeats of a trial, and without one until it has failed
+TABLES = -1  #: key of the lock under which tables are made; those of studies are not negative
 #: Parameters of the driver: server and run notice within a minute that the other is gone.
 KEEPALIVE = {
     "connect_timeout": 10,
@@ -84,15 +85,16 @@ def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
     if url is None:
         return _journal(folder.trials)
     address = _address(url)
-    make = partial(
-        RDBStorage, address.render_as_string(hide_password=False),
-        {"poolclass": NullPool, "connect_args": KEEPALIVE}, heartbeat_interval=BEAT,
-        grace_period=SILENCE, heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
-    )  # fmt: skip
+    settings: dict[str, Any] = {"poolclass": NullPool, "connect_args": KEEPALIVE}
     try:
-        with suppress(SQLAlchemyError, StorageInternalError):
-            return make()
-        return make()  # where another run made the tables at the same time
+        # One run at a time makes the tables, which the server refuses to two at once.
+        with create_engine(address, **settings).begin() as connection:
+            connection.execute(text("SELECT pg_advisory_xact_lock(:n)"), {"n": TABLES})
+            return RDBStorage(
+                address.render_as_string(hide_password=False), settings, heartbeat_interval=BEAT,
+                grace_period=SILENCE,
+                heartbeat_stale_trial_callback=RetryHeartbeatStaleTrialCallback(),
+            )  # fmt: skip
     except ImportError as error:
         name = getattr(error.__cause__, "name", None)
         raise StorageError(
