@@ -18,7 +18,8 @@ from statistics import fmean
 from typing import Any
 
 from benchmarks import constants, field_table
-from dogshape.pipeline.search.result_schema import key_table
+from dogshape.pipeline.record import key_table
+from dogshape.pipeline.search.result_schema import StudyRecord
 
 ROOT = Path(__file__).resolve().parents[1]
 EVIDENCE = ROOT / "docs" / "evidence"
@@ -394,7 +395,7 @@ TABLES: dict[str, Callable[[], str | None]] = {
     "engines": engines,
     "validation": validation,
     "constants": constants.table,
-    "keys": key_table,
+    "keys": lambda: key_table(StudyRecord, "result.json"),
 }
 
 

@@ -89,14 +89,14 @@ class AllowedGP(GPSampler):
         study = problem()
         self._pool = Pool(Guide(study), seed, WIDE)
         self._draw = np.random.default_rng(seed)
+        self._first = self._pool.draw(np.random.default_rng(seed), WIDE)
 
     def _optimize_acqf(self, acqf: Any, best_params: Any) -> Any:
         inner = acqf.search_space
         known = (
             [] if best_params is None else [inner.get_unnormalized_param(p) for p in best_params]
         )
-        found = self._pool.first()
-        found = found + (self._pool.draw(self._draw, NEAR, known) if known else [])
+        found = self._first + (self._pool.draw(self._draw, NEAR, known) if known else [])
         values = acqf.eval_acqf_no_grad(inner.get_normalized_params([None] * len(found), found))
         best = [found[k] for k in np.argsort(values)[-10:]]
         found = best + self._pool.draw(self._draw, NEAR, best)

@@ -133,18 +133,12 @@ class Desk:
             write_step(dog, limits.root_radius, BODY, path)
 
 
-def _around(value: float) -> tuple[float, float]:
-    """Give the ends of a slider about a value that the study does not search."""
-    reach = 0.2 * abs(value) or 1.0
-    return value - reach, value + reach
-
-
 def _numbers(config: Setup) -> list[Number]:
     """List the numbers of a study's page with what stands in them at the start."""
     points = [(point.mismatch / RPM, point.profile.force) for point in config.points]
     given = config.file.dog.model_dump() | {key: config.prototype[key] for key in config.shape_keys}
     dog = {key: value for key, value in given.items() if value is not None}
-    ranges = {key: config.variables.get(key, _around(value)) for key, value in dog.items()}
+    ranges = {key: config.variables.get(key, (value, value)) for key, value in dog.items()}
     order = sorted(dog, key=[*config.variables, *dog].index)
     middle, ends = sorted(points)[len(points) // 2], zip(*points, strict=True)
     friction = {f"contact.{k}": v for k, v in vars(config.file.contact.value).items()}

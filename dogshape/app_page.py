@@ -47,7 +47,8 @@ def number_field(one: Number) -> html.Div:
     """Lay out a number: label, field, unit, slider, and the sentence on a wrong value."""
     name, (low, high) = one.key.rpartition(".")[2], one.ends
     if not low < high:
-        low, high = (0.5 * one.value, 1.5 * one.value) if one.value > 0.0 else (0.0, 1.0)
+        reach = 0.2 * abs(one.value) or 1.0
+        low, high = one.value - reach, one.value + reach
     step = 1 if name == "count" else (high - low) / 400
     field, slider = ({"number": one.key, "kind": kind} for kind in ("field", "slider"))
     return html.Div([

@@ -25,7 +25,7 @@ from dogshape.pipeline.reports.text import minus
 from dogshape.pipeline.simulate.design import weakest_within
 from dogshape.pipeline.store.folder import comparable, require_targets
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER, ContactSet
+from dogshape.sim.shift.clutch import CONTACT_SETS, IMPACT_LAYER
 
 
 def record_of(one: NamedDesign) -> tuple[Row, list[Row]]:
@@ -117,7 +117,13 @@ def compare(*names: str) -> SideBySide:
             "compare; give contact sets alone, or designs and studies alone"
         )
     if sets:
-        return SideBySide("contact_sets", tuple(_parameters(CONTACT_SETS[name]) for name in sets))
+        found = []
+        for contact in (CONTACT_SETS[name] for name in sets):
+            own = {"label": contact.name} | {key: getattr(contact, key) for key in PARAMETERS}
+            if contact.impact is not None:  # in the place of its layer
+                own |= {name: None for name, _ in IMPACT_LAYER} | {"impact": vars(contact.impact)}
+            found.append(own)
+        return SideBySide("contact_sets", tuple(found))
     designs = [named_design(name) for name in names]
     records = [record_of(one)[0] for one in designs]
     files = [comparable(one.study.file) for one in designs]
@@ -135,14 +141,6 @@ def compare(*names: str) -> SideBySide:
             "margins": margins,
         })  # fmt: skip
     return SideBySide("designs", tuple(items))
-
-
-def _parameters(contact: ContactSet) -> dict[str, Any]:
-    """Record a contact set in SI units, with IMPACT in the place of its layer where it has it."""
-    own = {"label": contact.name} | {key: getattr(contact, key) for key in PARAMETERS}
-    if contact.impact is None:
-        return own
-    return own | {name: None for name, _ in IMPACT_LAYER} | {"impact": vars(contact.impact)}
 
 
 def _cell(value: Any) -> str:

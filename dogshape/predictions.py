@@ -9,9 +9,11 @@ from typing import Any
 from dogshape.pipeline.config.study_file import Setup, points_of
 from dogshape.pipeline.record import Frame, Result, Table
 from dogshape.pipeline.reports.text import time_text
-from dogshape.pipeline.train.design_table import Predicted, predict, require_another, text_table
+from dogshape.pipeline.train.design_table import TIMES, predict, text_table
 from dogshape.pipeline.train.training_rows import mix_over, stored_surrogate
+from dogshape.sim.errors import InputError
 from dogshape.sim.files import write_frame
+from dogshape.sim.texts import TextTable, file_of
 
 NAMED = 5  #: rows of a table without an answer that are listed one by one
 
@@ -20,19 +22,27 @@ NAMED = 5  #: rows of a table without an answer that are listed one by one
 class Predictions(Result):
     """Predicted shift times of many designs, with their closed-form checks.
 
-    ``written`` is the table with the answers; None where none was written.
+    ``answers`` has the columns of ``design_table.predict`` by the rows of the ``table``;
+    ``filled`` are variables without a column, at the study's value. ``written`` is the table with
+    the answers; None where none was written.
     """
 
     config: Setup
-    predicted: Predicted
+    table: TextTable
+    filled: dict[str, float]
+    answers: Frame
     written: Path | None = None
+
+    @property
+    def kept(self) -> list[str]:
+        """Columns of the table that are none of a variable."""
+        return [name for name in self.table.head if name == "real" or name not in self.answers]
 
     @property
     def notes(self) -> list[str]:
         """Columns that the study filled in, and those only copied."""
-        given = self.predicted.filled.items()
-        filled = ", ".join(f"{name} = {value:.6g}" for name, value in given)
-        kept = ", ".join(self.predicted.kept)
+        filled = ", ".join(f"{name} = {value:.6g}" for name, value in self.filled.items())
+        kept = ", ".join(self.kept)
         return [
             *([f"the table has no column for, and the study gives, {filled}"] if filled else []),
             *([f"columns copied, and no part of the question: {kept}"] if kept else []),
@@ -61,11 +71,37 @@ class Predictions(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give counts, impossible rows with their reasons, and the best designs."""
-        return self.predicted.record(self.written)
+        answers, time = self.answers, self.answers[TIMES[0]]
+        names = list(answers)[: list(answers).index(TIMES[0])]
+
+        def reasons(marked: Any) -> list[dict[str, Any]]:
+            return [{"row": row, "reason": why} for row, why in answers["reason"][marked].items()]
+
+        def best(marked: Any) -> dict[str, Any] | None:
+            if (known := time[marked].dropna()).empty:
+                return None
+            row = known.idxmin()
+            return {"row": int(row), **answers.loc[row, [*names, TIMES[0]]].astype(float).to_dict()}
+
+        return {
+            "file": None if self.written is None else str(self.written),
+            "n": len(answers),
+            "in_range": int(answers["in_range"].sum()),
+            "feasible": int(answers["feasible"].sum()),
+            "impossible": reasons(~answers["real"]),
+            "without_time": reasons(answers["real"] & time.isna()),
+            "filled": self.filled,
+            "kept": self.kept,
+            "best": best(answers["real"]),
+            "best_feasible": best(answers["feasible"]),
+        }
 
     def to_frame(self) -> Frame:
         """Give a row for each design: its keys, predicted time, interval, checks; kept columns."""
-        return self.predicted.frame()
+        found = self.answers.drop(columns="real")
+        for place, name in enumerate(self.kept):
+            found.insert(place, name, self.table.column(name))
+        return found
 
 
 def predict_designs(
@@ -79,10 +115,14 @@ def predict_designs(
     mix = mix_over(config, points_of(config, *place))
     stored, _ = stored_surrogate(config, None if surrogate is None else Path(surrogate))
     target = None if out is None else Path(out)
-    if target is not None and isinstance(designs, str | Path):
-        require_another(Path(designs), target)
-    table = text_table(designs, stored.surrogate.data.variables)
-    found = Predictions(config, predict(config, stored.surrogate, mix, table), target)
+    source = file_of(Path(designs)).resolve() if isinstance(designs, str | Path) else None
+    if target is not None and target.resolve() == source:
+        raise InputError(f"--out is {target}, the table that is read; name another file")
+    variables = stored.surrogate.data.variables
+    table = text_table(designs, variables)
+    answers = predict(config, stored.surrogate, mix, table)
+    filled = {name: config.prototype[name] for name in variables if name not in table.head}
+    found = Predictions(config, table, filled, answers, target)
     if target is not None:
         write_frame(found.to_frame(), target, digits=6)
     return found

@@ -13,9 +13,10 @@ from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import named_design
 from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
 from dogshape.pipeline.reports.study_page import headline, publish, summary_tables
-from dogshape.pipeline.search.result_schema import require_result
+from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.running import receiver
+from dogshape.sim.clutch_tables import validate
 
 PRINTED_KEYS = (
     "engine", "best", "front", "n_simulated_shifts", "n_simulated_designs", "confirmation", "audit",
@@ -103,6 +104,6 @@ def load_result(folder: str | Path) -> StudyResult:
     """
     stored = StudyFolder(Path(folder))
     config, record = stored.stored_study(), stored.stored_result()
-    require_result(record, str(stored.result))
+    validate(StudyRecord, record, str(stored.result))
     page = stored.report if stored.report.is_file() else None
     return StudyResult(config, stored.root, record, page)

@@ -9,7 +9,7 @@ from rich import progress as rich_progress
 from rich.console import Console
 from rich.table import Table as RichTable
 
-from dogshape.pipeline.progress import Progress, WorkCounter, about
+from dogshape.pipeline.progress import Progress, WorkCounter
 
 if TYPE_CHECKING:
     from dogshape.pipeline.record import Table
@@ -77,8 +77,8 @@ class ProgressBar(Progress):
         total = f"at most {count.total}" if count.at_most else f"{count.total}"
         words, new = f"{count.done} of {total} {count.unit}", count.done - count.known
         if new and not count.ended:
-            left = (task.elapsed or 0.0) / new * (count.total - count.done)
-            words += f", {about(left)} left"
+            left = (task.elapsed or 0.0) / new * (count.total - count.done) / 60.0
+            words += f", {left:.0f} min left" if left < 120.0 else f", {left / 60.0:.1f} h left"
         moved = new > self._moved and not self._console.is_terminal
         self._bar.update(task.id, total=count.total, completed=count.done, description=words)
         now = self._console.get_time()

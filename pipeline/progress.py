@@ -69,17 +69,3 @@ class WorkCounter:
     def say(self, line: str) -> None:
         """Hand on a sentence for the user."""
         self._progress.say(line)
-
-
-def about(seconds: float) -> str:
-    """Round a time, s, to words: minutes, from two hours on hours and minutes."""
-    minutes = round(seconds / 60.0)
-    if seconds < 45.0:
-        return "less than a minute"
-    if minutes <= 1:
-        return "about a minute"
-    if minutes < 120:
-        return f"about {minutes} minutes"
-    step = 10 if minutes < 600 else 60  # nobody plans by the minute what takes hours
-    hours, left = divmod(step * round(minutes / step), 60)
-    return f"about {hours} h {left} min" if left else f"about {hours} h"

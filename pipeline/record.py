@@ -153,9 +153,6 @@ def _models(annotation: Any, mark: str = "") -> Iterator[tuple[type[BaseModel], 
         yield from _models(part, mark)
 
 
-__all__ = ["Figure", "Frame", "Result"]
-
-
 class Result(ABC):
     """Answer to a problem, which it carries; frozen, so that it stays what was computed."""
 

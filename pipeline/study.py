@@ -17,11 +17,7 @@ from dogshape.pipeline.search.confirmation import (
     shifts_to_confirm,
 )
 from dogshape.pipeline.search.search import Search, open_search, run
-from dogshape.pipeline.search.state import (
-    PROTOTYPE,
-    SearchState,
-    Trial,
-)
+from dogshape.pipeline.search.state import PROTOTYPE, SearchState, Trial
 from dogshape.pipeline.simulate.design import (
     ENGAGEMENT,
     SIMULATED,

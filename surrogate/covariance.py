@@ -68,9 +68,9 @@ class Covariance:
             total += variance * (wendland(apart, len(scales)) if term.rough else matern(apart))
         return total
 
-    def variance(self, *, smooth: bool = False) -> float:
-        """Compute the variance of any design before any data, or of its smooth part."""
-        return sum(variance for _, variance, _ in self._parts(smooth))
+    def variance(self) -> float:
+        """Compute the variance of any design before any data."""
+        return sum(variance for _, variance, _ in self._parts())
 
     def slopes(self, x: Array) -> tuple[Array, Array]:
         """Compute the covariance of designs (n, c) and its slopes by theta, (size, n, n)."""

@@ -15,11 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
 from dogshape.sim.statistics.shift_records import DEFAULTS, Record, content_key, result_of
-from dogshape.sim.units import RPM
 from dogshape.surrogate.covariance import Array, Mask
 
 if TYPE_CHECKING:
@@ -58,13 +56,6 @@ class Mix:
             and np.allclose(self.points, other.points, rtol=0.0, atol=1e-6)
             and np.allclose(self.weights, other.weights, atol=1e-9)
         )
-
-
-def mix_of(points: Sequence[OperatingPoint], retry: float) -> Mix:
-    """Return the mix of weighted operating points; ``retry`` in s."""
-    weights = np.array([point.weight for point in points])
-    rows = [(point.mismatch / RPM, point.profile.force) for point in points]
-    return Mix(np.array(rows), weights / weights.sum(), retry)
 
 
 @dataclass(frozen=True)

@@ -32,6 +32,7 @@ from dogshape.sim.errors import (
     InputError,
     did_you_mean,
     ranges_of,
+    require_known,
     require_ranges,
     within,
 )
@@ -160,11 +161,7 @@ class OperatingSection(Section):
                 )
         if self.set is not None:
             known = read_toml(bundled_root() / TABLE)
-            if self.set not in known:
-                hint = did_you_mean(self.set, known)
-                raise InputError(
-                    f"operating.set is '{self.set}', which is not a set of points; {hint}"
-                )
+            require_known("operating.set", self.set, "a set of points", known)
             return [(float(m), float(f), float(w)) for m, f, w in known[self.set]["rows"]]
         if self.points is not None:
             return [(p.mismatch_rpm, p.force_N, p.weight) for p in self.points]

@@ -71,15 +71,11 @@ def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:
     pair = cad.Compound(label="dog clutch", children=[ring, other])
     written = io.BytesIO()
     cad.export_step(pair, written, timestamp=TIME)
+    # Parts are numbered from 1; the kernel goes on counting from file to file.
+    count, pattern = itertools.count(1), rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'"
+    text = re.sub(pattern, lambda found: b"%b%d'" % (found[1], next(count)), written.getvalue())
     with naming(path):
-        path.write_bytes(_numbered(written.getvalue()))
-
-
-def _numbered(text: bytes) -> bytes:
-    """Number the parts of the assembly from 1; the kernel goes on counting from file to file."""
-    count = itertools.count(1)
-    pattern = rb"(NEXT_ASSEMBLY_USAGE_OCCURRENCE\(')\d+'"
-    return re.sub(pattern, lambda found: b"%b%d'" % (found[1], next(count)), text)
+        path.write_bytes(text)
 
 
 def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:

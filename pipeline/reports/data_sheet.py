@@ -20,12 +20,7 @@ from dogshape.pipeline.config.study_file import Setup, bundled_studies, find_stu
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.record import Table, number_or_none
-from dogshape.pipeline.reports.designs import (
-    Row,
-    confirmation_of,
-    engaged_shifts,
-    margins_of,
-)
+from dogshape.pipeline.reports.designs import Row, confirmation_of, engaged_shifts, margins_of
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
     ENGINES,
@@ -402,12 +397,6 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
         "hashes": f"configuration {study.config_hash}, physics {study.physics_hash}{own}",
     }
     return {name: words for name, words in facts.items() if words}
-
-
-def dates_of(result: Path) -> str:
-    """Write the days on which a result was stored, by its file, and its report written."""
-    stored = datetime.fromtimestamp(result.stat().st_mtime, UTC)
-    return f"result stored {stored:%Y-%m-%d}, report written {datetime.now(UTC):%Y-%m-%d}"
 
 
 def command_of(study: Setup) -> str | None:

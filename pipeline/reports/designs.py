@@ -191,9 +191,3 @@ def designs_frame(
             **{f"margin_of_{name}": margin for name, margin in row["margins"].items()},
         })  # fmt: skip
     return pd.DataFrame(table)
-
-
-def simulated_frame(result: Row, variables: Sequence[str]) -> pd.DataFrame:
-    """Tabulate the designs that were simulated (``designs_frame``)."""
-    rows = [row for row in result["trials"] if row[SIMULATED] is not None]
-    return designs_frame(result, variables, rows)

@@ -48,7 +48,8 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
     left out.
     """
     stored = ShiftJournal(folder.shifts).rows.values()
-    clutch, found = _simulated(study).clutch, list[Replay]()
+    # Those that are kept are of Drake, where it judges.
+    clutch, found = (study.judging or study.working).clutch, list[Replay]()
 
     def lateness(shift: Record) -> tuple[float, bool, str]:
         time = math.inf if shift["shift_time_s"] is None else shift["shift_time_s"]
@@ -68,11 +69,6 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
     return found
 
 
-def _simulated(study: Setup) -> Setup:
-    """Give the study in the engine of the shifts that are kept: Drake's, where it judges."""
-    return study.judging or study.working
-
-
 def write_replays(
     folder: StudyFolder, study: Setup, wanted: Sequence[Replay], say: Callable[[str], None]
 ) -> None:
@@ -84,7 +80,7 @@ def write_replays(
     for number, one in enumerate(missing, start=1):
         say(f"animation {number} of {len(missing)}: {one.design}, {one.kind} shift, {one.words}")
         try:
-            _write(_simulated(study), one.shift, folder.root / one.path)
+            _write(study.judging or study.working, one.shift, folder.root / one.path)
         except (DogshapeError, RuntimeError, ValueError, OSError) as error:
             say(f"no page of this shift: {error}")
 

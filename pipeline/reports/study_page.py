@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 from markupsafe import Markup
@@ -23,7 +24,6 @@ from dogshape.pipeline.reports.charts import (
     times_by_point,
 )
 from dogshape.pipeline.reports.data_sheet import (
-    dates_of,
     difference,
     point_differences,
     provenance_of,
@@ -37,13 +37,13 @@ from dogshape.pipeline.reports.designs import (
     confirmation_of,
     confirmed_designs,
     design_name,
+    designs_frame,
     designs_shown,
     engaged_shifts,
     failed_at_new_angles,
     failed_words,
     goals_of,
     margins_of,
-    simulated_frame,
 )
 from dogshape.pipeline.reports.report import Part, Report
 from dogshape.pipeline.reports.single_shifts import replays_of, write_replays
@@ -95,7 +95,8 @@ def write_report(folder: StudyFolder) -> Path:
     """Write ``report.html`` and ``designs.csv`` from what the study stored; return the report."""
     study, result = folder.stored_study(), folder.stored_result()
     with naming(folder.designs):
-        simulated_frame(result, list(study.variables)).to_csv(folder.designs, index=False)
+        rows = [row for row in result["trials"] if row[SIMULATED] is not None]
+        designs_frame(result, [*study.variables], rows).to_csv(folder.designs, index=False)
     page = Report(f"{study.name}: shape of the dogs", headline(result))
     best, effects = result["best"], stored_effects(folder)
     if best is not None:
@@ -406,7 +407,8 @@ def life_table(stages: list[Row]) -> Table:
 
 def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
     """Tabulate command, dates, numerical error, surrogate and versions."""
-    fitted, numerical = result["surrogate"], None
+    fitted, numerical, now = result["surrogate"], None, datetime.now(UTC)
+    stored = datetime.fromtimestamp(folder.result.stat().st_mtime, UTC)
     judged = "none: it needs a finished search with at least ten simulated designs"
     if fitted:
         judged = (
@@ -419,7 +421,7 @@ def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
         numerical = result["confirmation"]["best"].get("numerical_error_s")
     facts = {
         **provenance_of(study, result),
-        "dates (UTC)": dates_of(folder.result),
+        "dates (UTC)": f"result stored {stored:%Y-%m-%d}, report written {now:%Y-%m-%d}",
         "numerical error": "" if numerical is None else f"{1e3 * numerical:.2g} ms",
         "surrogate": judged,
     }

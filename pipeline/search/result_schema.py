@@ -9,7 +9,6 @@ from typing import Any
 
 from pydantic import create_model, model_validator
 
-from dogshape.pipeline import record
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import SHAPE
 from dogshape.pipeline.record import SHARE, Record, key
@@ -17,7 +16,6 @@ from dogshape.pipeline.search.confirmation import EngineAgreement, OtherShape
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
-from dogshape.sim.clutch_tables import validate
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.store import Validation
 
@@ -173,13 +171,3 @@ class StudyRecord(Kept):
     versions: dict[str, str] = key("versions of the programs that the result depends on")
     config_hash: str = key("hash of the study file as it was run")
     physics_hash: str = key("hash of what the simulation of a shift depends on")
-
-
-def require_result(data: dict[str, Any], source: str) -> None:
-    """Raise InputError that names ``source`` and each key that is unknown, missing or mistyped."""
-    validate(StudyRecord, data, source)
-
-
-def key_table() -> str:
-    """Write the keys of ``result.json`` with types, units and meanings, as Markdown."""
-    return record.key_table(StudyRecord, "result.json")

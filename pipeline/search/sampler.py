@@ -230,17 +230,17 @@ class Breadth:
 
 
 class Pool:
-    """Allowed designs of the guide's space, drawn once and again when all were taken."""
+    """Allowed designs of the guide's space, drawn once and again when all were taken.
+
+    InputError where next to none is allowed.
+    """
 
     def __init__(self, guide: Guide, seed: int, wide: int) -> None:
-        self._guide = guide
-        self._seed = seed
-        self._wide = wide
-        self._drawn: list[list[Params]] = []
+        self._guide, self._seed, self._wide = guide, seed, wide
+        self._drawn = [self.draw(np.random.default_rng(seed), wide)]
 
     def untaken(self, taken: Sequence[Params]) -> list[Params]:
         """Return up to ``wide`` allowed designs that were not taken; none where every one was."""
-        self.first()
         key = self._guide.space.key
         gone = {key(params) for params in taken}
         for pool in self._drawn:
@@ -250,12 +250,6 @@ class Pool:
         if left := [params for params in more if key(params) not in gone]:
             self._drawn.append(more)
         return left
-
-    def first(self) -> list[Params]:
-        """Return ``wide`` allowed designs; InputError where next to none is allowed."""
-        if not self._drawn:
-            self._drawn.append(self.draw(np.random.default_rng(self._seed), self._wide))
-        return self._drawn[0]
 
     def draw(
         self, rng: np.random.Generator, size: int, near: Sequence[Params] | None = None
@@ -290,10 +284,6 @@ class SurrogateSampler:
         self._breadth = breadth or Breadth()
         self._pool = Pool(guide, seed, self._breadth.wide)
         self._known: tuple[list[int], Prediction | None] = ([], None)
-
-    def require_allowed(self) -> None:
-        """Raise InputError where next to no design of the space is allowed."""
-        self._pool.first()
 
     def propose(self, trials: Sequence[FrozenTrial]) -> Params | None:
         """Propose an allowed design beside those of trials; None where every one was proposed."""

@@ -30,13 +30,7 @@ from dogshape.pipeline.search.state import (
     simulation_record,
     trial_of,
 )
-from dogshape.pipeline.simulate.design import (
-    Design,
-    design_of,
-    leading,
-    objectives_of,
-    values_of,
-)
+from dogshape.pipeline.simulate.design import Design, design_of, leading, objectives_of, values_of
 from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, reference_blocks
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
@@ -179,9 +173,7 @@ def sampler_of(study: Setup) -> SurrogateSampler:
     search = study.file.search
     learns = search.sampler == "surrogate"
     startup = max(search.startup, MIN_DESIGNS) if learns else search.trials
-    sampler = SurrogateSampler(Guide(study), search.seed, startup)
-    sampler.require_allowed()
-    return sampler
+    return SurrogateSampler(Guide(study), search.seed, startup)
 
 
 def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: bool) -> Search:

@@ -18,7 +18,7 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Record, key, number_or_none
 from dogshape.pipeline.store.result_records import check_record
-from dogshape.sim.errors import GeometryError, InputError, did_you_mean, refusal
+from dogshape.sim.errors import GeometryError, InputError, refusal, require_known
 from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.uncertainty import sobol_shares
@@ -250,11 +250,7 @@ def objectives_of(study: Setup) -> list[Objective]:
     """Return the study's objectives; an unknown name raises InputError."""
     names = study.file.search.objectives
     for name in names:
-        if name not in OBJECTIVES:
-            hint = did_you_mean(name, OBJECTIVES)
-            if not hint.startswith("valid"):
-                hint += f" Valid are {', '.join(sorted(OBJECTIVES))}"
-            raise InputError(f"search.objectives has '{name}', which is not an objective; {hint}")
+        require_known("search.objectives", name, "an objective", OBJECTIVES)
     if len(set(names)) != len(names):
         raise InputError("search.objectives names an objective twice; remove one of the two")
     found = [OBJECTIVES[name] for name in names]
@@ -274,11 +270,7 @@ def limits_of(study: Setup) -> list[tuple[Objective, float]]:
     """
     found = []
     for name, limit in (study.file.search.limits or {}).items():
-        if name not in OBJECTIVES:
-            raise InputError(
-                f"search.limits has '{name}', which is no quantity of a study; "
-                f"{did_you_mean(name, OBJECTIVES)}"
-            )
+        require_known("search.limits", name, "a quantity of a study", OBJECTIVES)
         one, rule = OBJECTIVES[name], ""
         if not math.isfinite(limit):
             rule = "it must be finite"

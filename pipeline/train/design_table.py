@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -96,70 +95,18 @@ def _dogs(study: Setup, names: Sequence[str], x: Array) -> Dogs:
     return Dogs(**(own | shapes))
 
 
-@dataclass(frozen=True)
-class Predicted:
-    """Designs of a table with ``answers``: variables, ``TIMES`` and ``verdicts`` by row.
+def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> pd.DataFrame:
+    """Predict the designs of a table: variables, ``TIMES`` and ``verdicts`` by row.
 
-    ``filled`` are variables without a column, at the study's value.
+    A design that cannot be has no time, and a reason; a variable without a column has the study's
+    value.
     """
-
-    table: TextTable
-    variables: tuple[str, ...]
-    filled: Mapping[str, float]
-    answers: pd.DataFrame
-
-    @property
-    def kept(self) -> list[str]:
-        """Columns of the table that are none of a variable."""
-        return [name for name in self.table.head if name not in self.variables]
-
-    def frame(self) -> pd.DataFrame:
-        """Give a row for each design: kept columns, variables, predicted times, checks."""
-        found = self.answers[[*self.variables, *TIMES, *CHECKS]].copy()
-        for place, name in enumerate(self.kept):
-            found.insert(place, name, self.table.column(name))
-        return found
-
-    def record(self, target: Path | None) -> dict[str, Any]:
-        """Give what was asked and answered, as JSON takes it; it was written to ``target``."""
-        answers, time = self.answers, self.answers[TIMES[0]]
-
-        def reasons(marked: Any) -> list[dict[str, Any]]:
-            return [{"row": row, "reason": why} for row, why in answers["reason"][marked].items()]
-
-        def best(marked: Any) -> dict[str, Any] | None:
-            if (known := time[marked].dropna()).empty:
-                return None
-            row = known.idxmin()
-            return {
-                "row": int(row),
-                **{name: float(answers.at[row, name]) for name in self.variables},
-                TIMES[0]: float(known[row]),
-            }
-
-        return {
-            "file": None if target is None else str(target),
-            "n": len(answers),
-            "in_range": int(answers["in_range"].sum()),
-            "feasible": int(answers["feasible"].sum()),
-            "impossible": reasons(~answers["real"]),
-            "without_time": reasons(answers["real"] & time.isna()),
-            "filled": dict(self.filled),
-            "kept": self.kept,
-            "best": best(answers["real"]),
-            "best_feasible": best(answers["feasible"]),
-        }
-
-
-def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> Predicted:
-    """Predict the designs of a table; one that cannot be has no time, and a reason."""
     require_same_physics(surrogate.data, study.physics)
     variables = surrogate.data.variables
     _require_columns(table, variables)
     if not table.rows:
         raise InputError(f"{table.path} holds no design below its line of names; add some")
-    filled = {name: study.prototype[name] for name in variables if name not in table.head}
-    x = _designs(table, variables, filled)
+    x = _designs(table, variables, study.prototype)
     found = verdicts(study, variables, x)
     found.loc[(found["reason"] == "") & faces_hold(surrogate.data, x), "reason"] = HOLDS
     times, known = np.full((len(x), 5), np.nan), np.zeros(len(x), dtype=bool)
@@ -172,19 +119,13 @@ def predict(study: Setup, surrogate: Surrogate, mix: Mix, table: TextTable) -> P
     designs = dict(zip((*variables, *TIMES), (*x.T, *times.T, known), strict=True))
     answers = pd.concat([pd.DataFrame(designs), found], axis=1)
     answers.index = pd.Index([number for number, _ in table.rows], name="row")
-    return Predicted(table, variables, filled, answers)
+    return answers
 
 
 def beside(source: Path) -> Path:
     """Give the file of the answers to a table: NAME-times.csv or NAME-times.xlsx beside it."""
     ending = ".csv" if file_of(source) == source and source.suffix != ".xlsx" else ".xlsx"
     return source.with_name(f"{source.stem}-times{ending}")
-
-
-def require_another(source: Path, target: Path) -> None:
-    """Raise InputError where the answers would overwrite the table."""
-    if target.resolve() == file_of(source).resolve():
-        raise InputError(f"--out is {target}, the table that is read; name another file")
 
 
 def text_table(designs: str | Path | pd.DataFrame, variables: tuple[str, ...]) -> TextTable:
@@ -227,12 +168,12 @@ def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:
         raise InputError(listed(f"{table.path}, row 1", dict.fromkeys(faults)))
 
 
-def _designs(table: TextTable, variables: tuple[str, ...], filled: Mapping[str, float]) -> Array:
+def _designs(table: TextTable, variables: tuple[str, ...], own: Mapping[str, float]) -> Array:
     """Return the designs in edge units, (n, d); cells that are no numbers raise."""
     x, faults = np.empty((len(table.rows), len(variables))), list[tuple[int, str]]()
     for place, name in enumerate(variables):
-        if name in filled:
-            x[:, place] = filled[name]
+        if name not in table.head:
+            x[:, place] = own[name]
             continue
         texts = table.column(name)
         x[:, place] = found = [_number(text) for text in texts]

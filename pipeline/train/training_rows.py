@@ -11,9 +11,10 @@ from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import number_or_none
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.shift.clutch import OperatingPoint
+from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root, engine
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import Dataset, Mix, grid_of, mix_of
+from dogshape.surrogate.dataset import Dataset, Mix, grid_of
 from dogshape.surrogate.query import other_physics
 from dogshape.surrogate.store import MissingError, Stored, load
 
@@ -35,7 +36,10 @@ def mix_over(study: Setup, points: Sequence[OperatingPoint]) -> Mix:
     # The mean rest of faces on half a pitch: a surrogate knows no other.
     quarter = np.array([0.25 * study.clutch.dog.pitch_angle])
     freed, lost = study.set_point.passages(quarter)[0], study.clutch.timeout + study.retraction
-    return mix_of(points, float(np.nan_to_num(freed, nan=lost)))
+    weights = np.array([point.weight for point in points])
+    rows = [(point.mismatch / RPM, point.profile.force) for point in points]
+    retry = float(np.nan_to_num(freed, nan=lost))
+    return Mix(np.array(rows), weights / weights.sum(), retry)
 
 
 def study_mix(study: Setup) -> Mix:

@@ -9,11 +9,12 @@ from typing import Any
 import pytest
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.pipeline.reports.designs import failed_at_new_angles, simulated_frame
-from dogshape.pipeline.search.result_schema import require_result
+from dogshape.pipeline.reports.designs import designs_frame, failed_at_new_angles
+from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
+from dogshape.sim.clutch_tables import validate
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record, landing_record
@@ -145,7 +146,7 @@ def test_designs_that_were_lucky_or_fail_later_leave_the_front(searched: Searche
     assert one["errors_apart"] == pytest.approx(off / errors**0.5)
     assert one["agrees"] == (abs(one["errors_apart"]) <= 3.0)
     assert [row["trial"] for row in failed_at_new_angles(fails)] == [number]
-    frame = simulated_frame(fails, ["chamfer_deg"]).set_index("trial")
+    frame = designs_frame(fails, ["chamfer_deg"]).set_index("trial")
     assert frame.index[frame["failed_at_fresh_angles"]].tolist() == [number]
     every = searched(hard={_chamfer(row) for row in plain["trials"]})
     assert every["front"] == []
@@ -166,7 +167,7 @@ def test_designs_that_do_not_engage_have_no_time_and_no_gain(
 ) -> None:
     """The prototype, of 8 degrees, and others; none is ranked by the retries of a time-out."""
     result = searched(blocked=9.0, report=True)
-    require_result(result, "the result")
+    validate(StudyRecord, result, "the result")
     page = (tmp_path / "out0" / "report.html").read_text("utf-8")
     silent = [row for row in result["trials"] if "engagement" in row["failed"]]
     assert 0 in [row["trial"] for row in silent]

@@ -11,7 +11,8 @@ from typing import Any
 import pytest
 
 import dogshape as ds
-from dogshape.pipeline.search.result_schema import StudyRecord, require_result
+from dogshape.pipeline.search.result_schema import StudyRecord
+from dogshape.sim.clutch_tables import validate
 from tests.conftest import SMALL, Said
 from tests.integration.studies import SETTINGS, Finished
 
@@ -111,7 +112,7 @@ def test_what_cannot_be_fitted_or_searched_is_refused(found: ds.StudyResult) -> 
 
 def test_a_new_result_has_every_key_of_the_schema(record: dict[str, Any]) -> None:
     """Keys that only older results or other objectives lack are there."""
-    require_result(record, "result.json")
+    validate(StudyRecord, record, "result.json")
     assert set(record) == set(StudyRecord.model_fields)
     confirmed = record["confirmation"]["designs"][0]
     model = StudyRecord.model_validate(record).confirmation

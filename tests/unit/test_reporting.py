@@ -15,7 +15,7 @@ from dogshape.pipeline.record import Bad
 from dogshape.pipeline.reports import single_shifts, surrogate_findings
 from dogshape.pipeline.reports.charts import front_figure, times_by_point
 from dogshape.pipeline.reports.data_sheet import command_of
-from dogshape.pipeline.reports.designs import simulated_frame
+from dogshape.pipeline.reports.designs import designs_frame
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
 from dogshape.pipeline.reports.study_page import facts_of, headline
 from dogshape.pipeline.reports.surrogate_findings import learn_effects, stored_effects
@@ -27,7 +27,7 @@ from tests.found import LENGTH, TIME, VARIABLES, Row, shift
 
 def test_every_simulated_design_is_in_the_table(result: Row) -> None:
     result["trials"][2]["time_within_tolerances"] = {"worst_case_s": 0.002, "by_dimension_s": {}}
-    table = simulated_frame(result, VARIABLES)
+    table = designs_frame(result, VARIABLES, result["trials"][:5])
     assert table["trial"].tolist() == [0, 1, 2, 3, 4]
     assert table["on_front"].tolist() == [False, True, True, False, False]
     assert table["chosen"].tolist() == [False, False, True, False, False]

@@ -10,8 +10,9 @@ import pytest
 
 from dogshape.pipeline.config.schema import SearchSection, keys_like
 from dogshape.pipeline.config.study_file import bundled_studies, load_study
-from dogshape.pipeline.search.result_schema import require_result
+from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.simulate.design import objectives_of
+from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.units import DEG, RPM
 from dogshape.sim.versions import bundled_root
@@ -138,7 +139,7 @@ def test_paper_study_is_the_prototype_at_the_published_points() -> None:
 def test_kept_results_are_those_of_the_bundled_study(name: str) -> None:
     study = load_study(name)
     kept = json.loads((bundled_root() / name / "result.json").read_text(encoding="utf-8"))
-    require_result(kept, name)
+    validate(StudyRecord, kept, name)
     assert (study.name, study.config_hash) == (name, kept["config_hash"])
     assert any(objective.simulated for objective in objectives_of(study))
 
