@@ -258,6 +258,7 @@ class Fit:
     predicted: Predicted  #: of each draw, (K, C)
     amplitude: Array  #: of the discrepancy, as a share of the predicted time, (K,)
     offset: Array  #: errors in common, discrepancy among them, drawn with each, s, (K, C)
+    nuisance: Array  #: the part of ``offset`` by nuisances, s, (K, C)
     log_evidence: float  #: and its standard error
     error: float
     p: float  #: predictive p-value
@@ -283,14 +284,14 @@ def fit(likelihood: Likelihood, sample: Sample, flights: Flights) -> Fit:
     generator = np.random.default_rng(1)
     places = systematic(sample.weights, DRAWN, float(generator.random()))
     predicted, shares = sample.predicted.only(places), sample.shares[places]
-    amplitude, offset = likelihood.drawn(predicted, generator)
+    amplitude, offset, nuisance = likelihood.drawn(predicted, generator)
     space = likelihood.model.space(sample.hypothesis)
     some = np.linspace(0, DRAWN - 1, CHECKED).astype(int)
     values = space.values(shares[some])
     marks = flight_scores(likelihood.seen.flights, flights, space.hypothesis, values)
     p = predictive_p(likelihood, predicted.only(some), amplitude[some], marks)
     h, log, error = sample.hypothesis, sample.log_evidence, sample.error
-    return Fit(h, space, shares, predicted, amplitude, offset, log, error, p)
+    return Fit(h, space, shares, predicted, amplitude, offset, nuisance, log, error, p)
 
 
 def predictive_p(likelihood: Likelihood, p: Predicted, amplitude: Array, marks: Array) -> float:

@@ -51,11 +51,15 @@ def within_margin(
     raw: Mapping[Hypothesis, float],
     margin: Margin,
 ) -> float:
-    """Compute the probability that the gap is below its margin, scatter left out."""
+    """Compute the probability that the gap is below its margin.
+
+    Scatter is left out, and what nuisances explain: a gap by the contact is no effect.
+    """
     some, base = likelihood.having, fits[NONE].predicted.only([0])
     plain, found = likelihood.late_mean(base)[0], 0.0
     for h, one in fits.items():
-        gaps = (likelihood.late_mean(one.predicted) + one.offset - plain) / margin.of(plain)
+        moved = likelihood.late_mean(one.predicted) + one.offset - one.nuisance
+        gaps = (moved - plain) / margin.of(plain)
         engaged = (one.predicted.engaged - base.engaged) / likelihood.settings.engaged_margin
         over = (gaps[:, some] ** 2 + engaged[:, some] ** 2).mean(axis=1)
         found += raw.get(h, 0.0) * float((over < 1.0).mean())

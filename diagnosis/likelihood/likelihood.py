@@ -86,8 +86,13 @@ class Likelihood:
 
     @cached_property
     def shared(self) -> Array:
-        """Relative errors in common, (C, q): first two directions of nuisances, nominal errors."""
-        parts = [self._nominal(self.bench.errors.systematic)]
+        """Relative errors in common, (C, q): those of nuisances, then of nominal values."""
+        return np.hstack([self.nuisances, self._nominal(self.bench.errors.systematic)])
+
+    @cached_property
+    def nuisances(self) -> Array:
+        """Relative errors in common by nuisances, the first two directions of each, (C, q)."""
+        parts = [np.zeros((self.model.cells, 0))]
         for name, effect in self.model.nuisances.items():
             (only,) = effect.parameters
             factors = (
@@ -96,7 +101,7 @@ class Likelihood:
             values = np.clip(factors, only.low, only.high)[:, None]
             changes = self.model.changes(name, values).moments[..., 0] / len(QUANTILES) ** 0.5
             _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
-            parts.insert(-1, (sizes[:2, None] * directions[:2]).T)
+            parts.append((sizes[:2, None] * directions[:2]).T)
         return np.hstack(parts)
 
     @cached_property
@@ -291,8 +296,11 @@ class Likelihood:
         """Compute the mean of all shifts, late ones too, s, (m, C)."""
         return np.asarray(p.mean + np.clip(p.late, 0.0, 0.9) * self.model.behind[0])
 
-    def drawn(self, p: Predicted, generator: np.random.Generator) -> tuple[Array, Array]:
-        """Draw amplitudes (m,) and common errors of each prediction, s, (m, C), given the data."""
+    def drawn(self, p: Predicted, generator: np.random.Generator) -> tuple[Array, Array, Array]:
+        """Draw common errors of each prediction given the data.
+
+        Amplitudes of the discrepancy, (m,); the errors, s, (m, C); the part of them by nuisances.
+        """
         found = self.terms(p)
         weights = np.exp(found.nodes - logsumexp(found.nodes, axis=1, keepdims=True))
         pick = (generator.random((len(weights), 1)) > weights.cumsum(axis=1)).sum(axis=1)
@@ -303,7 +311,10 @@ class Likelihood:
         root = np.linalg.inv(np.linalg.cholesky(np.eye(every.shape[2]) + scaled @ some))
         mean = root @ scaled @ found.residual[..., None]
         noise = generator.standard_normal(mean.shape[:2])[..., None]
-        return amplitude, (every @ root.swapaxes(1, 2) @ (mean + noise))[..., 0]
+        parts = every * (root.swapaxes(1, 2) @ (mean + noise)).swapaxes(1, 2)
+        first = self.smooth.shape[1]
+        nuisances = parts[..., first : first + self.nuisances.shape[1]]
+        return amplitude, parts.sum(axis=2), nuisances.sum(axis=2)
 
 
 def _late_numbers(n: Array, most: int) -> tuple[Array, Array]:

@@ -126,12 +126,16 @@ def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
     seen = replace(seen, freedom=np.zeros(model.cells))
     plain = model.predict(NONE, np.zeros((1, 0)))
     seen = replace(seen, mean=plain.mean[0] * np.linspace(1.0, 1.1, model.cells))
-    likelihood = likelihood_of(seen)
+    # The scale of the force stands for a nuisance: its change of the time is of closed form.
+    contact = replace(model, nuisances={"force_scale": model.effects["force_scale"]})
+    settings = replace(USUAL, nuisance={"force_scale": 1.1})
+    likelihood = Likelihood(bench, seen, contact, settings)
     p = Predicted.joined([plain] * 4000)
-    amplitude, offset = likelihood.drawn(p, np.random.default_rng(4))
+    amplitude, offset, nuisance = likelihood.drawn(p, np.random.default_rng(4))
     found = likelihood.terms(plain)
     weights = np.exp(found.nodes[0] - logsumexp(found.nodes[0]))
-    means, covariances = list[Array](), list[Array]()
+    means, covariances, own = list[Array](), list[Array](), list[Array]()
+    known = plain.mean[0][:, None] * likelihood.nuisances
     for size in NODES:
         columns = np.hstack(
             [
@@ -140,7 +144,9 @@ def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
             ]
         )
         signal = columns @ columns.T
-        gain = signal @ np.linalg.inv(signal + np.diag(found.variance[0]))
+        inverse = np.linalg.inv(signal + np.diag(found.variance[0]))
+        gain = signal @ inverse
+        own.append(known @ known.T @ inverse @ found.residual[0])
         means.append(gain @ found.residual[0])
         covariances.append(signal - gain @ signal)
     mean = np.einsum("k,kc->c", weights, means)
@@ -152,4 +158,7 @@ def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
     assert np.cov(offset.T) / np.outer(sd, sd) == pytest.approx(
         covariance / np.outer(sd, sd), abs=0.08
     )
+    part = np.einsum("k,kc->c", weights, own)
+    assert abs(part).max() > 1e-4
+    assert abs(nuisance.mean(axis=0) - part).max() < 4.0 * (sd / 4000**0.5).max()
     assert amplitude.mean() == pytest.approx(USUAL.discrepancy * weights @ NODES, rel=0.05)
