@@ -56,7 +56,7 @@ def fit_of(
     rows = np.broadcast_to(shares, (count, len(space.parameters)))
     mean = np.full((count, CELLS), time)
     amplitude = np.zeros(count)
-    draws = np.array(rows), predicted(mean), amplitude, 0.0 * mean
+    draws = np.array(rows), predicted(mean), amplitude, 0.0 * mean, 0.0 * mean
     return Fit(hypothesis, space, *draws, log_evidence=0.0, error=0.0, p=0.5)
 
 

@@ -174,6 +174,7 @@ def power_of(stick: Yardstick, seed: int = 1) -> float:
     for _ in range(SERIES):
         mean = np.where(known, stick.plain.mean + error * generator.standard_normal(len(error)), 0)
         series = replace(seen, count=np.where(known, count, 0.0), mean=mean, freedom=0.0 * mean)
-        _, gaps = replace(given, seen=series).drawn(many, generator)
+        _, offset, nuisance = replace(given, seen=series).drawn(many, generator)
+        gaps = offset - nuisance
         within.append((((gaps[:, known] / margin) ** 2).mean(axis=1) < 1.0).mean())
     return float((np.array(within) >= given.settings.named).mean())
