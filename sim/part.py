@@ -1,18 +1,16 @@
 r"""The ring as a part: a closed surface for printing and drawing, and its volume.
 
 All corners of the dogs are straight lines, so a fillet or rounding is a cylinder about one, and the
-toothed side is ruled by lines that end on the cylinders of inner and outer radius. Seen along the
-axis no line hides another, but for undercut flanks: the surface cannot cut itself while the lines
-keep their order, and with undercut its ends fold, which the volume does not notice. A flank without
-lean is taken with ``LEANING``. Like rings never overlap: rounded tips are all that a ball
-can reach from inside the dog, filled slots all that it can reach inside the slot
-(``require_room``).
+toothed side is ruled by lines that end on the cylinders of inner and outer radius. There a strip
+joins their ends to a row of points a little below the floors, in the same order and, but below an
+undercut or upright flank (``waist``), at the same angles: the surface cannot cut itself while the
+lines keep their order. Like rings never overlap: rounded tips are all that a ball can reach from
+inside the dog, filled slots all that it can reach inside the slot (``require_room``).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -35,7 +33,8 @@ from dogshape.sim.shift.mesh import (
 SMALLEST_RADIUS = 1e-6
 SEGMENTS = 8  #: of the arc of a fillet or rounding
 STEP = math.radians(2.0)  #: largest angle between neighbouring lines, rad
-LEANING = 1e-4  #: rad, at least, by which flanks of a surface lean: some 0.3 um
+WAIST = 0.1  #: depth of the row below the floors over the body or, if less, the dog's height
+APART = 0.01  #: share of a tip's width by which the row keeps off the line of a flank
 
 
 def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
@@ -134,6 +133,27 @@ def require_body(body: float) -> None:
         raise GeometryError(refusal("body_mm", body * 1e3, "mm", rule, remedy))
 
 
+def waist(ends: list[NDArray[np.float64]], level: float) -> NDArray[np.float64]:
+    """Compute growing angles, rad, at which the row at height ``level`` (m) joins a pitch.
+
+    ``ends`` are those of the pieces of ``profile`` at one radius, m. Below a root that is its own
+    angle or, farther inwards, that in sight of the flank's upper end over the root; below the dog
+    its own one between both roots, and no two alike.
+    """
+    angles = [np.arctan2(y, x) for x, y, _ in (end.T for end in ends)]
+    apart = APART * (angles[-4][-1] - angles[2][0])
+    roots = []
+    for sign, root, top, end in ((1.0, 0, 2, 0), (-1.0, -2, -4, -1)):
+        eye, height = angles[top][end], ends[top][end, 2]
+        seen = eye + (angles[root] - eye) * (height - level) / (height - ends[root][:, 2])
+        roots.append(sign * np.maximum(sign * angles[root], sign * seen + apart))
+    first, last = roots
+    dog = np.concatenate(angles[1:-2])
+    even = np.linspace(first[-1], last[0], len(dog) + 2)[1:-1]
+    dog = (1.0 - APART) * np.clip(dog, first[-1], last[0]) + APART * even
+    return np.concatenate([first, dog, last, angles[-1]])
+
+
 def ring_part(
     dog: Dog, root_radius: float, body: float, segments: int = SEGMENTS, step: float = STEP
 ) -> Mesh:
@@ -146,29 +166,24 @@ def ring_part(
     Raises GeometryError where roundings do not fit, or the body has no thickness.
     """
     require_body(body)
-    traction, braking = (
-        lean if abs(lean) >= LEANING else LEANING for lean in (dog.traction, dog.braking)
-    )
-    leaning = replace(dog, traction=traction, braking=braking)
-    pieces = profile(leaning, root_radius, segments, step)
-    pitch = Lines(
-        np.concatenate([p.points for p in pieces]), np.concatenate([p.directions for p in pieces])
-    )
-    turned = [pitch.turned(index * dog.pitch_angle) for index in range(dog.count)]
-    ends = [
-        np.concatenate([lines.at(radius) for lines in turned])
-        for radius in (dog.inner_radius, dog.outer_radius)
-    ]
-    feet = [end * [1.0, 1.0, 0.0] - [0.0, 0.0, 0.5 * dog.height + body] for end in ends]
-    size = len(ends[0])
-    here = np.arange(size)[:, None]
-    after = np.roll(here, -1)
-    inner, outer, inner_foot, outer_foot = (np.hstack([here, after]) + k * size for k in range(4))
-    # Corners of each quadrilateral: here and after on one edge, back on the other.
-    sides = ((outer, inner), (inner_foot, outer_foot), (inner, inner_foot), (outer_foot, outer))
-    quads = np.stack([np.hstack([near, far[:, ::-1]]) for near, far in sides], axis=1)
-    cells = quads[..., [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
-    return Mesh(np.concatenate([*ends, *feet]), cells)
+    pieces = profile(dog, root_radius, segments, step)
+    floor = -0.5 * dog.height
+    depth = WAIST * min(body, dog.height)
+    turns = dog.pitch_angle * np.arange(dog.count)
+    rows = []
+    for radius in (dog.inner_radius, dog.outer_radius):
+        ends = [lines.at(radius) for lines in pieces]
+        feet = np.add.outer(turns, waist(ends, floor - depth)).ravel()
+        edge = np.concatenate([np.vstack(ends) @ rotation(float(turn)).T for turn in turns])
+        x, y = radius * np.cos(feet), radius * np.sin(feet)
+        levels = (np.full_like(feet, floor - down) for down in (depth, body))
+        rows += [edge, *(np.array([x, y, level]).T for level in levels)]
+    # Around the section: inner edge, waist and foot, then outer foot, waist and edge.
+    points = np.array([*rows[:3], *rows[:2:-1]])
+    here = np.arange(points[..., 0].size).reshape(points.shape[:2])
+    after = np.roll(here, -1, axis=1)
+    quads = np.array([here, after, np.roll(after, -1, axis=0), np.roll(here, -1, axis=0)]).T
+    return Mesh(points.reshape(-1, 3), quads[..., [0, 1, 2, 0, 2, 3]].reshape(-1, 3))
 
 
 def part_volume(dog: Dog, root_radius: float, body: float) -> float:

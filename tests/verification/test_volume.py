@@ -15,20 +15,26 @@ from dogshape.sim.shift.mesh import Mesh, to_stl
 from dogshape.sim.units import DEG, MM
 
 BODY = 5.0 * MM
+UNDERCUT = {"traction": -4.0 * DEG, "braking": -8.0 * DEG, "chamfer": 0.0, "backlash": 2.0 * MM}
+ROOF = {"crest": 0.4, "chamfer_back": 12.0 * DEG, "backlash": 0.3 * MM, "edge_radius": 0.4 * MM}
 
 
 def _annulus(dog: Dog) -> float:
     return math.pi * (dog.outer_radius**2 - dog.inner_radius**2)
 
 
-@pytest.mark.parametrize("flanks", [(0.0, 0.0), (12.0, 22.0), (0.0, 30.0)])
+@pytest.mark.parametrize(
+    "shape", [(0.0, 0.0, 0.0), (12.0, 22.0, 0.0), (0.0, 30.0, 0.0), (-4.0, -9.0, 2.5)]
+)
 def test_without_chamfer_dogs_fill_half_of_the_height(
-    prototype: Dog, flanks: tuple[float, float]
+    prototype: Dog, shape: tuple[float, float, float]
 ) -> None:
-    """Sharp dogs between leaning planes hold exactly half of the annulus."""
-    traction, braking = flanks
-    dog = replace(prototype, chamfer=0.0, traction=traction * DEG, braking=braking * DEG)
-    exact = _annulus(dog) * (BODY + 0.5 * dog.height)
+    """Sharp dogs between leaning planes hold exactly half of the annulus, less half the play."""
+    traction, braking, play = shape
+    angles = {"chamfer": 0.0, "traction": traction * DEG, "braking": braking * DEG}
+    dog = replace(prototype, backlash=play * MM, **angles)
+    filled = 0.5 * (1.0 - dog.backlash_angle / dog.pitch_angle)
+    exact = _annulus(dog) * (BODY + filled * dog.height)
     assert part_volume(dog, 0.0, BODY) == pytest.approx(exact, rel=3e-6)
 
 
@@ -115,8 +121,11 @@ def _read(data: bytes) -> Mesh:
 
 
 @pytest.mark.parametrize("radius", [0.0, 0.3 * MM])
-def test_stl_is_binary_closed_and_in_millimetres(prototype: Dog, radius: float) -> None:
-    ring = ring_part(prototype, radius, BODY)
+@pytest.mark.parametrize("shape", [{}, UNDERCUT, ROOF])
+def test_stl_is_binary_closed_and_in_millimetres(
+    prototype: Dog, shape: dict[str, float], radius: float
+) -> None:
+    ring = ring_part(replace(prototype, **shape), radius, BODY)
     data = to_stl(ring, "sliding ring")
     assert data == to_stl(ring, "sliding ring")
     assert b"mm: sliding ring" in data[:80]

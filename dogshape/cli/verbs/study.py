@@ -324,10 +324,6 @@ def export(
     require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
     require_between("--body-mm", body_mm, 0.1, 1000.0, "give the thickness in mm")
     require_makeable(dog, given.limits.manufacturing)
-    if stl is not None and min(dog.traction, dog.braking) < 0.0:
-        raise InputError(
-            "--stl has no undercut flanks, under which its end faces fold; give --step"
-        )
     if step is not None:
         load_cad()  # before anything is written
     design = design_of(given, {})
