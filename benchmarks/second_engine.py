@@ -76,7 +76,7 @@ class Agreement:
     def kept(self) -> float:
         """Relative difference of the means over the shifts that did not flip."""
         same = self.size <= FLIP
-        return float(self.second.times[same].sum() / self.first.times[same].sum() - 1.0)
+        return float(np.nansum(self.second.times[same]) / np.nansum(self.first.times[same]) - 1.0)
 
 
 def measure_second(engine: SecondEngine, point: OperatingPoint, angles: np.ndarray) -> Cell:

@@ -10,6 +10,7 @@ is contact at edges, whose normal is the edges' in MuJoCo and the rigid side's i
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from dogshape.sim.errors import InputError, refusal, require_between
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.mesh import corners, dog_planes, dog_solid
+from dogshape.sim.shift.mesh import dog_planes, dog_solid, meeting
 from dogshape.sim.units import MM
 from dogshape.validation.blind.mujoco_model import OVERHANG, ratio_of
 from dogshape.validation.blind.mujoco_shift import Draw, Engine, Shift
@@ -110,7 +111,10 @@ class SecondEngine(Engine):
         stand, longer = stand_of(clutch), dog_planes(clutch.dog)
         for end in ("inner", "outer"):
             longer[end] = longer[end].moved(OVERHANG)
-        shapes = dog_solid(clutch.dog).vertices, corners(longer)
+        around = [n for n in ("root", "braking", "face", "back", "traction") if n in longer]
+        lines = itertools.product(itertools.pairwise([*around, "root"]), ("inner", "outer"))
+        points = [meeting(*(longer[name] for name in (*sides, end))) for sides, end in lines]
+        shapes = dog_solid(clutch.dog).vertices, np.array(points)
         stop = -0.01 / step**2, -0.5 / step
         super().__init__(stand, step=step, stop=stop, shapes=shapes)
         self._rollout = self._mujoco.rollout.Rollout(nthread=0)
