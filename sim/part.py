@@ -136,9 +136,9 @@ def require_body(body: float) -> None:
 def waist(ends: list[NDArray[np.float64]], level: float) -> NDArray[np.float64]:
     """Compute growing angles, rad, at which the row at height ``level`` (m) joins a pitch.
 
-    ``ends`` are those of the pieces of ``profile`` at one radius, m. Below a root that is its own
-    angle or, farther inwards, that in sight of the flank's upper end over the root; below the dog
-    its own one between both roots, and no two alike.
+    ``ends`` are those of ``profile``'s pieces at one radius, m. Below a root the angle is its own
+    or, if farther inwards, that of the ray from the flank's upper end through the root; below the
+    dog its own, limited to between both roots. No two are alike.
     """
     angles = [np.arctan2(y, x) for x, y, _ in (end.T for end in ends)]
     apart = APART * (angles[-4][-1] - angles[2][0])
@@ -167,17 +167,15 @@ def ring_part(
     """
     require_body(body)
     pieces = profile(dog, root_radius, segments, step)
-    floor = -0.5 * dog.height
-    depth = WAIST * min(body, dog.height)
+    floor, depth = -0.5 * dog.height, WAIST * min(body, dog.height)
     turns = dog.pitch_angle * np.arange(dog.count)
     rows = []
     for radius in (dog.inner_radius, dog.outer_radius):
         ends = [lines.at(radius) for lines in pieces]
         feet = np.add.outer(turns, waist(ends, floor - depth)).ravel()
         edge = np.concatenate([np.vstack(ends) @ rotation(float(turn)).T for turn in turns])
-        x, y = radius * np.cos(feet), radius * np.sin(feet)
-        levels = (np.full_like(feet, floor - down) for down in (depth, body))
-        rows += [edge, *(np.array([x, y, level]).T for level in levels)]
+        x, y, one = radius * np.cos(feet), radius * np.sin(feet), np.ones_like(feet)
+        rows += [edge, *(np.array([x, y, (floor - down) * one]).T for down in (depth, body))]
     # Around the section: inner edge, waist and foot, then outer foot, waist and edge.
     points = np.array([*rows[:3], *rows[:2:-1]])
     here = np.arange(points[..., 0].size).reshape(points.shape[:2])

@@ -375,12 +375,6 @@ class Mesh:
         return float(np.linalg.det(corners).sum() / 6.0)
 
 
-def corners(planes: dict[str, Plane]) -> Vertices:
-    """Return the eight corners (8, 3) of the body between six planes."""
-    names = itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer"))
-    return np.array([meeting(*(planes[name] for name in three)) for three in names])
-
-
 def rigid_dog(dog: Dog) -> Mesh:
     """Return traction flank, face and braking flank of one dog, normals outwards.
 
@@ -498,7 +492,9 @@ def compliant_dog(dog: Dog) -> Mesh:
     if dog.edge_radius > 0.0 or dog.has_back:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
-    vertices = np.array([*corners(skin), apex])
+    threes = itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer"))
+    corners = (meeting(*(skin[name] for name in names)) for names in threes)
+    vertices = np.array([*corners, apex])
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     cells = [(*triangle, 8) for face in faces for triangle in triangulated(face)]
     return Mesh(vertices, _oriented(vertices, cells))
