@@ -31,13 +31,17 @@ One file: the compiler's cache knows of changes in a function's own file alone.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 
-compiled = njit(cache=True, error_model="numpy")
+#: Of the compiler; to count references to arrays (``_nrt``) took two fifths of a shift.
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+compiled = njit(**OPTIONS)
+making = njit(**OPTIONS | {"_nrt": True, "nogil": True})  #: for what makes arrays, or calls such
 #: A call takes every field of every array: without calls a shift costs a fifth less.
-inlined = njit(cache=True, error_model="numpy", forceinline=True)
+inlined = njit(**OPTIONS, forceinline=True)
 
 #: A rigid plane meets the pressure of a plane only where it presses against it: cosine between
 #: its normal and the pressure's gradient, at least (112.5 degrees).
@@ -85,7 +89,7 @@ TOUCH_TURN = 0.004  #: the same of a step without contact, in which dogs may hav
 WAYS, RATES = (0, 1, 2, 6, 8, 10), (3, 4, 5, 7, 9, 11)
 
 
-@compiled
+@making
 def workspace(planes):
     """Make room for the polygons of a dog with a number of planes that touch."""
     return np.empty((3, ROOM + planes, 3 + planes))
@@ -458,7 +462,7 @@ def rates(time, state, out, plain, knots, surfaces, law, work):
     return along != 0.0 or about != 0.0
 
 
-@compiled
+@making
 def _slopes(time, state, now, slopes, plain, knots, surfaces, law, work):
     """Write into ``slopes`` (13, 12) how the rates ``now`` change with the state, and in time.
 
@@ -522,7 +526,7 @@ def _solve(matrix, right, size):
         right[i] /= matrix[i, i]
 
 
-@compiled
+@making
 def _implicit(
     time, h, new, state, stages, trial, slopes, matrix, plain, knots, surfaces, law, work
 ):
@@ -581,7 +585,7 @@ def _worst(h, error, plain, tolerance):
     return worst if math.isfinite(worst) else 1e3
 
 
-@compiled
+@making
 def _reached(last, time, state, before, until, plain, knots):
     """Decide whether ring and actuator made the travel, or at a look are held; PAUSED for neither.
 
@@ -604,7 +608,7 @@ def _next_look(time, before, until):
     return min(STILL_WINDOW * (math.floor(time / STILL_WINDOW + 1e-9) + 1.0), until)
 
 
-@njit(cache=True, error_model="numpy", nogil=True)
+@making
 def advance(
     time, step, state, before, until, plain, knots, surfaces, law, tolerance, max_step, mode,
     times, states,
@@ -681,7 +685,7 @@ def advance(
     return PAUSED, time, step, count, spent
 
 
-@compiled
+@making
 def stands_still(time, before, state, left, plain, knots):
     """Decide whether the rings are held, once the force is half up and would move free ones.
 
@@ -731,7 +735,7 @@ def stays_held(states, span, left, plain):
     return turned < 0.5 * free and made < 0.5 * (plain[WAY] - way)
 
 
-@compiled
+@making
 def face_overlap(angle, plain):
     """Compute the overlap of two faces along the circumference, m; a number or (n,).
 
@@ -763,7 +767,7 @@ def faces_meet(angle, way, plain):
     return 0.0 < overlap < most and way - plain[GAP] <= touch
 
 
-@compiled
+@making
 def shift_force(times, knots):
     """Compute the shift force, N, and its integral from the start, N s, at times, (n,) each."""
     force, given = np.empty(times.size), np.empty(times.size)
@@ -794,7 +798,7 @@ def _integral(s, place, knots):
     )
 
 
-@compiled
+@making
 def contact_means(times, states, given, plain):
     """Compute the contact's force against the shift, N, and torque on the sliding ring, N m.
 
@@ -931,7 +935,7 @@ def extremes(times, states, planes, plain):
     return deepest, farthest
 
 
-@compiled
+@making
 def touching(times, force, torque, push, plain):
     """Mark steps with a contact, (n,): contact and shift force in N, torque of the contact, N m."""
     touches = np.zeros(force.size, np.bool_)
@@ -1032,7 +1036,7 @@ def _skipped(states, overlap, plain):
     return max(0, int(slots[1] - slots[0] if forward else slots[0] - slots[1]))
 
 
-@compiled
+@making
 def _strikes(times, force, push, torque, plain):
     """Find the largest impulse within ``IMPACT``, N s, and the largest of the torque alone, N m s.
 
@@ -1077,7 +1081,7 @@ def energy_lost(states, push, plain):
     return work + 0.5 * twice
 
 
-@compiled
+@making
 def _line_loads(force, torque, overlap, faces, classes, plain):
     """Compute the largest load of faces, N/m, while the force is more axial than tangential.
 
@@ -1110,7 +1114,7 @@ def _shaft_peaks(states, plain):
     return behind, ahead
 
 
-@compiled
+@making
 def summarize(times, states, plain, knots, planes, classes):
     """Work times, events and loads out of a run.
 
@@ -1133,12 +1137,8 @@ def summarize(times, states, plain, knots, planes, classes):
     push, given = shift_force(times, knots)
     force, torque = contact_means(times, states, given, plain)
     touches, overlap = touching(times, force, torque, push, plain), np.empty(times.size)
-    faces, end, before, peaks = (
-        touches.copy(),
-        times[-1] if math.isnan(ring) else ring,
-        0,
-        (0.0, 0.0),
-    )
+    faces, before, peaks = touches.copy(), 0, (0.0, 0.0)
+    end = times[-1] if math.isnan(ring) else ring
     for i in range(times.size):
         angle = states[i, 0] - states[i, 2]
         overlap[i] = face_overlap(angle, plain)
