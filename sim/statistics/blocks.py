@@ -65,10 +65,7 @@ class Block:
     @property
     def inputs(self) -> list[Record]:
         """Inputs of the block's shifts, in the order of the angles."""
-        return [
-            inputs(self.clutch, self.point, angle, variant)
-            for angle, variant in zip(self.angles, self.each_variant, strict=True)
-        ]
+        return inputs(self.clutch, self.point, self.angles, self.each_variant)
 
     @cached_property
     def keys(self) -> list[str]:

@@ -72,17 +72,18 @@ def clutch_record(clutch: Clutch) -> Record:
 
 
 def inputs(
-    clutch: Clutch, point: OperatingPoint, angle: float, variant: Variant | None = None
-) -> Record:
-    """Return the nominal inputs of one shift as a flat record, and its draw where uncertain."""
-    drawn = {} if variant is None else variant_record(clutch, point, variant)
-    return {
-        **clutch_record(clutch),
-        "mismatch_rpm": point.mismatch / RPM,
-        **point.profile.record,
-        "relative_angle_deg": angle / DEG,
-        **drawn,
-    }
+    clutch: Clutch, point: OperatingPoint, angles: Iterable[float], draws: Iterable[Variant | None]
+) -> list[Record]:
+    """Return the nominal inputs of shifts as flat records, and their draws where uncertain."""
+    same = {**clutch_record(clutch), "mismatch_rpm": point.mismatch / RPM, **point.profile.record}
+    return [
+        {
+            **same,
+            "relative_angle_deg": angle / DEG,
+            **({} if variant is None else variant_record(clutch, point, variant)),
+        }
+        for angle, variant in zip(angles, draws, strict=True)
+    ]
 
 
 def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
@@ -91,25 +92,25 @@ def uncertain_record(source: Iterable[tuple[str, str]]) -> Record:
 
 
 def variant_record(clutch: Clutch, point: OperatingPoint, variant: Variant) -> Record:
-    """Return the factors of an uncertain shift and the inputs that they make.
+    """Return the factors of an uncertain shift and the inputs that they make, as ``Variant`` does.
 
     A dissipation is named where it is uncertain: records of studies without it stay as they were.
     """
-    built, operated = variant.clutch(clutch), variant.point(point)
+    contact, inertia, profile = clutch.contact, clutch.rings.output_inertia, point.profile
     found: Record = {
         "friction_factor": variant.friction,
         "force_factor": variant.force,
         "inertia_factor": variant.inertia,
-        "drawn_static_friction": built.contact.static_friction,
-        "drawn_dynamic_friction": built.contact.dynamic_friction,
-        "drawn_output_inertia_kgm2": built.rings.output_inertia,
-        "drawn_force_N": operated.profile.force,
-        "drawn_force_rise_s": operated.profile.rise,
+        "drawn_static_friction": contact.static_friction * variant.friction,
+        "drawn_dynamic_friction": contact.dynamic_friction * variant.friction,
+        "drawn_output_inertia_kgm2": inertia * variant.inertia,
+        "drawn_force_N": profile.force * variant.force,
+        "drawn_force_rise_s": variant.rise,
         **uncertain_record(variant.source),
     }
     if "dissipation_factor" in dict(variant.source):
         found["dissipation_factor"] = variant.dissipation
-        found["drawn_dissipation_s_m"] = built.contact.dissipation
+        found["drawn_dissipation_s_m"] = contact.dissipation * variant.dissipation
     return found
 
 

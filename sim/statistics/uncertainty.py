@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -103,7 +104,7 @@ class Distribution(Section):
                 rule = f"it must be more than {least:.6g}; correct it"
                 yield f".{name} is {given[name]:.6g}, but {rule}"
         if self.distribution in CUT and not {"low", "high"}.isdisjoint(given):
-            below, above = self._curve().cdf(self.bounds)
+            below, above = _curve(self).cdf(self.bounds)
             if above - below < LEAST:
                 what = f"next to nothing of the {self.distribution} distribution"
                 yield f": {what} lies between its low and high; widen them"
@@ -128,24 +129,26 @@ class Distribution(Section):
 
     def at(self, shares: Values) -> Values:
         """Return the values below which so large ``shares`` of the distribution lie, (n,)."""
-        curve = self._curve()
+        curve = _curve(self)
         low, high = curve.cdf(self.bounds)
         values: Values = curve.ppf(low + shares * (high - low))
         return np.clip(values, *self.bounds)
 
-    def _curve(self) -> Any:
-        """Return the distribution without its truncation, as scipy has it."""
-        from scipy import stats  # noqa: PLC0415  slow to load, and a certain study does without
 
-        if self.distribution == "normal":
-            return stats.norm(self.mean, self.sd)
-        if self.distribution == "lognormal":
-            return stats.lognorm(math.log(self.factor or 0.0), scale=self.median)
-        low, high = self.bounds
-        if self.distribution == "uniform":
-            return stats.uniform(low, high - low)
-        mode = self.mode if self.mode is not None else low
-        return stats.triang((mode - low) / (high - low), low, high - low)
+@lru_cache(maxsize=16)  # scipy takes a millisecond to make one
+def _curve(one: Distribution) -> Any:
+    """Return a distribution without its truncation, as scipy has it."""
+    from scipy import stats  # noqa: PLC0415  slow to load, and a certain study does without
+
+    if one.distribution == "normal":
+        return stats.norm(one.mean, one.sd)
+    if one.distribution == "lognormal":
+        return stats.lognorm(math.log(one.factor or 0.0), scale=one.median)
+    low, high = one.bounds
+    if one.distribution == "uniform":
+        return stats.uniform(low, high - low)
+    mode = one.mode if one.mode is not None else low
+    return stats.triang((mode - low) / (high - low), low, high - low)
 
 
 def sobol_shares(count: int, dimensions: int, seed: int) -> Values:
