@@ -35,10 +35,9 @@ from dogshape.diagnosis.inference.verdict import (
     within_margin,
 )
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
-from dogshape.diagnosis.likelihood.mark_density import log_flights
-from dogshape.diagnosis.likelihood.mark_density import log_unknown as log_unknown_flights
 from dogshape.diagnosis.likelihood.observed import Observed, observe
-from dogshape.diagnosis.prediction.flights import Flights
+from dogshape.diagnosis.prediction.flights import Flights, log_flights
+from dogshape.diagnosis.prediction.flights import log_unknown as log_unknown_flights
 from dogshape.diagnosis.prediction.model import Model
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import DELAY, NONE, REVERSED, UNKNOWN, Array, Hypothesis, forward
@@ -152,7 +151,9 @@ class Diagnosis:
         """Write ``gap.json``."""
         gaps, amplitude = self.held_out, Interval.of(self.fits[self.leading].amplitude)
         shrink = 1.0 - (gaps.held_out - gaps.chance) / max(gaps.baseline - gaps.chance, 1e-6)
-        sizes = {n: {k: asdict(i) for k, i in one.items()} for n, one in self.sizes.items()}
+        # Sets of names that no data of shifts can part.
+        named = sorted({n for h in self.verdict.credible for n in h if n in self.effects})
+        alike = [[name, *self.effects[name].aliases] for name in named]
         return {
             "bench": self.bench.name,
             "engine": self.bench.clutch.solver.engine,
@@ -160,9 +161,9 @@ class Diagnosis:
             "causes": list(self.verdict.causes),
             "noise": self.noise,
             "hypotheses": [self._hypothesis(h) for h in self.posterior],
-            "confusable": self.confusable,
+            "confusable": [names for names in alike if len(names) > 1],
             "inclusion": self.inclusion,
-            "sizes": sizes,
+            "sizes": {n: {k: asdict(i) for k, i in one.items()} for n, one in self.sizes.items()},
             "gap": {
                 "hypothesis": list(self.leading),
                 "baseline_rmse_s": gaps.baseline,
@@ -176,23 +177,14 @@ class Diagnosis:
             "within_margin": self.within,
             "discrepancy": {"amplitude": asdict(amplitude)},
             "where": [
-                {
-                    "mismatch_rpm": one.cell.point.mismatch / RPM,
-                    "force_N": one.cell.point.profile.force,
-                    "gap_s": one.gap,
-                    "z": one.z,
-                }
+                {"mismatch_rpm": one.cell.point.mismatch / RPM,
+                 "force_N": one.cell.point.profile.force, "gap_s": one.gap, "z": one.z}
                 for one in self.gaps
             ],
             "record": {key: getattr(self.bench.record, key) for key in RECORD},
             "readings": [
-                {
-                    "key": one.key,
-                    "value": one.value,
-                    "probability": one.probability,
-                    "verdict": one.verdict.kind,
-                    "causes": list(one.verdict.causes),
-                }
+                {"key": one.key, "value": one.value, "probability": one.probability,
+                 "verdict": one.verdict.kind, "causes": list(one.verdict.causes)}
                 for one in self.readings
             ],
             "next_test": self.tests[0].to_dict() if self.tests else None,
@@ -202,25 +194,18 @@ class Diagnosis:
             "credible_set": [list(h) for h in self.verdict.credible],
             "seconds": self.seconds,
             "settings": asdict(self.settings),
-        }
+        }  # fmt: skip
 
-    @property
-    def confusable(self) -> list[list[str]]:
-        """Sets of names that no data of shifts can part."""
-        named = {n for h in self.verdict.credible for n in h if n in self.effects}
-        return [[n, *self.effects[n].aliases] for n in sorted(named) if self.effects[n].aliases]
-
-    def _hypothesis(self, hypothesis: Hypothesis) -> Record:
-        record: Record = {
-            "effects": list(hypothesis),
-            "probability": self.posterior[hypothesis],
-            "evidence_probability": self.evidence[hypothesis],
-            "parameters": {},
-        }
-        if found := self.fits.get(hypothesis):
-            record["parameters"] = {n: asdict(one) for n, one in found.intervals.items()}
-            record["log_evidence"], record["log_evidence_error"] = found.log_evidence, found.error
-            record["predictive_p"] = found.p
+    def _hypothesis(self, h: Hypothesis) -> Record:
+        record = {"effects": list(h), "probability": self.posterior[h],
+                  "evidence_probability": self.evidence[h], "parameters": {}}  # fmt: skip
+        if found := self.fits.get(h):
+            record |= {
+                "parameters": {name: asdict(one) for name, one in found.intervals.items()},
+                "log_evidence": found.log_evidence,
+                "log_evidence_error": found.error,
+                "predictive_p": found.p,
+            }
         return record
 
 
@@ -229,21 +214,19 @@ def diagnose(bench: Bench, models: Mapping[str, Model], settings: Settings = USU
     begin = time.process_time()
     unknown = any(cell.unknown for cell in bench.cells)
     meanings: tuple[EmptyCells, ...] = ("not_made", "failed") if unknown else ("unknown",)
-    ranked = [
-        _answers(bench, place, empty, model, settings)
-        for place, model in models.items()
-        for empty in meanings
-    ]
-    evidence = _mixed([answer for answers in ranked for answer in answers], settings)
+    ranked = [_answers(bench, place, empty, model, settings)
+              for place, model in models.items() for empty in meanings]  # fmt: skip
+    every = [answer for answers in ranked for answer in answers]
+    evidence = _mixed(every, settings)
     fitted = [_fitted(answers, evidence) for answers in ranked]
     whole, readings = _conclude(fitted, settings), []
     likelihood, fits = whole.best.likelihood, whole.best.fits
     model, known = likelihood.model, [h for h in whole.posterior if h in fits]
     rival = next((fits[h] for h in known[1:] if h != NONE), None)
     plain = likelihood.late_mean(fits[NONE].predicted.only([0]))[0]
-    times = np.array([np.nan if cell.time is None else cell.time for cell in bench.cells])
+    times = np.array([cell.time for cell in bench.cells], dtype=float)
     turned = {} if model.turned is None else {REVERSED: registry.load()[REVERSED]}
-    keys = dict.fromkeys(i for answers in ranked for one in answers for i in one.record.items())
+    keys = dict.fromkeys(item for one in every for item in one.record.items())
     for key, value in keys:
         mine = _conclude(fitted, settings, (key, value))
         prior = 1.0 / sum(k == key for k, _ in keys)
@@ -266,11 +249,7 @@ class _Answer:
     record: Mapping[str, str]
     ranking: Ranking
     logs: Mapping[Hypothesis, float]
-
-    @cached_property
-    def log(self) -> float:
-        """Log of prior times evidence of this meaning."""
-        return float(logsumexp(list(self.logs.values())))
+    log: float  #: of all hypotheses together
 
 
 @dataclass(frozen=True)
@@ -364,15 +343,16 @@ def _answers(
         meant = dict(zip(grid, values, strict=True))
         prior = sum(np.log(grid[key][value]) for key, value in meant.items())
         logs = {h: prior + _log(ranking, h, meant) for h in (*ranking.samples, UNKNOWN)}
-        found.append(_Answer(meant, ranking, logs))
+        found.append(_Answer(meant, ranking, logs, float(logsumexp(list(logs.values())))))
     return found
 
 
 def _log(ranking: Ranking, h: Hypothesis, meant: Mapping[str, str]) -> float:
     """Compute log of prior times evidence where the record means something."""
-    log, settings = ranking.log_joint(h), ranking.likelihood.settings
+    log, settings = ranking.log_prior[h], ranking.likelihood.settings
     if h == UNKNOWN:
-        return log
+        return log + ranking.log_unknown
+    log += ranking.samples[h].log_evidence
     if meant.get("time_zero") == "force":
         # The sets without a dead time take the whole prior.
         log = -np.inf if DELAY in h else log - np.log1p(-settings.prior(DELAY))
@@ -389,7 +369,7 @@ def _mixed(answers: Sequence[_Answer], settings: Settings) -> dict[Hypothesis, f
     for one in answers:
         for h, log in one.logs.items():
             found[h] += float(np.exp(log - whole))
-    prior = {h: float(np.exp(priors[h])) if h in priors else 0.0 for h in found}
+    prior = {h: float(np.exp(priors.get(h, -np.inf))) for h in found}
     floor = settings.floor / sum(prior.values())
     mixed = {h: (1.0 - settings.floor) * p + floor * prior[h] for h, p in found.items()}
     return dict(sorted(mixed.items(), key=lambda item: -item[1]))

@@ -47,10 +47,11 @@ DRAWS = 64  #: of each posterior
 ALIKE = 0.1  #: difference of chances to settle, within their error, below which the cost decides
 MORE = (10, 40)  #: shifts that may be added at an operating point
 TRACED = 10  #: shifts of which traces are recorded
-#: Tests that are no effect's own, by the names of a data set, with their hours to set up.
-GENERIC = {"more shifts": SETUP, "traces": TRACING}
+GENERIC = ("more shifts", "traces")  #: tests that are no effect's own, by the names of a data set
 DIRECT, ASKED = 3.0, 0.25  #: hours of another direct test, and of a question about the record
-HOURS = {  #: of direct tests: sensors at hand cost less than a clutch taken apart
+HOURS = {  #: to set up, or of direct tests: sensors at hand cost less than a clutch taken apart
+    "more shifts": SETUP,
+    "traces": TRACING,
     "sense of rotation at the rig": 0.25,
     "hand test of the play": 0.5,
     "gap by feeler or travel": 0.5,
@@ -85,22 +86,18 @@ def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
         if terms.name not in menu:
             hint = did_you_mean(terms.name, menu)
             raise DataError(f"{bench.name}: '{terms.name}' in [[tests]] is no bench test; {hint}")
-    if not any(possible(bench, name) for name in menu - {"traces"}):
+    if not any(terms_of(bench, name)[1] for name in menu - {"traces"}):
         raise DataError(
             f"{bench.name}: [[tests]] leaves no bench test that is possible, but advice needs one; "
             "leave 'more shifts' or a direct test"
         )
 
 
-def possible(bench: Bench, name: str) -> bool:
-    """Decide whether a stand can do a test, by its data set."""
-    return all(terms.possible for terms in bench.tests if terms.name == name)
-
-
-def hours_of(bench: Bench, name: str) -> float:
-    """Find the hours of a direct test, or to set up another, at a stand."""
-    own = [t.hours for t in bench.tests if t.name == name and t.hours is not None]
-    return own[-1] if own else GENERIC.get(name, HOURS.get(name, DIRECT))
+def terms_of(bench: Bench, name: str) -> tuple[float, bool]:
+    """Find the hours of a direct test, or to set up another, and whether a stand can do it."""
+    own = [terms for terms in bench.tests if terms.name == name]
+    hours = [HOURS.get(name, DIRECT), *(one.hours for one in own if one.hours is not None)]
+    return hours[-1], all(one.possible for one in own)
 
 
 def imitator_odds(settings: Settings) -> float:
@@ -209,12 +206,10 @@ def _questions(diagnosis: Diagnosis) -> list[NextTest]:
                         for one in (best, 1.0 - best))  # fmt: skip
         name, how = RECORD[key]
         effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == name)
-        found.append(
-            NextTest(
-                name, how, "record", ASKED, effects,
-                question=key, information=gain, settles=right, misleads=wrong,
-            )
-        )  # fmt: skip
+        found.append(NextTest(
+            name, how, "record", ASKED, effects,
+            question=key, information=gain, settles=right, misleads=wrong,
+        ))  # fmt: skip
     return found
 
 
@@ -226,17 +221,13 @@ def _direct_tests(diagnosis: Diagnosis) -> list[NextTest]:
         grouped.setdefault(effect.test.name, []).append(effect)
     return [
         NextTest(
-            name,
-            those[0].test.how,
-            "direct",
-            hours_of(bench, name),
-            tuple(effect.name for effect in those),
+            name, those[0].test.how, "direct", hours, tuple(effect.name for effect in those),
             tuple(p for e in those for p in [q.name for q in e.parameters] or [e.name]),
             outcome=_read(diagnosis, those),
         )
-        for name, those in grouped.items()
-        if possible(bench, name) and not {effect.name for effect in those} <= known
-    ]
+        for name, those in grouped.items() for hours, possible in [terms_of(bench, name)]
+        if possible and not {effect.name for effect in those} <= known
+    ]  # fmt: skip
 
 
 def _read(diagnosis: Diagnosis, effects: Sequence[Effect]) -> Outcome:
@@ -276,13 +267,14 @@ def _where(bench: Bench, cell: int) -> tuple[tuple[float, float], str]:
 def _further_tests(diagnosis: Diagnosis) -> list[NextTest]:
     """List more shifts at each operating point at which shifts can engage."""
     bench, found, known = diagnosis.bench, [], _plausible(diagnosis)
-    if not possible(bench, "more shifts"):
+    hours, possible = terms_of(bench, "more shifts")
+    if not possible:
         return []
     like = diagnosis.fits[_leading(diagnosis.posterior, diagnosis.fits)]
     engaging = np.flatnonzero(np.isfinite(like.predicted.mean).all(axis=0)).tolist()
     for cell, count in itertools.product(engaging, MORE):
         point, words = _where(bench, cell)
-        name, hours = f"{count} more shifts at {words}", hours_of(bench, "more shifts")
+        name = f"{count} more shifts at {words}"
         parts = {h: _further(diagnosis, *known[h], cell, count, known=True) for h in known}
         parts[UNKNOWN] = _further(diagnosis, like, _rows(like), cell, count, known=False)
         found.append(NextTest(
@@ -319,7 +311,8 @@ def _trace_tests(diagnosis: Diagnosis) -> list[NextTest]:
     profiles = [cell.point.profile for cell in bench.cells]
     traced = {cell.point.profile for cell in bench.cells if cell.traces}
     cells = [k for k, profile in enumerate(profiles) if profile not in traced]
-    if not cells or not possible(bench, "traces"):
+    (setup, _), (tracing, possible) = (terms_of(bench, name) for name in GENERIC)
+    if not cells or not possible:
         return []
     if _leading(diagnosis.posterior) != UNKNOWN:
         least = min(profiles[k].force for k in cells)
@@ -330,7 +323,7 @@ def _trace_tests(diagnosis: Diagnosis) -> list[NextTest]:
     cell = max(cells, key=lambda k: float(np.nan_to_num(score[k] * (seen.count[k] > 0))))
     point, words = _where(bench, cell)
     how = f"Record displacement, force and both speeds over time of {TRACED} shifts at {words}."
-    hours = hours_of(bench, "more shifts") + hours_of(bench, "traces") + SHIFT * TRACED
+    hours = setup + tracing + SHIFT * TRACED
     return [NextTest(
         f"traces of {TRACED} shifts at {words}", how, "traces", hours, cell=cell, point=point,
         shifts=TRACED, outcome=_flown(diagnosis, profiles[cell]),

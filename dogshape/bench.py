@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import load_bench, require_something
+from dogshape.diagnosis.bench.bench_data import load_bench, require_shifts
 from dogshape.diagnosis.bench.comparison import ANGLES, compare
 from dogshape.diagnosis.bench.comparison import Comparison as Compared
 from dogshape.diagnosis.report.wording import findings_record
@@ -121,16 +121,15 @@ def validate(
     """
     data = load_bench(bench, correct)
     require_angles(angles)
-    chosen: int | tuple[float, ...] | None = None
+    chosen = data.relative_angles or ANGLES
     if angles is not None:
         chosen = angles if isinstance(angles, int) else tuple(angle * DEG for angle in angles)
-    counted = len(chosen) if isinstance(chosen, tuple) else chosen
-    if counted is not None and counted < MIN_ANGLES:
+    count = chosen if isinstance(chosen, int) else len(chosen)
+    if angles is not None and count < MIN_ANGLES:
         raise InputError(
             f"--angles is '{angles}', but a comparison needs at least three; give more"
         )
-    count = counted or len(data.relative_angles or ()) or ANGLES
-    require_something(data)
+    require_shifts(data, times=False)
     if engine is not None:
         data = replace(data, clutch=data.clutch.with_engine(engine))
     shifts = len(data.cells) * count

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_times
+from dogshape.diagnosis.bench.bench_data import Bench, load_bench, require_shifts
 from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.inference.outcome import APART, ShiftPlan, shift_plan
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
+from dogshape.pipeline.diagnose import gap_update
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
     Means,
@@ -30,27 +31,10 @@ from dogshape.pipeline.diagnose.calibrated_study import (
     require_new_study,
 )
 from dogshape.pipeline.diagnose.consequence import Consequence, price_of, studied
-from dogshape.pipeline.diagnose.gap_update import (
-    add_update,
-    asked_of,
-    before_of,
-    joined,
-    keep_data,
-    require_no_updates,
-    settle_data,
-    update_record,
-)
 from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of
-from dogshape.pipeline.reports.gap_page import (
-    cells_figure,
-    cells_of,
-    examined_lines,
-    hypothesis_table,
-    publish,
-    residual_table,
-)
+from dogshape.pipeline.reports import gap_page
 from dogshape.pipeline.store.folder import require_targets
 from dogshape.running import receiver
 from dogshape.sim.effects import load
@@ -92,16 +76,16 @@ class Diagnosis(Result):
         return [
             record["summary"],
             "",
-            hypothesis_table(found),
+            gap_page.hypothesis_table(found),
             "",
-            residual_table(found),
+            gap_page.residual_table(found),
             "",
             f"Monte Carlo error of the leading probability: {found.noise:.3f}",
             *(f"own effect {name}: {chance(found.inclusion.get(name, 0.0))}" for name in own),
             "next test: {name}. {why}".format(**record["next_test"]),
             *([self.consequence.sentence] if self.consequence else []),
             *([f"report: {record['report']}"] if self.folder else []),
-            *examined_lines(found.bench),
+            *gap_page.examined_lines(found.bench),
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -116,11 +100,11 @@ class Diagnosis(Result):
 
     def to_frame(self) -> Frame:
         """Give a row for each operating point: bench, simulation, gap, prediction, in s."""
-        return frame_of(cells_of(self.inference))
+        return frame_of(gap_page.cells_of(self.inference))
 
     def plot(self) -> Figure:
         """Draw bench times, the simulation, and the leading hypothesis at held-out points."""
-        return cells_figure(cells_of(self.inference))
+        return gap_page.cells_figure(gap_page.cells_of(self.inference))
 
     def calibrated(
         self,
@@ -181,21 +165,20 @@ def diagnose(
     means = Means(Path(bank), None if effects is None else Path(effects), jobs, told, engine)
     folder = None if out is None else Path(out)
     if folder is not None:
-        require_no_updates(folder)
+        gap_update.require_no_updates(folder)
     if study is not None:
         studied(study)  # refuses a study without a result before the long work
     with nullcontext() if folder is None else writing(folder):
-        found, where = diagnosed(given, means), "not written, for lack of --out"
+        found, where, price = diagnosed(given, means), "not written, for lack of --out", None
         if folder is not None:
-            where = f"written to {publish(found, folder)}"
-            keep_data(given, folder, means.effects)
-        if study is None:
-            return Diagnosis(found, None, folder)
-        verdict = headline_of(found.verdict, found.effects)
-        told.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
-        price = price_of(found, study, means, folder or Path(bank))
-        if folder is not None:
-            publish(found, folder, price)
+            where = f"written to {gap_page.publish(found, folder)}"
+            gap_update.keep_data(given, folder, means.effects)
+        if study is not None:
+            verdict = headline_of(found.verdict, found.effects)
+            told.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
+            price = price_of(found, study, means, folder or Path(bank))
+            if folder is not None:
+                gap_page.publish(found, folder, price)
     return Diagnosis(found, price, folder)
 
 
@@ -224,14 +207,13 @@ class Update(Result):
             f"now: {self.record['after']['headline']}",
             "next test: {name}. {why}".format(**record["next_test"]),
             f"report: {record['report']}",
-            *examined_lines(self.diagnosis.inference.bench),
+            *gap_page.examined_lines(self.diagnosis.inference.bench),
         ]
 
     def to_dict(self) -> dict[str, Any]:
         """Give the record that ``dogshape gap update --json`` prints."""
-        next_test = self.diagnosis.to_dict()["next_test"]
-        report = str(self.folder / "report.html")
-        return {**self.record, "next_test": next_test, "report": report}
+        after = self.diagnosis.to_dict()
+        return {**self.record, "next_test": after["next_test"], "report": after["report"]}
 
     def to_frame(self) -> Frame:
         """Give a row for each hypothesis: probability before and after."""
@@ -262,18 +244,18 @@ def update_diagnosis(
         before and now differ by the readings alone.
     """
     place = Path(folder)
-    asked = asked_of(place)
+    asked = gap_update.asked_of(place)
     with writing(place):
-        bench, sheet = joined(place, Path(new), asked)
-        require_times(bench)
+        bench, sheet = gap_update.joined(place, Path(new), asked)
+        require_shifts(bench, times=True)
         count = len(asked.joined)
-        before = before_of(place, count)
+        before = gap_update.before_of(place, count)
         own = effects if effects is not None else asked.effects
         own = None if own is None else Path(own)
         found = diagnosed(bench, Means(Path(bank), own, jobs, receiver(progress), before["engine"]))
-        record = update_record(before, found, sheet, count)
-        publish(found, place, history=add_update(place, record, count))
-        settle_data(place)
+        record = gap_update.update_record(before, found, sheet, count)
+        gap_page.publish(found, place, history=gap_update.add_update(place, record, count))
+        gap_update.settle_data(place)
     return Update(Diagnosis(found, None, place), record, place)
 
 
@@ -297,12 +279,13 @@ class Plan(Result):
             for one in record["order"]
         ]  # fmt: skip
         names = record["hypotheses"]
-        for truth in range(1, len(names)):
-            seen, distinct, left = self.unlike(truth)
+        for truth, apart in enumerate(plan.apart[1:], start=1):
+            others = [k for k in range(1, len(apart)) if k != truth]
+            left = [names[k] for k in sorted(others, key=apart.__getitem__) if apart[k] < HALF]
             more = f" and {len(left) - SHOWN_RIVALS} more" if len(left) > SHOWN_RIVALS else ""
-            rivals = ", ".join(names[k] for k in left[:SHOWN_RIVALS]) or "-"
-            whole = f"{len(distinct)} of {len(distinct) + len(left)}"
-            causes.append([names[truth], f"{seen:.0%}", whole, f"{rivals}{more}"])
+            rivals = ", ".join(left[:SHOWN_RIVALS]) or "-"
+            whole = f"{len(others) - len(left)} of {len(others)}"
+            causes.append([names[truth], f"{apart[0]:.0%}", whole, f"{rivals}{more}"])
         return [
             Table(("visit", "mismatch, 1/min", "force, N", "shifts", ""), visits),
             "",
@@ -324,10 +307,8 @@ class Plan(Result):
         """Give the record that ``dogshape gap plan --json`` prints."""
         plan = self.inference
         names = [h[0] if h else "none" for h in plan.field.hypotheses]
-        points = [cell.point for cell in self.bench.cells]
-        places = [
-            {"mismatch_rpm": one.mismatch / RPM, "force_N": one.profile.force} for one in points
-        ]
+        places = [{"mismatch_rpm": one.point.mismatch / RPM, "force_N": one.point.profile.force}
+                  for one in self.bench.cells]  # fmt: skip
         pairs = ~np.eye(len(names), dtype=bool)
         return {
             "bench": self.bench.name,
@@ -343,27 +324,16 @@ class Plan(Result):
             "threshold_nats": APART,
             "hypotheses": names,
             "pairs": [
-                {
-                    "truth": names[i],
-                    "rival": names[j],
-                    "log_bayes_factor": float(plan.log_odds[i, j]),
-                    "told_apart": float(plan.apart[i, j]),
-                }
+                {"truth": names[i], "rival": names[j], "told_apart": float(plan.apart[i, j]),
+                 "log_bayes_factor": float(plan.log_odds[i, j])}
                 for i, j in np.argwhere(pairs).tolist()
             ],
             "sheet": None if self.sheet is None else str(self.sheet),
-        }
+        }  # fmt: skip
 
     def to_frame(self) -> Frame:
         """Give a row for each visit: operating point and shifts."""
         return pd.DataFrame(self.to_dict()["order"]).set_index("visit")
-
-    def unlike(self, truth: int) -> tuple[float, list[int], list[int]]:
-        """Give the share of strengths that are seen, the distinct rivals, and the others."""
-        apart = self.inference.apart[truth]
-        others = sorted((k for k in range(1, len(apart)) if k != truth), key=apart.__getitem__)
-        distinct = [k for k in others if apart[k] >= HALF]
-        return float(apart[0]), distinct, others[: len(others) - len(distinct)]
 
 
 def plan_shifts(
@@ -408,9 +378,8 @@ def plan_shifts(
     plan = shift_plan(predicted_field(bench, means), shifts, seed, points)
     if file is not None:
         todo = [bench.cells[place].point for place, count in plan.order for _ in range(count)]
-        rows = [
-            (rounded(p.mismatch / RPM), rounded(p.profile.force), p.profile.rise, 1) for p in todo
-        ]
+        rows = [(rounded(p.mismatch / RPM), rounded(p.profile.force), p.profile.rise, 1)
+                for p in todo]  # fmt: skip
         sheet = pd.DataFrame(rows, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS[:7]])
         write_frame(sheet.assign(order=range(1, len(rows) + 1)), file, digits=12)
     return Plan(bench, plan, file)

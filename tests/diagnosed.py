@@ -21,7 +21,6 @@ from dogshape.diagnosis.next_test import choose
 from dogshape.diagnosis.prediction.model import Space, build_models
 from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
-from dogshape.sim.effect import Effect
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from tests.made_up import few_cells, made_up, mean_time
@@ -61,9 +60,11 @@ class Fit:
         """Values stand for the shares of their ranges."""
         return self.values
 
-    def interval(self, name: str) -> Interval:
-        """Find mean and 90 % of a parameter."""
-        return Interval.of(self.values[:, [p.name for p in self.space.parameters].index(name)])
+    @property
+    def intervals(self) -> dict[str, Interval]:
+        """Mean and 90 % of each parameter."""
+        columns = zip(self.space.parameters, self.values.T, strict=True)
+        return {parameter.name: Interval.of(column) for parameter, column in columns}
 
 
 def fit_of(hypothesis: Hypothesis, times: Array, p: float | None = 0.4) -> Fit:
@@ -103,23 +104,22 @@ def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **
     gaps = tuple(
         PointGap(cell, mean, 0.02) for cell, mean in zip(bench.cells, base.tolist(), strict=True)
     )
-    sizes = {
-        name: {
-            one.name: Interval.of(
-                np.concatenate([f.values[:, f.space.columns(name)][:, k] for h, f in fits.items()
-                                if name in h])
-            )
-            for k, one in enumerate(EFFECTS[name].parameters)
-        }
-        for name in parts
-    }  # fmt: skip
+    sizes = {}
+    for name in parts:
+        drawn = [f.values[:, f.space.columns(name)] for h, f in fits.items() if name in h]
+        columns = zip(EFFECTS[name].parameters, np.concatenate(drawn).T, strict=True)
+        sizes[name] = {one.name: Interval.of(column) for one, column in columns}
     found = SimpleNamespace(
         bench=bench, effects=EFFECTS, posterior=dict(posterior), evidence=dict(posterior),
         fits=fits, inclusion=parts, verdict=verdict, within=0.01, gaps=gaps, leading=leading,
         rival=rival, readings=(), tests=tests(), facts=facts_of(bench), margin_s=0.011,
         sizes=sizes, noise=0.004, seconds=4.2,
         seen=SimpleNamespace(mean=seen, count=np.array([cell.n for cell in bench.cells])),
-        model=_Still(base, setting_of(bench)), held_out=SimpleNamespace(
+        model=SimpleNamespace(  # no effect moves a time
+            setting=setting_of(bench), effects=EFFECTS,
+            predict=lambda h, shares: SimpleNamespace(mean=np.tile(base, (len(shares), 1))),
+        ),
+        held_out=SimpleNamespace(
             baseline=0.138, held_out=0.021, chance=0.018, rival=rival,
             rival_held_out=None if rival is None else 0.022, mean=0.9 * seen, sd=0.02 * seen,
         ),
@@ -127,22 +127,6 @@ def diagnosis_of(posterior: Mapping[Hypothesis, float], bench: Bench = STAND, **
     vars(found).update(more)
     found.to_dict = lambda: record_of(found)
     return found
-
-
-@dataclass(frozen=True)
-class _Still:
-    """A model in which no effect moves a time."""
-
-    base: Array
-    setting: Any
-    effects: Mapping[str, Effect] = None  # type: ignore[assignment]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "effects", EFFECTS)
-
-    def predict(self, hypothesis: Hypothesis, shares: Array) -> Any:
-        """Predict the baseline of any hypothesis."""
-        return SimpleNamespace(mean=np.tile(self.base, (len(shares), 1)))
 
 
 def tests() -> tuple[Any, ...]:

@@ -35,12 +35,10 @@ WAITS = (np.arange(16) + 0.5) / 16  #: shares of the wait at which the toy is pr
 SETTINGS = replace(USUAL, model_error=0.0, least_error=1e-9, spread_error=0.0)
 
 
-def predicted(
-    mean: Array, sd: float = 0.02, error: float = 1e-3, engaged: float = 1.0
-) -> Predicted:
-    """Make a prediction of one spread and error from means (m, C)."""
+def predicted(mean: Array) -> Predicted:
+    """Make a prediction with a spread of 20 ms and an error of 1 ms from means (m, C)."""
     one, none = np.ones_like(mean), np.zeros_like(mean)
-    return Predicted(mean, sd * one, error * one, none, none, none, engaged * one, none)
+    return Predicted(mean, 0.02 * one, 1e-3 * one, none, none, none, one, none)
 
 
 def space_of(hypothesis: Hypothesis) -> Space:
@@ -68,18 +66,14 @@ def diagnosis_of(
 ) -> Any:
     """Make a diagnosis of a posterior; shifts at each point as the bench has them, of 0.3 s."""
     seen = SimpleNamespace(count=np.full(CELLS, 10.0), mean=np.full(CELLS, 0.3))
-    names = {name for h in fits for name in h} | set(more.pop("menu", ()))
-    given = {
-        "bench": bench,
-        "posterior": dict(posterior),
-        "fits": dict(fits),
-        "effects": {name: EFFECTS[name] for name in sorted(names)},
-        "settings": SETTINGS,
-        "model": SimpleNamespace(setting=SETTING),
-        "seen": seen,
-        "readings": (),
-    }
-    return SimpleNamespace(**(given | more))
+    names = {name for h in fits for name in h}
+    found = SimpleNamespace(
+        bench=bench, posterior=dict(posterior), fits=dict(fits), settings=SETTINGS, seen=seen,
+        effects={name: EFFECTS[name] for name in sorted(names)}, readings=(),
+        model=SimpleNamespace(setting=SETTING),
+    )  # fmt: skip
+    vars(found).update(more)
+    return found
 
 
 class ToyModel:
@@ -102,15 +96,10 @@ class ToyModel:
 
     def predict(self, hypothesis: Hypothesis, shares: Array) -> Predicted:
         """Return mean and spread of the toy's times."""
-        space = self.space(hypothesis)
+        space, size = self.space(hypothesis), (len(shares), WAITS.size)
         values = {p.name: space.values(shares)[:, [k]] for k, p in enumerate(space.parameters)}
-        times = np.stack(
-            [
-                np.broadcast_to(times_of(values, point, WAITS), (len(shares), WAITS.size))
-                for point in self.points
-            ],
-            axis=1,
-        )
+        every = [np.broadcast_to(times_of(values, p, WAITS), size) for p in self.points]
+        times = np.stack(every, axis=1)
         found = predicted(times.mean(axis=2))
         return replace(found, sd=np.maximum(1e-3, times.std(axis=2)))
 
@@ -119,15 +108,14 @@ def field_at(
     names: tuple[str, ...],
     points: Sequence[OperatingPoint] = POINTS,
     discrepancy: float = 0.0,
-    **more: Any,
 ) -> Field:
-    """Predict some of the toy's effects at operating points; ``more`` replaces likelihood parts."""
+    """Predict some of the toy's effects at operating points."""
     cells = len(points)
-    given = {
-        "model": ToyModel(names, points),
-        "settings": replace(SETTINGS, discrepancy=discrepancy),
-        "smooth": np.ones((cells, 1)),
-        "columns": lambda p: np.zeros((len(p.mean), cells, 0)),
-        "own_variance": lambda p: p.error**2,
-    }
-    return field_of(SimpleNamespace(**(given | more)))  # type: ignore[arg-type]
+    like: Any = SimpleNamespace(
+        model=ToyModel(names, points),
+        settings=replace(SETTINGS, discrepancy=discrepancy),
+        smooth=np.ones((cells, 1)),
+        columns=lambda p: np.zeros((len(p.mean), cells, 0)),
+        own_variance=lambda p: p.error**2,
+    )
+    return field_of(like)

@@ -67,19 +67,14 @@ def bench_of(
     *,
     shifts: int = 10,
     single: bool = False,
-    extra: Array | None = None,
     points: Sequence[OperatingPoint] | None = None,
 ) -> Bench:
-    """Return a data set of the toy with given values of effects' parameters.
-
-    ``extra`` in s, one a point, adds to the times of its cell; ``single`` gives each shift.
-    """
+    """Return a data set of the toy with values of effects; ``single`` gives each shift."""
     points = points_of() if points is None else points
     given = {name: np.array([[value]]) for name, value in values.items()}
     readings = []
-    for place, point in enumerate(points):
+    for point in points:
         times = np.atleast_2d(times_of(given, point, generator.random(shifts)))[0]
-        times = times + (0.0 if extra is None else extra[place])
         groups = [(1, t) for t in times] if single else [(shifts, times.mean())]
         for n, time in groups:
             readings.append(Reading(len(readings) + 2, point, n, float(time), True))

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -103,10 +104,9 @@ class Cell:
         """Return the cell with unknown shifts as ``record.empty_cells`` has them."""
         if meaning == "unknown":
             return self
-        failed = meaning == "failed"
+        own: dict[str, Any] = {"engaged": False} if meaning == "failed" else {"n": 0}
         return replace(self, readings=tuple(
-            replace(r, n=r.n * failed, engaged=False if failed else None)
-            if r.engaged is None else r for r in self.readings
+            replace(r, **own) if r.engaged is None else r for r in self.readings
         ))  # fmt: skip
 
 
@@ -177,20 +177,17 @@ def corrected_sheet(
     return sheet, asked
 
 
-def require_something(bench: Bench) -> None:
-    """Raise DataError where nothing is known of any shift: no time, and no engagement."""
-    if not any(cell.n or cell.tried for cell in bench.cells):
+def require_shifts(bench: Bench, *, times: bool) -> None:
+    """Raise DataError where nothing is known of any shift, or with ``times`` none has a time."""
+    timed, engaged, tried = (
+        sum(getattr(cell, name) for cell in bench.cells) for name in ("n", "engaged", "tried")
+    )
+    if not timed and not tried:
         raise DataError(
             f"{bench.name} has no shift with a time and none that is known to have engaged or "
             "failed, so that there is nothing to compare; fill shift_time_s or engaged"
         )
-
-
-def require_times(bench: Bench) -> None:
-    """Raise DataError where no shift has a time, which a diagnosis is made of."""
-    require_something(bench)
-    if not any(cell.n for cell in bench.cells):
-        engaged, tried = (sum(getattr(c, n) for c in bench.cells) for n in ("engaged", "tried"))
+    if times and not timed:
         raise DataError(
             f"{bench.name} has no shift with a time ({engaged} of {tried} tried ones engaged), but "
             "a diagnosis needs times; 'dogshape validate' compares the shares that engaged"

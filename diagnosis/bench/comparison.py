@@ -19,7 +19,7 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, Cell
 from dogshape.sim.statistics.blocks import Block, Runner, even_blocks, numerical_error
-from dogshape.sim.statistics.expectation import PointExpectation, expect_point
+from dogshape.sim.statistics.expectation import expect_point
 from dogshape.sim.statistics.shift_records import result_of
 
 LEAST = 3  #: single readings that say something of their scatter
@@ -33,12 +33,14 @@ class PointGap:
     """Gap of the mean shift time at an operating point, bench less simulation.
 
     ``mean`` is the simulated one, s, None where no shift engaged; ``standard_error`` that of the
-    gap, s.
+    gap, s; ``engaged`` and ``n`` the share and number of simulated shifts that did.
     """
 
     cell: Cell
     mean: float | None
     standard_error: float
+    engaged: float = np.nan
+    n: int = 0
 
     @property
     def gap(self) -> float | None:
@@ -54,18 +56,11 @@ class PointGap:
 
 
 @dataclass(frozen=True)
-class Difference(PointGap):
-    """Gap at an operating point with the expectation that was simulated for it."""
-
-    simulated: PointExpectation
-
-
-@dataclass(frozen=True)
 class Comparison:
     """All operating points of a data set, and the numerical error of their mean in s, if known."""
 
     bench: Bench
-    differences: tuple[Difference, ...]
+    differences: tuple[PointGap, ...]
     numerical_error: float | None = None
 
     @property
@@ -83,7 +78,7 @@ class Comparison:
     def engaged(self) -> tuple[int, int, float]:
         """Bench shifts that engaged, of how many tried, and the simulated share at their points."""
         tried = sum(d.cell.tried for d in self.differences)
-        expected = sum(d.cell.tried * d.simulated.engaged for d in self.differences)
+        expected = sum(d.cell.tried * d.engaged for d in self.differences)
         return sum(d.cell.engaged for d in self.differences), tried, expected / max(1, tried)
 
 
@@ -105,15 +100,13 @@ def compare(
     data set, or sixteen. ``seed`` is that of where they begin. ``checked`` asks for the numerical
     error, by an eighth of the shifts again.
     """
-    given = angles if isinstance(angles, tuple) else None
-    if angles is None:
-        given = bench.relative_angles
+    asked = angles or bench.relative_angles or ANGLES
+    given = asked if isinstance(asked, tuple) else None
     points = [cell.point for cell in bench.cells]
-    if given is None:
-        count = angles if isinstance(angles, int) else ANGLES
-        blocks = even_blocks(bench.clutch, points, count, seed)
+    if isinstance(asked, int):
+        blocks = even_blocks(bench.clutch, points, asked, seed)
     else:
-        blocks = [Block(bench.clutch, point, given) for point in points]
+        blocks = [Block(bench.clutch, point, asked) for point in points]
     rows = run(blocks)
     added = _input_errors(bench, blocks, run) if bench.errors else [0.0] * len(blocks)
     found = []
@@ -125,7 +118,7 @@ def compare(
             sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
             error = math.hypot(simulated.standard_error, sampled)
         error = math.hypot(max(error, 1e-6), own)
-        found.append(Difference(cell, simulated.mean_engaged, error, simulated))
+        found.append(PointGap(cell, simulated.mean_engaged, error, simulated.engaged, simulated.n))
     repeated = numerical_error(blocks, rows, run) if checked else None
     return Comparison(bench, tuple(found), repeated)
 
@@ -139,22 +132,21 @@ def _scatter(cell: Cell) -> float:
     known = [(r.n - 1.0, r.sd**2) for r in cell.readings if r.sd is not None]
     if len(times) >= LEAST:
         known.append((len(times) - 1.0, float(times.var(ddof=1))))
-    whole = sum(freedom for freedom, _ in known)
-    if whole < LEAST - 1.0:
-        return 0.0
-    return math.sqrt(sum(freedom * variance for freedom, variance in known) / whole)
+    freedom, variance = np.reshape(known, (-1, 2)).T
+    enough = freedom.sum() >= LEAST - 1.0
+    return float(np.sqrt(np.average(variance, weights=freedom))) if enough else 0.0
 
 
 def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[float]:
     """Propagate stated errors of nominal force and mismatch to the simulated means, s."""
     squares = np.zeros(len(blocks))
     points = [block.point for block in blocks]
-    sizes = (bench.errors.systematic, bench.errors.each_point)
-    for name, key in (("force", "force_N"), ("mismatch", "mismatch")):
+    kinds = bench.errors.systematic, bench.errors.each_point
+    sizes = np.square([kind.sizes for kind in kinds]).sum(axis=0)
+    for name, (share, size) in (("force", sizes[:2]), ("mismatch", sizes[2:])):
         values = np.array([p.profile.force if name == "force" else p.mismatch for p in points])
-        parts = [getattr(size, f"{name}_share") + 0.0 * values for size in sizes]
-        parts += [getattr(size, key) / np.maximum(abs(values), 1e-9) for size in sizes]
-        if not np.any(parts):
+        relative = share + size / np.maximum(abs(values), 1e-9) ** 2
+        if not relative.any():
             continue
         ends = []
         for by in (1.0 - STEP, 1.0 + STEP):
@@ -167,5 +159,5 @@ def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[fl
             known = [[time for time in those if time is not None] for those in times]
             ends.append([sum(those) / len(those) if those else np.nan for those in known])
         less, more = np.array(ends)  # s, by the logarithm of the quantity
-        squares += ((more - less) / (2.0 * STEP)) ** 2 * np.sum(np.square(parts), axis=0)
+        squares += ((more - less) / (2.0 * STEP)) ** 2 * relative
     return list(np.sqrt(np.nan_to_num(squares)).tolist())

@@ -14,7 +14,7 @@ error with which it was found from the force; by the gain of the sensor
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -34,54 +34,34 @@ FLOOR = 2e-4  #: s, model error of each mark, and again of all together
 SHARE = 0.005  #: of its time, error of the flight that all marks have in common
 GAIN = {"way": 0.01, "force": 0.02}  #: error of the sensors' gain
 FORCE_FLOOR = 5e-4  #: s, error of a mark of the force beside its gain
-
-
-@dataclass(frozen=True)
-class Mark:
-    """When a trace passes a value, s, its standard error, and value over slope there, s."""
-
-    time: float
-    error: float
-    reach: float
+NO_MARK = np.full(3, np.nan)  #: of a value that a trace does not pass
 
 
 @dataclass(frozen=True)
 class SeenFlight:
-    """Marks of the flight that a bench shows under one force profile.
-
-    ``cells`` are the places of its operating points with ``traces``, ``places`` which of the
-    ``SIZE`` marks it has, (k,), ``times`` in s, (k,), ``covariance`` in s^2, (k, k).
-    """
+    """Marks of the flight that a bench shows under one force profile."""
 
     profile: ForceProfile
-    cells: tuple[int, ...]
-    places: np.ndarray = field(repr=False)
-    times: Array = field(repr=False)
-    covariance: Array = field(repr=False)
-    traces: int = 0
+    places: np.ndarray  #: which of the ``SIZE`` marks it has, (k,)
+    times: Array  #: s, (k,)
+    covariance: Array  #: s^2, (k, k)
 
 
 def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
     """Gather the marks of the flight from the traces of a data set, by force profile."""
-    places: dict[ForceProfile, list[int]] = {}
-    for place, cell in enumerate(bench.cells):
-        if cell.traces:
-            places.setdefault(cell.point.profile, []).append(place)
+    every: dict[ForceProfile, list[BenchTrace]] = {}
+    for cell in bench.cells:
+        every.setdefault(cell.point.profile, []).extend(cell.traces)
     found = []
-    for profile, cells in places.items():
-        traces = [trace for place in cells for trace in bench.cells[place].traces]
-        joined = joined_marks(traces, profile, bench.clutch.dog.axial_gap)
-        known = np.array([k for k, one in enumerate(joined) if one is not None], dtype=np.int64)
+    for profile, traces in every.items():
+        marks = joined_marks(traces, profile, bench.clutch.dog.axial_gap)
+        known = np.flatnonzero(np.isfinite(marks[:, 0]))
         if not known.size:
             continue
-        marks = [one for one in joined if one is not None]
-        times = np.array([one.time for one in marks])
+        times, errors, reach = marks[known].T
         start = float(np.mean([trace.step**2 / 12.0 + trace.start_error**2 for trace in traces]))
-        covariance = np.diag([one.error**2 for one in marks]) + model_covariance(
-            known, times, np.array([one.reach for one in marks])
-        )
-        covariance = covariance + start / len(traces)
-        found.append(SeenFlight(profile, tuple(cells), known, times, covariance, len(traces)))
+        covariance = np.diag(errors**2) + model_covariance(known, times, reach)
+        found.append(SeenFlight(profile, known, times, covariance + start / len(traces)))
     return tuple(found)
 
 
@@ -98,19 +78,17 @@ def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
     return np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
 
 
-def joined_marks(
-    traces: Sequence[BenchTrace], profile: ForceProfile, gap: float
-) -> list[Mark | None]:
-    """Return all marks of some traces of one profile together; None where there is none."""
-    table = [trace_marks(trace, profile, gap) for trace in traces]
-    return [_joined([row[k] for row in table]) for k in range(SIZE)]
+def joined_marks(traces: Sequence[BenchTrace], profile: ForceProfile, gap: float) -> Array:
+    """Join the marks of traces of one profile: time, error, value over slope, s, (SIZE, 3)."""
+    table = np.array([trace_marks(one, profile, gap) for one in traces]).reshape(-1, SIZE, 3)
+    return np.array([_joined(table[:, k]) for k in range(SIZE)])
 
 
-def _joined(marks: Sequence[Mark | None]) -> Mark | None:
-    known = [mark for mark in marks if mark is not None]
-    if 2 * len(known) < len(marks) or not known:
-        return None
-    times, errors = (np.array([getattr(m, name) for m in known]) for name in ("time", "error"))
+def _joined(marks: Array) -> Array:
+    known = marks[np.isfinite(marks[:, 0])]
+    if 2 * len(known) < len(marks) or not len(known):
+        return NO_MARK
+    times, errors, reach = known.T
     apart = abs(times - np.median(times))
     kept = apart <= APART * max(1.48 * float(np.median(apart)), float(np.median(errors)))
     if len(known) < 3 or not kept.any():
@@ -119,26 +97,21 @@ def _joined(marks: Sequence[Mark | None]) -> Mark | None:
     variance = float((errors[kept] ** 2).mean())
     if count > 1:
         variance = max(variance, float(times[kept].var(ddof=1)))
-    reach = float(np.median([mark.reach for mark in known]))
-    return Mark(float(times[kept].mean()), float(np.sqrt(variance / count)), reach)
+    return np.array([times[kept].mean(), np.sqrt(variance / count), np.median(reach)])
 
 
-def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> list[Mark | None]:
-    """Return all marks of one trace; None where there is none."""
+def trace_marks(trace: BenchTrace, profile: ForceProfile, gap: float) -> Array:
+    """Find the marks of a trace: time, error, value over slope, s, (SIZE, 3); NaN for none."""
     closed = smoothed(trace.displacement) >= gap
     top = int(np.argmax(closed)) if closed.any() else len(trace.time)
-    ways = [
-        mark_of(trace.time[:top], trace.displacement[:top], share * gap, AROUND["way"])
-        for share in WAYS
-    ]
-    forces = [
-        mark_of(trace.time, trace.force, share * profile.force, AROUND["force"]) for share in FORCES
-    ]
-    return [*ways, *forces]
+    way = trace.time[:top], trace.displacement[:top]
+    marks = [mark_of(*way, share * gap, AROUND["way"]) for share in WAYS]
+    force, levels = (trace.time, trace.force), [share * profile.force for share in FORCES]
+    return np.array([*marks, *(mark_of(*force, level, AROUND["force"]) for level in levels)])
 
 
-def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Mark | None:
-    """Find the time at which rising samples (n,) pass a level.
+def mark_of(time: Array, values: Array, level: float, around: tuple[float, float]) -> Array:
+    """Find when rising samples (n,) pass a level: time, error, value over slope, s; NaN for none.
 
     Samples between the parts ``around`` of the level are fitted.
     """
@@ -146,7 +119,7 @@ def mark_of(time: Array, values: Array, level: float, around: tuple[float, float
     smooth = smoothed(values) if values.size else values
     above = smooth >= level
     if level < CLEAR * noise or not above.any() or above[0] or values.size < 3:
-        return None
+        return NO_MARK
     # Noise passes a level too early and too late alike: the middle is between first and last.
     first = last = int(np.argmax(above))
     near = np.flatnonzero(~above[first:] & (smooth[first:] > level - CLEAR * noise))
@@ -161,34 +134,22 @@ def mark_of(time: Array, values: Array, level: float, around: tuple[float, float
     return _fitted(time[low:high], values[low:high], level, noise)
 
 
-def _fitted(time: Array, values: Array, level: float, noise: float) -> Mark | None:
+def _fitted(time: Array, values: Array, level: float, noise: float) -> Array:
     degree = 2 if time.size >= 4 else 1
     centre, scale = float(time.mean()), float(np.ptp(time)) or 1.0
-    matrix = np.vander((time - centre) / scale, degree + 1)
+    inside = (time - centre) / scale
+    matrix = np.vander(inside, degree + 1)
     found = np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0], dtype=np.float64)
     left = values - matrix @ found
     spare = max(1, time.size - degree - 1)
     sigma = max(noise, float(np.sqrt((left**2).sum() / spare)))
-    place = _root(found, level, (time - centre) / scale)
-    if place is None:
-        return None
+    roots, edge = np.roots([*found[:-1], found[-1] - level]), 0.5 / max(1, time.size - 1)
+    rising = (abs(roots.imag) < 1e-9) & (np.polyval(np.polyder(found), roots.real) > 0.0)
+    within = (roots.real >= inside[0] - edge) & (roots.real <= inside[-1] + edge)
+    if not (rising & within).any():
+        return NO_MARK
+    place = min(roots.real[rising & within].tolist(), key=abs)
     row = place ** np.arange(degree, -1, -1.0)
     error = sigma * float(np.sqrt(row @ np.linalg.inv(matrix.T @ matrix) @ row))
     slope = float(np.polyval(np.polyder(found), place)) / scale
-    return Mark(centre + scale * place, error / slope, level / slope)
-
-
-def _root(found: Array, level: float, inside: Array) -> float | None:
-    """Find the upward crossing of a level by a polynomial within samples, None without one."""
-    shifted = found.copy()
-    shifted[-1] -= level
-    slope = np.polyder(found)
-    edge = 0.5 / max(1, inside.size - 1)
-    roots = [
-        float(r.real)
-        for r in np.roots(shifted)
-        if abs(r.imag) < 1e-9
-        and inside[0] - edge <= r.real <= inside[-1] + edge
-        and np.polyval(slope, r.real) > 0.0
-    ]
-    return min(roots, key=abs) if roots else None
+    return np.array([centre + scale * place, error / slope, level / slope])

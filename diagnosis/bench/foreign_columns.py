@@ -16,14 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.diagnosis.bench.foreign_cells import (
+from dogshape.diagnosis.bench.foreign_table import (
     ANSWERS,
     FORCE,
+    LENGTH,
     NAMES,
     NOTHING,
     SPEED,
     TIME,
-    Quantity,
+    UNITS,
+    Column,
+    ForeignTable,
     Unit,
     decimal_sign,
     is_dated,
@@ -32,7 +35,6 @@ from dogshape.diagnosis.bench.foreign_cells import (
     stamps_of,
     unit_named,
 )
-from dogshape.diagnosis.bench.foreign_table import Column, ForeignTable
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, did_you_mean, number
 from dogshape.sim.texts import listed
@@ -46,6 +48,83 @@ UNDECIDED = ("mismatch_rpm", "shift_time_s")
 WORDED = ("engaged", "timestamp", "trace")
 MOST = 12  #: faults of one kind that are listed one by one
 Values = list[Any]  #: a value for each row, None where there is none
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that is looked for: name, dimension of its units, and patterns of whole words.
+
+    ``words`` name it, ``loose`` ones may also mean something else, and with those ``against`` a
+    column is another. ``needed`` says that a table is of no use without the quantity, ``filled``
+    that each row has to have it.
+    """
+
+    name: str
+    dimension: str | None
+    words: str
+    loose: str = "-"
+    against: str = "-"
+    needed: bool = False
+    filled: bool = False
+
+    @property
+    def units(self) -> str:
+        """Spellings of units that it may have."""
+        return ", ".join(text for text, one in UNITS.items() if one.dimension == self.dimension)
+
+
+_SPREAD = r"\w*std\w*|sd|sigma|streuung|\w*abweichung|min|max|\w*deviation"
+_RISE = r"\w*rise|\w*anstieg\w*|ramp\w*"
+_FORCE = "shift force|(schalt|stell|aktor|axial)kraft|f (shift|axial|act|schalt|ax)"
+SHIFTS = (
+    Quantity(
+        "mismatch_rpm", SPEED,
+        r"\w*mismatch|(\w*differenz|relativ|schlupf)drehzahl|drehzahldifferenz|d n|dn|delta \w+"
+        "|n diff|diff n|(speed|rpm) difference|relative speed",
+        r"slip|schlupf|rpm|\w*drehzahl|n",
+        "output|abtrieb|antrieb|input|in|out|shaft|welle|" + _SPREAD, needed=True, filled=True,
+    ),
+    Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f",
+             f"time|zeit|{_RISE}|{_SPREAD}", needed=True, filled=True),
+    Quantity("force_rise_s", TIME,
+             r"(force )?rise( time)?|anstiegszeit|kraftanstieg|t (rise|anstieg|ramp|an|anst)",
+             _RISE, _SPREAD),
+    Quantity("n_shifts", None, "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
+             r"shifts|count|anzahl|number|schaltungen|samples|n"),
+    Quantity(
+        "shift_time_s", TIME, r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
+        r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+",
+        f"stamp|zeitstempel|timeout|datum|date|delay|{_RISE}|{_SPREAD}", needed=True,
+    ),
+    Quantity(
+        "engaged", None, "engaged|eingelegt|geschaltet|eingerueckt|eingespurt",
+        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status",
+        r"not|nicht|no|n|fail\w*|fehler|error",
+    ),
+    Quantity("trace", None, "trace( file)?|messdatei|measurement file",
+             "file|datei|dateiname|filename"),
+    Quantity("shift_time_sd_s", TIME, _SPREAD.replace("|min|max", ""),
+             against=r"f|force|kraft|n|mismatch|drehzahl|rise|anstieg|error"),
+    Quantity("order", None,
+             r"(run )?order|reihenfolge|lfd( nr)?|laufende nummer|laufnummer|sequence|sequenz"
+             "|run (number|no)|versuchsnummer|shift number"),
+    Quantity("timestamp", TIME,
+             "time ?stamp|zeitstempel|(datum|date|date time|datum uhrzeit)"),
+)  # fmt: skip
+TRACE = (
+    Quantity("t_s", TIME, "-", "t|time|zeit", needed=True),
+    Quantity("displacement_mm", LENGTH, "displacement|(schalt|muffen)weg|s sleeve|sleeve position",
+             r"\w*weg|travel|position|x|s", needed=True),
+    Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f", needed=True),
+    Quantity("sliding_speed_rpm", SPEED,
+             r"speed sliding|(sliding|sleeve) speed|n (sleeve|muffe|sliding)"
+             "|drehzahl muffe|muffendrehzahl",
+             "n antrieb|antriebsdrehzahl|input speed|n in", needed=True),
+    Quantity("output_speed_rpm", SPEED,
+             r"speed output|(output|gear) speed|n (rad|gear|output|abtrieb)"
+             "|drehzahl rad|(rad|abtriebs)drehzahl",
+             "n out", needed=True),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -206,7 +285,14 @@ def said_match(
     else:
 
         def placed(found: re.Match[str]) -> str:
-            terms.append(_term(quantity, labels[found[1]], found[2] or ""))
+            column, asked = labels[found[1]], found[2] or ""
+            unit = unit_named(asked) if asked else column.unit
+            if (asked and not unit) or (unit and unit.dimension != quantity.dimension):
+                raise InputError(
+                    f"the unit of {name} is '{asked or (unit.text if unit else '')}', but it must "
+                    f"be one of: {quantity.units or 'none, a number without one'}"
+                )
+            terms.append((column, unit))
             return f"c{len(terms) - 1}"
 
         formula = re.sub(rf"(?<![\w.])({some})(?::([\w/^*%-]*\w))?(?!\w)", placed, text)
@@ -220,18 +306,6 @@ def said_match(
         if column.unit and unit and unit.factor != column.unit.factor:
             why.append(f"the head says {column.unit.text}")
     return Match(quantity, tuple(terms), "; ".join(why), formula, option)
-
-
-def _term(quantity: Quantity, column: Column, asked: str) -> tuple[Column, Unit | None]:
-    """Give the unit that an option or the head names; InputError where the quantity has others."""
-    unit = unit_named(asked) if asked else column.unit
-    if (asked and not unit) or (unit and unit.dimension != quantity.dimension):
-        wrong = asked or (unit.text if unit else "")
-        raise InputError(
-            f"the unit of {quantity.name} is '{wrong}', but it must be one of: "
-            f"{quantity.units or 'none, a number without one'}"
-        )
-    return column, unit
 
 
 @dataclass
@@ -305,11 +379,10 @@ class TableReader:
         """
         ways = {"n_shifts": self._counts, "engaged": self._answers, "timestamp": self._stamps,
                 "trace": self._texts}  # fmt: skip
-        nothing: Values = [None] * len(self.table.rows)
-        return {
-            name: ways.get(name, self._numbers)(match) if match else nothing
-            for name, match in {q.name: self.matches.get(q.name) for q in self.quantities}.items()
-        }
+        found: dict[str, Values] = {q.name: [None] * len(self.table.rows) for q in self.quantities}
+        for name in (name for name in found if name in self.matches):
+            found[name] = ways.get(name, self._numbers)(self.matches[name])
+        return found
 
     def _numbers(self, match: Match) -> Values:
         """Convert a column, or a formula of columns; None for empty cells."""

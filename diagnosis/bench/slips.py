@@ -14,7 +14,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from math import gcd, log10
 
 import numpy as np
@@ -28,26 +27,14 @@ from dogshape.diagnosis.bench.corrections import (
 )
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_groups
-from dogshape.diagnosis.bench.trace_slips import (
-    TracedRow,
-    force_ratio,
-    median_of,
-    short,
-    speed_ratio,
-    time_ratio,
-    trace_clock,
-    trace_notes,
-    trace_rest,
-    travel_ratio,
-)
+from dogshape.diagnosis.bench.trace_slips import TRACED, trace_notes
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.units import MM, MS
+from dogshape.sim.units import MS
 
 SURE = 0.5  #: share of the free flight below which no force, mass or time zero off nominal reaches
 ODD = 0.9  #: share below which a time is odd
-SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
 CLOSE = 0.01  #: relative difference within which two values are the same one
 WRITTEN = 1e-3  #: s, resolution that times are written with where no clock is coarser
 #: Least step in written resolutions: half of it is half the least margin of a diagnosis, 2 ms.
@@ -207,85 +194,6 @@ def early_times(stand: Stand, sheet: Sheet) -> Findings:
         yield Finding("time", found, looks)
 
 
-@dataclass(frozen=True)
-class Range:
-    """Range of a ratio of traces to their rows.
-
-    ``found`` is a sentence with the ratio as {0}, travel and ratio in mm as {1} and {2}. Of
-    ``ways`` (correction, unit in words) the first that brings the median ratio into the range is
-    the slip, which is refused. Without one the cause is ``other``, which is refused beyond
-    ``possible``. Of a sensor at the actuator the range ends at ``soft`` times ``high``.
-    """
-
-    quantity: str
-    ratio: Callable[[TracedRow], float | None]
-    low: float
-    high: float
-    found: str
-    ways: tuple[tuple[str, str], ...]
-    other: str
-    possible: tuple[float, float] = (-np.inf, np.inf)
-    arguable: bool = True
-    soft: float = 1.0
-
-    def __call__(self, stand: Stand, sheet: Sheet) -> Findings:
-        """Find a ratio out of the range."""
-        middle, travel = median_of(self.ratio, stand, sheet), stand.clutch.dog.travel / MM
-        high = self.high * (self.soft if stand.record.displacement_at == "actuator" else 1.0)
-        if self.low <= middle <= high:
-            return
-        found = self.found.format(short(middle), number(travel), short(middle * travel))
-        for correction, looks in self.ways:
-            try:
-                other = corrected(sheet, correction, stand.sensor)
-            except InputError:  # the stand does not say by how much
-                continue
-            if self.low <= median_of(self.ratio, stand, other) <= high:
-                quantity, _, way = correction.partition("=")
-                text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
-                yield Finding(quantity, found, text, way, True, self.arguable)
-                return
-        certain = not self.possible[0] < middle < self.possible[1]
-        yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
-
-
-DURATION, TRAVEL, SPEED, LAST_FORCE = (
-    Range(
-        "trace_time", time_ratio, 0.0, 100.0,
-        "by t_s the travel of the traces takes {0} times the time of the shift",
-        (("trace_time=ms", "milliseconds"),),
-        "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False,
-    ),
-    Range(
-        "displacement", travel_ratio, 0.9, 1.15,
-        "displacement_mm of finished shifts ends at {2}, but the sleeve's travel is {1} mm",
-        (("displacement=m", "metres"),
-         ("displacement=arm", "the robot arm's, {} times the sleeve's")),
-        "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in "
-        "the table [sensor])", possible=(0.5, 2.0),
-        # Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
-        soft=1.8 / 1.15,
-    ),
-    Range(
-        "mismatch", speed_ratio, 1.0 / SAME, SAME,
-        "the traces begin with {0} times the mismatch_rpm of their rows "
-        "(output_speed_rpm less sliding_speed_rpm)",
-        (("mismatch=rad_s", "mismatch_rpm in radians a second"),
-         ("speeds=rad_s", "the speeds of the traces in radians a second"),
-         ("mismatch=reversed", "a mismatch_rpm of sliding less output speed")),
-        "another speed than the nominal one",
-    ),
-    Range(
-        "trace_force", force_ratio, 0.5, 1.5,
-        "force_N of the traces ends at {0} of what force_N of the table makes it",
-        (("trace_force=kN", "kilonewtons"),
-         ("force=arm", "the force at the robot arm in the table"),
-         ("trace_force=arm", "the force at the robot arm in the traces")),
-        "a sensor with a wrong scale",
-    ),
-)  # fmt: skip
-
-
 def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
     """Find rows with a time that repeat earlier rows.
 
@@ -367,7 +275,6 @@ def table_clock(stand: Stand, sheet: Sheet) -> Findings:
 
 #: In this order: a check may rely on those before it.
 CHECKS: tuple[Callable[[Stand, Sheet], Findings], ...] = (
-    axes_by_rise, physical_ranges, force_by_calibration, early_times, DURATION,
-    trace_clock, TRAVEL, SPEED, LAST_FORCE, trace_rest,
+    axes_by_rise, physical_ranges, force_by_calibration, early_times, *TRACED,
     repeated_rows, nearly_same_points, trace_notes, table_clock,
 )  # fmt: skip

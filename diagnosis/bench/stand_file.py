@@ -8,7 +8,7 @@ or a drive stops at.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -55,9 +55,6 @@ class BenchRecord(Section):
     sense: Sense = "known"
 
 
-UNSAID = BenchRecord()
-
-
 class TestTerms(Section):
     """Hours of a bench test of the menu at this stand, None for the usual, and possible or not."""
 
@@ -101,9 +98,6 @@ class Sensor(Section):
         return None if ratio is None or efficiency is None else ratio * efficiency
 
 
-DIRECT = Sensor()
-
-
 class Calibration(Section):
     """A static reading of the actuator."""
 
@@ -126,19 +120,10 @@ class Tolerance(Section):
         return any(value for _, value in self)
 
     @property
-    def force_share(self) -> float:
-        """Uncertainty of the force, of its nominal value."""
-        return 0.01 * self.force_percent
-
-    @property
-    def mismatch_share(self) -> float:
-        """Uncertainty of the mismatch, of its nominal value."""
-        return 0.01 * self.mismatch_percent
-
-    @property
-    def mismatch(self) -> float:
-        """Uncertainty of the mismatch, rad/s."""
-        return RPM * self.mismatch_rpm
+    def sizes(self) -> tuple[float, float, float, float]:
+        """Uncertainty of the force as a share and in N, of the mismatch as a share and in rad/s."""
+        return (0.01 * self.force_percent, self.force_N,
+                0.01 * self.mismatch_percent, RPM * self.mismatch_rpm)  # fmt: skip
 
 
 class NominalErrors(Section):
@@ -151,9 +136,6 @@ class NominalErrors(Section):
 
     def __bool__(self) -> bool:
         return bool(self.systematic) or bool(self.each_point)
-
-
-EXACT = NominalErrors()
 
 
 class _BenchFile(Section):
@@ -169,12 +151,12 @@ class _BenchFile(Section):
     sliding: SlidingSection
     output: OutputSection
     contact: _Contact
-    record: BenchRecord = UNSAID
-    sensor: Sensor = DIRECT
+    record: BenchRecord = BenchRecord()
+    sensor: Sensor = Sensor()
     actuator_calibration: list[Calibration] = Field(default_factory=list)
     tests: list[TestTerms] = Field(default_factory=list)
     measured: list[Measured] = Field(default_factory=list)
-    errors: NominalErrors = EXACT
+    errors: NominalErrors = NominalErrors()
 
 
 @dataclass(frozen=True)
@@ -190,9 +172,6 @@ class Margin:
         return limit
 
 
-USUAL_MARGIN = Margin()
-
-
 @dataclass(frozen=True, kw_only=True)
 class Stand:
     """A data set without its shifts: the clutch as the bench knows it, and what is stated of it.
@@ -205,13 +184,13 @@ class Stand:
     source: str
     clutch: Clutch
     relative_angles: tuple[float, ...] | None = None
-    sensor: Sensor = DIRECT
+    sensor: Sensor = field(default_factory=Sensor)
     calibration: tuple[Calibration, ...] = ()
     corrections: tuple[str, ...] = ()
-    record: BenchRecord = UNSAID
+    record: BenchRecord = field(default_factory=BenchRecord)
     tests: tuple[TestTerms, ...] = ()
-    margin: Margin = USUAL_MARGIN
-    errors: NominalErrors = EXACT
+    margin: Margin = Margin()
+    errors: NominalErrors = field(default_factory=NominalErrors)
     measured: tuple[Measured, ...] = ()
     clock_step: float | None = 0.0
 
@@ -234,17 +213,15 @@ def load_stand(path: Path) -> Stand:
     if "mismatch_sense" in data:  # where earlier versions had record.sense
         data["record"] = {"sense": data.pop("mismatch_sense"), **data.get("record", {})}
     file = validate(_BenchFile, data, str(path))
-    clutch = _clutch(file)
     angles, step = file.relative_angles_deg, file.errors.clock_step_ms
+    same = ("name", "source", "sensor", "record", "errors", "corrections", "tests", "measured")
+    own: dict[str, Any] = {name: getattr(file, name) for name in same}
     return Stand(
-        **{name: getattr(file, name) for name in ("name", "source", "sensor", "record", "errors")},
-        clutch=clutch,
+        **{name: tuple(one) if isinstance(one, list) else one for name, one in own.items()},
+        clutch=_clutch(file),
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
         calibration=tuple(file.actuator_calibration),
-        corrections=tuple(file.corrections),
-        tests=tuple(file.tests),
         margin=Margin(0.01 * file.margin_percent, 1e-3 * file.margin_ms),
-        measured=tuple(file.measured),
         clock_step=None if step is None else MS * step,
     )
 

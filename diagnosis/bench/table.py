@@ -87,7 +87,11 @@ def load_sheet(path: Path) -> Sheet:
         known: list[Any] = [None if np.isnan(value) else value for value in numbers]
         mismatch, force, rise, n, time, sd, order, stamp = known
         engaged = True if time is not None else ENGAGED[cells["engaged"][k]]
-        trace, place = _trace(path, row, cells["trace"][k]), stamp if order is None else order
+        name, place = cells["trace"][k], stamp if order is None else order
+        try:
+            trace = read_trace(path.parent / name) if name else None
+        except DataError as error:
+            raise DataError(f"{path}, row {row}, column trace: {error}") from error
         one = Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
         found.append(one)
     return Sheet(path, tuple(found))
@@ -143,13 +147,6 @@ def _seconds(text: str) -> float:
     except ValueError:
         return np.nan
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def _trace(path: Path, row: int, cell: str) -> BenchTrace | None:
-    try:
-        return read_trace(path.parent / cell) if cell else None
-    except DataError as error:
-        raise DataError(f"{path}, row {row}, column trace: {error}") from error
 
 
 def bad_cell(path: Path, row: int, column: str, value: str, rule: str) -> DataError:

@@ -1,7 +1,7 @@
 """Slips that traces show beside the table of shifts: they say most of it again.
 
 A ratio of traces to table out of its range is another unit, which a correction brings back into the
-range (``diagnosis.bench.slips.Range``); times and readings at rest show another zero.
+range; times and readings at rest show another zero.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dogshape.diagnosis.bench.corrections import Finding, Findings
+from dogshape.diagnosis.bench.corrections import Finding, Findings, corrected
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import Row, Sheet
 from dogshape.diagnosis.bench.traces import (
@@ -28,6 +28,7 @@ from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, MS, RPM
 
+SAME = 1.3  #: factor within which two readings of one quantity are taken as the same
 KILO = 0.01  #: ratio of forces below which those of traces are kilonewtons
 SETTLED = 0.25  #: s after the rise from which any delay of the force is over
 CLOCK = 2e-3  #: s, least difference of two clocks that is said: the least margin of a diagnosis
@@ -85,8 +86,9 @@ def traced(stand: Stand, sheet: Sheet) -> list[TracedRow]:
 
 def speed_ratio(one: TracedRow) -> float | None:
     """Compute the relative speed at the beginning over that of the row."""
-    first = one.trace.relative_speed[: max(FIRST, one.trace.time.size // 32)]
-    return float(np.median(first)) / RPM / one.row.mismatch if one.row.mismatch else None
+    slip = one.trace.output_speed - one.trace.sliding_speed
+    first = float(np.median(slip[: max(FIRST, slip.size // 32)]))
+    return first / RPM / one.row.mismatch if one.row.mismatch else None
 
 
 def travel_ratio(one: TracedRow) -> float | None:
@@ -230,3 +232,85 @@ def trace_rest(stand: Stand, sheet: Sheet) -> Findings:
     if 2 * len(force) > len(rows):
         found = f"force_N of {len(force)} of {len(rows)} traces is {short(force)} N {when}"
         yield Finding("trace_force", found, looks, "zeroed")
+
+
+@dataclass(frozen=True)
+class Range:
+    """Range of a ratio of traces to their rows.
+
+    ``found`` is a sentence with the ratio as {0}, travel and ratio in mm as {1} and {2}. Of
+    ``ways`` (correction, unit in words) the first that brings the median ratio into the range is
+    the slip, which is refused. Without one the cause is ``other``, which is refused beyond
+    ``possible``. Of a sensor at the actuator the range ends at ``soft`` times ``high``.
+    """
+
+    quantity: str
+    ratio: Callable[[TracedRow], float | None]
+    low: float
+    high: float
+    found: str
+    ways: tuple[tuple[str, str], ...]
+    other: str
+    possible: tuple[float, float] = (-np.inf, np.inf)
+    arguable: bool = True
+    soft: float = 1.0
+
+    def __call__(self, stand: Stand, sheet: Sheet) -> Findings:
+        """Find a ratio out of the range."""
+        middle, travel = median_of(self.ratio, stand, sheet), stand.clutch.dog.travel / MM
+        high = self.high * (self.soft if stand.record.displacement_at == "actuator" else 1.0)
+        if self.low <= middle <= high:
+            return
+        found = self.found.format(short(middle), number(travel), short(middle * travel))
+        for correction, looks in self.ways:
+            try:
+                other = corrected(sheet, correction, stand.sensor)
+            except InputError:  # the stand does not say by how much
+                continue
+            if self.low <= median_of(self.ratio, stand, other) <= high:
+                quantity, _, way = correction.partition("=")
+                text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
+                yield Finding(quantity, found, text, way, True, self.arguable)
+                return
+        certain = not self.possible[0] < middle < self.possible[1]
+        yield Finding(self.quantity, found, self.other, None, certain, self.arguable)
+
+
+#: In this order: a check may rely on those before it.
+TRACED: tuple[Callable[[Stand, Sheet], Findings], ...] = (
+    Range(
+        "trace_time", time_ratio, 0.0, 100.0,
+        "by t_s the travel of the traces takes {0} times the time of the shift",
+        (("trace_time=ms", "milliseconds"),),
+        "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False,
+    ),
+    trace_clock,
+    Range(
+        "displacement", travel_ratio, 0.9, 1.15,
+        "displacement_mm of finished shifts ends at {2}, but the sleeve's travel is {1} mm",
+        (("displacement=m", "metres"),
+         ("displacement=arm", "the robot arm's, {} times the sleeve's")),
+        "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in "
+        "the table [sensor])", possible=(0.5, 2.0),
+        # Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
+        soft=1.8 / 1.15,
+    ),
+    Range(
+        "mismatch", speed_ratio, 1.0 / SAME, SAME,
+        "the traces begin with {0} times the mismatch_rpm of their rows "
+        "(output_speed_rpm less sliding_speed_rpm)",
+        (("mismatch=rad_s", "mismatch_rpm in radians a second"),
+         ("speeds=rad_s", "the speeds of the traces in radians a second"),
+         ("mismatch=reversed", "a mismatch_rpm of sliding less output speed")),
+        "another speed than the nominal one",
+    ),
+    Range(
+        "trace_force", force_ratio, 0.5, 1.5,
+        "force_N of the traces ends at {0} of what force_N of the table makes it",
+        (("trace_force=kN", "kilonewtons"),
+         ("force=arm", "the force at the robot arm in the table"),
+         ("trace_force=arm", "the force at the robot arm in the traces")),
+        "a sensor with a wrong scale",
+    ),
+    trace_rest,
+)  # fmt: skip

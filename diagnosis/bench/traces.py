@@ -27,13 +27,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from importlib import import_module
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.foreign_cells import unit_named
+from dogshape.diagnosis.bench.foreign_table import unit_named
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, did_you_mean, number, number_rule
 from dogshape.sim.texts import read_table
@@ -58,11 +59,6 @@ class BenchTrace:
     output_speed: Series
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     start_error: float = field(default=0.0, kw_only=True)
-
-    @property
-    def relative_speed(self) -> Series:
-        """Output less sliding speed, rad/s, (n,)."""
-        return self.output_speed - self.sliding_speed
 
     @property
     def step(self) -> float:
@@ -289,8 +285,7 @@ def _require_samples(path: Path, name: str, channel: Channel) -> None:
     time, rows = channel.time, channel.rows
     clock = f"column {TIME}" if name == LEAD else f"the time of {name}"
     for what, values in ((f"column {name}", channel.values), (clock, time)):
-        if (bad := ~np.isfinite(values)).any():
-            place = int(np.argmax(bad))
+        for place in np.flatnonzero(~np.isfinite(values)).tolist():
             raise DataError(
                 f"{path}, row {rows[place]}, {what} is '{values[place]}', but it must be a finite "
                 "number; correct the cell"
@@ -300,8 +295,7 @@ def _require_samples(path: Path, name: str, channel: Channel) -> None:
             f"{path} has {time.size} samples of {name}, but a trace needs at least {least}; export "
             "the whole shift"
         )
-    if (back := np.diff(time) <= 0.0).any():
-        place = int(np.argmax(back)) + 1
+    for place in (np.flatnonzero(np.diff(time) <= 0.0) + 1).tolist():
         raise DataError(
             f"{path}, row {rows[place]}, {clock} is '{time[place]:.15g}' after "
             f"'{time[place - 1]:.15g}', but time must grow from sample to sample; sort the trace "
@@ -341,14 +335,12 @@ def _read_csv(path: Path) -> dict[str, Channel]:
 def _open(path: Path, module: str, reader: str, kind: str) -> Any:
     library, extra = {"asammdf": ("asammdf", "mdf"), "nptdms": ("npTDMS", "tdms")}[module]
     try:
-        read: Any = import_module(module)
+        read: Any = attrgetter(reader)(import_module(module))
     except ImportError as error:
         raise InputError(
             f"{library} cannot be loaded ({error}), but {kind} trace needs it; install it with: "
             f"pip install -c constraints.txt '.[{extra}]', or export the trace as CSV."
         ) from error
-    for name in reader.split("."):
-        read = getattr(read, name)
     try:
         return read(str(path))
     except Exception as error:  # what it raises for foreign bytes depends on these bytes

@@ -23,8 +23,7 @@ from scipy.special import gammaln, logsumexp
 from scipy.stats import chi2, qmc
 
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
-from dogshape.diagnosis.likelihood.mark_density import flight_scores
-from dogshape.diagnosis.prediction.flights import Flights
+from dogshape.diagnosis.prediction.flights import Flights, flight_scores
 from dogshape.diagnosis.prediction.model import Predicted, Space
 from dogshape.diagnosis.terms import Array, Hypothesis, forward
 
@@ -273,10 +272,6 @@ class Fit:
         """All parameters with their intervals."""
         columns = zip(self.space.parameters, self.values.T, strict=True)
         return {parameter.name: Interval.of(column) for parameter, column in columns}
-
-    def interval(self, parameter: str) -> Interval:
-        """Summarise a parameter."""
-        return self.intervals[parameter]
 
 
 def fit(likelihood: Likelihood, sample: Sample, flights: Flights) -> Fit:

@@ -171,19 +171,15 @@ class NextTest:
     def to_dict(self) -> dict[str, Any]:
         """Give the record ``next_test``."""
         record: dict[str, Any] = {
-            "name": self.name,
-            "why": self.why,
-            "kind": self.kind,
-            "information_nats": self.information,
-            "chance_to_settle": self.settles,
-            "misleads": self.misleads,
-            "hours": self.hours,
-        }
+            "name": self.name, "why": self.why, "kind": self.kind,
+            "information_nats": self.information, "chance_to_settle": self.settles,
+            "misleads": self.misleads, "hours": self.hours,
+        }  # fmt: skip
         if self.kind == "direct":
             record["parameters"] = list(self.parameters)
         if self.point is not None:
-            record["mismatch_rpm"], record["force_N"] = self.point[0] / RPM, self.point[1]
-            record["shifts"] = self.shifts
+            mismatch, force = self.point
+            record |= {"mismatch_rpm": mismatch / RPM, "force_N": force, "shifts": self.shifts}
         return record
 
 

@@ -50,11 +50,6 @@ class Ranking:
     log_prior: Mapping[Hypothesis, float]
     log_unknown: float
 
-    def log_joint(self, hypothesis: Hypothesis) -> float:
-        """Compute the log of prior times evidence."""
-        known = self.samples.get(hypothesis)
-        return self.log_prior[hypothesis] + (known.log_evidence if known else self.log_unknown)
-
 
 def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed_: float) -> float:
     """Compute the log prior probability of a set of effects."""

@@ -57,13 +57,12 @@ class Fact:
 
 def log_density(facts: Sequence[Fact], space: Space, values: Array) -> Array:
     """Compute the log density of facts at values (m, p) of a hypothesis, (m,)."""
+    own = [(e.name, p.name) for e in space.effects for p in e.parameters]
     found = np.zeros(len(values))
     for fact in facts:
-        names = {e.name: [p.name for p in e.parameters] for e in space.effects}
         column = np.full(len(values), fact.neutral)
-        if fact.effect in names:
-            column = values[:, space.columns(fact.effect)]
-            column = column[:, names[fact.effect].index(fact.parameter)]
+        if (fact.effect, fact.parameter) in own:
+            column = values[:, own.index((fact.effect, fact.parameter))]
         found += fact.log_density(column)
     return found
 
@@ -113,32 +112,29 @@ def facts_of(bench: Bench) -> tuple[Fact, ...]:
     return Fact("linkage_compliance", "compliance_mm_kN", 0.0, value, error, said), scale
 
 
-def require_measured(bench: Bench, effects: Mapping[str, Effect]) -> None:
-    """Raise DataError for the result of a direct test that is of no effect or parameter."""
+def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, ...]:
+    """List the facts of direct tests, whether their effects are in question or not.
+
+    Raises DataError for a result that is of no effect or parameter.
+    """
+    found, known = [], {**registry.load(), **effects}
     for one in bench.measured:
-        if one.effect not in effects:
-            hint = did_you_mean(one.effect, effects)
+        if one.effect not in known:
+            hint = did_you_mean(one.effect, known)
             raise DataError(f"{bench.name}: '{one.effect}' in [[measured]] is no effect; {hint}")
-        names = [parameter.name for parameter in effects[one.effect].parameters]
-        if one.parameter not in names and (one.parameter or len(names) != 1):
+        names = [parameter.name for parameter in known[one.effect].parameters]
+        name = one.parameter or (names[0] if len(names) == 1 else "")
+        if name not in names:
             given = f"'{one.parameter}'" if one.parameter else "left out"
             raise DataError(
                 f"{bench.name}: the parameter of {one.effect} in [[measured]] is {given}, but must "
                 f"be one of: {', '.join(names) or 'none, as the effect has none to measure'}"
             )
-
-
-def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, ...]:
-    """List the facts of direct tests, whether their effects are in question or not."""
-    found = []
-    for one in bench.measured:
-        effect = effects.get(one.effect) or registry.load()[one.effect]
-        name = one.parameter or effect.parameters[0].name
         sentence = (
             f"a direct test gives {name} = {one.value:.4g} (standard error "
             f"{one.standard_error:.2g}), which counts with the shifts"
         )
-        neutral = effect.neutral(setting_of(bench))[name]
+        neutral = known[one.effect].neutral(setting_of(bench))[name]
         found.append(Fact(one.effect, name, neutral, one.value, one.standard_error, sentence))
     return tuple(found)
 

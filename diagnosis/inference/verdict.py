@@ -7,7 +7,7 @@ data's errors of that without one of its effects counts with the hypothesis that
 from __future__ import annotations
 
 import itertools
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -32,8 +32,8 @@ class Verdict:
     """Decision of a diagnosis: named effects, and hypotheses that have 0.9 together."""
 
     kind: Kind
-    causes: tuple[str, ...]
-    credible: tuple[Hypothesis, ...]
+    causes: Sequence[str]
+    credible: Sequence[Hypothesis]
 
 
 def inclusion(posterior: Mapping[Hypothesis, float]) -> dict[str, float]:

@@ -31,17 +31,13 @@ from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
 
 NODES = np.array([0.1, 0.4, 0.8, 1.3, 2.0, 3.0])  #: amplitudes over the scale of their prior
+#: Prior probabilities of the nodes: half-normal, by their midpoints.
+WEIGHTS = np.diff([0.0, *(2.0 * norm.cdf(np.sqrt(NODES[1:] * NODES[:-1])) - 1.0), 1.0])
 KEPT = 0.02  #: of the largest eigenvalue, from which a direction of the discrepancy counts
 MOST_LATE = 6  #: numbers of late shifts within one mean that are tried beside 0
 TABLE = 257  #: shares at which probabilities of numbers of shifts are computed
 STEP = 0.05  #: of force and mismatch, by which times are differentiated
 QUANTILES = norm.ppf((np.arange(9) + 0.5) / 9)  #: of a nuisance
-
-
-def node_weights() -> Array:
-    """Compute the prior probabilities of the nodes: half-normal, by their midpoints."""
-    ends = np.concatenate([[0.0], np.sqrt(NODES[1:] * NODES[:-1]), [np.inf]])
-    return np.asarray(np.diff(2.0 * norm.cdf(ends) - 1.0))
 
 
 class Terms(NamedTuple):
@@ -72,7 +68,7 @@ class Likelihood:
     @cached_property
     def having(self) -> np.ndarray:
         """Places of the points that have a mean, (c,)."""
-        return np.flatnonzero(self.seen.having)
+        return np.flatnonzero(self.seen.count > 0)
 
     @cached_property
     def smooth(self) -> Array:
@@ -120,12 +116,8 @@ class Likelihood:
         if not size:
             return np.zeros((self.model.cells, 0))
         force, mismatch = self.sensitivity
-        every = (
-            force * size.force_share,
-            force * size.force_N / self.seen.force,
-            mismatch * size.mismatch_share * self.seen.mismatch,
-            mismatch * size.mismatch,
-        )
+        slopes = force, force / self.seen.force, mismatch * self.seen.mismatch, mismatch
+        every = [slope * one for slope, one in zip(slopes, size.sizes, strict=True)]
         return np.stack([one for one in every if one.any()], axis=1)
 
     @cached_property
@@ -419,7 +411,7 @@ def _integrated(
     sizes = (scale * NODES[:, None, None]) ** 2
     grown = 1.0 + sizes * np.maximum(values, 0.0)
     logs = 0.5 * (sizes * square / grown - np.log(grown)).sum(axis=2)
-    nodes = (logs + np.log(node_weights())[:, None] + plain).T
+    nodes = (logs + np.log(WEIGHTS)[:, None] + plain).T
     return np.asarray(logsumexp(nodes, axis=1)), np.asarray(nodes)
 
 

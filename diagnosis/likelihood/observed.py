@@ -65,11 +65,6 @@ class Observed:
     drift: Drift | None  #: None where the order is not known
     flights: tuple[SeenFlight, ...]  #: marks of the free flight in traces
 
-    @property
-    def having(self) -> np.ndarray:
-        """Mark the points with a mean, (C,)."""
-        return self.count > 0
-
 
 def observe(bench: Bench, model: Model) -> Observed:
     """Gather the observations of a data set at the operating points of a model."""

@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
@@ -132,6 +132,8 @@ class Model:
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
     law: float  #: error of an effect's law, as a share of the change that it makes
     turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
+    _curves: dict[str, Callable[[Array], Changes]] = field(default_factory=dict, init=False)
+    _recent: dict[object, Changes] = field(default_factory=dict, init=False)
 
     @property
     def settings(self) -> tuple[Setting, ...]:
@@ -168,11 +170,9 @@ class Model:
     def shape(self) -> Array:
         """Excess kurtosis of timely shifts of the baseline, (C,)."""
         times = timely(self.simulated.baseline, self.far)
-        middle = np.nan_to_num(np.nanmean(times, axis=1, keepdims=True))
-        parts = np.nan_to_num(times - middle)
-        count = np.maximum(1, np.isfinite(times).sum(axis=1))
-        second = np.maximum((parts**2).sum(axis=1) / count, LEAST_SD**2)
-        return np.clip((parts**4).sum(axis=1) / count / second**2 - 3.0, -1.5, 12.0)
+        parts = times - np.nanmean(times, axis=1, keepdims=True)
+        second, fourth = (np.nan_to_num(np.nanmean(parts**k, axis=1)) for k in (2, 4))
+        return np.clip(fourth / np.maximum(second, LEAST_SD**2) ** 2 - 3.0, -1.5, 12.0)
 
     @cached_property
     def _every(self) -> tuple[Array, Array]:
@@ -252,15 +252,12 @@ class Model:
         return found
 
     @cached_property
-    def _limited(self) -> frozenset[str]:
+    def _limited(self) -> set[str]:
         """Effects of which some values within their ranges give no bench."""
         ticks = np.linspace(0.0, 1.0, TRIED).tolist()
-        return frozenset(
-            name
-            for name, effect in self.effects.items()
-            for rows in [itertools.product(ticks, repeat=len(effect.parameters))]
-            if not all(self._exists(effect, row) for row in rows)
-        )
+        sizes = {name: len(effect.parameters) for name, effect in self.effects.items()}
+        rows = {name: itertools.product(ticks, repeat=k) for name, k in sizes.items()}
+        return {n for n in rows if not all(self._exists(self.effects[n], row) for row in rows[n])}
 
     def _exists(self, effect: Effect, shares: Sequence[float]) -> bool:
         given = {p.name: p.at(s) for p, s in zip(effect.parameters, shares, strict=True)}
@@ -270,30 +267,17 @@ class Model:
     def _extremes(self) -> list[Setting]:
         return extremes(self.settings)
 
-    @cached_property
-    def _read_only(self) -> frozenset[str]:
-        return frozenset(n for n, e in self.effects.items() if reads_only(e, self._extremes))
-
-    @cached_property
-    def _curves(self) -> dict[str, Callable[[Array], Changes]]:
-        return {}
-
-    @cached_property
-    def _recent(self) -> dict[object, Changes]:
-        return {}
-
     def changes(self, name: str, values: Array) -> Changes:
         """Compute the changes by an effect at values (m, p); recent results are kept."""
         key = name, values.shape, values.tobytes()
         if key not in self._recent:
             if len(self._recent) >= RECENT:
                 self._recent.clear()
-            if name in self._read_only:
-                self._recent[key] = self._read(self.effects[name], values)
-            else:
-                if name not in self._curves:
-                    self._curves[name] = self._curve(self.effects.get(name) or self.nuisances[name])
-                self._recent[key] = self._curves[name](values)
+            effect = self.effects.get(name) or self.nuisances[name]
+            if name not in self._curves:
+                read = name in self.effects and reads_only(effect, self._extremes)
+                self._curves[name] = partial(self._read, effect) if read else self._curve(effect)
+            self._recent[key] = self._curves[name](values)
         return self._recent[key]
 
     def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
@@ -348,16 +332,16 @@ class Model:
     def _coordinates(self, effect: Effect, values: Array) -> Array:
         pairs = zip(effect.parameters, values.T, strict=True)
         columns = [coordinate(p, column, self.setting) for p, column in pairs]
-        return np.stack(columns, axis=1) if columns else np.zeros((len(values), 0))
+        return np.array(columns).reshape(-1, len(values)).T
 
     def _read(self, effect: Effect, values: Array) -> Changes:
         """Compute the changes by an effect of the reading: dead time, weights of the angles."""
         rows = [_reading(effect, row, self.setting) for row in values.tolist()]
-        delay, *angles = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
+        delay, concentration, centre = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
         exact = np.zeros((len(values), self.cells))
         change = np.zeros((*exact.shape, MOMENTS))
-        if any(one.any() for one in angles):
-            change = self._weighted(*(one[..., None] for one in angles))
+        if concentration.any() or centre.any():
+            change = self._weighted(concentration[..., None], centre[..., None])
         return Changes(change, exact + delay, exact)
 
     def _weighted(self, concentration: Array, centre: Array) -> Array:

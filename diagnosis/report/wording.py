@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.diagnosis import Diagnosis, Reading
+from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import explained
 from dogshape.diagnosis.inference.verdict import Verdict
@@ -41,28 +41,21 @@ def chance(probability: float) -> str:
     return f"{100.0 * probability:.0f} %" if probability <= 0.99 else "> 99 %"
 
 
-def shown(name: str, value: float) -> tuple[float, str]:
-    """Return a parameter's value and unit as people read them; seconds become ms."""
-    return (1e3 * value, "ms") if suffix_of(name) == "_s" else (value, unit_of(name))
-
-
 def quantity(name: str) -> str:
     """Return the name of a parameter without its unit."""
     return name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
-def between(name: str, low: float, high: float) -> str:
-    """Return a range of a parameter with its unit."""
-    unit = shown(name, low)[1]
-    ends = [f"{shown(name, end)[0]:.3g}" for end in (low, high)]
-    return f"{' to '.join(dict.fromkeys(ends))} {unit}".rstrip()
+def amount(name: str, *values: float, digits: int = 3) -> str:
+    """Return a value or range of a parameter with its unit; seconds become ms."""
+    factor, unit = (1e3, "ms") if suffix_of(name) == "_s" else (1.0, unit_of(name))
+    shown = dict.fromkeys(f"{factor * value:.{digits}g}" for value in values)
+    return f"{' to '.join(shown)} {unit}".rstrip()
 
 
 def described(name: str, value: Interval) -> str:
     """Return a parameter with mean, 90 % interval and unit."""
-    mean, unit = shown(name, value.mean)
-    amount = f"{mean:.3g} {unit}".rstrip()
-    return f"{quantity(name)} {amount} ({between(name, value.low, value.high)})"
+    return f"{quantity(name)} {amount(name, value.mean)} ({amount(name, value.low, value.high)})"
 
 
 def ms(seconds: float) -> str:
@@ -99,7 +92,7 @@ def summary(found: Diagnosis) -> str:
         if one.probability > OPEN and (one.verdict.kind, one.verdict.causes) != answer:
             other = headline_of(one.verdict, found.effects)
             said.append(
-                f"If {reading_name(one)} ({chance(one.probability)}), the answer is: "
+                f"If {READINGS[one.key, one.value]} ({chance(one.probability)}), the answer is: "
                 f"{other[:1].lower()}{other[1:]}."
             )
     return " ".join(part for part in said if part)
@@ -111,7 +104,7 @@ def _cause(found: Diagnosis) -> str:
 
     def sized(name: str) -> str:
         sizes = found.sizes.get(name, {})
-        words = ", ".join(between(key, one.low, one.high) for key, one in sizes.items())
+        words = ", ".join(amount(key, one.low, one.high) for key, one in sizes.items())
         return f"{found.effects[name].plain} {words}".rstrip()
 
     if verdict.kind == "none":
@@ -141,9 +134,9 @@ def _refuted(found: Diagnosis) -> str:
         if fact.effect in found.effects and fact.effect not in found.verdict.causes:
             part = explained(fact, found.model, found.seen)
             if part < EXPLAINED * whole:
-                amount = _amount(fact.parameter, fact.value)
+                size = amount(fact.parameter, fact.value, digits=2)
                 effect = found.effects[fact.effect].plain
-                said.append(f"{effect} ({amount}) explains {max(0.0, 1e3 * part):.0f} ms")
+                said.append(f"{effect} ({size}) explains {max(0.0, 1e3 * part):.0f} ms")
     return f"Alone and as read at rest, {listed(said)} of {1e3 * whole:.0f} ms." if said else ""
 
 
@@ -157,9 +150,9 @@ def _sizes(found: Diagnosis) -> list[str]:
         share = 1.0 if effect in found.verdict.causes else found.inclusion.get(effect, 0.0)
         for parameter in found.effects[effect].parameters if share > OPEN else ():
             name, size = parameter.name, found.sizes[effect][parameter.name].mean
+            said = f"{quantity(name)} of {amount(name, size, digits=2)} is"
             if suffix_of(name) == "_kg" and ratio is not None:
-                amount = _amount(name, size / ratio**2)
-                at_arm.append(f"{quantity(name)} of {_amount(name, size)} is {amount}")
+                at_arm.append(f"{said} {amount(name, size / ratio**2, digits=2)}")
                 continue
             most, source = parameter.ordinary or (np.inf, "")
             if share <= LIKELY or size < BEYOND * most:
@@ -167,24 +160,12 @@ def _sizes(found: Diagnosis) -> list[str]:
             direct = [t for t in found.tests if t.kind == "direct" and effect in t.effects]
             test = min(direct, key=lambda t: t.hours, default=None)
             measured = f"; {test.name} measures it in {test.hours:.2g} h" if test else ""
-            words = quantity(name)
             large.append(
-                f"{words[:1].upper()}{words[1:]} of {_amount(name, size)} is {size / most:.2g} "
-                f"times that of {source} ({_amount(name, most)}){measured}."
+                f"{said[:1].upper()}{said[1:]} {size / most:.2g} times that of {source} "
+                f"({amount(name, most, digits=2)}){measured}."
             )
     arm = f"At the arm, {listed(at_arm)} (ratio {ratio or 1.0:.3g} squared)." if at_arm else ""
     return [arm, *large]
-
-
-def reading_name(one: Reading) -> str:
-    """Return a reading of the record as a clause."""
-    words = f"{one.key.replace('_', ' ')} is {one.value.replace('_', ' ')}"
-    return READINGS.get((one.key, one.value), words)
-
-
-def _amount(name: str, value: float) -> str:
-    number, unit = shown(name, value)
-    return f"{number:.2g} {unit}".rstrip()
 
 
 def findings_record(bench: Bench) -> dict[str, Any]:

@@ -12,11 +12,11 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, require_times
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, require_shifts
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.outcome import Field, field_of
-from dogshape.diagnosis.inference.static_readings import require_measured
+from dogshape.diagnosis.inference.static_readings import measured_facts
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.next_test import choose, require_terms
@@ -63,10 +63,10 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
 
     DataError where no shift has a time, EffectError for an effect that cannot be run.
     """
-    require_times(bench)
+    require_shifts(bench, times=True)
     effects = load(means.effects)
     require_terms(bench, effects)
-    require_measured(bench, effects)
+    measured_facts(bench, effects)  # refuses a wrong one before the long work
     _require_working(effects, bench, means)
     bench = replace(bench, clutch=bench.clutch.with_engine(means.engine))
     found = diagnose(bench, models_of(bench, effects, means), means.settings)

@@ -107,7 +107,7 @@ def calibrated_study(
     Raises InputError, with the remedy, where no effect is named, a study takes none, or ``causes``
     has no fit.
     """
-    hypothesis = _chosen(found, path) if causes is None else _asked(found, causes)
+    hypothesis = _chosen(found, path, causes)
     fit, effects, bench = found.fits[hypothesis], found.effects, found.bench
     data = study_of(bench, path.stem) if base is None else read_toml(find_study(base))
     data["name"] = path.stem
@@ -126,20 +126,18 @@ def calibrated_study(
             f"({plain(hypothesis, effects)}); {'; '.join(remarks)}"
         )
 
-    for key in _clashing(data, taken, keys):
-        override(data, key, None)
-        remarks.append(f"{key} of the study is replaced by that of the bench")
-
     def keyed(numbers: Array) -> Data:
         """Write values (p,) of the hypothesis as dotted keys of the study."""
         row = Data()
         for effect in taken:
-            mine = numbers[fit.space.columns(effect.name)].tolist()
+            mine = map(rounded, numbers[fit.space.columns(effect.name)].tolist())
             names = [parameter.name for parameter in effect.parameters]
-            row |= keys.settings(effect, dict(zip(names, map(rounded, mine), strict=True)))
+            row |= keys.settings(effect, dict(zip(names, mine, strict=True)))
         return row
 
-    for key, value in keyed(fit.values.mean(axis=0)).items():
+    replaced = _clashing(data, taken, keys)
+    remarks += [f"{key} of the study is replaced by that of the bench" for key in replaced]
+    for key, value in (*dict.fromkeys(replaced).items(), *keyed(fit.values.mean(axis=0)).items()):
         override(data, key, value)
     friction = [
         f"{one.static_friction:g} and {one.dynamic_friction:g}"
@@ -156,11 +154,21 @@ def calibrated_study(
     )  # fmt: skip
 
 
-def _chosen(found: Diagnosis, path: Path) -> Hypothesis:
-    """Find the most probable hypothesis that contains all named effects; none is refused."""
-    causes = set(found.verdict.causes)
-    if causes:
-        return next(h for h in found.posterior if h in found.fits and causes <= set(h))
+def _chosen(found: Diagnosis, path: Path, causes: Sequence[str] | None) -> Hypothesis:
+    """Find the hypothesis of ``causes``, or the most probable one; InputError where none fits."""
+    named = set(found.verdict.causes)
+    there = [h for h in found.posterior if h and h in found.fits and named <= set(h)]
+    if causes is not None:
+        require_effects(causes, found.effects)
+        if (hypothesis := tuple(sorted(causes))) in there:
+            return hypothesis
+        likely = "; ".join(", ".join(h) for h in there[:SHOWN])
+        raise InputError(
+            f"--causes is '{', '.join(causes)}', but just these have less than 0.1 % or lack a "
+            f"part of the cause ({', '.join(sorted(named)) or 'none'}); name one of: {likely}"
+        )
+    if named:
+        return there[0]
     first = found.tests[0].name if found.tests else "more shifts"
     remedy = f"make the next test ({first}) and diagnose again"
     remedy = "take the study as it is" if found.verdict.kind == "none" else remedy
@@ -180,31 +188,14 @@ def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> Non
             )
 
 
-def _asked(found: Diagnosis, causes: Sequence[str]) -> Hypothesis:
-    """Find the hypothesis of some effects; InputError where it has no fit."""
-    require_effects(causes, found.effects)
-    named = set(found.verdict.causes)
-    there = [h for h in found.posterior if h and h in found.fits and named <= set(h)]
-    hypothesis = tuple(sorted(causes))
-    if hypothesis not in there:
-        likely = "; ".join(", ".join(h) for h in there[:SHOWN])
-        raise InputError(
-            f"--causes is '{', '.join(causes)}', but just these have less than 0.1 % or lack a "
-            f"part of the cause ({', '.join(sorted(named)) or 'none'}); name one of: {likely}"
-        )
-    return hypothesis
-
-
 def _clashing(data: Data, taken: Sequence[Effect], keys: EffectKeys) -> list[str]:
     """List the keys of a study that set the same as some effects."""
     touched, known = {key for effect in taken for key in keys.touched(effect)}, registry.load()
     given = [f"{table}.{key}" for table in ("mechanism", "contact") for key in data.get(table, {})]
-    found = [key for key in given if key in touched]
-    for name in data.get("effects", {}):
-        own = keys.touched(known[name]) if name in known else set()
-        if own & touched or name in {effect.name for effect in taken}:
-            found.append(f"effects.{name}")
-    return sorted(found)
+    own = {n: keys.touched(known[n]) if n in known else set() for n in data.get("effects", {})}
+    names = {effect.name for effect in taken}
+    again = [f"effects.{name}" for name in own if own[name] & touched or name in names]
+    return sorted([*touched.intersection(given), *again])
 
 
 def _comments(
@@ -221,9 +212,10 @@ def _comments(
             f"Values are posterior means, intervals hold 90 %; {table} has draws of these effects.",
         ]
     }
+    sizes = found.fits[hypothesis].intervals
     for name in hypothesis:
         parameters = [p.name for p in found.effects[name].parameters]
-        size = "; ".join(described(p, found.fits[hypothesis].interval(p)) for p in parameters)
+        size = "; ".join(described(p, sizes[p]) for p in parameters)
         part = "part of the cause" if name in found.verdict.causes else "open"
         share = chance(found.inclusion.get(name, 0.0))
         comments[f"effects.{name}"] = [f"{size}; {part} ({share})."]

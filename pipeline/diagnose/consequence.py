@@ -88,12 +88,11 @@ class Consequence:
     def sentence(self) -> str:
         """Consequence in words: the choice, its cost, and designs that fail at landings."""
         chosen, best = self.chosen, self.best
-        said = f"With the cause {best.name} is best."
+        cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
+        more = f"; the chosen {chosen.name} costs {cost}" if chosen.landing.passed else ""
+        said = f"With the cause {best.name} is best{more}."
         if chosen is best:
             said = f"The chosen design stays the best ({chosen.name})."
-        elif chosen.landing.passed:
-            cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
-            said = f"With the cause {best.name} is best; the chosen {chosen.name} costs {cost}."
         fail = [one.name for one in self.candidates if not one.landing.passed]
         return f"{said} Landings with the cause overload {', '.join(fail)}." if fail else said
 
@@ -105,24 +104,18 @@ class Consequence:
             "effects": list(self.cause),
             "values": [value for values in self.cause.values() for value in values.values()],
             "candidates": [
-                {
-                    "name": one.name,
-                    **one.params,
-                    "without_s": one.without.mean,
-                    "without_standard_error_s": one.without.standard_error,
-                    "with_s": one.with_effect.mean,
-                    "with_standard_error_s": one.with_effect.standard_error,
-                    "with_landing_margin": one.landing.margin,
-                    "with_landing_check": one.landing.name,
-                }
+                {"name": one.name, **one.params, "without_s": one.without.mean,
+                 "without_standard_error_s": one.without.standard_error,
+                 "with_s": one.with_effect.mean,
+                 "with_standard_error_s": one.with_effect.standard_error,
+                 "with_landing_margin": one.landing.margin,
+                 "with_landing_check": one.landing.name}
                 for one in self.candidates
             ],
-            "best_without": self.chosen.name,
-            "best_with": self.best.name,
-            "regret_s": self.regret,
-            "regret_standard_error_s": self.standard_error,
+            "best_without": self.chosen.name, "best_with": self.best.name,
+            "regret_s": self.regret, "regret_standard_error_s": self.standard_error,
             "sentence": self.sentence,
-        }
+        }  # fmt: skip
 
 
 def studied(where: str | Path) -> tuple[Setup, dict[str, Params]]:
@@ -147,17 +140,10 @@ def studied(where: str | Path) -> tuple[Setup, dict[str, Params]]:
 
 def _designs(study: Setup, result: Mapping[str, Any]) -> dict[str, Params]:
     confirmation = result["confirmation"] or {"chosen": None, "designs": []}
-    failed = {
-        one["trial"]
-        for one in confirmation["designs"]
-        if not all(check["passed"] for check in one["checks"])
-    }
-    rows = [
-        row
-        for row in result["trials"]
-        if row["feasible"] and not row["prototype"] and row["trial"] not in failed
-    ]
-    chosen = confirmation["chosen"]
+    designs, chosen = confirmation["designs"], confirmation["chosen"]
+    failed = {one["trial"] for one in designs if not all(c["passed"] for c in one["checks"])}
+    rows = [row for row in result["trials"] if row["feasible"] and not row["prototype"]]
+    rows = [row for row in rows if row["trial"] not in failed]
     rows.sort(key=lambda row: (row["trial"] != chosen, row["expected_shift_time_s"]))
     return {"prototype": study.prototype} | {
         f"design {row['trial']}": {key: row[key] for key in study.variables}
@@ -221,8 +207,9 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
             f"{LEAST:.0%}; leave --study out"
         )
     given, designs = studied(study)
+    sizes = found.fits[cause].intervals
     values = {
-        name: {p.name: found.fits[cause].interval(p.name).mean for p in effect.parameters}
+        name: {p.name: sizes[p.name].mean for p in effect.parameters}
         for name, effect in found.effects.items()
         if name in cause and name not in OF_STAND
     }

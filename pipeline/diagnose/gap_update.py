@@ -12,10 +12,10 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pandas as pd
 
@@ -39,6 +39,7 @@ DIFFERENT = 5  #: of these that differ from each other: a stand may repeat few v
 SHOWN = 0.001  #: probability from which a hypothesis is in the record of an update
 MOST_ODDS = 1e5  #: largest odds that are said
 Record = dict[str, Any]  #: gap.json
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -89,11 +90,9 @@ def asked_of(folder: Path) -> Asked:
             f"{folder} holds no diagnosis with its data; make it with: dogshape gap BENCH_DIR "
             f"--out {folder}"
         )
-    try:
-        found = _json(path)
-        return Asked(tuple(found["corrections"]), found["effects"], tuple(found["joined"]))
-    except (KeyError, TypeError) as error:
-        raise _damaged(path, error) from error
+    return _json(path, lambda found: Asked(
+        tuple(found["corrections"]), found["effects"], tuple(found["joined"])
+    ))  # fmt: skip
 
 
 def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
@@ -128,15 +127,21 @@ def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
     shutil.copytree(data, target)
     own = Path("traces") / f"update-{len(asked.joined) + 1}"
     before, added = (
-        [dict(zip(table.head, cells, strict=True)) for _, cells in table.rows]
+        pd.DataFrame([cells for _, cells in table.rows], columns=[*table.head])
+        .reindex(columns=[*COLUMNS], fill_value="")
         for table in (read_table(path, NUMERIC, COLUMNS) for path in (data / "shifts.csv", new))
-    )
-    for row in added:
-        if name := row.get("trace", ""):
-            _copy(new.parent / name, target / own / name)
-            row["trace"] = (own / name).as_posix()
-    rows = pd.DataFrame(_in_series(before, added), columns=[*COLUMNS])
-    write_whole(target / "shifts.csv", rows.to_csv(index=False, lineterminator="\n"))
+    )  # fmt: skip
+    for name in filter(None, added["trace"]):
+        _copy(new.parent / name, target / own / name)
+    added["trace"] = [name and (own / name).as_posix() for name in added["trace"]]
+    # New rows stand behind the series; where only some rows say their place, none does.
+    if last := max(map(float, filter(None, before["order"])), default=0.0):
+        added["order"] = [place and f"{last + float(place):.9g}" for place in added["order"]]
+    rows = pd.concat([before, added])
+    timed = rows[rows["shift_time_s"] != ""]
+    lacking = [name for name in ("order", "timestamp") if (timed[name] == "").any()]
+    text = rows.assign(**dict.fromkeys(lacking, "")).to_csv(index=False, lineterminator="\n")
+    write_whole(target / "shifts.csv", text)
     replace(asked, joined=(*asked.joined, digest)).write(target)
     return load_bench(target, asked.corrections), sheet
 
@@ -144,17 +149,6 @@ def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
 def _copy(source: Path, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
     shutil.copy(source, target)
-
-
-def _in_series(before: list[dict[str, str]], added: list[dict[str, str]]) -> list[dict[str, str]]:
-    """Put new rows behind the series; where only some rows say their place, none does."""
-    timed = [row for row in (*before, *added) if row["shift_time_s"]]
-    lacking = {c: "" for c in ("order", "timestamp") if not all(row.get(c) for row in timed)}
-    if "order" not in lacking:
-        last = max(float(row["order"]) for row in before if row["order"])
-        for row in added:
-            row["order"] = row["order"] and f"{last + float(row['order']):.9g}"
-    return [{**row, **lacking} for row in (*before, *added)]
 
 
 def _require_no_copies(held: Sheet, new: Sheet) -> None:
@@ -197,28 +191,24 @@ def before_of(folder: Path, count: int) -> Record:
                     "set again with --out"
                 )
             write_whole(kept, (folder / name).read_bytes())
-    return dict(_json(kept))
+    return _json(kept, dict)
 
 
 def add_update(folder: Path, record: Record, count: int) -> dict[str, str]:
     """Write an update after the first ``count`` ones; give the sentence of each by its name."""
     path = folder / UPDATES
-    updates = [*(_json(path)[:count] if path.is_file() else []), record]
+    updates = [*(_json(path, list)[:count] if path.is_file() else []), record]
     write_whole(path, json.dumps(updates, indent=1, allow_nan=False) + "\n")
     return {f"update {one['update']}": one["sentence"] for one in updates}
 
 
-def _json(path: Path) -> Any:
+def _json(path: Path, kind: Callable[[Any], T]) -> T:
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise _damaged(path, error) from error
-
-
-def _damaged(path: Path, error: Exception) -> StorageError:
-    return StorageError(
-        f"{path} is damaged ({type(error).__name__}); diagnose the data set again with --out"
-    )
+        return kind(json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, KeyError, TypeError) as error:
+        raise StorageError(
+            f"{path} is damaged ({type(error).__name__}); diagnose the data set again with --out"
+        ) from error
 
 
 def update_record(before: Record, found: Diagnosis, new: Sheet, count: int) -> Record:
@@ -237,9 +227,8 @@ def update_record(before: Record, found: Diagnosis, new: Sheet, count: int) -> R
 
 def _state(record: Record, effects: Mapping[str, Effect]) -> Record:
     kind, causes = record["verdict"], record["causes"]
-    verdict = Verdict(kind, tuple(causes), tuple(map(tuple, record["credible_set"])))
+    said = headline_of(Verdict(kind, causes, [*map(tuple, record["credible_set"])]), effects)
     likely = {" + ".join(h) or "none": p for h, p in _chances(record).items() if p >= SHOWN}
-    said = headline_of(verdict, effects)
     return {"verdict": kind, "causes": causes, "headline": said, "probabilities": likely}
 
 
@@ -254,12 +243,9 @@ def sentence(before: Record, after: Record, effects: Mapping[str, Effect]) -> st
     rival = first if first != now else next((h for h in old if h not in (now, UNKNOWN)), now)
     sides = [
         f"{plain(h, effects)} ({chance(old.get(h, 0.0))} before, {chance(new.get(h, 0.0))} now)"
-        for h in (first, now)
+        for h in dict.fromkeys((first, now))
     ]
-    same = first == now
-    moved = (
-        f"The answer stays {sides[1]}" if same else f"The answer moves from {' to '.join(sides)}"
-    )
+    moved = f"The answer {'stays' if first == now else 'moves from'} {' to '.join(sides)}"
     evidence = [_chances(record, "evidence_probability") for record in (after, before)]
     mine, theirs = ([one.get(h, 0.0) for one in evidence] for h in (now, rival))
     if now == rival or UNKNOWN in (now, rival) or min(*mine, *theirs) <= 0.0:

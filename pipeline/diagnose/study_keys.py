@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -44,14 +45,11 @@ def rounded(value: float, digits: int = 9) -> float:
 def clutch_tables(clutch: Clutch) -> Data:
     """Return ``[dog]``, ``[sliding]`` and ``[output]`` of a study with this clutch."""
     dog, rings = clutch.dog, clutch.rings
-    values = {
-        key: from_si(key, value)
-        for field, key in DOG.items()
-        if (value := getattr(dog, field)) != getattr(Dog, field, None)
-    }
     return {
         "dog": {
-            key: dog.count if key == "count" else rounded(value) for key, value in values.items()
+            key: dog.count if key == "count" else rounded(from_si(key, value))
+            for field, key in DOG.items()
+            if (value := getattr(dog, field)) != getattr(Dog, field, None)
         },
         "sliding": {"mass_kg": rings.mass, "inertia_kgm2": rings.sliding_inertia},
         "output": {"inertia_kgm2": rings.output_inertia},
@@ -67,12 +65,17 @@ def study_of(bench: Bench, name: str) -> Data:
     clutch, plain = bench.clutch, contact_set(CONTACT)
     own = {key: getattr(clutch.contact, field) for field, key in OWN_CONTACT.items()
            if getattr(clutch.contact, field) != getattr(plain, field)}  # fmt: skip
-    points = [(rounded(c.point.mismatch / RPM), rounded(c.point.profile.force))
-              for c in bench.cells]  # fmt: skip
-    rises: dict[float, set[float]] = {}
-    for cell, (_, force) in zip(bench.cells, points, strict=True):
-        rises.setdefault(force, set()).add(cell.point.profile.rise)
+    points, rises = list[tuple[float, float]](), dict[float, set[float]]()
+    for point in (cell.point for cell in bench.cells):
+        points.append((rounded(point.mismatch / RPM), rounded(point.profile.force)))
+        rises.setdefault(points[-1][1], set()).add(point.profile.rise)
     means = {force: rounded(sum(those) / len(those)) for force, those in sorted(rises.items())}
+    # A grid of operating points where they are one, else a list.
+    each = list(dict.fromkeys(points))
+    mismatches, forces = (list(dict.fromkeys(axis)) for axis in zip(*each, strict=True))
+    operating: Data = {"mismatch_rpm": mismatches, "force_N": forces}
+    if list(product(mismatches, forces)) != each:
+        operating = {"points": [{"mismatch_rpm": m, "force_N": force} for m, force in each]}
     count, height = clutch.dog.count, clutch.dog.height / MM
     return {
         "format": FORMAT,
@@ -85,22 +88,13 @@ def study_of(bench: Bench, name: str) -> Data:
             "rebound_mm": rounded(clutch.rebound / MM),
         },
         "actuation": {"force_N": list(means), "rise_s": list(means.values())},
-        "operating": operating_of(points),
+        "operating": operating,
         "variables": {
             **ANGLES,
             "height_mm": [rounded(share * height, 3) for share in SHARES],
             "count": [max(3, round(0.4 * count)), round(2.4 * count)],
         },
     }
-
-
-def operating_of(points: Sequence[tuple[float, float]]) -> Data:
-    """Return ``[operating]`` for some points: a grid where they are one, else a list."""
-    points = list(dict.fromkeys(points))
-    mismatches, forces = (list(dict.fromkeys(axis)) for axis in zip(*points, strict=True))
-    if list(product(mismatches, forces)) == points:
-        return {"mismatch_rpm": mismatches, "force_N": forces}
-    return {"points": [{"mismatch_rpm": m, "force_N": force} for m, force in points]}
 
 
 @dataclass(frozen=True)
@@ -118,11 +112,9 @@ class EffectKeys:
         """List the keys that an effect changes at any of some values."""
         found: set[str] = set()
         for share in (0.2, 0.4, 0.6, 0.8):
-            values = {p.name: p.at(share) for p in effect.parameters}
-            try:
+            with suppress(DogshapeError):  # values of which there is no bench
+                values = {p.name: p.at(share) for p in effect.parameters}
                 found |= keys_changed(effect, values, self.base)
-            except DogshapeError:
-                continue  # values of which there is no bench
         return found
 
     def settings(self, effect: Effect, values: Mapping[str, float]) -> dict[str, Any]:

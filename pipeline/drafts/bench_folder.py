@@ -10,7 +10,7 @@ import hashlib
 import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,14 +19,14 @@ import pandas as pd
 from pandas import DataFrame
 
 from dogshape.diagnosis.bench.bench_data import load_bench
-from dogshape.diagnosis.bench.foreign_cells import SHIFTS, TRACE
-from dogshape.diagnosis.bench.foreign_columns import NONE, Report, TableReader
+from dogshape.diagnosis.bench.foreign_columns import NONE, SHIFTS, TRACE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
 from dogshape.diagnosis.bench.traces import SUFFIXES
 from dogshape.pipeline.config.toml_text import with_values
-from dogshape.pipeline.drafts.sources import PUBLISHED, Source, draft_folder, source_of
+from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
+from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.texts import file_of, text_of
 from dogshape.sim.versions import bundled_root
 
@@ -88,7 +88,15 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
     source, report = source_of(draft.origin), Report()
     where = ", ".join(map(str, draft.tables)) or str(out)
     with draft_folder(out, force) as folder:
-        rows = _read_tables(draft, report) if draft.tables else _empty_rows(source, report)
+        if draft.tables:
+            rows = _read_tables(draft, report)
+        else:
+            points = [(m, f, source.rise(f), 10) for m in source.mismatches for f in source.forces]
+            rows = pd.DataFrame(points, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS])
+            report.assumed.append(
+                "shifts.csv has the operating points of the origin, to be filled in: one row for "
+                "each shift or mean"
+            )
         for place in rows.index[rows["trace"].notna()]:
             rows.loc[place, "trace"] = _copy_trace(rows.loc[place], draft, report, folder)
         report.require(where)
@@ -189,15 +197,6 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     return rows
 
 
-def _empty_rows(source: Source, report: Report) -> DataFrame:
-    report.assumed.append(
-        "shifts.csv has the operating points of the origin, to be filled in: one row for each "
-        "shift or mean"
-    )
-    points = [(m, f, source.rise(f), 10) for m in source.mismatches for f in source.forces]
-    return pd.DataFrame(points, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS])
-
-
 def _silent(rows: DataFrame) -> Any:
     """Mark the rows with neither a time nor an outcome."""
     return rows["shift_time_s"].isna() & rows["engaged"].isna()
@@ -249,8 +248,7 @@ def _mark_time_outs(rows: DataFrame, draft: BenchDraft, source: Source, report: 
     stated = draft.values.get("timeout_s")
     if isinstance(stated, int | float):
         late = times.index[(times / stated).between(0.999, 1.02)]
-        rows.loc[late, "shift_time_s"] = np.nan
-        rows.loc[late, "engaged"] = False
+        rows.loc[late, ["shift_time_s", "engaged"]] = np.nan, False
         if late.size:
             report.assumed.append(
                 f"times at the time-out of {number(stated)} s are shifts that did not engage (row "
@@ -276,12 +274,11 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Repo
     own = rows["force_N"].map(lambda force: round(source.rise(force), 6))
     rows.loc[lacking, "force_rise_s"] = own if draft.rise_s is None else draft.rise_s
     low, high = (number(one) for one in rows["force_rise_s"][lacking].agg(["min", "max"]))
-    report.assumed.append(
-        f"the force rises in {low} s where no row says it" if draft.rise_s is not None else
-        f"the force rises in {low} to {high} s, by its size as in '{source.name}' "
-        f"({number(source.forces[0])} to {number(source.forces[-1])} N); --rise-s says another "
-        "time"
-    )  # fmt: skip
+    said = f"{low} s where no row says it"
+    if draft.rise_s is None:
+        said = f"{low} to {high} s, by its size as in '{source.name}' ({number(source.forces[0])} "
+        said += f"to {number(source.forces[-1])} N); --rise-s says another time"
+    report.assumed.append(f"the force rises in {said}")
 
 
 def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> str:
@@ -329,30 +326,27 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
     if rows["trace"].notna().any():
         said.append("the traces' displacement and force are referred to the sleeve")
-    for key, what, ways in (
-        ("time_zero", "the event at which the times start", "command, or force"),
-        ("displacement_at", "the place of the displacement sensor", "sleeve, or actuator"),
-    ):
-        if f"record.{key}" not in given:
-            said.append(f"{what} is unknown: --set record.{key}={ways}, states it")
     tables = ("dog", "sliding", "output", "contact")
     own = [name for name in tables if not any(key.startswith(f"{name}.") for key in given)]
-    if own:
-        said.append(f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml")
-    said += source.mechanism_notes
-    if "timeout_s" not in given:
-        said.append(f"the stand gives up after {number(values['timeout_s'])} s")
-    if "record.sense" not in given:
-        signed = bool((rows["mismatch_rpm"] < 0.0).any())
-        values["record.sense"] = "known" if signed else "unknown"
-        said.append(
-            "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
-            if signed
-            else "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
-        )
-    whole = values | given
-    if "dog.height_mm" in given or "dog.axial_gap_mm" in given:
-        tolerance = source.clutch.dog.travel * 1e3 - values["shift_travel_mm"]
-        travel = float(whole["dog.height_mm"]) + float(whole["dog.axial_gap_mm"])
-        values["shift_travel_mm"] = float(f"{travel - tolerance:.9g}")
+    mass, of = source.clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
+    signed = bool((rows["mismatch_rpm"] < 0.0).any())
+    values["record.sense"] = "known" if signed else "unknown"
+    sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
+    if signed:
+        sense = "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
+    said += [sentence for sentence, holds in (
+        ("the event at which the times start is unknown: --set record.time_zero=command, or force, "
+         "states it", "record.time_zero" not in given),
+        ("the place of the displacement sensor is unknown: --set record.displacement_at=sleeve, or "
+         "actuator, states it", "record.displacement_at" not in given),
+        (f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml", own),
+        (f"{mass:g} kg {of} move with the ring", mass),
+        (f"{of} friction, drag and linkage are left for the diagnosis",
+         replace(source.clutch.mechanism, added_mass=0.0) != NOTHING),
+        (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),
+        (sense, "record.sense" not in given),
+    ) if holds]  # fmt: skip
+    if ways := [key for key in ("dog.height_mm", "dog.axial_gap_mm") if key in given]:
+        longer = sum(float(given[key]) - values[key] for key in ways)
+        values["shift_travel_mm"] = float(f"{values['shift_travel_mm'] + longer:.9g}")
     return values | given

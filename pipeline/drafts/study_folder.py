@@ -1,4 +1,4 @@
-"""A study folder to begin with: the commented study file with values of one's own.
+"""A study folder to begin with: the commented file of a source with values of one's own.
 
 A study begins as a copy of another one. Values that hold for the other clutch alone are left out,
 but for the height of the dogs, which keeps their shape (mean diameter over count), the force that
@@ -9,25 +9,45 @@ those of the actuator.
 from __future__ import annotations
 
 import re
+import shutil
+import tempfile
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.schema import StudyFile
-from dogshape.pipeline.config.study_file import Setup, build_study
+from dogshape.pipeline.config.study_file import (
+    Setup,
+    build_study,
+    bundled_studies,
+    find_study,
+    load_study,
+)
 from dogshape.pipeline.config.toml_text import sources_of, with_values
-from dogshape.pipeline.diagnose.study_keys import rounded
-from dogshape.pipeline.drafts.sources import COMMENTED, Values, draft_folder, source_of
+from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, clutch_tables, rounded, study_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import validate
+from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.shift.actuation import RiseTable
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
+from dogshape.sim.units import MM, RPM
+from dogshape.sim.versions import bundled_root
 
+Values = dict[str, Any]  #: values by dotted key
+PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
+COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 HEAD = """\
 # A study of one's own, begun from {origin}. Each key is explained; docs/studies.md has all of them.
 # Beside the dog look at [load], [material] and [manufacturing]: they decide what may be built.
@@ -82,6 +102,119 @@ BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
 
 
+@dataclass(frozen=True)
+class Source:
+    """A study or a bench that a draft begins from: clutch, rise of the force, operating points.
+
+    A draft of a study is the text of ``file`` with the values of ``taken`` by dotted key.
+    """
+
+    name: str
+    clutch: Clutch
+    table: RiseTable
+    points: tuple[OperatingPoint, ...]
+    file: Path
+    taken: Values
+
+    @property
+    def mismatches(self) -> list[float]:
+        """Mismatches in 1/min, each once."""
+        return sorted({rounded(point.mismatch / RPM) for point in self.points})
+
+    @property
+    def forces(self) -> list[float]:
+        """Shift forces in N, each once."""
+        return sorted({rounded(point.profile.force) for point in self.points})
+
+    def rise(self, force: float) -> float:
+        """Give the rise time in s of a force in N, linear in between and constant beyond."""
+        pairs = sorted(zip(self.table.forces, self.table.rises, strict=True))
+        forces, rises = zip(*pairs, strict=True)
+        return float(np.interp(force, forces, rises))
+
+    @property
+    def dog_values(self) -> Values:
+        """Values of ``[dog]``, ``[sliding]`` (with all that moves along) and ``[output]``."""
+        tables, rings = clutch_tables(self.clutch), self.clutch.rings
+        tables["sliding"]["mass_kg"] = rounded(rings.mass + self.clutch.mechanism.added_mass)
+        return {f"{name}.{key}": v for name, table in tables.items() for key, v in table.items()}
+
+    @property
+    def bench_values(self) -> Values:
+        """Values of ``bench.toml`` by dotted key."""
+        contact = self.clutch.contact
+        return {
+            "timeout_s": self.clutch.timeout,
+            "shift_travel_mm": rounded(self.clutch.shift_travel / MM),
+            **self.dog_values,
+            "sliding.initial_speed_rpm": rounded(self.clutch.rings.initial_speed / RPM),
+            **{f"contact.{key}": getattr(contact, name) for name, key in OWN_CONTACT.items()},
+        }
+
+
+def source_of(where: str) -> Source:
+    """Read a study or a bench data set: file, folder or bundled name.
+
+    Raises InputError where it is neither, or a mistake of its files.
+    """
+    path = Path(where)
+    folder = path.parent if path.name == "bench.toml" else path
+    here = (folder / "bench.toml").is_file()
+    if here or (path.name == where and (bundled_root() / "bench" / where).is_dir()):
+        bench = load_bench(folder if here else where)
+        tables, contact = study_of(bench, bench.name), bench.clutch.contact
+        points = tuple(cell.point for cell in bench.cells)
+        rises = RiseTable(*map(tuple, tables["actuation"].values()))
+        taken = {
+            **{f"actuation.{key}": values for key, values in tables["actuation"].items()},
+            "operating": tables["operating"],
+            "contact.static_friction": contact.static_friction,
+            "contact.dynamic_friction": contact.dynamic_friction,
+        }
+        return Source(bench.name, bench.clutch, rises, points, find_study(COMMENTED), taken)
+    if not path.exists() and where not in bundled_studies():
+        raise InputError(
+            f"'{where}' is no kind of clutch, no study and no bench data set; give a TOML file, a "
+            f"folder with study.toml or bench.toml, mq200_stand or a kind: {bundled_kinds()}"
+        )
+    own = load_study(where)
+    return Source(own.name, own.clutch, own.actuation.table, own.points, find_study(where), {})
+
+
+def bundled_kinds() -> str:
+    """List the bundled kinds of clutch with dogs, diameters and rated torque."""
+    words = "{} ({count} dogs, {outer_diameter_mm:g}/{inner_diameter_mm:g} mm, {load:g} N m)"
+    files = {name: load_study(name).file for name in bundled_studies()}
+    return ", ".join(
+        words.format(name, load=file.load.torque_Nm, **dict(file.dog))
+        for name, file in files.items()
+    )
+
+
+def require_free(folder: Path, force: bool) -> None:
+    """Raise StorageError where a folder holds files and nobody said to write over them."""
+    if folder.exists() and not folder.is_dir():
+        raise StorageError(f"--out is {folder}, which is a file; name a folder")
+    if folder.is_dir() and not force and any(folder.iterdir()):
+        raise StorageError(
+            f"{folder} holds files already; name another folder with --out, or write over files "
+            "of the same name with --force"
+        )
+
+
+@contextmanager
+def draft_folder(folder: Path, force: bool) -> Iterator[Path]:
+    """Give a folder to fill, whose files go into ``folder`` once all of them are there."""
+    require_free(folder, force)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=f".{folder.name}-", dir=folder.parent) as part:
+        # A temporary folder is its owner's alone, and modes are copied along.
+        place = Path(part) / "draft"
+        place.mkdir()
+        yield place
+        shutil.copytree(place, folder, dirs_exist_ok=True)
+
+
 def write_study(
     out: Path, origin: str = COMMENTED, values: Mapping[str, Any] | None = None,
     *, force: bool = False,
@@ -128,16 +261,12 @@ def questions_of(origin: str, values: Mapping[str, Any]) -> tuple[Values, dict[s
             own[key], sources[key] = value, whence
     if MASS not in values:
         del own[MASS], sources[MASS]
-    found = source.dog_values | {key: value for key, value in own.items() if askable(value)}
+    parts = {key: value if isinstance(value, list) else [value] for key, value in own.items()}
+    asked = {k: own[k] for k in own if all(isinstance(p, (int, float, str)) for p in parts[k])}
+    found = source.dog_values | asked
     words = {key: (CLUTCH | USE).get(key, key) for key in found}
     said = {key: f"{words[key]} ({sources[key]})" for key in words if sources.get(key)}
     return found, words | said
-
-
-def askable(value: Any) -> bool:
-    """Test that a value is a number, a list of numbers or a word."""
-    parts = value if isinstance(value, list) else [value]
-    return all(isinstance(part, (int, float, str)) for part in parts)
 
 
 def value_at(tables: Mapping[str, Any], key: str) -> Any:
@@ -150,23 +279,26 @@ def value_at(tables: Mapping[str, Any], key: str) -> Any:
 
 def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Values, str, list[str]]:
     """Return the text of a draft, the values put into it, its origin, and what was assumed."""
-    source = source_of(origin)
-    taken = source.dog_values | source.taken if source.taken else {}
+    source, taken, whence = source_of(origin), Values(), f"the study '{origin}'"
+    if source.taken:
+        taken, whence = source.dog_values | source.taken, f"the bench data of '{source.name}'"
     given, text = {**taken, **values}, text_of(source.file)
     follows, said = _following(text, given)
-    whence = f"the bench data of '{source.name}'" if source.taken else f"the study '{origin}'"
     return with_values(text, {**follows, **given}), given, whence, said
 
 
 def _doubts(study: Setup) -> list[str]:
-    failed = [check for check in design_of(study, {}).checks if not check.passed]
+    faults = [
+        f"your own dog fails {one.name}: {one.fault} ({one.rule.key})"
+        for one in design_of(study, {}).checks
+        if not one.passed
+    ]
     outside = [
         f"variables.{key} is [{low:g}, {high:g}], which does not hold your own {own:g}: no search "
         "can propose it; widen the range"
         for key, (low, high) in study.variables.items()
         if key in study.shape_keys and not low <= (own := study.prototype[key]) <= high
     ]
-    faults = [f"your own dog fails {one.name}: {one.fault} ({one.rule.key})" for one in failed]
     return [*faults, *outside, *notes_of(study)]
 
 
@@ -200,10 +332,8 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
         found[OPERATING] = has
     found = {key: value for key, value in found.items()
              if not any(key == one or key.startswith(f"{one}.") for one in given)}  # fmt: skip
-    said = {
-        "follows from your clutch": [f"{k} {v}" for k, v in found.items() if v is not None],
-        "left out with its default instead, limits not judged; give your own": [
-            k for k, v in found.items() if v is None
-        ],
-    }
-    return found, [f"{what}: {', '.join(those)}" for what, those in said.items() if those]
+    follows = ", ".join(f"{key} {value}" for key, value in found.items() if value is not None)
+    lacks = ", ".join(key for key, value in found.items() if value is None)
+    said = [f"follows from your clutch: {follows}"] if follows else []
+    left = "left out with its default instead, limits not judged; give your own"
+    return found, said + ([f"{left}: {lacks}"] if lacks else [])

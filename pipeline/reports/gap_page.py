@@ -12,14 +12,7 @@ from markupsafe import Markup
 
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.diagnosis.report.wording import (
-    chance,
-    described,
-    headline_of,
-    ms,
-    reading_name,
-    summary,
-)
+from dogshape.diagnosis.report.wording import READINGS, chance, described, headline_of, ms, summary
 from dogshape.diagnosis.terms import NONE, plain
 from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_none
@@ -62,14 +55,10 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
     errors, named = found.fits[NONE].predicted.error.mean(axis=0), found.leading != NONE
     return [
         CellRow(
-            mismatch_rpm=point.cell.point.mismatch / RPM,
-            force_N=point.cell.point.profile.force,
-            shifts=point.cell.n,
-            engaged=point.cell.engaged,
-            failed=point.cell.failed,
-            unknown=point.cell.unknown,
-            bench_s=point.cell.time,
-            bench_error_s=number_or_none(spread[k] / point.cell.n**0.5) if point.cell.n else None,
+            mismatch_rpm=cell.point.mismatch / RPM, force_N=cell.point.profile.force,
+            shifts=cell.n, engaged=cell.engaged, failed=cell.failed, unknown=cell.unknown,
+            bench_s=cell.time,
+            bench_error_s=number_or_none(spread[k] / cell.n**0.5) if cell.n else None,
             simulated_s=point.mean,
             simulated_error_s=None if point.mean is None else number_or_none(errors[k]),
             gap_s=point.gap,
@@ -78,8 +67,8 @@ def cells_of(found: Diagnosis) -> list[CellRow]:
             predicted_s=number_or_none(held_out.mean[k]) if named else None,
             predicted_error_s=number_or_none(held_out.sd[k]) if named else None,
         )
-        for k, point in enumerate(found.gaps)
-    ]
+        for k, (point, cell) in enumerate((one, one.cell) for one in found.gaps)
+    ]  # fmt: skip
 
 
 def cells_figure(cells: Sequence[CellRow]) -> go.Figure:
@@ -121,9 +110,9 @@ def publish(
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
     readings = [
-        (reading_name(one), chance(one.probability), headline_of(one.verdict, found.effects))
-        for one in found.readings
-    ]
+        (READINGS[one.key, one.value], chance(one.probability),
+         headline_of(one.verdict, found.effects)) for one in found.readings
+    ]  # fmt: skip
     page.add(
         "Data and settings",
         Table(("if", "probability", "answer"), readings, {}, (2,)) if readings else None,
@@ -146,13 +135,12 @@ def hypothesis_table(found: Diagnosis) -> Table:
     ]  # fmt: skip
     rows = []
     for hypothesis in dict.fromkeys([*worth[:MAX_ROWS], found.leading]):
-        fit = found.fits.get(hypothesis)
-        parameters, p = (fit.space.parameters, fit.p) if fit else ((), None)
-        sizes = [described(one.name, fit.interval(one.name)) for one in parameters] if fit else []
-        rows.append((
-            plain(hypothesis, found.effects), chance(found.posterior.get(hypothesis, 0.0)),
-            "\n".join(sizes), "" if p is None else "< 0.001" if p < 0.001 else f"{p:.2g}",
-        ))  # fmt: skip
+        sizes, p = "", ""
+        if fit := found.fits.get(hypothesis):
+            sizes = "\n".join(described(name, one) for name, one in fit.intervals.items())
+            p = "< 0.001" if fit.p < 0.001 else f"{fit.p:.2g}"
+        share = chance(found.posterior.get(hypothesis, 0.0))
+        rows.append((plain(hypothesis, found.effects), share, sizes, p))
     looks = {0: "best"} if found.verdict.kind == "effect" else {}
     note = (
         "p: probability of data as far from the hypothesis as these, if the hypothesis is true. An "
@@ -164,31 +152,28 @@ def hypothesis_table(found: Diagnosis) -> Table:
 
 def inclusion_table(found: Diagnosis) -> Table:
     """Tabulate the probability of each effect to be part of the cause; named ones are marked."""
-    named = found.verdict.causes
-    those = [(n, p) for n, p in found.inclusion.items() if p >= MIN_PROBABILITY or n in named]
-    those.sort(key=lambda one: -one[1])
-    rows = [(found.effects[name].plain, chance(p)) for name, p in those]
-    looks = {k: "best" for k, (name, _) in enumerate(those) if name in named}
+    named, parts = found.verdict.causes, found.inclusion
+    those = [name for name in parts if parts[name] >= MIN_PROBABILITY or name in named]
+    rows = [(found.effects[name].plain, chance(parts[name])) for name in those]
+    looks = {k: "best" for k, name in enumerate(those) if name in named}
     return Table(("effect", "probability"), rows, looks, (), "Sum over all hypotheses with it.")
 
 
 def residual_table(found: Diagnosis) -> Table:
     """Tabulate root-mean-square gaps: without effects, at held-out points, by chance."""
-    gaps = found.held_out
-    rows: list[tuple[str, float | None]] = [("no effect", gaps.baseline)]
+    gaps, rows = found.held_out, [("no effect", ms(found.held_out.baseline))]
     if found.leading != NONE:
         name = plain(found.leading, found.effects)
-        rows.append((f"{name}, at held-out points", gaps.held_out))
-    if gaps.rival is not None:
+        rows.append((f"{name}, at held-out points", ms(gaps.held_out)))
+    if gaps.rival is not None and gaps.rival_held_out is not None:
         name = plain(gaps.rival, found.effects)
-        rows.append((f"best rival, {name}, at held-out points", gaps.rival_held_out))
-    rows.append(("chance alone", gaps.chance))
-    shown = [(name, ms(time)) for name, time in rows if time is not None]
+        rows.append((f"best rival, {name}, at held-out points", ms(gaps.rival_held_out)))
+    rows.append(("chance alone", ms(gaps.chance)))
     note = (
         "Held out: each point is predicted by a fit to all other points. Chance alone: scatter of "
         "the shifts and errors of the simulation."
     )
-    return Table(("root-mean-square gap", ""), shown, note=note)
+    return Table(("root-mean-square gap", ""), rows, note=note)
 
 
 def advice_table(found: Diagnosis) -> Table:
@@ -205,15 +190,15 @@ def advice_table(found: Diagnosis) -> Table:
 def choice_table(found: Consequence) -> Table:
     """Tabulate the designs chosen without the cause and with it, and the cost of ignoring it."""
     sides = found.chosen, found.best
-    designs = [dict(one.params) for one in sides]
     rows = [
-        [axis(key), *(f"{design[key]:.4g}" if key in design else "" for design in designs)]
-        for key in dict.fromkeys([*designs[0], *designs[1]])
+        [axis(key), *(f"{one.params[key]:.4g}" if key in one.params else "" for one in sides)]
+        for key in {**sides[0].params, **sides[1].params}
     ]
-    for words, name in (("without the cause", "without"), ("with the cause", "with_effect")):
-        times = (ms(getattr(side, name).mean) for side in sides)
-        rows.append([f"expected shift time {words}", *times])
-    rows.append(["cost of ignoring the cause", ms(found.regret), ""])
+    rows += [
+        ["expected shift time without the cause", *(ms(one.without.mean) for one in sides)],
+        ["expected shift time with the cause", *(ms(one.with_effect.mean) for one in sides)],
+        ["cost of ignoring the cause", ms(found.regret), ""],
+    ]
     heads = "", "chosen without the cause", "best with the cause"
     return Table(heads, rows, {len(rows) - 1: "best"})
 

@@ -11,7 +11,7 @@ from dogshape.sim.strength.checks import GROUPS, Check, safety_factor
 from dogshape.sim.units import RPM
 
 if TYPE_CHECKING:
-    from dogshape.diagnosis.bench.comparison import Difference
+    from dogshape.diagnosis.bench.comparison import PointGap
 
 
 class Shiftability(Record):
@@ -239,15 +239,15 @@ class BenchPoint(Record):
     n: int = key("simulated shifts", head="n", form="d")
 
     @classmethod
-    def of(cls, d: Difference) -> BenchPoint:
+    def of(cls, d: PointGap) -> BenchPoint:
         """Record one operating point of a comparison."""
         return cls(
             mismatch_rpm=d.cell.point.mismatch / RPM,
             force_N=d.cell.point.profile.force,
             bench_s=d.cell.time,
-            simulated_s=d.simulated.mean_engaged,
+            simulated_s=d.mean,
             standard_error_s=d.standard_error,
             z=d.z,
-            engaged=d.simulated.engaged,
-            n=d.simulated.n,
+            engaged=d.engaged,
+            n=d.n,
         )

@@ -9,9 +9,7 @@ import pytest
 import dogshape as ds
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.diagnosis import Diagnosis
-from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, diagnosed
-from dogshape.pipeline.diagnose.calibrated_study import calibrated_study
 
 
 @pytest.fixture(scope="module")
@@ -44,29 +42,11 @@ def test_residuals_of_the_stand_at_held_out_points(found: Diagnosis) -> None:
     assert {round(rpm) for rpm, _ in empty} == {5}
 
 
-def test_the_stand_becomes_a_study_whose_draws_are_keys(found: Diagnosis, tmp_path: Path) -> None:
-    causes = [name for name in found.leading if found.effects[name].parameters]
-    sizes = found.fits[found.leading]
-    for base in (None, "mq200_paper"):
-        path = tmp_path / f"stand_{base}.toml"
-        made = calibrated_study(found, path, base, draws=20, causes=list(found.leading))
-        assert len(made.study.points) == 28
-        if "drag_torque" in causes:
-            drag = made.study.clutch.mechanism.drag_torque
-            assert drag == pytest.approx(sizes.interval("drag_Nm").mean, rel=1e-5)
-        words = "friction of the bench is 0.3 and 0.16, that of the study 0.12 and 0.1"
-        assert (words in made.remarks) == (base is not None)
-        made.write(path)
-        for row in made.draws:
-            keys = {key: value for key, value in row.items() if key.startswith("effects.")}
-            load_study(path, keys)
-
-
 def test_a_plan_for_the_stand_distinguishes_what_shifts_show(tmp_path: Path) -> None:
     """A dead time is seen at nearly any strength, an axial gap at fewer."""
     plan = ds.plan_shifts("mq200_stand", 60, points=6, bank=tmp_path)
     names = [h[0] if h else "none" for h in plan.inference.field.hypotheses]
-    seen = {name: plan.unlike(k)[0] for k, name in enumerate(names) if name != "none"}
+    seen = {name: plan.inference.apart[k, 0] for k, name in enumerate(names) if name != "none"}
     assert seen["actuation_delay"] > 0.9
     assert seen["axial_gap"] < seen["actuation_delay"]
     record = plan.to_dict()

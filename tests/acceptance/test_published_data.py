@@ -55,7 +55,7 @@ def test_published_adams_table(adams: Bench) -> None:
     assert len(result.differences) == 28
     compared = [d for d in result.differences if d.gap is not None]
     assert len(compared) == 25
-    assert all(d.simulated.engaged == 1.0 for d in result.differences)
+    assert all(d.engaged == 1.0 for d in result.differences)
     assert result.relative_rms < ALL_CELLS
     for d in compared:
         assert d.gap is not None

@@ -1,18 +1,26 @@
-"""Bench data sets: what is read, and errors with file, row and column."""
+"""Bench data sets: content, record and clock, and errors with file, row and column."""
 
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.bench_data import Reading, gather, load_bench
+from dogshape.diagnosis.bench.stand_file import EmptyCells
+from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.report.wording import chance, summary
 from dogshape.sim.errors import DogshapeError
+from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
+from tests.benches import good_set
 from tests.conftest import Said
+from tests.diagnosed import simulated_bench, simulated_diagnosis
 
 
 @pytest.fixture
@@ -48,28 +56,15 @@ def test_published_tables_are_complete() -> None:
         ("mismatch_rpm", "mismatch_rmp", "row 1: 'mismatch_rmp' is not a known column"),
         ("shift_time_s,", "shift_time_s,Force_N,", "'Force_N' is not a known column; did you"),
         ("5,235.2", "5,-235.2", "shift force is -235.2 N"),
-    ],
-)
-def test_broken_tables(folder: Path, old: str, new: str, words: str) -> None:
-    table = folder / "shifts.csv"
-    table.write_text(table.read_text().replace(old, new, 1))
-    with pytest.raises(DogshapeError) as refused:
-        load_bench(folder)
-    assert words in str(refused.value)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "words"),
-    [
         ("count = 15", "cuont = 15", "'dog.cuont' is not a known key; did you mean 'dog.count'?"),
         ("timeout_s = 1.0", "timeout_s = -1.0", "timeout_s is -1 s"),
         ("shift_travel_mm = 4.65", "shift_travel_mm = 5.0", "shift_travel_mm is 5 mm"),
         ("count = 15", "count = ", "not valid TOML"),
     ],
 )
-def test_broken_settings(folder: Path, old: str, new: str, words: str) -> None:
-    file = folder / "bench.toml"
-    file.write_text(file.read_text().replace(old, new, 1))
+def test_broken_files(folder: Path, old: str, new: str, words: str) -> None:
+    for file in (folder / "shifts.csv", folder / "bench.toml"):
+        file.write_text(file.read_text().replace(old, new, 1))
     with pytest.raises(DogshapeError) as refused:
         load_bench(folder)
     assert words in str(refused.value)
@@ -121,3 +116,113 @@ def test_rows_that_are_there_twice_are_a_warning(folder: Path) -> None:
     assert _warned(folder, head, [*single, single[2], *failed]) == []
     (copied,) = _warned(folder, head, [*single, *single, *failed])
     assert copied.startswith("6 rows repeat earlier ones: row 8 is row 2 again; this looks like")
+
+
+HEAD = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s,engaged\n"
+
+
+@pytest.fixture
+def planar(tmp_path: Path) -> Path:
+    return good_set(tmp_path, sensor=False, traces=False)
+
+
+def state(planar: Path, text: str) -> None:
+    with (planar / "bench.toml").open("a") as file:
+        file.write(f"\n{text}\n")
+
+
+def times(planar: Path, *values: float, n: int = 1) -> None:
+    rows = "".join(f"50,469.0,0.1766,{n},{value:.6g},\n" for value in values)
+    (planar / "shifts.csv").write_text(HEAD + rows)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('[record]\ntime_zero = "trigger"', "time_zero is 'trigger', but it must be one of"),
+        ('[sensor]\ndisplacement_at = "actuator"', "did you mean 'record.displacement_at'?"),
+        ("[errors]\nclock_step_ms = 101.0", "is 101.0, but it must be at most 100"),
+    ],
+)
+def test_a_wrong_key_is_refused_with_its_rule(planar: Path, text: str, words: str) -> None:
+    state(planar, text)
+    with pytest.raises(DogshapeError, match=words.replace("?", r"\?")):
+        load_bench(planar)
+
+
+@pytest.mark.parametrize(
+    ("reading", "failed", "unknown"),
+    [("not_made", 2, 0), ("failed", 12, 0), ("unknown", 2, 10)],
+)
+def test_empty_cells_are_read_as_stated(
+    planar: Path, reading: str, failed: int, unknown: int
+) -> None:
+    rows = "50,469.0,0.1766,3,0.1,\n50,469.0,0.1766,2,,false\n50,469.0,0.1766,10,,\n"
+    (planar / "shifts.csv").write_text(HEAD + rows + "5,469.0,0.1766,1,,true\n")
+    state(planar, f'[record]\nempty_cells = "{reading}"')
+    cell, other = load_bench(planar).cells
+    assert (cell.engaged, cell.failed, cell.unknown) == (3, failed, unknown)
+    assert (cell.n, cell.time) == (3, pytest.approx(0.1))
+    assert (other.engaged, other.failed, other.unknown) == (1, 0, 0)
+
+
+def _silent(force: float, meaning: EmptyCells, **cause: Mapping[str, float]) -> Diagnosis:
+    """Diagnose means of shifts with a cause, beside rows of three at a force without a time."""
+    bench = simulated_bench(cause)
+    slips, profile = [cell.point.mismatch for cell in bench.cells[::3]], ForceProfile(force, 0.1766)
+    rows = [Reading(50, OperatingPoint(slip, profile), 3, None, None) for slip in slips]
+    cells = (*bench.cells, *(cell.with_empty(meaning) for cell in gather(rows)))
+    record = bench.record.model_copy(update={"empty_cells": meaning})
+    clutch = replace(bench.clutch, timeout=0.5)  # below the flight of a ring that hardly moves
+    return simulated_diagnosis(replace(bench, clutch=clutch, cells=cells, record=record))
+
+
+def test_a_meaning_of_empty_cells_that_decides_is_stated_beside_the_answer() -> None:
+    """Shifts at 60 N fail by 120 N of friction, which times from 235 N on hardly show."""
+    found = _silent(60.0, "unknown", sleeve_friction={"friction_N": 120.0})
+    one, other = found.readings
+    assert (one.verdict.causes, other.verdict.causes) == ((), ("sleeve_friction",))
+    assert found.verdict.causes == ()
+    assert f"If shifts without a time failed ({chance(other.probability)})" in summary(found)
+    for meaning, reading in (("not_made", one), ("failed", other)):
+        stated = _silent(60.0, meaning, sleeve_friction={"friction_N": 120.0})
+        assert (stated.readings, stated.verdict) == ((), reading.verdict)
+        most = max(stated.posterior.values())
+        assert max(reading.posterior.values()) == pytest.approx(most, rel=0.01)
+
+
+def test_failures_that_nothing_explains_decide_nothing() -> None:
+    found = _silent(600.0, "unknown", actuation_delay={"delay_s": 0.08})
+    assert [one.probability > 0.9 for one in found.readings] == [True, False]
+    assert found.verdict.causes == ("actuation_delay",)
+    assert "without a time" not in summary(found)
+
+
+CYCLES = (0.12, 0.17, 0.09, 0.11, 0.21)
+
+
+def test_times_of_a_controller_show_its_cycle(planar: Path) -> None:
+    times(planar, *CYCLES)
+    bench = load_bench(planar)
+    assert bench.clock_step == pytest.approx(0.01)
+    (warning,) = bench.warnings
+    assert "all 5 times of single shifts are multiples of 10 ms" in warning.sentence
+    assert warning.sentence.endswith("state that key, with 0 where the clock is finer")
+
+
+@pytest.mark.parametrize(
+    "values",
+    [(0.121, 0.174, 0.093, 0.112, 0.215), CYCLES[:3], (0.121, *CYCLES), (0.122, 0.174, 0.096)],
+)
+def test_finer_or_few_times_show_none(planar: Path, values: tuple[float, ...]) -> None:
+    times(planar, *values)
+    bench = load_bench(planar)
+    assert (bench.clock_step, bench.warnings) == (0.0, ())
+
+
+def test_a_step_that_the_times_do_not_have_is_refused(planar: Path) -> None:
+    times(planar, *CYCLES, 0.1234)
+    state(planar, "[errors]\nclock_step_ms = 10.0")
+    words = r"10 ms, but 1 of 6 times of single shifts .* of it \(row 7: 0.1234 s\)"
+    with pytest.raises(DogshapeError, match=words):
+        load_bench(planar)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
@@ -56,11 +57,9 @@ def write_tdms(path: Path, times: Mapping[str, Series], how: str, **changed: Any
         if how == "wf_start_time":
             micro = np.timedelta64(round(late * 1e6), "us")
             told |= {"wf_start_offset": 0.0, "wf_start_time": BEGIN + micro}
-        values = changed.get(name, curve(name, time))
         told = {} if how == "nothing" else told
-        if values is not None:
-            one = nptdms.ChannelObject("shift", name, np.asarray(values), properties=told)
-            channels.append(one)
+        if (values := changed.get(name, curve(name, time))) is not None:
+            channels.append(nptdms.ChannelObject("shift", name, np.asarray(values), told))
     if "t_s" in changed:
         channels.append(nptdms.ChannelObject("shift", "t_s", changed["t_s"]))
     with nptdms.TdmsWriter(str(path)) as writer:
@@ -75,25 +74,17 @@ def write_mdf(path: Path, times: Mapping[str, Series], how: str, **changed: Any)
     asammdf = importlib.import_module("asammdf")
     with asammdf.MDF(version="4.10") as file:
         for name, time in times.items():
-            values = changed.get(name, curve(name, time))
             unit = how if name == "force_N" else ""
-            if values is not None:
-                signal = asammdf.Signal(values, time[: len(values)], name=name, unit=unit)
-                file.append([signal])
+            if (values := changed.get(name, curve(name, time))) is not None:
+                file.append([asammdf.Signal(values, time[: len(values)], name=name, unit=unit)])
         file.save(path, overwrite=True)
 
 
 def write_csv(path: Path, times: Mapping[str, Series], _: str) -> None:
     """Write a table of all times of all channels, with empty cells where one has no sample."""
-    every = np.unique(np.round(np.concatenate(list(times.values())), 9))
-    lines = [",".join(COLUMNS)]
-    for one in every:
-        cells = [
-            f"{curve(name, np.array([one]))[0]:.9g}" if abs(times[name] - one).min() < 1e-9 else ""
-            for name in COLUMNS[1:]
-        ]
-        lines.append(",".join([f"{one:.9g}", *cells]))
-    path.write_text("\n".join(lines) + "\n")
+    every = {name: pd.Series(curve(name, t), np.round(t, 9)) for name, t in times.items()}
+    table = pd.DataFrame(every).rename_axis("t_s")[[*COLUMNS[1:]]]
+    table.to_csv(path, float_format="%.9g", lineterminator="\n")
 
 
 def check_values(trace: BenchTrace) -> None:

@@ -11,7 +11,7 @@ import pytest
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
-from dogshape.diagnosis.bench.stand_file import EXACT, USUAL_MARGIN
+from dogshape.diagnosis.bench.stand_file import Margin, NominalErrors
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import Observed
 from dogshape.diagnosis.prediction.model import Predicted
@@ -61,7 +61,9 @@ def _stick(mean: Array | float = BASE, discrepancy: float = 1e-9, n: float = N) 
         count, nothing + BASE, nothing + SD**2, nothing, nothing, nothing > 0.0,
         count, nothing, SPEEDS.ravel(), FORCES.ravel(), None, (),
     )  # fmt: skip
-    bench: Any = SimpleNamespace(measured=(), errors=EXACT, margin=USUAL_MARGIN, clock_step=0.0)
+    bench: Any = SimpleNamespace(
+        measured=(), errors=NominalErrors(), margin=Margin(), clock_step=0.0
+    )
     model: Any = _Model()
     likelihood = Likelihood(bench, seen, model, replace(USUAL, discrepancy=discrepancy))
     sd = np.full(CELLS, SD)

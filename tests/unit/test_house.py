@@ -243,7 +243,7 @@ def test_one_place_makes_consoles() -> None:
 
 def test_no_room_asks_for_the_time_of_day() -> None:
     """Only a report's provenance does, and what reads the times that a bench wrote."""
-    reading = ("foreign_cells", "table")
+    reading = ("foreign_table", "table")
     allowed = {ROOT / f"diagnosis/bench/{name}.py" for name in reading}
     allowed |= {ROOT / f"pipeline/reports/{name}.py" for name in ("data_sheet", "study_page")}
     words = re.compile(r"time\.time\(|datetime|time_ns\(|st_mtime")

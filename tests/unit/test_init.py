@@ -103,12 +103,7 @@ def test_every_fault_is_told_at_once(dogshape: Call) -> None:
     assert sorted(p.name for p in Path().iterdir()) == ["m.csv"]
 
 
-def test_a_column_of_another_unit_is_refused_and_an_empty_folder_filled(dogshape: Call) -> None:
-    Path("m.csv").write_text("a,b,c\n1,2,3\n4,5,6\n")
-    columns = ("mismatch_rpm=a", "force_N=b:kN", "shift_time_s=c:hours")
-    said = dogshape("init", "bench", "m.csv", *(o for one in columns for o in ("--column", one)))
-    assert said.status == 2
-    assert "the unit of shift_time_s is 'hours'" in said.err
+def test_without_a_table_a_folder_is_to_be_filled(dogshape: Call) -> None:
     said = dogshape("init", "bench")
     assert said.status == 0
     assert "fill in shifts.csv" in said.out

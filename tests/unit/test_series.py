@@ -1,4 +1,4 @@
-"""Columns beside a time: its place in the series, and the spread that comes with a mean."""
+"""Series and cells as benches leave them: places, spreads, unequal numbers, missing points."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_ben
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.model import build_models
-from dogshape.diagnosis.settings import USUAL
+from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.diagnose.gap_update import asked_of, joined, keep_data
 from dogshape.sim.errors import DataError
 from dogshape.sim.versions import bundled_root
-from tests.diagnosed import EFFECTS, simulated_bench
+from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 from tests.made_up import made_up
 
 HEAD = "mismatch_rpm,force_N,force_rise_s,n_shifts,shift_time_s"
@@ -62,6 +62,7 @@ def test_places_are_an_order_or_else_time_stamps(write: Write) -> None:
         ("timestamp", ("1", "noon"), "row 3, column timestamp is 'noon', but it must be a date"),
         ("timestamp", ("5", "2024-05-31"), "row 2, column timestamp is '5', but it must be a date"),
         ("shift_time_sd_s", ("", "0.01"), "column shift_time_sd_s is '0.01', but it must be empty"),
+        ("shift_time_sd_s", ("", "nan"), "row 3, column shift_time_sd_s is 'nan'"),
     ],
 )
 def test_broken_places_and_spreads(
@@ -73,10 +74,8 @@ def test_broken_places_and_spreads(
     assert words in str(refused.value)
 
 
-def test_a_spread_that_no_times_have_is_refused_and_a_slip_of_units_corrected(
-    write: Write,
-) -> None:
-    for sd in ("-0.01", "5", "nan"):
+def test_a_spread_of_no_times_is_refused_and_a_slip_of_units_corrected(write: Write) -> None:
+    for sd in ("-0.01", "5"):
         with pytest.raises(DataError, match="row 2, column shift_time_sd_s is"):
             load_bench(write("shift_time_sd_s", [f"50,469,0.1766,10,0.05,{sd}"]))
     folder = write("shift_time_sd_s", ["50,469,0.1766,10,50,8", "100,469,0.1766,10,60,9"])
@@ -100,13 +99,15 @@ def test_readings_that_join_continue_the_series_or_end_it(
     assert [r.place for r in found.readings] == ([1.0, 2.0, 3.0] if joins else [None] * 3)
 
 
-def _likelihood(bench: Bench) -> Likelihood:
-    """Build the likelihood of a bench of the closed form."""
+#: Without late shifts, as nothing else separates a mean from its shifts.
+RARE = replace(USUAL, late_least=1e-9)
+
+
+def _likelihood(bench: Bench, settings: Settings = RARE) -> Likelihood:
+    """Build the likelihood of a bench of the closed form, without an effect."""
     few = {"sleeve_friction": EFFECTS["sleeve_friction"]}
     (model,) = build_models(bench, few, USUAL, made_up).values()
-    # Without late shifts, as nothing else separates a mean from its shifts.
-    rare = replace(USUAL, late_least=1e-9)
-    return Likelihood(bench, observe(bench, model), model, rare)
+    return Likelihood(bench, observe(bench, model), model, settings)
 
 
 def _log(bench: Bench, sd: float) -> float:
@@ -158,12 +159,6 @@ def test_a_mean_with_its_spread_has_the_likelihood_of_its_shifts() -> None:
     assert _log(mean, 0.004) == pytest.approx(_log(single, 0.004), abs=1e-3)
 
 
-def test_rows_of_a_set_have_spread_and_place(write: Write) -> None:
-    rows = ["50,469,0.1766,10,0.05,0.008,1", "100,469,0.1766,1,0.06,,2"]
-    readings = load_bench(write("shift_time_sd_s,order", rows)).readings
-    assert [(one.place, one.sd) for one in readings] == [(1.0, 0.008), (2.0, None)]
-
-
 def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
     """One late shift of ten makes the standard deviation; with its share known the set fits."""
     plain = simulated_bench({})
@@ -183,3 +178,56 @@ def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
         found.terms(replace(p, late=np.full_like(p.late, share))).log[0] for share in (0.1, 0.0)
     ]
     assert logs[0] > logs[1] + 10.0
+
+
+DELAY = {"actuation_delay": {"delay_s": 0.08}}
+
+
+def _with(counts: Sequence[int]) -> Bench:
+    """Make so many shifts with a delay at each point; 0 leaves a point out."""
+    bench = simulated_bench(DELAY)
+    cells = zip(bench.cells, counts, strict=True)
+    rows = [replace(r, n=n) for cell, n in cells for r in cell.readings if n]
+    return replace(bench, cells=gather(rows))
+
+
+@pytest.mark.parametrize(
+    "counts",
+    [[3] * 12, [1, 2, 7, 40] * 3, [0, 10, 0, 3, 10, 10] * 2, [500] + [3] * 11],
+    ids=["few", "unequal", "missing points", "one of many"],
+)
+def test_any_number_of_shifts_at_any_points_leads_to_the_cause(counts: list[int]) -> None:
+    found = simulated_diagnosis(_with(counts))
+    assert found.leading == ("actuation_delay",)
+    size = found.sizes["actuation_delay"]["delay_s"]
+    assert size.low - 0.01 < 0.08 < size.high + 0.01
+
+
+def test_a_mean_counts_by_its_number() -> None:
+    """Three rows of one point are their weighted mean, with the number of all their shifts."""
+    bench = simulated_bench({})
+    point, parts = bench.cells[-1].point, [(1, 0.021), (2, 0.024), (7, 0.023)]
+    whole = sum(n * time for n, time in parts) / 10
+    rows = [Reading(k, point, n, t, True) for k, (n, t) in enumerate(parts, 2)]
+    apart, together = (
+        _likelihood(replace(bench, cells=gather(some)), USUAL)
+        for some in (rows, [Reading(2, point, 10, whole, True)])
+    )
+    assert apart.seen.mean[0] == pytest.approx(whole)
+    assert apart.seen.count[0] == together.seen.count[0] == 10
+    logs = [one.terms(one.model.predict(NONE, np.zeros((1, 0)))).log for one in (apart, together)]
+    assert logs[0] == pytest.approx(logs[1])
+
+
+def test_an_error_of_the_simulation_does_not_average_out() -> None:
+    """More shifts at one point make it no surer than the error of any simulation."""
+    bench, logs = simulated_bench({}), []
+    for n in (10, 1000, 100_000):
+        row = Reading(2, bench.cells[-1].point, n, 0.03, engaged=None)
+        one = _likelihood(replace(bench, cells=gather([row])))
+        p = one.model.predict(NONE, np.zeros((1, 0)))
+        p = replace(p, late=0.0 * p.late)
+        own = one.own_variance(p)[0, 0]
+        assert own > (USUAL.model_error * p.mean[0, 0]) ** 2 * (1.0 - 1e-9)
+        logs.append(float(one.terms(p).log[0]))
+    assert logs[1] == pytest.approx(logs[2], abs=0.1)

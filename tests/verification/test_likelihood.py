@@ -13,10 +13,10 @@ from scipy.special import logsumexp
 from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading
 from dogshape.diagnosis.likelihood.likelihood import (
     NODES,
+    WEIGHTS,
     Likelihood,
     _integrated,
     _log_f,
-    node_weights,
 )
 from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.model import Model, Predicted
@@ -78,11 +78,11 @@ def test_errors_in_common_integrated_equal_the_dense_density() -> None:
                 np.zeros(6), dense(variance[row], np.hstack([0.7 * s * basis[row], fixed[row]]))
             ).logpdf(residual[row])
             + np.log(w)
-            for s, w in zip(NODES, node_weights(), strict=True)
+            for s, w in zip(NODES, WEIGHTS, strict=True)
         ]
         assert nodes[row] == pytest.approx(exact, rel=1e-9)
         assert log[row] == pytest.approx(logsumexp(exact), rel=1e-9)
-    assert node_weights().sum() == pytest.approx(1.0)
+    assert WEIGHTS.sum() == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("count", "hidden"), [(5.0, False), (5.0, True), (3.0, True)])

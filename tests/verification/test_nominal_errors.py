@@ -1,4 +1,4 @@
-"""Errors of nominal force and mismatch: derivatives, variances, and what they do to a verdict."""
+"""Errors of gaps and of nominal values: derivatives, variances, and what they do to a verdict."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Bench, load_bench
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, load_bench
+from dogshape.diagnosis.bench.comparison import compare
 from dogshape.diagnosis.bench.stand_file import NominalErrors, Tolerance
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
@@ -22,7 +23,7 @@ from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import RPM
 from tests.benches import good_set
 from tests.diagnosed import EFFECTS, FEW, simulated_bench
-from tests.made_up import flight, mean_time
+from tests.made_up import few_cells, flight, made_up, mean_time
 from tests.toy import points_of
 
 POINTS = points_of()
@@ -104,3 +105,46 @@ def test_the_table_of_errors_is_read_or_refused(tmp_path: Path) -> None:
     file.write_text(f"{text}\n[errors.each_point]\nmismatch_rpm = 1e5\n")
     with pytest.raises(DogshapeError, match=r"errors\.each_point\.mismatch_rpm is 100000"):
         load_bench(file.parent)
+
+
+def test_single_readings_that_scatter_more_than_the_simulation_count() -> None:
+    """Five readings of a long tail that no simulated angle shows."""
+    bench = few_cells(load_bench("mq200_adams"), [(100, 235.2)])
+    (cell,) = bench.cells
+    times = [0.07, 0.08, 0.09, 0.1, 0.26]
+    single = tuple(Reading(k, cell.point, 1, time, True) for k, time in enumerate(times, 2))
+    alone = replace(bench, cells=(replace(cell, readings=single),))
+    sd = float(np.std(times, ddof=1))
+    told = (Reading(2, cell.point, 5, float(np.mean(times)), True, sd=sd),)
+    beside = replace(bench, cells=(replace(cell, readings=told),))
+    mean, found, same = (
+        compare(one, made_up, 8).differences[0].standard_error for one in (bench, alone, beside)
+    )
+    # What the simulation adds is within the error of a mean with the simulated spread.
+    assert 0.0 < found**2 - sd**2 / 5 < mean**2 < found**2
+    assert same == pytest.approx(found)
+
+
+def test_errors_of_nominal_values_join_those_of_the_gaps() -> None:
+    bench = few_cells(
+        load_bench("mq200_adams"), [(n, f) for n in (50, 100) for f in (235.2, 641.5)]
+    )
+    size = Tolerance(force_percent=2.0, mismatch_rpm=2.0)
+    errors = {
+        "none": NominalErrors(),
+        "one": NominalErrors(systematic=size),
+        "both": NominalErrors(systematic=size, each_point=size),
+        "force": NominalErrors(each_point=Tolerance(force_percent=2.0)),
+        "mismatch": NominalErrors(each_point=Tolerance(mismatch_rpm=2.0)),
+    }
+    squares = {
+        name: np.array(
+            [d.standard_error**2 for d in compare(replace(bench, errors=e), made_up, 8).differences]
+        )
+        for name, e in errors.items()
+    }
+    more = {name: one - squares["none"] for name, one in squares.items()}
+    assert (more["force"] > 0.0).all()
+    assert (more["mismatch"] > 0.0).all()
+    assert more["one"] == pytest.approx(more["force"] + more["mismatch"])
+    assert more["both"] == pytest.approx(2.0 * more["one"])

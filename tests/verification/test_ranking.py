@@ -1,4 +1,4 @@
-"""Evidence, priors and predictions of the diagnosis against quadrature and refits."""
+"""Evidence, priors and predictions against quadrature and refits; probabilities that hold."""
 
 from __future__ import annotations
 
@@ -9,15 +9,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.special import logsumexp
+from scipy.stats import kstest
 
+from benchmarks.self_consistency import answer, cause_of, in_set
 from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
 from dogshape.diagnosis.inference.ranking import _Search, _unlisted, log_prior
-from dogshape.diagnosis.likelihood.likelihood import NODES, Likelihood, node_weights
+from dogshape.diagnosis.likelihood.likelihood import NODES, WEIGHTS, Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.flights import Flights
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
-from tests.made_up import KNOWN
+from tests.made_up import KNOWN, small_model
 from tests.verification.test_likelihood import world
 
 MASS, LAG = ("moving_mass",), ("actuation_lag",)
@@ -122,7 +124,7 @@ def test_a_point_left_out_is_predicted_as_by_a_fit_without_it() -> None:
     for k in range(len(residual)):
         others = np.delete(np.arange(len(residual)), k)
         logs, means, variances = [], [], []
-        for size, weight in zip(NODES, node_weights(), strict=True):
+        for size, weight in zip(NODES, WEIGHTS, strict=True):
             root = USUAL.discrepancy * size * (p.mean - p.delay)[0][:, None] * likelihood.smooth
             columns = np.hstack([root, likelihood.columns(p)[0]])
             whole = columns @ columns.T + own
@@ -160,3 +162,22 @@ def test_evidence_of_something_unlisted_is_that_of_quadrature() -> None:
         logs.append(search.priors[h] + logsumexp(found) - math.log(np.size(found)))
     exact = logsumexp(logs) - logsumexp(list(search.priors.values()))
     assert _unlisted(search) == pytest.approx(exact, abs=0.25)
+
+
+SETS = 100
+
+
+def test_probabilities_hold_what_they_say() -> None:
+    """Bounds are three standard errors of 100 sets."""
+    bench, model = small_model()
+    found = [answer(bench, model, seed) for seed in range(SETS)]
+    held = np.mean([in_set(one) for one in found])
+    assert abs(held - 0.9) < 3.0 * (0.9 * 0.1 / SETS) ** 0.5
+    said = np.array([one.leads for one in found])
+    right = np.array([tuple(one.leading) == cause_of(one) for one in found])
+    assert abs((said - right).mean()) < 3.0 * np.sqrt((said * (1.0 - said)).sum()) / SETS
+    ranks = [rank for one in found for rank in one.ranks]
+    assert kstest(ranks, "uniform").pvalue > 0.003
+    # The mean of p-values over a posterior is never too sure by more than a factor of two.
+    low = np.mean([one.p < 0.01 for one in found if one.p is not None])
+    assert low < 0.02 + 3.0 * (0.02 * 0.98 / SETS) ** 0.5

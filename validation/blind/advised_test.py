@@ -133,8 +133,8 @@ def _shifted(
     traces = [BenchTrace(Path("trace"), *(t * units).T) for t in tables if t is not None]
     if not traces:
         return []
-    marks = joined_marks(traces, ForceProfile(point.force, point.rise), stand.gap)
-    return [np.nan if mark is None else mark.time for mark in marks]
+    profile = ForceProfile(point.force, point.rise)
+    return joined_marks(traces, profile, stand.gap)[:, 0].tolist()
 
 
 def diagnose_folder(folder: Path) -> dict[str, Any]:

@@ -58,9 +58,9 @@ def study(
     Example: dogshape init study --out my_clutch --set dog.count=20 --set dog.height_mm=3.2
     """
     from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
-    from dogshape.pipeline.drafts import sources, study_folder  # noqa: PLC0415
+    from dogshape.pipeline.drafts import study_folder  # noqa: PLC0415
 
-    sources.require_free(out, force)
+    study_folder.require_free(out, force)
     values = dict(pair_of(text) for text in set_ or [])
     write = _asked_study if may_ask(yes) else study_folder.write_study
     found = write(out, origin, values, force=force)
@@ -85,10 +85,9 @@ def _remarks(found: Mapping[str, Any]) -> list[str]:
 
 
 def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool) -> dict[str, Any]:
-    from dogshape.pipeline.drafts import sources  # noqa: PLC0415
     from dogshape.pipeline.drafts import study_folder as draft  # noqa: PLC0415
 
-    typer.echo(f"kinds of clutch: {sources.bundled_kinds()}", err=True)
+    typer.echo(f"kinds of clutch: {draft.bundled_kinds()}", err=True)
     origin = ask("begin from (a kind, a study, or the folder of a bench)", origin)
     before, words = draft.questions_of(origin, values)
     before = {key: value for key, value in before.items() if key not in draft.USE}
@@ -131,7 +130,7 @@ def bench(
     """
     from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
     from dogshape.pipeline.drafts.bench_folder import BenchDraft, write_bench  # noqa: PLC0415
-    from dogshape.pipeline.drafts.sources import require_free  # noqa: PLC0415
+    from dogshape.pipeline.drafts.study_folder import require_free  # noqa: PLC0415
 
     paths = tuple(tables or ())
     target = out or Path(paths[0].stem.replace(" ", "_") if paths else "my_bench")
@@ -164,8 +163,7 @@ def _pair(text: str) -> tuple[str, str]:
 def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand."""
     from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
-    from dogshape.pipeline.drafts.sources import source_of  # noqa: PLC0415
-    from dogshape.pipeline.drafts.study_folder import CLUTCH, USE  # noqa: PLC0415
+    from dogshape.pipeline.drafts.study_folder import CLUTCH, USE, source_of  # noqa: PLC0415
 
     found = guessed(draft)
     while draft.tables:
