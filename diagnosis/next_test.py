@@ -38,7 +38,7 @@ from dogshape.diagnosis.inference.outcome import (
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effect import Effect
-from dogshape.sim.errors import DataError, did_you_mean, number
+from dogshape.sim.errors import DataError, number, require_known
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import RPM
 
@@ -80,12 +80,10 @@ MARK_ALIKE = 0.9  #: of their variance, which marks of displacement or force hav
 
 
 def require_terms(bench: Bench, effects: Mapping[str, Effect]) -> None:
-    """Raise DataError where a data set's terms are of no test, or leave none to advise."""
+    """Raise InputError where a data set's terms are of no test, DataError where none is left."""
     menu = {*GENERIC, *(effect.test.name for effect in effects.values())}
     for terms in bench.tests:
-        if terms.name not in menu:
-            hint = did_you_mean(terms.name, menu)
-            raise DataError(f"{bench.name}: '{terms.name}' in [[tests]] is no bench test; {hint}")
+        require_known(f"{bench.name}: name in [[tests]]", terms.name, "a bench test", menu)
     if not any(terms_of(bench, name)[1] for name in menu - {"traces"}):
         raise DataError(
             f"{bench.name}: [[tests]] leaves no bench test that is possible, but advice needs one; "

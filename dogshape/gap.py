@@ -16,19 +16,13 @@ from dogshape.diagnosis.bench.table import COLUMNS
 from dogshape.diagnosis.diagnosis import Diagnosis as Inference
 from dogshape.diagnosis.inference.outcome import APART, ShiftPlan, shift_plan
 from dogshape.diagnosis.report.wording import chance, findings_record, headline_of, summary
-from dogshape.pipeline.diagnose import gap_update
+from dogshape.pipeline.diagnose import calibrated_study, gap_update
 from dogshape.pipeline.diagnose.bank_diagnosis import (
     BANK,
     Means,
     diagnosed,
     points_from,
     predicted_field,
-)
-from dogshape.pipeline.diagnose.calibrated_study import (
-    DRAWS,
-    CalibratedStudy,
-    calibrated_study,
-    require_new_study,
 )
 from dogshape.pipeline.diagnose.consequence import Consequence, price_of, studied
 from dogshape.pipeline.diagnose.study_keys import rounded
@@ -110,9 +104,9 @@ class Diagnosis(Result):
         self,
         path: str | Path,
         base: str | None = None,
-        draws: int = DRAWS,
+        draws: int = calibrated_study.DRAWS,
         causes: Sequence[str] | None = None,
-    ) -> CalibratedStudy:
+    ) -> calibrated_study.CalibratedStudy:
         """Write a study with the cause, and draws from the posterior beside it.
 
         InputError where the diagnosis names no effect, or none that a study takes; StorageError for
@@ -126,8 +120,8 @@ class Diagnosis(Result):
         causes : effects to write, for another set than the most probable one.
         """
         target = Path(path)
-        require_new_study(target)
-        made = calibrated_study(self.inference, target, base, draws, causes=causes)
+        calibrated_study.require_new_study(target)
+        made = calibrated_study.calibrated_study(self.inference, target, base, draws, causes=causes)
         made.write(target)
         return made
 

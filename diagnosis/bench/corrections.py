@@ -14,7 +14,7 @@ from typing import Any
 from dogshape.diagnosis.bench.stand_file import Sensor
 from dogshape.diagnosis.bench.table import Row, Sheet, joined_rows
 from dogshape.diagnosis.bench.traces import BenchTrace, ForceStart, find_force_start
-from dogshape.sim.errors import DataError, InputError, did_you_mean
+from dogshape.sim.errors import DataError, InputError, require_known
 from dogshape.sim.units import MM, MS, RPM
 
 GIVEN = "given"
@@ -108,9 +108,7 @@ def parse(texts: Iterable[str]) -> tuple[str, ...]:
     found: list[str] = []
     for text in texts:
         quantity = text.partition("=")[0]
-        if quantity not in quantities:
-            hint = did_you_mean(quantity, quantities)
-            raise InputError(f"the correction '{text}' is of no known quantity; {hint}")
+        require_known(f"quantity of the correction '{text}'", quantity, "a known one", quantities)
         if text not in every:
             valid = ", ".join(known for known in every if known.partition("=")[0] == quantity)
             raise InputError(f"the correction '{text}' is not known; valid are {valid}")

@@ -24,7 +24,7 @@ from dogshape.diagnosis.prediction.model import Model, Space
 from dogshape.diagnosis.terms import NONE, Array
 from dogshape.sim import effects as registry
 from dogshape.sim.effect import Effect
-from dogshape.sim.errors import DataError, did_you_mean
+from dogshape.sim.errors import DataError, require_known
 from dogshape.sim.units import MM
 
 LEAST = 3  #: readings that a line needs
@@ -115,13 +115,11 @@ def facts_of(bench: Bench) -> tuple[Fact, ...]:
 def measured_facts(bench: Bench, effects: Mapping[str, Effect]) -> tuple[Fact, ...]:
     """List the facts of direct tests, whether their effects are in question or not.
 
-    Raises DataError for a result that is of no effect or parameter.
+    Raises InputError for a result that is of no effect, DataError for one of no parameter.
     """
     found, known = [], {**registry.load(), **effects}
     for one in bench.measured:
-        if one.effect not in known:
-            hint = did_you_mean(one.effect, known)
-            raise DataError(f"{bench.name}: '{one.effect}' in [[measured]] is no effect; {hint}")
+        require_known(f"{bench.name}: effect in [[measured]]", one.effect, "an effect", known)
         names = [parameter.name for parameter in known[one.effect].parameters]
         name = one.parameter or (names[0] if len(names) == 1 else "")
         if name not in names:

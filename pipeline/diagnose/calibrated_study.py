@@ -26,7 +26,7 @@ from dogshape.pipeline.store.folder import require_targets
 from dogshape.sim import effects as registry
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.effect import Effect
-from dogshape.sim.errors import InputError, StorageError, did_you_mean
+from dogshape.sim.errors import InputError, StorageError, require_known
 from dogshape.sim.files import write_whole
 from dogshape.sim.setting import Setting
 from dogshape.sim.texts import read_toml
@@ -181,11 +181,7 @@ def _chosen(found: Diagnosis, path: Path, causes: Sequence[str] | None) -> Hypot
 def require_effects(causes: Sequence[str], effects: Mapping[str, Effect]) -> None:
     """Raise InputError unless all ``causes`` are names of ``effects``."""
     for name in causes:
-        if name not in effects:
-            hint = did_you_mean(name, effects)
-            raise InputError(
-                f"--causes is '{', '.join(causes)}', but '{name}' is no effect; {hint}"
-            )
+        require_known("--causes", name, "an effect", effects)
 
 
 def _clashing(data: Data, taken: Sequence[Effect], keys: EffectKeys) -> list[str]:

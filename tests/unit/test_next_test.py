@@ -225,7 +225,7 @@ def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Pat
     every = {"more shifts", *(effect.test.name for effect in EFFECTS.values())}
     none = "\n[[tests]]\n".join(f'name = "{name}"\npossible = false' for name in every)
     for given, words in (
-        ('name = "more shift"', "is no bench test; did you mean 'more shifts'"),
+        ('name = "more shift"', "which is not a bench test; did you mean 'more shifts'"),
         ('name = "traces"\nhours = -1.0', "tests.0.hours is -1.0, but it must be above 0"),
         (none, "leaves no bench test that is possible"),
     ):
