@@ -318,8 +318,9 @@ class Plan(Result):
             "threshold_nats": APART,
             "hypotheses": names,
             "pairs": [
-                {"truth": names[i], "rival": names[j], "told_apart": float(plan.apart[i, j]),
-                 "log_bayes_factor": float(plan.log_odds[i, j])}
+                {"truth": names[i], "rival": names[j],
+                 "log_bayes_factor": float(plan.log_odds[i, j]),
+                 "told_apart": float(plan.apart[i, j])}
                 for i, j in np.argwhere(pairs).tolist()
             ],
             "sheet": None if self.sheet is None else str(self.sheet),

@@ -214,10 +214,11 @@ def load_stand(path: Path) -> Stand:
         data["record"] = {"sense": data.pop("mismatch_sense"), **data.get("record", {})}
     file = validate(_BenchFile, data, str(path))
     angles, step = file.relative_angles_deg, file.errors.clock_step_ms
-    same = ("name", "source", "sensor", "record", "errors", "corrections", "tests", "measured")
+    same = "name", "source", "sensor", "record", "errors"
     own: dict[str, Any] = {name: getattr(file, name) for name in same}
+    own |= {name: tuple(getattr(file, name)) for name in ("corrections", "tests", "measured")}
     return Stand(
-        **{name: tuple(one) if isinstance(one, list) else one for name, one in own.items()},
+        **own,
         clutch=_clutch(file),
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
         calibration=tuple(file.actuator_calibration),
