@@ -196,7 +196,7 @@ def _questions(diagnosis: Diagnosis) -> list[NextTest]:
         answers = [one for one in diagnosis.readings if one.key == key]
         chance = np.array([one.probability for one in answers])
         chance = chance / chance.sum()
-        every = {h for one in answers for h in one.posterior}
+        every = dict.fromkeys(h for one in answers for h in one.posterior)
         after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
         gain = float((rel_entr(after, chance @ after) * chance[:, None]).sum())
         best = after.max(axis=1)
