@@ -21,6 +21,7 @@ C = TypeVar("C", bound=type)
 #: Patterns of the command line's words and what they are in Python, in this order.
 WORDS = (
     (r" with --set:", " with settings:"),
+    (r"--set ([\w.]+)=(?=[\s,;)]|$)", r'{"\1": None}'),
     (r"--set ([\w.]+)=(\S+?)(?=[\s,;:)]|$)", r'{"\1": \2}'),
     (r"--engine (\w+)", r'{"solver.engine": "\1"}'),
     (r"'dogshape fit'", "ds.fit(study)"),

@@ -7,6 +7,7 @@ has the words of every kind that the schemas and options use.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, TypeVar, get_args
@@ -14,12 +15,12 @@ from typing import Any, TypeVar, get_args
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 from pydantic_core import ErrorDetails
 
-from dogshape.sim.errors import InputError, did_you_mean, meant_number
+from dogshape.sim.errors import InputError, did_you_mean, meant_number, require_between
 from dogshape.sim.shift.clutch import Rings
-from dogshape.sim.shift.geometry import SCOPE, Dog
+from dogshape.sim.shift.geometry import LENGTHS, SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
 from dogshape.sim.texts import listed
-from dogshape.sim.units import DEG, RPM, suffix_of, to_si, unit_of
+from dogshape.sim.units import DEG, MM, RPM, suffix_of, to_si, unit_of
 
 SHOWN = 60  #: characters of a value that a sentence shows
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"
@@ -61,8 +62,11 @@ def _remedy(rule: str, given: Any) -> str:
             return "write the number alone, without a unit"
         if rule == _NUMBER or meant == round(meant):
             return f"write {meant:g}"
-    if rule.startswith("a list in") and isinstance(given, int | float):
-        return f"write [{given:g}]"
+    if rule == RULES["list_type"]:
+        text = str(given).strip("[]() ")
+        parts = re.split(r",?[\s;]+" if re.search(r"[\s;]", text) else ",", text)
+        numbers = [f"{one:g}" for one in map(meant_number, parts) if one is not None]
+        return f"write [{','.join(numbers or [repr(text[:SHOWN])])}]"
     if rule == _TABLE:
         return "give its keys one by one"
     low, high = rule.startswith(("at least", "above")), rule.startswith(("at most", "below"))
@@ -105,14 +109,23 @@ class DogSection(Section):
         """Turn ``backlash_deg`` into ``backlash_mm``, an arc at the mean radius."""
         if not isinstance(data, dict) or "backlash_deg" not in data:
             return data
+        given, name = dict(data), "dog.backlash_deg"
+        angle = given.pop("backlash_deg")
         if "backlash_mm" in data:
-            raise InputError("dog.backlash_mm and dog.backlash_deg are one play; give one of them")
-        given = {key: value for key, value in data.items() if key != "backlash_deg"}
+            raise InputError(
+                f"{name} is {angle} deg beside dog.backlash_mm = {given['backlash_mm']}, but both "
+                "are one play; --set dog.backlash_mm= takes the length out"
+            )
+        if isinstance(angle, bool) or not isinstance(angle, int | float):
+            wrong: Any = {"type": "float_type", "input": angle}
+            raise InputError(broken_rule(name, wrong))
         try:
-            radius = 0.25 * (data["outer_diameter_mm"] + data["inner_diameter_mm"])
-            return given | {"backlash_mm": data["backlash_deg"] * DEG * radius}
-        except (KeyError, TypeError):  # a key that is refused in its own words
-            return given | {"backlash_mm": data["backlash_deg"]}
+            per_deg = 0.25 * DEG * (data["outer_diameter_mm"] + data["inner_diameter_mm"])
+            most = LENGTHS["backlash_mm"][1] / MM / per_deg
+        except (KeyError, TypeError, ZeroDivisionError):  # keys that are refused in their own words
+            return given
+        require_between(name, angle, 0.0, abs(most), "check the angle and that it is in degrees")
+        return given | {"backlash_mm": angle * per_deg}
 
     def dog(self) -> Dog:
         """Build the dog; what cannot be a dog raises InputError or GeometryError."""

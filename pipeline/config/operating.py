@@ -136,7 +136,7 @@ class OperatingSection(Section):
 
     def operating_points(self, profile: Profiles) -> tuple[OperatingPoint, ...]:
         """Return the operating points; mistakes raise InputError."""
-        rows = self._rows()
+        rows = self.rows()
         (place, count), *_ = Counter(row[:2] for row in rows).most_common(1)
         if count > 1:
             raise InputError(
@@ -145,19 +145,18 @@ class OperatingSection(Section):
             )
         return tuple(OperatingPoint(m * RPM, profile(force), w) for m, force, w in rows)
 
-    def _rows(self) -> Sequence[tuple[float, float, float]]:
+    def rows(self) -> Sequence[tuple[float, float, float]]:
         """Return mismatch in 1/min, nominal force in N and weight of each operating point."""
         names = [name for name in AXES if isinstance(getattr(self, name), Distribution)]
-        beside, keys = "lists of values", [*AXES, *AXES.values()]
-        if names:
-            beside, keys = "a distribution", [*AXES, "samples", "seed"]
-        for alone in ("points", "set"):
-            if getattr(self, alone) is not None:
-                beside, keys = f"operating.{alone}", [alone]
+        beside, keys = _statement({name: value for name, value in self if value is not None})
         for name, value in self:
             if value is not None and name not in keys:
+                out, also = (name, "") if len(keys) > 1 else (keys[0], (
+                    ", or set operating.mismatch_rpm and operating.force_N, which replace it"
+                ))  # fmt: skip
                 raise InputError(
-                    f"operating.{name} cannot stand beside {beside}; remove one of the two"
+                    f"operating.{name} cannot stand beside {beside}; remove one of the two "
+                    f"(--set operating.{out}=){also}"
                 )
         if self.set is not None:
             known = read_toml(bundled_root() / TABLE)
@@ -189,6 +188,30 @@ class OperatingSection(Section):
                 "but each needs its weight; give lists of equal length"
             )
         return list(zip(values, weights, strict=True))
+
+
+def _statement(operating: Mapping[str, Any]) -> tuple[str, list[str]]:
+    """Name what states the points of ``[operating]``, and list the keys that belong to it."""
+    for alone in ("set", "points"):
+        if alone in operating:
+            return f"operating.{alone}", [alone]
+    if any(isinstance(operating.get(name), Mapping | Distribution) for name in AXES):
+        return "a distribution", [*AXES, "samples", "seed"]
+    return "lists of values", [*AXES, *AXES.values()]
+
+
+def replaced_keys(settings: Mapping[str, Any], table: Any) -> list[str]:
+    """List the keys of the ``table`` ``[operating]`` of a file that ``settings`` replace.
+
+    Own points, an own set, or mismatch and force together state all points; one of the two does
+    not. ``settings`` are by dotted key, None takes one out.
+    """
+    given = {key.removeprefix("operating."): value for key, value in settings.items()
+             if key.startswith("operating.") and value is not None}  # fmt: skip
+    whole = given.keys() & {"points", "set"} or AXES.keys() <= given.keys()
+    if not (whole and isinstance(table, Mapping)):
+        return []
+    return [f"operating.{key}" for key in table if key not in (*given, *_statement(given)[1])]
 
 
 def own_set_point(points: Sequence[OperatingPoint]) -> dict[str, float]:

@@ -24,6 +24,7 @@ from dogshape.pipeline.config.operating import (
     Actuation,
     operated_points,
     own_set_point,
+    replaced_keys,
     with_mechanism,
 )
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
@@ -237,8 +238,11 @@ def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
 
 
 def _overridden(data: dict[str, Any], pairs: Iterable[tuple[str, Any]], source: str) -> Setup:
-    for key, value in pairs:
+    settings = dict(pairs)
+    for key, value in settings.items():
         override(data, key, value)
+    for key in replaced_keys(settings, data.get("operating")):
+        override(data, key, None)
     return build_study(validate(StudyFile, data, source))
 
 

@@ -457,7 +457,7 @@ def _profile_rules(dog: Dog) -> Iterator[_Rule]:
         name = f"height of the {flank} flank"
         yield _Rule(height > half, GeometryError, name, height / MM, "mm", rule, remedy, least)
     rule = "undercut flanks must pass each other on the way in (0 mm)"
-    remedy = "use a larger dog.backlash_mm, less undercut or a larger chamfer"
+    remedy = "use more backlash, less undercut or a larger chamfer"
     name, play = "play at the mouth of a slot", dog.passing_play
     yield _Rule(play >= 0.0, GeometryError, name, play / MM, "mm", rule, remedy)
 

@@ -78,6 +78,10 @@ def test_every_rule_of_the_files_has_a_sentence(file: type[BaseModel]) -> None:
         (["dog.height_mm='3.7 mm'"], "write the number alone, without a unit"),
         (["dog=3"], "dog is 3, but it must be a table of keys; give its keys one by one"),
         (["operating.force_N=469"], "must be a list in square brackets; write [469]"),
+        (["operating.force_N=300,400"], "write [300,400]"),
+        (["operating=3"], "operating is 3, but it must be a table of keys"),
+        (["operating.force_N=300,5 400"], "write [300.5,400]"),
+        (["search.objectives=shift_time"], "write ['shift_time']"),
         (["search.trials=10001"], "search.trials is 10001, but it must be at most 10000; lower it"),
     ],
 )

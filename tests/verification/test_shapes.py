@@ -131,7 +131,7 @@ def test_flanks_take_each_other_in_with_the_backlash(prototype: Dog) -> None:
         ({"traction": -11 * DEG}, ("dog.traction_deg is -11 deg", "at least -10", "undercut")),
         (
             {"traction": -5 * DEG, "braking": -5 * DEG},
-            ("play at the mouth of a slot is -0.407", "larger dog.backlash_mm, less undercut"),
+            ("play at the mouth of a slot is -0.407", "use more backlash, less undercut"),
         ),
         (
             {"traction": -10 * DEG, "braking": -10 * DEG, "height": 9e-3, "backlash": 3.3e-3,
