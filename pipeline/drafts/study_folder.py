@@ -12,7 +12,7 @@ import re
 import shutil
 import tempfile
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.pipeline.config.operating import OperatingSection, replaced_keys
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import (
     Setup,
@@ -31,7 +32,7 @@ from dogshape.pipeline.config.study_file import (
     find_study,
     load_study,
 )
-from dogshape.pipeline.config.toml_text import sources_of, with_values
+from dogshape.pipeline.config.toml_text import sources_of, toml_value, with_values
 from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, clutch_tables, rounded, study_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
@@ -58,6 +59,15 @@ HEIGHT, COUNT = "dog.height_mm", "dog.count"
 HELD = "load.separating_force_limit_N"
 MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
 ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
+#: Words for the keys of the actuator, and of the operating points, which it has to cover.
+ACTUATION = {
+    ACTUATOR: "forces that the actuator can have, N, with blanks between",
+    "actuation.rise_s": "rise time of each of these forces, s",
+}
+OPERATION = {
+    "operating.mismatch_rpm": "mismatches at which it shifts, 1/min, with blanks between",
+    OPERATING: "forces with which it shifts, N",
+}
 #: Words for the keys of a clutch that are worth a question.
 CLUTCH = {
     COUNT: "number of dogs",
@@ -67,6 +77,10 @@ CLUTCH = {
     "dog.outer_diameter_mm": "outer diameter of the dogs, mm",
     "dog.inner_diameter_mm": "inner diameter of the dogs, mm",
     "dog.axial_gap_mm": "axial gap between the crests before the shift, mm",
+    "dog.backlash_mm": "backlash at the mean radius, mm",
+    "dog.crest": "place of the ridge on the tip, 0 braking edge to 1 traction edge",
+    "dog.chamfer_back_deg": "chamfer behind the ridge, deg",
+    "dog.edge_radius_mm": "radius of the tip edges, mm",
     MASS: "moving mass with all that moves along, kg",
     "sliding.inertia_kgm2": "inertia of the shifted ring and what turns with it, kg m2",
     "output.inertia_kgm2": "inertia of the other side, referred to the dogs, kg m2",
@@ -76,14 +90,11 @@ RADIUS, DRAG, MATERIAL = "mechanism.spline_radius_mm", "mechanism.drag_torque_Nm
 USE = {
     HEIGHT: "height of the dogs, mm",
     TORQUE: "rated torque at the dogs, N m",
-    ACTUATOR: "forces that the actuator can have, N, with blanks between",
-    "actuation.rise_s": "rise time of each of these forces, s",
-    "operating.mismatch_rpm": "mismatches at which it shifts, 1/min",
-    OPERATING: "forces with which it shifts, N",
     RADIUS: "radius of the toothing that the ring slides on, mm",
     DRAG: "drag torque on the shifted ring, N m",
     MATERIAL: "material",
 }
+WORDS = ACTUATION | OPERATION | CLUTCH | USE
 CHOICES = {MATERIAL: tuple(MATERIALS)}
 RING = (*DIAMETERS, *INERTIAS)
 ANY = (*RING, MASS, TORQUE, ACTUATOR)
@@ -237,22 +248,32 @@ def write_study(
         "name": name,
         "from": whence,
         "set": {key: value for key, value in given.items() if key != "name"},
-        "assumed": [
-            "what was not given is as in the file that was copied: check [load], [material], "
-            "[manufacturing] and [tolerance] above all",
-            *said,
-        ],
+        "assumed": said,
         "warnings": _doubts(study),
         "operating_points": len(study.points),
         "dogs": study.clutch.dog.count,
     }
 
 
-def questions_of(origin: str, values: Mapping[str, Any]) -> tuple[Values, dict[str, str]]:
-    """List defaults, and words with their sources, of what a draft with ``values`` asks for."""
+def check_draft(origin: str, values: Mapping[str, Any]) -> None:
+    """Raise the DogshapeError of a draft that makes no study."""
+    build_study(validate(StudyFile, tomllib.loads(_drafted(origin, values)[0]), "the draft"))
+
+
+def questions_of(
+    origin: str, values: Mapping[str, Any], part: Mapping[str, str]
+) -> tuple[Values, dict[str, str]]:
+    """List defaults, and words with their sources, of what a draft with ``values`` asks for.
+
+    ``part`` is one of the tables of words. Points that are no lists are asked for as lists.
+    """
     source, (text, *_) = source_of(origin), _drafted(origin, values)
     tables, copied = (partial(value_at, tomllib.loads(one)) for one in (text, text_of(source.file)))
-    sources, own = sources_of(text), {key: tables(key) for key in CLUTCH | USE}
+    sources, own = sources_of(text), {key: tables(key) for key in WORDS}
+    points = validate(OperatingSection, tables("operating"), "[operating]").rows()
+    for key, values_of in zip(OPERATION, zip(*points, strict=True), strict=False):
+        if not isinstance(own[key], list):
+            own[key] = sorted(set(values_of))
     for key, value, whence in (
         (RADIUS, rounded(0.5 * SPLINE * tables(DIAMETERS[1])), f"{SPLINE:g} of the inner radius"),
         (DRAG, 0.0, "none, an assumption"),
@@ -264,9 +285,9 @@ def questions_of(origin: str, values: Mapping[str, Any]) -> tuple[Values, dict[s
     parts = {key: value if isinstance(value, list) else [value] for key, value in own.items()}
     asked = {k: own[k] for k in own if all(isinstance(p, (int, float, str)) for p in parts[k])}
     found = source.dog_values | asked
-    words = {key: (CLUTCH | USE).get(key, key) for key in found}
-    said = {key: f"{words[key]} ({sources[key]})" for key in words if sources.get(key)}
-    return found, words | said
+    found = {key: found[key] for key in part if key in found}
+    words = {key: f"{WORDS[key]} ({s})" if (s := sources.get(key)) else WORDS[key] for key in found}
+    return found, words
 
 
 def value_at(tables: Mapping[str, Any], key: str) -> Any:
@@ -284,7 +305,21 @@ def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Values, str, 
         taken, whence = source.dog_values | source.taken, f"the bench data of '{source.name}'"
     given, text = {**taken, **values}, text_of(source.file)
     follows, said = _following(text, given)
-    return with_values(text, {**follows, **given}), given, whence, said
+    text = with_values(text, {**given, **follows})
+    inherited = _inherited(text, COMMENTED if source.taken else origin, {**given, **follows})
+    return text, given, whence, [*inherited, *said]
+
+
+def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
+    """List the values that are as in the study that was copied, a sentence for each section."""
+    kept = {
+        section: [f"{k} = {toml_value(v)}" for k, v in table.items() if f"{section}.{k}" not in own]
+        for section, table in tomllib.loads(text).items()
+        if isinstance(table, dict) and section not in own
+    }
+    return [
+        f"[{name}] as in '{origin}': {', '.join(those)}" for name, those in kept.items() if those
+    ]
 
 
 def _doubts(study: Setup) -> list[str]:
@@ -336,4 +371,7 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     lacks = ", ".join(key for key, value in found.items() if value is None)
     said = [f"follows from your clutch: {follows}"] if follows else []
     left = "left out with its default instead, limits not judged; give your own"
-    return found, said + ([f"{left}: {lacks}"] if lacks else [])
+    said += [f"{left}: {lacks}"] if lacks else []
+    points = replaced_keys(given, new("operating"))
+    said += [f"replaced by your operating points: {', '.join(points)}"] if points else []
+    return found | dict.fromkeys(points), said

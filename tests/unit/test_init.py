@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import hashlib
+import shutil
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
+import dogshape as ds
 from dogshape.cli.app import app
 from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import load_bench
@@ -186,8 +188,10 @@ def test_a_study_that_is_none_is_not_written(
 def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
-    # Dogs, ring and what turns with it; height, torque, actuator, operation; toothing, drag, steel.
-    answers = "\n30 8 12 22 140 124 1 2,5 0,05 0,6 5 1500 1500 0,1 50 1500  0,8 steel 20MnCr5"
+    # Actuator; points, at once refused; actuator and points again; dogs, ring and what turns with
+    # it; height, torque; toothing, drag, steel.
+    answers = "\n1500 0,1 50 1600 1500 0,1 50 1500 30 8 12 22 140 124 1 2,5 0,05 0,6 5 1500  0,8"
+    answers += " steel 20MnCr5"
     typed = answers.replace(" ", "\n")
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
     assert done.exit_code == 0, done.stderr
@@ -200,7 +204,8 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         "kinds of clutch: amt (30 dogs, 140/124 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
         "chamfer of the face, deg (the MQ200 prototype, thesis table 5) [8]:",
         "slides on, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
-        "give one of 16MnCr5, 20MnCr5",
+        "give one of 16MnCr5, 20MnCr5", "forces with which it shifts, N [1500]:",
+        "shift force is 1600 N, but the study has a rise time for 1500 N alone",
     ):  # fmt: skip
         assert words in done.stderr
     # The same clutch again by twenty times return: toothing and drag are its own.
@@ -226,6 +231,43 @@ def _begun(dogshape: Call, *sets: str, origin: str = "mq200") -> tuple[Said, Set
     said = dogshape("init", "study", "--like", origin, "--out", "own", "--yes", "--json", *given)
     assert said.status == 0, said.err
     return said, load_study("own")
+
+
+def test_own_mismatch_and_force_replace_the_points_of_the_kind(
+    dogshape: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = "operating.mismatch_rpm=[20, 50]", "operating.force_N=[600]"
+    for origin in ("amt", "motorcycle"):
+        sets = (*own[:1], "operating.force_N=[250]") if origin == "motorcycle" else own
+        said, study = _begun(dogshape, *sets, origin=origin)
+        assert [round(p.mismatch / RPM) for p in study.points] == [20, 50]
+        assert "by your operating points: operating.points" in " ".join(said.json["assumed"])
+        shutil.rmtree("own")
+    assert len(load_study("ev_disconnect", [own[0], "operating.force_N=[320]"]).points) == 2
+    said = dogshape("init", "study", "--like", "amt", "--yes", "--set", own[1])
+    assert "remove one of the two (--set operating.points=), or set operating.mismatch_rpm and" in (
+        said.sentence
+    )
+    with pytest.raises(ds.InputError, match=r'\{"operating.points": None\}'):
+        ds.Study("amt", {"operating.force_N": [600.0]})
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
+    typed = "amt\n\n\n20 50\n" + 20 * "\n"  # the forces of the kind at one's own mismatches
+    assert CliRunner().invoke(app, ["init", "study", "--out", "b"], input=typed).exit_code == 0
+    assert load_study("b").forces == [600.0, 1000.0]
+
+
+def test_what_the_user_did_not_give_is_named(dogshape: Call) -> None:
+    """A differential lock from the MQ200: inertias, actuator and load are not its own."""
+    said, _ = _begun(dogshape, *RING, "sliding.mass_kg=2.5", "load.torque_Nm=900")
+    assumed = {one.partition("]")[0]: one for one in said.json["assumed"]}
+    assert assumed["[sliding"] == "[sliding] as in 'mq200': inertia_kgm2 = 0.01"
+    assert assumed["[output"] == "[output] as in 'mq200': inertia_kgm2 = 0.6048"
+    assert "force_N = [235.2, 315.5, 469.0, 641.5]" in assumed["[actuation"]
+    assert "count" not in assumed["[dog"]
+    assert "torque_Nm" not in assumed["[load"]
+    for key in ("dog", "load", "material", "mechanism", "operating", "tolerance", "uncertain"):
+        assert f"[{key}" in assumed
 
 
 RING = ("dog.outer_diameter_mm=140", "dog.inner_diameter_mm=124", "dog.count=30")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,7 +14,7 @@ from typer import Argument, Option
 
 from dogshape.cli.console import emit
 from dogshape.cli.options import PLAIN, Json, Sets
-from dogshape.sim.errors import InputError, meant_number
+from dogshape.sim.errors import GeometryError, InputError, meant_number
 from dogshape.sim.units import unit_of
 from dogshape.terminal import print_parts, terminal
 
@@ -89,20 +90,31 @@ def _asked_study(out: Path, origin: str, values: dict[str, Any], *, force: bool)
 
     typer.echo(f"kinds of clutch: {draft.bundled_kinds()}", err=True)
     origin = ask("begin from (a kind, a study, or the folder of a bench)", origin)
-    before, words = draft.questions_of(origin, values)
-    before = {key: value for key, value in before.items() if key not in draft.USE}
-    answers = ask_values(before, words)
-    # What follows from the clutch is the default of the other questions.
-    then, words = draft.questions_of(origin, values | changed(answers, before))
-    use = {key: then[key] for key in draft.USE if key in then}
-    before, answers = before | use, answers | ask_values(use, words)
-    while True:
-        own = values | changed(answers, before)
-        try:
-            return draft.write_study(out, origin, own, force=force)
-        except InputError as error:
-            typer.echo(f"{error}\nnothing is written yet; your answers are kept", err=True)
-            answers = ask_values(answers, words)
+    before: dict[str, Any] = {}
+    answers: dict[str, Any] = {}
+    words: dict[str, str] = {}
+
+    def own() -> dict[str, Any]:
+        new = changed(answers, before)
+        points = draft.OPERATION if new.keys() & draft.OPERATION else ()
+        return values | new | {key: answers[key] for key in points}
+
+    def until_right(make: Callable[[dict[str, Any]], Any]) -> Any:
+        while True:
+            try:
+                return make(own())
+            except (InputError, GeometryError) as error:
+                typer.echo(f"{error}\nnothing is written yet; your answers are kept", err=True)
+                answers.update(ask_values(answers, words))
+
+    # What follows from a part is the default of the next one.
+    for part in (draft.ACTUATION, draft.OPERATION, draft.CLUTCH, draft.USE):
+        asked, more = draft.questions_of(origin, own(), part)
+        before, words = before | asked, words | more
+        answers |= ask_values(asked, more)
+        if part is draft.OPERATION:
+            until_right(partial(draft.check_draft, origin))
+    return until_right(partial(draft.write_study, out, origin, force=force))
 
 
 @init.command()
@@ -163,7 +175,7 @@ def _pair(text: str) -> tuple[str, str]:
 def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     """Ask about columns, clutch and stand."""
     from dogshape.pipeline.drafts.bench_folder import guessed  # noqa: PLC0415
-    from dogshape.pipeline.drafts.study_folder import CLUTCH, USE, source_of  # noqa: PLC0415
+    from dogshape.pipeline.drafts.study_folder import WORDS, source_of  # noqa: PLC0415
 
     found = guessed(draft)
     while draft.tables:
@@ -184,7 +196,7 @@ def _asked(draft: BenchDraft, target: Path) -> BenchDraft:
     origin = ask("clutch of the stand, as in (study or bench)", draft.origin)
     if not ask(f"is the clutch exactly that of '{origin}'?", True):
         before = source_of(origin).dog_values
-        values = changed(ask_values(before, CLUTCH | USE), before) | values
+        values = changed(ask_values(before, WORDS), before) | values
     for key, (question, choices) in RECORD.items():
         if key not in values and (key != EMPTY or found["empty"]):
             values[key] = ask(f"{question}: {', '.join(choices)}", "unknown", choices)
