@@ -97,8 +97,9 @@ SHIFTS = (
         f"stamp|zeitstempel|timeout|datum|date|delay|{_RISE}|{_SPREAD}", needed=True,
     ),
     Quantity(
-        "engaged", None, "engaged|eingelegt|geschaltet|eingerueckt|eingespurt",
-        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status",
+        "engaged", None,
+        "engaged|eingelegt|geschaltet|eingerueckt|eingespurt|eingerastet|drin|im eingriff",
+        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status|bewertung|beurteilung|urteil",
         r"not|nicht|no|n|fail\w*|fehler|error",
     ),
     Quantity("trace", None, "trace( file)?|messdatei|measurement file",
@@ -195,6 +196,27 @@ def counts_up(column: Column) -> bool:
     return bool(max((steps == 1).mean(), (steps == -1).mean()) >= 0.6 and (steps != 0).all())
 
 
+def outcome_words(column: Column) -> dict[str, bool]:
+    """Give the words of a column of yes and no with their meaning; none where it lacks a no."""
+    words = {word: ANSWERS.get(word, "strange") for word in map(answer_of, column.cells)}
+    found = {word: bool(value) for word, value in words.items() if value is not None}
+    return found if False in found.values() and "strange" not in words.values() else {}
+
+
+def _outcome(head: str, words: Mapping[str, bool]) -> str:
+    option = f"--column engaged='{head}"
+    turned = ",".join(f"{word}={'no' if yes else 'yes'}" for word, yes in words.items())
+    return (
+        f"'{head}' holds yes and no and may be the outcome; say {option}', {option}:{turned}' "
+        f"where its yes is a failure, or --column engaged={NONE} to leave it out"
+    )
+
+
+def answer_of(cell: str) -> str:
+    """Write a cell as ``ANSWERS`` has it: in lower case, without blanks."""
+    return "empty" if cell.lower() in NOTHING else "".join(cell.lower().split())
+
+
 def matched(
     columns: Sequence[Column], quantities: Sequence[Quantity], said: Mapping[str, str]
 ) -> tuple[list[Match], list[str]]:
@@ -218,6 +240,8 @@ def matched(
         equal = [c for c in left if own[c] > 0.0 and (loose or own[c] == best)]
         if not equal:
             missing += [quantity] if quantity.needed else []
+            asked = left if quantity.name == "engaged" else []
+            faults += [_outcome(c.head, words) for c in asked if (words := outcome_words(c))]
         elif len(equal) > 1:
             faults.append(_which(quantity.name, equal))
         elif quantity.name == "n_shifts" and counts_up(equal[0]):
@@ -451,8 +475,9 @@ class TableReader:
 
     def _answers(self, match: Match) -> Values:
         """Read yes and no; an option such as ``gut=yes,empty=no`` goes first."""
-        cells = ["empty" if c.lower() in NOTHING else c.lower() for c in match.terms[0][0].cells]
-        said = dict(pair.lower().split("=", 1) for pair in match.option.split(",") if "=" in pair)
+        cells = [answer_of(cell) for cell in match.terms[0][0].cells]
+        pairs = (pair.split("=", 1) for pair in match.option.split(",") if "=" in pair)
+        said = {answer_of(word): answer_of(way) for word, way in pairs}
         often = Counter(cells)
         values = {w: ANSWERS[said.get(w, w)] for w in often if said.get(w, w) in ANSWERS}
         if strange := [word for word in often if word not in values]:

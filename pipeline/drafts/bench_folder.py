@@ -276,8 +276,13 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Repo
     low, high = (number(one) for one in rows["force_rise_s"][lacking].agg(["min", "max"]))
     said = f"{low} s where no row says it"
     if draft.rise_s is None:
-        said = f"{low} to {high} s, by its size as in '{source.name}' ({number(source.forces[0])} "
-        said += f"to {number(source.forces[-1])} N); --rise-s says another time"
+        least, most = min(source.table.forces), max(source.table.forces)
+        beyond = sorted({f for f in rows["force_N"][lacking] if not least <= f <= most})
+        far = ", ".join(map(number, beyond))
+        said = f"{low} to {high} s, by its size as in '{source.name}' ({number(least)} to "
+        said += f"{number(most)} N)"
+        said += f"; {far} N lie beyond and have the rise time of the nearest force" if far else ""
+        said += "; --rise-s says another time"
     report.assumed.append(f"the force rises in {said}")
 
 

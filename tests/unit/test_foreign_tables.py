@@ -345,3 +345,36 @@ def test_joined_points_lie_beyond_their_limit(speeds: list[float]) -> None:
     means = np.array([row.mismatch for row in done])
     assert weights @ means == pytest.approx(weights @ np.array(speeds))
     assert joined_rows(done) == done
+
+
+@pytest.mark.parametrize(
+    ("head", "cells", "options"),
+    [
+        ("Bewertung", ("i.O.", "n. i. O."), ()),
+        ("Klaue drin", ("ja", "nein"), ()),
+        ("Klaue drin;Bewertung", ("ja;n.i.O.", "nein;n.i.O."), ()),
+        ("Urteil", ("OK", "NOK"), ()),
+        ("Rückmeldung", ("1", "0"), ("--column", "engaged=Rückmeldung")),
+        ("Fehler", ("nein", "ja"), ("--column", "engaged=Fehler:ja=no,nein=yes")),
+    ],
+)
+def test_the_outcome_of_a_german_table_comes_along(
+    dogshape: Call, head: str, cells: tuple[str, str], options: tuple[str, ...]
+) -> None:
+    table = (
+        f"dn;F;t [ms];{head}\n50;469;190;{cells[0]}\n50;469;;{cells[1]}\n100;469;170;{cells[0]}\n"
+    )
+    Path("m.csv").write_text(table)
+    if options:
+        asked = dogshape("init", "bench", "m.csv")
+        assert asked.status == 2
+        assert f"say --column engaged='{head}'" in asked.sentence
+    said = dogshape("init", "bench", "m.csv", *options)
+    assert said.status == 0, said.err
+    assert [r.engaged for r in load_bench("m").readings] == [True, False, True]
+
+
+def test_a_force_beyond_the_rise_times_is_said(dogshape: Call) -> None:
+    Path("m.csv").write_text("dn;F;t [ms]\n50;469;190\n100;900;170\n")
+    assumed = " ".join(dogshape("init", "bench", "m.csv", "--json").json["assumed"])
+    assert "(235.2 to 641.5 N); 900 N lie beyond and have the rise time of the nearest" in assumed
