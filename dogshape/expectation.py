@@ -51,6 +51,19 @@ class Expectation(Result):
 
     config: Setup
     mean: Mean
+    precision: float | None = None  #: wanted relative standard error
+
+    @property
+    def shortfall(self) -> list[str]:
+        """Sentence on a wanted precision that the shifts do not reach; empty where they do."""
+        share, wanted = self.mean.standard_error / self.mean.mean, self.precision
+        if wanted is None or share <= wanted:
+            return []
+        return [
+            f"precision not reached: relative standard error {share:.3g}, wanted {wanted:.3g} "
+            f"({share - wanted:.3g} more), with {max(point.n for point in self.mean.points)} "
+            "angles at each operating point; give a larger number of angles instead"
+        ]
 
     @property
     def time_s(self) -> float | None:
@@ -76,15 +89,17 @@ class Expectation(Result):
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
         table = tabulate(PointRow, found.points)
         lost = f"{mean.lost} of {mean.shifts} shifts did not engage"
+        late, freed = mean.lost - mean.blocked, sum(point.freed for point in mean.points)
         if mean.blocked:
-            lost += f", {mean.blocked} held dog on dog by friction"
-        if freed := sum(point.freed for point in mean.points):
-            lost += f", {freed} of these freed by the alternating set-point"
+            lost += f": {mean.blocked} held dog on dog by friction"
+            lost += f" ({freed} of these freed by the alternating set-point)" if freed else ""
+        if late:
+            lost += f"{',' if mean.blocked else ':'} {late} short of full depth at the time-out"
         if mean.mean_engaged is not None:
             lost += f"; without their retries the mean is {in_ms(mean.mean_engaged)} ms"
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
-            return [f"{count}: {NO_TIME}", table, lost, engine]
+            return [f"{count}: {NO_TIME}", table, *self.shortfall, lost, engine]
         error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error)"
         if found.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
@@ -94,7 +109,7 @@ class Expectation(Result):
         times = quantile_words([one.to_dict() for one in found.quantiles or ()])
         direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
         entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
-        more = [f"shift time over the life: {times}"] if times else []
+        more = [*self.shortfall, *([f"shift time over the life: {times}"] if times else [])]
         return [table, total, *more, entry, engine, *([lost] if mean.lost else [])]
 
     def shiftability(self) -> Frame:
@@ -117,7 +132,10 @@ class Expectation(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give mean, errors, and an entry for each operating point."""
         engine, mechanism = self.config.clutch.solver.engine, self.config.mechanism
-        more = {"mechanism": mechanism} if mechanism else {}
+        more: dict[str, Any] = {"mechanism": mechanism} if mechanism else {}
+        if self.precision is not None:
+            reached = self.mean.standard_error / self.mean.mean
+            more["precision"] = {"wanted": self.precision, "reached": number_or_none(reached)}
         return {"engine": engine, **self.record.to_dict(), **more}
 
     def plot(self) -> Figure:
@@ -148,7 +166,7 @@ def simulate_mean(
         with where.executor("expect", asked, FIRST * len(points)) as (executor, counter):
             found, blocks, rows = expect_to(config, points, precision, executor, counter)
             error = numerical_error(blocks, rows, executor.run)
-        return Expectation(config, replace(found, numerical_error=error))
+        return Expectation(config, replace(found, numerical_error=error), precision)
     given = settings.angles if angles is None else angles
     asked_at = given if isinstance(given, int) else [angle * DEG for angle in given]
     blocks = even_blocks(clutch, points, asked_at, settings.seed, uncertainty=config.uncertainty)

@@ -299,7 +299,7 @@ def expect_to(
 ) -> tuple[Expectation, list[Block], list[list[Shift]]]:
     """Double the even angles until the expectation over points has a relative standard error.
 
-    The last round is returned, with its shifts; progress says why that was not reached.
+    The last round is returned, with its shifts; at the most angles it may be less precise.
     """
     count, seed = FIRST, study.file.expectation.seed
     while True:
@@ -313,8 +313,6 @@ def expect_to(
         late = share > precision and count >= MOST
         if silent:
             progress.say("nothing engages at some operating point: no precision can be reached")
-        elif late:
-            progress.say(f"{share:.1%} is what {MOST} angles at each operating point give")
         if silent or late or (share <= precision and shifts >= ENOUGH):
             return found, blocks, rows
         few = ", from too few to trust" if share <= precision else ""

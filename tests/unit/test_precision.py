@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from dogshape import expectation as results
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import FIRST, MOST, expect_to
@@ -106,7 +107,12 @@ def test_a_precision_out_of_reach_is_told(default: Setup) -> None:
     said: list[str] = []
     found = _run(default, lambda phase: 0.05 + 0.06 * ((1e4 * phase) % 1.0), 0.0001, said)
     assert {p.n for p in found.points} == {MOST}
-    assert f"is what {MOST} angles at each operating point give" in said[-1]
+    share = found.standard_error / found.mean
+    result = results.Expectation(default, found, 0.0001)
+    (line,) = (part for part in result.to_parts() if str(part).startswith("precision not reached"))
+    assert f"error {share:.3g}, wanted 0.0001 ({share - 0.0001:.3g} more), with {MOST}" in str(line)
+    assert result.to_dict()["precision"] == {"wanted": 0.0001, "reached": share}
+    assert not results.Expectation(default, found, 0.1).shortfall
     assert not _run(default, lambda _: None, 0.01, said).engages
     assert said[-1] == "nothing engages at some operating point: no precision can be reached"
 

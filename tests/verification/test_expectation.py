@@ -50,8 +50,12 @@ def test_hung_shifts_are_counted_and_the_mean_without_them_stands_beside(point: 
     assert (both.shifts, both.lost, both.blocked) == (12, 1, 1)
     assert both.mean_engaged == pytest.approx(0.75 * 0.09 + 0.25 * 0.05)
     assert both.mean == pytest.approx(both.mean_engaged + 0.75 * 1.2 / 5)
-    assert "1 of 12 shifts did not engage, 1 held dog on dog" in _printed(both)
+    assert "1 of 12 shifts did not engage: 1 held dog on dog by friction;" in _printed(both)
     assert "without their retries the mean is 80.0 ms" in _printed(both)
+    late = [ShiftResult(Outcome.TIMED_OUT, None), *_shifts(None, 0.05, 0.06, 0.07)]
+    mixed = _printed(expect([expect_point(heavy, late, 1.0, 0.2)]))
+    assert "2 of 5 shifts did not engage: 1 held" in mixed
+    assert "friction, 1 short of full depth at the time-out" in mixed
     whole = expect([expect_point(heavy, _shifts(0.05, 0.06, 0.07), 1.0, 0.2)])
     assert whole.mean_engaged == pytest.approx(whole.mean)
     assert re.search(r"expected shift time 60\.00 ± \d+\.\d\d ms", _printed(whole))
