@@ -162,11 +162,11 @@ def summary(pattern: str) -> str:
     return f"{float(found[1]):.0f}"
 
 
-def field(words: str, *, counted: bool = True) -> str:
+def field(words: str) -> str:
     """Write a headline figure of the field set with its interval and its number of cases."""
     _, value, n, *_ = next(row for row in field_table.headline_of(field_table.SCORE)
                            if row[0] == words)  # fmt: skip
-    return f"{value} of {n}" if counted else value
+    return f"{value} of {n}"
 
 
 def validated() -> dict[str, float]:
@@ -208,17 +208,17 @@ def found() -> str:
          f"{best}, prototype {prototype}",
          f"other contact laws change the gain: {min(gains):.0f} to {max(gains):.0f} ms"),
         ("prediction of the shift time without simulation",
-         f"Q\u00b2 {v['q2']:.3f} on {v['n']} designs not fitted",
-         f"Q\u00b2 {v['q2_points']:.3f} at single operating points"),
+         f"explains {percent(v['q2'], 1)} of the variance of {v['n']} designs outside the fit",
+         f"{percent(v['q2_points'], 1)} at single operating points"),
         ("published Adams model, all relative angles",
          f"root-mean-square deviation {numbers('adams', 'adams2019, all')[0]:.1f} %",
          f"{numbers('adams', 'adams2019, ten')[0]:.1f} % at the ten published angles"),
         ("published bench, mean over 25 operating points",
          f"simulated {1e3 * simulated:.0f} ms, measured {1e3 * measured:.0f} ms",
          "absolute times need your bench"),
-        ("diagnosis of sealed cases",
-         f"{field('named: the whole truth')} named causes are right and complete",
-         f"a clear cause is named in {field('clear cause: named', counted=False)}"),
+        ("diagnosis of simulated benches with a hidden cause",
+         f"a named cause is right and complete in {field('named: the whole truth')} cases",
+         f"a clear cause is named in only {field('clear cause: named')} cases"),
     ]  # fmt: skip
     return markdown(("question", "answer", "beware"), rows)
 
