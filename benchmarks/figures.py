@@ -218,7 +218,7 @@ def found() -> str:
          "absolute times need your bench"),
         ("diagnosis of simulated benches with a hidden cause",
          f"a named cause is right and complete in {field('named: the whole truth')} cases",
-         f"a clear cause is named in only {field('clear cause: named')} cases"),
+         f"90 % intervals hold {field('90 % intervals hold the sizes')} sizes"),
     ]  # fmt: skip
     return markdown(("question", "answer", "beware"), rows)
 
