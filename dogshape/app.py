@@ -21,7 +21,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 from urllib.parse import quote, urlencode
 
-from dash import ALL, MATCH, Dash, Input, Output, State, ctx, no_update, set_props
+from dash import ALL, MATCH, Dash, Input, Output, State, ctx, html, no_update, set_props
 from dash.exceptions import PreventUpdate
 from flask import Response, request
 from werkzeug.serving import BaseWSGIServer, make_server
@@ -34,7 +34,7 @@ from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.reports.charts import front_figure
-from dogshape.pipeline.reports.designs import MARGIN, Row, goals_of
+from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import own_surrogate
@@ -55,8 +55,13 @@ FRICTION = {
     "load.friction_release": ("release, highest", 0.6),
     "load.friction_hold": ("holding, lowest", 0.3),
 }  #: label and upper end of a slider by key
-FILES = {"shift.html": "text/html", "sheet.html": "text/html", "dog.svg": "image/svg+xml",
-         "rings.step": "application/step"}  # fmt: skip
+#: Type of each file with the words of its link; that of the single shift is the last.
+FILES = {
+    "sheet.html": ("text/html", "data sheet"),
+    "dog.svg": ("image/svg+xml", "dimensioned drawing (SVG)"),
+    "rings.step": ("application/step", "both rings (STEP)"),
+    "shift.html": ("text/html", "animate this shift"),
+}
 TEMPLATES = resources.files("dogshape.pipeline.reports") / "templates"  #: with the look of pages
 Texts = Mapping[str, str]  #: what stands in the fields, by key
 Answer = dict[str, Any]  #: content of the page by place, ``component.property``
@@ -182,7 +187,7 @@ def open_desk(
     roots = [Path(folder)] if folder else [bundled_root() / study.name, default_out(config)]
     if surrogate is None and folder is not None and StudyFolder(roots[0]).surrogate.is_file():
         surrogate = StudyFolder(roots[0]).surrogate
-    found = own_surrogate(config, None if surrogate is None else Path(surrogate))
+    found = own_surrogate(config, surrogate)
     for one in map(StudyFolder, roots):
         if one.result.is_file() and not config.searches_operation:
             read = one.stored_result()
@@ -200,8 +205,7 @@ def build_app(desk: Desk) -> Dash:
         assets_ignore=r"^(?!report(_app)?\.css$)",
     )  # fmt: skip
     if desk.result is not None:
-        others = [goal.name for goal in goals_of(desk.result)[1:]] or [MARGIN]
-        front = front_figure(desk.result, list(config.variables), others[0])
+        front = front_figure(desk.result, list(config.variables))
     app.layout = page.layout(config, desk.numbers, front)
     app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
     _connect_fields(app, desk)
@@ -216,7 +220,7 @@ def build_app(desk: Desk) -> Dash:
                 desk.write(name, request.args, request.args.get("why", ""), path)
             except DogshapeError as error:
                 return Response(str(error), 400, mimetype="text/plain")
-            return Response(path.read_bytes(), mimetype=FILES[name])
+            return Response(path.read_bytes(), mimetype=FILES[name][0])
 
     app.server.add_url_rule("/file/<name>", view_func=write_file)
     return app
@@ -281,12 +285,6 @@ def _show(answer: Answer) -> None:
         set_props(name, {part: content})
 
 
-def _judged(found: Checked) -> Answer:
-    card, kind = page.margin_card(found)
-    table = page.check_table(found)
-    return {"margins.children": card, "margins.className": kind, "checks.children": table}
-
-
 def answer_at_once(desk: Desk, asked: Row) -> tuple[dict[str, str], Answer]:
     """Give the sentences at the numbers, and what is known at once; a refusal stops the rest."""
     try:
@@ -301,7 +299,7 @@ def answer_at_once(desk: Desk, asked: Row) -> tuple[dict[str, str], Answer]:
         "answer.className": "",
         "refused.children": "",
         "predicted.children": page.predicted_card(found, desk.unpredicted(study)),
-        **_judged(found),
+        **page.judged(found),
         "section.src": f"data:image/svg+xml,{quote(svg)}",
         "cautions.children": page.cautions(found),
         "simulated.children": page.card("simulated shift time", "…"),
@@ -314,7 +312,7 @@ def answer_by_simulation(desk: Desk, asked: Row) -> Answer:
         found = desk.changed(asked["texts"]).check(**_point(**asked))
     except DogshapeError as error:
         return {"simulated.children": page.card("simulated shift time", "none", str(error))}
-    return {"simulated.children": page.simulated_card(found), **_judged(found)}
+    return {"simulated.children": page.simulated_card(found), **page.judged(found)}
 
 
 def link_files(desk: Desk, asked: Row, why: str | None) -> Answer:
@@ -323,9 +321,12 @@ def link_files(desk: Desk, asked: Row, why: str | None) -> Answer:
     sets = "".join(f" --set {shlex.quote(one)}" for one in desk.changes(asked["texts"]))
     point = _point(**asked).items()
     at = "".join(f" --{key.replace('_', '-')} {value:.12g}" for key, value in point)
-    files, shift = page.file_links({name: f"/file/{name}?{query}" for name in FILES})
+    links = {name: f"/file/{name}?{query}" for name in FILES}
+    *files, shift = (
+        html.A(FILES[name][1], href=link, target="_blank") for name, link in links.items()
+    )
     command = f"dogshape check {desk.command}{sets}{at}"
-    return {"files.children": files, "shift-link.children": shift, "command.children": command}
+    return {"files.children": files, "shift-link.children": [shift], "command.children": command}
 
 
 def start_server(desk: Desk, port: int) -> BaseWSGIServer:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, cast
 
@@ -130,8 +130,8 @@ def simulated_card(found: Check) -> Children:
     return card("simulated shift time", value, _interval(seen), apart, shifts, exact=seen)
 
 
-def margin_card(found: Checked) -> tuple[Children, str]:
-    """Show the smallest margin and whether the landing is judged; and the class of the card."""
+def judged(found: Checked) -> dict[str, Any]:
+    """Show the smallest margin, whether the landing is judged, and the table of checks."""
     weakest, failed = smallest_margin(found.design.checks), len(found.failed)
     count, open_ones = len(found.design.checks), found.design.not_checked
     worst = minus(found.worst_case).replace("%", " %").replace("_", " ")
@@ -141,7 +141,11 @@ def margin_card(found: Checked) -> tuple[Children, str]:
         "landing not judged yet" if open_ones else "landing judged",
     )
     kind = "bad" if failed else "open" if open_ones else "good"
-    return card("smallest margin", percent(weakest.margin), *lines), f"card {kind}"
+    return {
+        "margins.children": card("smallest margin", percent(weakest.margin), *lines),
+        "margins.className": f"card {kind}",
+        "checks.children": check_table(found),
+    }
 
 
 def cautions(found: Checked) -> Children:
@@ -152,14 +156,6 @@ def cautions(found: Checked) -> Children:
         q2, useful = found.guess.validation.q2, found.guess.validation.useful
         words += [] if useful else [f"the surrogate has Q² {q2:.2f} on designs outside its fit"]
     return [html.P(f"Caution: {one}.", className="bad") for one in words]
-
-
-def file_links(links: Mapping[str, str]) -> tuple[Children, Children]:
-    """Link the files of a design; the single shift apart."""
-    words = {"sheet.html": "data sheet", "dog.svg": "dimensioned drawing (SVG)",
-             "rings.step": "both rings (STEP)", "shift.html": "animate this shift"}  # fmt: skip
-    found = [html.A(text, href=links[name], target="_blank") for name, text in words.items()]
-    return found[:-1], found[-1:]
 
 
 def check_table(found: Checked) -> html.Table:

@@ -25,7 +25,7 @@ from dogshape.pipeline.simulate.design import (
 )
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime, QuantileRow, check_table
-from dogshape.pipeline.train.training_rows import mix_over, own_surrogate
+from dogshape.pipeline.train.training_rows import own_surrogate, study_mix
 from dogshape.sim.errors import GeometryError
 from dogshape.sim.statistics.expectation import Expectation
 from dogshape.sim.strength.checks import feasible, smallest_margin
@@ -280,7 +280,7 @@ def check_design(
         require_makeable(config.clutch.dog, config.limits.manufacturing)
     except GeometryError as error:
         refusal = str(error)
-    mix = mix_over(config, points)
+    mix = study_mix(config, points)
     guess = _guess(config, mix, surrogate, refusal)
     expected, found = None if guess is None else guess.answer.expected, None
     if guess is not None and surrogate is not None:
@@ -307,8 +307,7 @@ def check_design(
 
 def _guess(config: Setup, mix: Mix, named: str | Path | None, refusal: str) -> Guess | None:
     """Ask the surrogate of the study's physics about its own design; ``refusal`` of a time."""
-    found = own_surrogate(config, None if named is None else Path(named))
-    if found is None:
+    if (found := own_surrogate(config, named)) is None:
         return None
     stored, path = found
     model, own = stored.surrogate, config.prototype

@@ -12,9 +12,8 @@ from dogshape.pipeline.config.study_file import Setup, load_study, require_varia
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Frame, Result, Table
 from dogshape.pipeline.reports.text import in_ms, time_text
-from dogshape.pipeline.store.folder import StudyFolder, require_targets
+from dogshape.pipeline.store.folder import StudyFolder, default_out, require_targets
 from dogshape.pipeline.train.training import fill, train
-from dogshape.pipeline.train.training_rows import space_out
 from dogshape.running import receiver
 from dogshape.sim.errors import InputError
 from dogshape.study import Study
@@ -112,7 +111,7 @@ def fit(
     folder = None if isinstance(where, Study) else StudyFolder(Path(where))
     if folder is None or not folder.manifest.is_file():
         config = where.config if isinstance(where, Study) else load_study(where, settings)
-        folder = StudyFolder(space_out(config))
+        folder = StudyFolder(default_out(config, "-space"))
         require_variables(config)
         fill(config, folder, jobs, cluster, told)
     elif settings:

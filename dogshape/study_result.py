@@ -11,7 +11,7 @@ from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.data_sheet import named_design
-from dogshape.pipeline.reports.designs import MARGIN, designs_frame, goals_of
+from dogshape.pipeline.reports.designs import designs_frame
 from dogshape.pipeline.reports.study_page import headline, publish, summary_tables
 from dogshape.pipeline.search.result_schema import StudyRecord
 from dogshape.pipeline.store.folder import StudyFolder
@@ -73,8 +73,7 @@ class StudyResult(Result):
 
         With one objective alone, against the smallest margin. Example: ``result.plot()``
         """
-        others = [goal.name for goal in goals_of(self.record)[1:]] or [MARGIN]
-        return front_figure(self.record, list(self.config.variables), objective or others[0])
+        return front_figure(self.record, list(self.config.variables), objective or "")
 
     def data_sheet(self, design: int, path: str | Path, why: str = "", **block: str) -> Path:
         """Write the data sheet of the ``design`` with a number.
@@ -84,9 +83,8 @@ class StudyResult(Result):
         """
         from dogshape.designs import write_data_sheet  # noqa: PLC0415
 
-        return write_data_sheet(
-            named_design(f"{self.folder}#{design}"), path, {"why": why, **block}
-        )
+        one = named_design(f"{self.folder}#{design}")
+        return write_data_sheet(one, path, {"why": why, **block})
 
     def report(self, progress: Progress | bool = False) -> Path:
         """Write the report into the folder of the study; give its path.

@@ -5,9 +5,11 @@ Work counts into a ``WorkCounter``, which informs a ``Progress`` such as the com
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+Say = Callable[[str], None]  #: takes a sentence for people
 
 
 class Progress:

@@ -7,15 +7,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from dogshape.pipeline.config.study_file import Setup, require_variables, wear_of
-from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
 from dogshape.pipeline.reports.study_page import publish
-from dogshape.pipeline.search.confirmation import (
-    EngineAgreement,
-    Executors,
-    audit,
-    confirm,
-    shifts_to_confirm,
-)
+from dogshape.pipeline.search.confirmation import Executors, audit, confirm, shifts_to_confirm
 from dogshape.pipeline.search.search import Search, open_search, run
 from dogshape.pipeline.search.state import PROTOTYPE, SearchState, Trial
 from dogshape.pipeline.simulate.design import (
@@ -32,10 +26,12 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
+from dogshape.pipeline.store.result_records import EngineAgreement
 from dogshape.pipeline.store.trial_storage import kept
-from dogshape.pipeline.train.training import Say, train
+from dogshape.pipeline.train.training import train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import EngineError, GeometryError, InputError
+from dogshape.sim.files import writing
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.versions import versions
 from dogshape.surrogate.model import MIN_DESIGNS
@@ -67,7 +63,7 @@ def run_study(study: Setup, how: Run) -> Record:
     require_variables(study)
     folder, say = how.folder, how.progress.say
     connect(how.cluster)
-    with folder.writing():
+    with writing(folder.root):
         folder.open(study, how.resume)
         with kept(how.storage, folder):
             search = open_search(study.working, folder, how.storage, how.resume)
@@ -117,7 +113,8 @@ def _searched(search: Search, how: Run) -> Record:
             searched = run(search, executors.search, after_round)
             confirmation, state = confirm(searched, executors, counter.say)
             life = _life(confirmation, state, executors.search, counter)
-            audited = _audit(searched, executors.kept, counter)
+            designs = [trial.params for trial in searched.simulated]
+            audited = audit(study, designs, executors.kept, settings.audit_shifts, counter.say)
         for journal in journals:
             journal.say_unfinished(counter.say)
         executors.search.forget()
@@ -128,11 +125,16 @@ def _searched(search: Search, how: Run) -> Record:
     write_json(folder.rows, {"rows": rows})
     result = collect(searched, journals[1])
     if confirmation is not None:
-        designs = rows_of(state)
-        front = [designs[trial.number] for trial in state.front if trial.confirmed]
-        result |= {"best": designs[confirmation["chosen"]], "front": front}
-        result["n_simulated_shifts"] += confirmed_shifts(state, confirmation)
-    return {**result, "confirmation": confirmation, "life": life, "audit": audited}
+        known = {trial.number: row_of(state, trial) for trial in state.trials}
+        front = [known[trial.number] for trial in state.front if trial.confirmed]
+        result |= {"best": known[confirmation["chosen"]], "front": front}
+        every = list(confirmation["designs"])  # the prototype may be none of them
+        if not any(known[one["trial"]][PROTOTYPE] for one in every):
+            every.append(confirmation["prototype"])
+        both = (one["shifts"] + (one["drake"] or {"shifts": 0})["shifts"] for one in every)
+        result["n_simulated_shifts"] += sum(both)
+    found = {"confirmation": confirmation, "life": life}
+    return {**result, **found, "audit": audited and audited.to_dict()}
 
 
 def _most(search: Search) -> int:
@@ -161,18 +163,6 @@ def _life(
         return None
 
 
-def _audit(state: SearchState, executor: Executor, counter: WorkCounter) -> Record | None:
-    """Simulate shifts of the search again in Drake; None where Drake does not judge."""
-    study, shifts = state.study, state.study.file.search.audit_shifts
-    designs = [trial.params for trial in state.simulated]
-    if study.judging is None or not shifts or not designs:
-        return None
-    counter.say(f"auditing {shifts} shifts of the search in Drake")
-    found = audit(study, designs, executor, study.judging.clutch, shifts)
-    counter.say(found.text)
-    return found.to_dict()
-
-
 def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
     """Fit the surrogate and add what it says to the result; say why where it cannot be."""
     try:
@@ -189,7 +179,8 @@ def _learn(study: Setup, folder: StudyFolder, result: Record, say: Say) -> None:
 
 def collect(state: SearchState, journal: ShiftJournal) -> Record:
     """Record the state of a search; ``journal`` has the shifts that are kept."""
-    study, best, rows = state.study, state.best, rows_of(state)
+    study, best = state.study, state.best
+    rows = {trial.number: row_of(state, trial) for trial in state.trials}
     failed = [Counter(trial.failed) for trial in state.trials]
     failed.append(Counter(failures(journal.rows.values())))
     return {
@@ -209,20 +200,6 @@ def collect(state: SearchState, journal: ShiftJournal) -> Record:
         "config_hash": study.config_hash,
         "physics_hash": study.physics_hash,
     }
-
-
-def confirmed_shifts(state: SearchState, confirmation: Record) -> int:
-    """Count the shifts of a confirmation, those of Drake's judgement among them."""
-    own = {trial.number for trial in state.trials if trial.prototype}
-    designs = list(confirmation["designs"])
-    if not any(one["trial"] in own for one in designs):
-        designs.append(confirmation["prototype"])
-    return sum(one["shifts"] + (one["drake"] or {"shifts": 0})["shifts"] for one in designs)
-
-
-def rows_of(state: SearchState) -> dict[int, Record]:
-    """Record every design of a state as a row, by trial."""
-    return {trial.number: row_of(state, trial) for trial in state.trials}
 
 
 def row_of(state: SearchState, trial: Trial) -> Record:

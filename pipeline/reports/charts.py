@@ -14,7 +14,7 @@ import plotly.graph_objects as go
 import plotly.io as pio
 from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.designs import Row, design_name, goals_of, of_kinds
+from dogshape.pipeline.reports.designs import MARGIN, Row, design_name, goals_of, of_kinds
 from dogshape.pipeline.reports.text import axis, check_name, minus, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
 
@@ -68,8 +68,12 @@ def styled(figure: go.Figure, height: int) -> go.Figure:
     )
 
 
-def front_figure(result: Row, variables: Sequence[str], other: str) -> go.Figure:
-    """Draw the leading objective against another one; designs far from the front are left out."""
+def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.Figure:
+    """Draw the leading objective against another one; designs far from the front are left out.
+
+    By default it is the next objective, where there is none the smallest margin.
+    """
+    other = other or next((goal.name for goal in goals_of(result)[1:]), MARGIN)
     goals = goals_of(result, SIMULATED, other)
     lead, second = goals[0], next(goal for goal in goals if goal.name == other)
     figure, named = go.Figure(), list[Row]()
@@ -114,7 +118,7 @@ def front_figure(result: Row, variables: Sequence[str], other: str) -> go.Figure
     taken = [complex(*place) for place in zip(px, py, strict=True)]
     for row, here in zip(named, tuple(taken), strict=True):
         # A leader points where no design of the front can be, if there is room.
-        signs = lead.objective.sign, second.objective.sign
+        signs = lead.sign, second.sign
         ways = [complex(signs[0] * way.real, signs[1] * way.imag) for way in LEADERS]
         room = [min(abs(here + way - other) for other in taken) for way in ways]
         way = next((w for w, r in zip(ways, room, strict=True) if r > ROOM), ways[-1])

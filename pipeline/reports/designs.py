@@ -28,17 +28,8 @@ FACTORS = {"ms": 1e3, "%": 100.0, "kN": 1e-3}
 
 
 @dataclass(frozen=True)
-class Goal:
+class Goal(Objective):
     """An objective of a study as it is shown; ``label`` and ``unit`` are for people."""
-
-    objective: Objective
-    label: str
-    unit: str
-
-    @property
-    def name(self) -> str:
-        """Key of the objective."""
-        return self.objective.name
 
     @property
     def factor(self) -> float:
@@ -49,7 +40,7 @@ class Goal:
     def title(self) -> str:
         """Label and unit, for a column or an axis, with the direction where it is not the usual."""
         words = f"{self.label}, {self.unit}" if self.unit else self.label
-        return words + (" (more is better)" if self.objective.maximise else "")
+        return words + (" (more is better)" if self.maximise else "")
 
     def shown(self, row: Row) -> float:
         """Return the value of a row in the unit that is shown."""
@@ -83,7 +74,8 @@ def goals_of(result: Row, *more: str) -> list[Goal]:
     for name in dict.fromkeys((*names, *more)):
         one = OBJECTIVES[name]
         unit = "ms" if one.unit == "s" else SHOWN.get(name, one.unit)
-        found.append(Goal(one, (level if name == QUANTILE_TIME else "") + one.label, unit))
+        label = (level if name == QUANTILE_TIME else "") + one.label
+        found.append(Goal(**{**vars(one), "label": label, "unit": unit}))
     return found
 
 

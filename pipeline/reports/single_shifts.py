@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.progress import Say
 from dogshape.pipeline.reports.designs import Row, design_name
 from dogshape.pipeline.reports.text import minus
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder
@@ -69,9 +70,7 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
     return found
 
 
-def write_replays(
-    folder: StudyFolder, study: Setup, wanted: Sequence[Replay], say: Callable[[str], None]
-) -> None:
+def write_replays(folder: StudyFolder, study: Setup, wanted: Sequence[Replay], say: Say) -> None:
     """Simulate shifts again and write their pages, those that are missing.
 
     What cannot be simulated or written is said and left out.

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from markupsafe import Markup
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
+from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Bad, Table
 from dogshape.pipeline.reports.charts import (
     ENTRY_NOTE,
@@ -62,9 +63,9 @@ from dogshape.pipeline.reports.text import (
     time_text,
     value,
 )
-from dogshape.pipeline.search.confirmation import EngineAgreement
 from dogshape.pipeline.simulate.design import SIMULATED, WORST, failing_words
 from dogshape.pipeline.store.folder import StudyFolder, require_targets
+from dogshape.pipeline.store.result_records import EngineAgreement
 from dogshape.sim.files import naming
 from dogshape.surrogate.store import Validation
 
@@ -78,7 +79,7 @@ SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by t
 Pair = tuple[float, float]
 
 
-def publish(folder: StudyFolder, say: Callable[[str], None]) -> Path:
+def publish(folder: StudyFolder, say: Say) -> Path:
     """Make what the report lacks, then write it; return its path.
 
     Effects from the surrogate take a minute, the page of a shift half a second each.

@@ -10,7 +10,6 @@ Tolerances are a limit too: f times as large they take f times as much from each
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from itertools import islice
 
@@ -18,6 +17,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, in_ms
@@ -46,7 +46,7 @@ STEPS = {"mm": 0.1, "N": 1000.0, "MPa": 100.0, "deg": 1.0, "": 0.01, "s": 0.001,
 TOLERANCES = "tolerances at their worst"  #: row of all tolerances together, in % of what they are
 
 
-def learn_effects(folder: StudyFolder, say: Callable[[str], None]) -> None:
+def learn_effects(folder: StudyFolder, say: Say) -> None:
     """Store effects and prices of the folder's surrogate unless they are there (a minute).
 
     A folder without a surrogate has none; a surrogate that cannot be used is said.

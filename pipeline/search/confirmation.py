@@ -11,7 +11,7 @@ An *audit* simulates random shifts of the search again in Drake.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Record, key
 from dogshape.pipeline.search.state import SearchState, Trial
 from dogshape.pipeline.simulate.design import (
@@ -37,7 +38,7 @@ from dogshape.pipeline.simulate.evaluation import (
     evaluate,
 )
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
-from dogshape.pipeline.store.result_records import ExpectedTime, check_record
+from dogshape.pipeline.store.result_records import EngineAgreement, ExpectedTime, check_record
 from dogshape.pipeline.train.training_rows import row_record
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.shift.clutch import Clutch
@@ -64,32 +65,6 @@ class Executors:
     kept: Executor
 
 
-class EngineAgreement(Record):
-    """Shifts of the compiled engine that Drake simulated again."""
-
-    shifts: int = key("shifts that both engines simulated")
-    outcome_same: int = key("shifts that end as in Drake")
-    median_deviation: float = key(
-        "median size of the deviation of a shift's time from Drake's", "1"
-    )
-    worst_deviation: float = key("largest size of that deviation", "1")
-    mean_deviation: float = key(
-        "mean time less Drake's, over Drake's; shifts that engage in both", "1"
-    )
-    standard_error: float = key("standard error of `mean_deviation`", "1")
-    agrees: bool = key("whether the engines agree (`docs/search.md`)")
-
-    @property
-    def text(self) -> str:
-        """The agreement as a clause."""
-        return (
-            f"{self.outcome_same} of {self.shifts} shifts end as in Drake, the mean time "
-            f"deviates by {self.mean_deviation:+.2%} ± {self.standard_error:.2%} (s.e.), "
-            f"a shift's time by {self.median_deviation:.2%} (median), at most "
-            f"{self.worst_deviation:.1%}"
-        )
-
-
 class OtherShape(Record):
     """The chosen design with a feature of shape that it has not, at the same new angles."""
 
@@ -102,9 +77,6 @@ class OtherShape(Record):
 
 
 PLAY_MM = 0.1  #: of backlash that a confirmation adds to the chosen design
-
-#: A design at new angles, and the agreement of both engines there; None without two.
-Confirmed = tuple[Simulated, EngineAgreement | None]
 
 
 def new_angles(study: Setup) -> int:
@@ -123,14 +95,14 @@ def shifts_to_confirm(study: Setup) -> int:
 
 
 def confirm(
-    searched: SearchState, executors: Executors, say: Callable[[str], None]
+    searched: SearchState, executors: Executors, say: Say
 ) -> tuple[dict[str, Any] | None, SearchState]:
     """Simulate prototype and front of an ended search at angles that it did not use.
 
     Give the record, None where no design passes every check, and the state at the new angles.
     """
-    state, study, found = searched, searched.study, dict[int, Confirmed]()
-    prototype, most = list[Confirmed](), study.file.search.confirm_designs
+    state, study, found = searched, searched.study, dict[int, Simulated]()
+    prototype, most = list[Simulated](), study.file.search.confirm_designs
     while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
         line = f"confirming prototype and {len(trials)} of the front at new angles"
         if found:
@@ -149,9 +121,8 @@ def confirm(
     return _record(searched, state, prototype[0], ordered, executors), state
 
 
-def _renewed(study: Setup, trial: Trial, found: Confirmed) -> Trial:
+def _renewed(study: Setup, trial: Trial, one: Simulated) -> Trial:
     """Replace the values of a trial by those of new angles, and add its rows there."""
-    one, agreement = found
     values = {name: estimate.value for name, estimate in one.estimates.items()}
     return replace(
         trial,
@@ -160,13 +131,13 @@ def _renewed(study: Setup, trial: Trial, found: Confirmed) -> Trial:
         measured=one.measured,
         rows=[*trial.rows, *row_record(one.rows)],
         confirmed=True,
-        judged=agreement is None or agreement.agrees,
+        judged=one.agreement is None or one.agreement.agrees,
     )
 
 
 def _resimulated(
     study: Setup, named: Mapping[str, Params], executors: Executors
-) -> list[Confirmed]:
+) -> list[Simulated]:
     """Simulate designs at new angles, and again in Drake at some of them.
 
     InputError where the shifts of a design say nothing of some objective.
@@ -183,25 +154,14 @@ def _resimulated(
     if study.judging is None:
         executors.kept.run(blocks)  # for the single shifts of the report
         executors.search.forget()
-        return [(one, None) for one in found]
+        return found
     both = _both(blocks, executor.run(blocks), study.judging.clutch, executors.kept)
     executors.search.forget()
     groups = np.array_split(np.arange(len(both)), len(found))  # the points of each design
     return [
-        (one, agreement_of([pair for place in group for pair in both[place]]))
+        replace(one, agreement=agreement_of([pair for place in group for pair in both[place]]))
         for one, group in zip(found, groups, strict=True)
     ]
-
-
-def _with_numerical_error(
-    study: Setup, params: Params, found: Confirmed, executors: Executors
-) -> Confirmed:
-    """Add the numerical error, from some of the shifts repeated."""
-    executor, blocks = _executor(study, executors), _thinned(study, params)
-    error = numerical_error(blocks, executor.run(blocks), executor.run)
-    one, agreement = found
-    expectation = replace(one.expectation, numerical_error=error)
-    return replace(one, expectation=expectation), agreement
 
 
 def _seed(study: Setup) -> int:
@@ -222,8 +182,8 @@ def _thinned(study: Setup, params: Params) -> list[Block]:
 def _record(
     searched: SearchState,
     state: SearchState,
-    prototype: Confirmed,
-    found: Mapping[int, Confirmed],
+    prototype: Simulated,
+    found: Mapping[int, Simulated],
     executors: Executors,
 ) -> dict[str, Any]:
     """Record the confirmation of designs, by trial in the search's order.
@@ -235,10 +195,12 @@ def _record(
     front = {trial.number for trial in state.front}
     chosen = next((number for number in found if number in front), next(iter(found)))
     params, own = trials[chosen].params, trials[chosen].prototype
-    old, new = (
-        _with_numerical_error(study, one, known, executors)
-        for one, known in ((study.prototype, prototype), (params, found[chosen]))
-    )
+    executor, both = _executor(study, executors), list[Simulated]()
+    for design, one in ((study.prototype, prototype), (params, found[chosen])):
+        blocks = _thinned(study, design)  # repeated, some of the shifts tell the numerical error
+        error = numerical_error(blocks, executor.run(blocks), executor.run)
+        both.append(replace(one, expectation=replace(one.expectation, numerical_error=error)))
+    old, new = both
     return {
         "angles": new_angles(study),
         "prototype": _confirmed(study, study.prototype, old),
@@ -248,13 +210,13 @@ def _record(
             {
                 "trial": number,
                 **_confirmed(study, trials[number].params, one),
-                **_beside_search(searched, trials[number], one[0]),
+                **_beside_search(searched, trials[number], one),
             }
             for number, one in found.items()
         ],
         "shapes": [one.to_dict() for one in _other_shapes(study, params, executors)],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
-        **_gain(study, {} if own else _estimates(old[0]), _estimates(new[0])),
+        **_gain(study, {} if own else _estimates(old), _estimates(new)),
     }
 
 
@@ -330,13 +292,12 @@ def _estimates(found: Simulated) -> Estimates:
     }
 
 
-def _confirmed(study: Setup, params: Params, found: Confirmed) -> dict[str, Any]:
-    one, agreement = found
+def _confirmed(study: Setup, params: Params, one: Simulated) -> dict[str, Any]:
     return {
         **ExpectedTime.of(one.expectation).to_dict(),
         "estimates": _estimates(one),
         "checks": [check_record(c) for c in design_of(study, params, one.measured).checks],
-        "drake": agreement and agreement.to_dict(),
+        "drake": one.agreement and one.agreement.to_dict(),
     }
 
 
@@ -380,10 +341,16 @@ def _both(
 
 
 def audit(
-    study: Setup, designs: Sequence[Params], executor: Executor, judge: Clutch, shifts: int
-) -> EngineAgreement:
-    """Simulate random shifts of the designs of a search, in the compiled engine, again in both."""
-    settings = study.file.expectation
+    study: Setup, designs: Sequence[Params], executor: Executor, shifts: int, say: Say
+) -> EngineAgreement | None:
+    """Simulate random shifts of designs of the compiled engine again in both engines.
+
+    None where Drake does not judge.
+    """
+    settings, judge = study.file.expectation, study.judging
+    if judge is None or not shifts or not designs:
+        return None
+    say(f"auditing {shifts} shifts of the search in Drake")
     places = len(designs), len(study.points), settings.angles
     rng, size = np.random.default_rng([study.file.search.seed, shifts]), math.prod(places)
     drawn = np.sort(rng.choice(size, min(shifts, size), replace=False))
@@ -392,5 +359,7 @@ def audit(
     blocks = [own(design)[point].only([int(angle)]) for design, point, angle in drawn_at]
     # Compiled shifts are quick to repeat: a journal of their own keeps them out of the study's.
     quick = scratch_executor(executor.jobs, executor.progress, executor.cluster)
-    pairs = _both(blocks, quick.run(blocks), judge, executor)
-    return agreement_of([pair for some in pairs for pair in some])
+    pairs = _both(blocks, quick.run(blocks), judge.clutch, executor)
+    found = agreement_of([pair for some in pairs for pair in some])
+    say(found.text)
+    return found

@@ -12,10 +12,10 @@ from pydantic import create_model, model_validator
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import SHAPE
 from dogshape.pipeline.record import SHARE, Record, key
-from dogshape.pipeline.search.confirmation import EngineAgreement, OtherShape
+from dogshape.pipeline.search.confirmation import OtherShape
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
-from dogshape.pipeline.store.result_records import CheckRow, ExpectedTime
+from dogshape.pipeline.store.result_records import CheckRow, EngineAgreement, ExpectedTime
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.store import Validation
 

@@ -145,10 +145,6 @@ class Guide:
         self.signs = np.array([objective.sign for objective in objectives_of(study)])
         self._exact: dict[tuple[float, ...], Array] = {}
 
-    def allows(self, params: Params) -> bool:
-        """Check whether a design passes every check that needs no simulation."""
-        return worth_simulating(self.study, params)
-
     def predict(self, trials: Sequence[FrozenTrial]) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
         study, constraints = self.study, {t.number: t.constraints for t in trials}
@@ -173,8 +169,8 @@ class Guide:
         for column, objective in enumerate(objectives_of(study)):
             if objective.name == SIMULATED:
                 rows = [row for trial in every for row in trial.rows]
-                data = with_rows(study, np.array(rows, dtype=float))
-                timed = column, fit(data, replace(EFFORT, seed=study.file.search.seed), NONE)
+                effort = replace(EFFORT, seed=study.file.search.seed)
+                timed = column, fit(with_rows(study, rows), effort, NONE)
             elif objective.simulated:
                 others[column] = fit_response(x, losses[:, column], errors[:, column])
         return Prediction(self, timed, others, (landing, *limits))
@@ -259,7 +255,7 @@ class Pool:
         for _ in range(TRIES * size):
             centre = None if near is None else near[int(rng.integers(len(near)))]
             params = self._guide.space.draw(rng, centre)
-            if self._guide.allows(params):
+            if worth_simulating(self._guide.study, params):
                 found.append(params)
                 if len(found) == size:
                     break
@@ -296,7 +292,12 @@ class SurrogateSampler:
             return None
         prediction = self._predict(finished)
         if prediction is None:
-            return self._farthest(untaken, [t.params for t in before])
+            if not before:
+                return untaken[0]
+            places = self._guide.space.coordinates
+            here, there = places(untaken), places([t.params for t in before])
+            apart = np.linalg.norm(here[:, None, :] - there[None, :, :], axis=2).min(axis=1)
+            return untaken[int(np.argmax(apart))]  # farthest from all that were proposed
         return self._improving(untaken, before, finished, prediction)
 
     def _predict(self, finished: list[FrozenTrial]) -> Prediction | None:
@@ -341,14 +342,6 @@ class SurrogateSampler:
         # No draw adds anything: the candidate nearest to adding something, by its means.
         mean = ((candidates.mean(axis=0) - low) / (high - low)).max(axis=1)
         return untaken[int(np.argmin(mean))]
-
-    def _farthest(self, pool: list[Params], taken: list[Params]) -> Params:
-        """Return the design of the pool that is farthest from all that were taken."""
-        if not taken:
-            return pool[0]
-        here, there = map(self._guide.space.coordinates, (pool, taken))
-        apart = np.linalg.norm(here[:, None, :] - there[None, :, :], axis=2).min(axis=1)
-        return pool[int(np.argmax(apart))]
 
 
 def _ends(values: Array, candidates: Array) -> tuple[Array, Array]:

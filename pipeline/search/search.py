@@ -182,17 +182,15 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     StorageError where it cannot be opened, or holds a search of that name which is another or is
     not to be resumed; InputError as ``sampler_of``.
     """
-    sampler = sampler_of(study)
+    sampler, objectives = sampler_of(study), objectives_of(study)
+    ways = ["maximize" if one.maximise else "minimize" for one in objectives]
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ExperimentalWarning)
         backend = open_storage(folder, storage)
         try:
             opened = optuna.create_study(
-                study_name=study.name,
-                storage=backend,
-                directions=["maximize" if o.maximise else "minimize" for o in objectives_of(study)],
-                load_if_exists=True,
+                study_name=study.name, storage=backend, directions=ways, load_if_exists=True
             )
         except ValueError as error:
             raise StorageError(
@@ -200,7 +198,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
                 "give the study another name or use another storage"
             ) from error
         if opened.metric_names is None:
-            opened.set_metric_names([objective.name for objective in objectives_of(study)])
+            opened.set_metric_names([one.name for one in objectives])
     _require_same(study, opened, resume)
     if not isinstance(backend, RDBStorage):
         return Search(study, opened, sampler)

@@ -190,15 +190,6 @@ def margins_within(study: Setup, design: Design) -> Within:
     return found
 
 
-def margins_kept(study: Setup, design: Design) -> dict[str, float]:
-    """Compute the margins of checks, at worst-case tolerances where the study bounds these."""
-    every = {check.name: check.margin for check in design.checks}
-    if every.pop(WORST, None) is None:
-        return every
-    within = margins_within(study.operated(design.params), design)
-    return every | {name: left["worst_case"] for name, left in within.items()}
-
-
 def weakest_within(study: Setup, design: Design, kind: str = "worst_case") -> tuple[str, float]:
     """Return the check with the smallest margin within the tolerances, and that margin."""
     left = {name: margins[kind] for name, margins in margins_within(study, design).items()}
@@ -343,8 +334,14 @@ def none_passes(study: Setup, whose: str) -> str:
     """Explain which checks designs that fill the ranges fail, after *none of 80000 designs*."""
     low, high = np.array(list(study.variables.values()), dtype=float).T
     shares = sobol_shares(FILLING, len(low), study.file.search.seed)
-    designs = [design_of(study, study.named(low + row * (high - low))) for row in shares]
-    made = [(one, margins) for one in designs if (margins := margins_kept(study, one))]
+    made = list[tuple[Design, dict[str, float]]]()
+    for row in shares:
+        one = design_of(study, study.named(low + row * (high - low)))
+        margins = {check.name: check.margin for check in one.checks}
+        if margins.pop(WORST, None) is not None:
+            within = margins_within(study.operated(one.params), one)
+            margins |= {name: left["worst_case"] for name, left in within.items()}
+        made += [(one, margins)] if margins else []
     if not made:
         return f"{whose} passes every check: no dog has such a shape; widen [variables]"
     worst = " with tolerances at their worst" if WORST in (study.file.search.limits or {}) else ""
@@ -382,17 +379,13 @@ def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
 
 def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
     """Return the smallest margin and its check in the worst case, and by root sum of squares."""
+    names = ("margin_worst_case", "margin_root_sum_square", "weakest_check_worst_case")
     if design.dog is None:
-        return dict.fromkeys(
-            ("margin_worst_case", "margin_root_sum_square", "weakest_check_worst_case")
-        )
+        return dict.fromkeys(names)
     own = study.operated(design.params)
-    worst, squares = (weakest_within(own, design, kind) for kind in KINDS)
-    return {
-        "margin_worst_case": number_or_none(worst[1]),
-        "margin_root_sum_square": number_or_none(squares[1]),
-        "weakest_check_worst_case": worst[0],
-    }
+    (weakest, worst), (_, squares) = (weakest_within(own, design, kind) for kind in KINDS)
+    found = number_or_none(worst), number_or_none(squares), weakest
+    return dict(zip(names, found, strict=True))
 
 
 def tolerance_time(
@@ -413,23 +406,13 @@ def tolerance_time(
             below, above = surrogate.medians(study.rows(designs), mix)
             moves[name] = 0.5 * float(above - below)
     if gap := tolerances.get("axial_gap"):
-        moves["axial_gap"] = _gap_time(study, mix, gap)
+        own, mass = study.clutch.dog.axial_gap, study.clutch.rings.mass
+        mass, added = mass + study.clutch.mechanism.added_mass, []
+        for profile in map(study.actuation.at_sleeve, mix.points[:, 1].tolist()):
+            ends = (own + gap, max(0.0, own - gap))
+            wide, narrow = (profile.free_flight_time(e, mass) if e > 0.0 else 0.0 for e in ends)
+            added.append(0.5 * (wide - narrow))
+        moves["axial_gap"] = float(mix.weights @ added)
     spread = Spread(moves, sum(abs(move) for move in moves.values()))
-    return ToleranceTime(
-        worst_case_s=spread.worst_case,
-        root_sum_square_s=spread.root_sum_square,
-        by_dimension_s=moves,
-    )
-
-
-def _gap_time(study: Setup, mix: Mix, tolerance: float) -> float:
-    """Return the free flight that a wider gap adds, s, mean over the operating points."""
-    clutch, gap = study.clutch, study.clutch.dog.axial_gap
-    mass = clutch.rings.mass + clutch.mechanism.added_mass
-    ends = (gap + tolerance, max(0.0, gap - tolerance))
-    added = []
-    for force in mix.points[:, 1].tolist():
-        profile = study.actuation.at_sleeve(force)
-        wide, narrow = (profile.free_flight_time(way, mass) if way > 0.0 else 0.0 for way in ends)
-        added.append(0.5 * (wide - narrow))
-    return float(mix.weights @ added)
+    within = {f"{kind}_s": getattr(spread, kind) for kind in KINDS}
+    return ToleranceTime(**within, by_dimension_s=moves)

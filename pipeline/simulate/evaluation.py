@@ -22,12 +22,12 @@ from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.simulate.design import (
     REFERRED,
     SIMULATED,
-    Design,
     Measured,
     objectives_of,
     simulated_limits,
 )
 from dogshape.pipeline.simulate.executor import Executor
+from dogshape.pipeline.store.result_records import EngineAgreement
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import MESSAGES, Outcome
 from dogshape.sim.shift.geometry import Dog
@@ -64,19 +64,16 @@ class Shifts:
     """All shifts of a design by operating point, and the ``reference`` of the study's own dog."""
 
     study: Setup
-    design: Design
+    dog: Dog
+    checks: tuple[Check, ...]
     expectation: Expectation
     rows: Sequence[Sequence[Shift]]
     reference: Expectation | None = None
 
-    @property
-    def weights(self) -> list[float]:
-        """Weights of the operating points."""
-        return [found.point.weight for found in self.expectation.points]
-
     def mean(self, value: Callable[[Shift], float]) -> Estimate:
         """Compute the mean over the mix of what each shift that did not fail has."""
-        return mean_over(self.weights, integrated(self.rows, value))
+        weights = [found.point.weight for found in self.expectation.points]
+        return mean_over(weights, integrated(self.rows, value))
 
 
 def integrated(
@@ -104,16 +101,6 @@ def _slower(shifts: Shifts) -> Estimate:
     return max(losses, key=lambda loss: loss.value)
 
 
-def _first_try(shifts: Shifts) -> Estimate:
-    within = shifts.study.file.search.within_s or shifts.study.clutch.timeout
-    return shifts.mean(lambda row: float((row["shift_time_s"] or math.inf) <= within))
-
-
-def _strike_torque(shifts: Shifts) -> Estimate:
-    radius = shifts.design.dog.mean_radius if shifts.design.dog else 0.0
-    return shifts.mean(lambda row: radius * row["peak_tangential_force_N"])
-
-
 #: What each simulated objective is worked out by.
 ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
     SIMULATED: lambda shifts: Estimate(shifts.expectation.mean, shifts.expectation.standard_error),
@@ -123,15 +110,22 @@ ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
         key=lambda one: one.value,
     ),
     REFERRED: _slower,
-    "first_try_share": _first_try,
+    "first_try_share": lambda shifts: shifts.mean(
+        lambda row: (
+            (row["shift_time_s"] or math.inf)
+            <= (shifts.study.file.search.within_s or shifts.study.clutch.timeout)
+        )
+    ),
     "peak_axial_force_N": lambda shifts: shifts.mean(lambda row: row["peak_axial_force_N"]),
-    "strike_torque_Nm": _strike_torque,
+    "strike_torque_Nm": lambda shifts: shifts.mean(
+        lambda row: shifts.dog.mean_radius * row["peak_tangential_force_N"]
+    ),
     "impact_impulse_Ns": lambda shifts: shifts.mean(lambda row: row["impact_impulse_Ns"]),
     "impact_energy_J": lambda shifts: shifts.mean(lambda row: row["energy_dissipated_J"]),
     "peak_impact_force_N": lambda shifts: shifts.mean(
         lambda row: math.hypot(row["peak_axial_force_N"], row["peak_tangential_force_N"])
     ),
-    "smallest_margin": lambda shifts: Estimate(smallest_margin(shifts.design.checks).margin, 0.0),
+    "smallest_margin": lambda shifts: Estimate(smallest_margin(shifts.checks).margin, 0.0),
 }
 
 
@@ -148,7 +142,10 @@ Params = dict[str, float]  #: searched keys of a design, edge units
 
 @dataclass(frozen=True)
 class Simulated:
-    """Expectation and loads from the shifts of a design; ``failed`` ones are by reason."""
+    """Expectation and loads from the shifts of a design.
+
+    ``failed`` shifts are by reason, ``agreement`` is with Drake where it simulated some too.
+    """
 
     expectation: Expectation
     measured: Measured
@@ -156,6 +153,7 @@ class Simulated:
     estimates: dict[str, Estimate]
     shifts: int
     failed: Mapping[str, int] = field(default_factory=dict)
+    agreement: EngineAgreement | None = None
 
     @property
     def known(self) -> bool:
@@ -213,7 +211,7 @@ def _simulated(
     expectation = expectation_of(study, points, rows)
     demand = demand_over(study, dog, expectation, rows)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
-    simulated = Shifts(study, Design({}, dog, checks, ""), expectation, rows, reference)
+    simulated = Shifts(study, dog, checks, expectation, rows, reference)
     estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
     limited = {name: estimates[name].value for name in simulated_limits(study)}
     # Shifts whose integration failed say nothing of engagement.

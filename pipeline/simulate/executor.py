@@ -16,7 +16,7 @@ import tempfile
 import threading
 import time
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import cache
@@ -27,7 +27,7 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky import get_reusable_executor, process_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from dogshape.pipeline.progress import WorkCounter
+from dogshape.pipeline.progress import SILENT, WorkCounter
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.sim.errors import InputError, StorageError, WorkerError
 from dogshape.sim.files import writing
@@ -36,6 +36,7 @@ from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions
 
 Progress = Callable[[int, int], None]  #: gets the shifts just finished, and those known before
+UNSEEN: Progress = WorkCounter(SILENT, 0).advance  #: reports no progress
 
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 MANY = 100  #: blocks that a cluster is sent at once
@@ -47,10 +48,6 @@ TRIES = 3  #: times that workers may die one after the other without a shift fin
 warnings.filterwarnings("ignore", message="A worker stopped while some jobs", category=UserWarning)
 
 _one_at_a_time = threading.Lock()  #: a process has one plant, and a cluster's worker has threads
-
-
-def _silent(_: int, __: int) -> None:
-    """Report no progress."""
 
 
 def workers_of(jobs: int) -> int:
@@ -68,7 +65,7 @@ class Executor:
 
     journal: ShiftJournal
     jobs: int = 0
-    progress: Progress = field(default=_silent)
+    progress: Progress = UNSEEN
     cluster: str | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
 
@@ -83,7 +80,16 @@ class Executor:
         self._counted |= asked
         if known:
             self.progress(len(known), len(known))
-        for rows in self._simulate(self._unfinished(blocks)):
+        left = self._unfinished(blocks)
+        jobs = min(workers_of(self.jobs), len(left))
+        found: Iterator[list[Record]]
+        if left and self.cluster is not None:
+            found = self._on_cluster(left, self.cluster)
+        elif jobs > 1:
+            found = self._on_cores(left, jobs)
+        else:
+            found = (_work(block, self.journal.path) for block in left)
+        for rows in found:
             self.journal.add(rows)
             self.progress(len(rows), 0)
         return [[self.journal.rows[key] for key in block.keys] for block in blocks]
@@ -103,14 +109,6 @@ class Executor:
             if places:  # a whole block keeps the keys that it has worked out
                 left.append(block if len(places) == len(block.keys) else block.only(places))
         return left
-
-    def _simulate(self, blocks: list[Block]) -> Iterable[list[Record]]:
-        jobs = min(workers_of(self.jobs), len(blocks))
-        if self.cluster is not None and blocks:
-            return self._on_cluster(blocks, self.cluster)
-        if jobs <= 1:
-            return (_work(block, self.journal.path) for block in blocks)
-        return self._on_cores(blocks, jobs)
 
     def _on_cores(self, blocks: list[Block], jobs: int) -> Iterator[list[Record]]:
         """Yield the records of blocks as they finish; what a dead worker left goes to others."""
@@ -203,7 +201,7 @@ def _work_away(block: Block) -> list[Record]:
 
 
 def scratch_executor(
-    jobs: int = 0, progress: Progress = _silent, cluster: str | None = None
+    jobs: int = 0, progress: Progress = UNSEEN, cluster: str | None = None
 ) -> Executor:
     """Return an executor whose journal is a temporary file, gone when the program ends."""
     connect(cluster)
@@ -298,27 +296,20 @@ def kept_shifts(
             progress.say(f"{reason}: should this run be stopped, its finished shifts are lost")
             yield scratch_executor(jobs, progress.advance, cluster)
             return
-        journal = ShiftJournal(folder / "shifts.jsonl")
+        journal, left = ShiftJournal(folder / "shifts.jsonl"), 0
         try:
             yield Executor(journal, jobs, progress.advance, cluster)
             journal.say_unfinished(progress.say)
         except BaseException as error:
             journal.read_new()
-            if journal.rows and isinstance(error, KeyboardInterrupt):
-                progress.say(
-                    f"{len(journal.rows)} finished shifts are kept in {folder}; the same "
-                    "command goes on from there"
-                )
-            if journal.rows:
-                raise
-            _remove(folder)
+            left = len(journal.rows)
+            if left and isinstance(error, KeyboardInterrupt):
+                kept = f"{left} finished shifts are kept in {folder}"
+                progress.say(f"{kept}; the same command goes on from there")
             raise
-        _remove(folder)
-
-
-def _remove(folder: Path) -> None:
-    """Remove a command's folder, and those of all commands where nothing else is in them."""
-    shutil.rmtree(folder, ignore_errors=True)
-    with suppress(OSError):
-        for path in (SHIFTS, SHIFTS.parent) if folder.parent == SHIFTS else ():
-            path.rmdir()
+        finally:
+            if not left:
+                shutil.rmtree(folder, ignore_errors=True)
+                with suppress(OSError):  # those of all commands, unless something else is there
+                    for path in (SHIFTS, SHIFTS.parent) if folder.parent == SHIFTS else ():
+                        path.rmdir()

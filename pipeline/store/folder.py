@@ -14,16 +14,17 @@ import fcntl
 import json
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
 
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.pipeline.config.study_file import Setup, build_study
+from dogshape.pipeline.progress import Say
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import StorageError
-from dogshape.sim.files import sync_folder, write_whole, writing
+from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 from dogshape.sim.versions import versions
 
@@ -68,7 +69,7 @@ class ShiftJournal:
             write_whole(self.path, b"".join(left))
         self.rows = {key: row for key, row in self.rows.items() if key not in keys}
 
-    def say_unfinished(self, say: Callable[[str], None]) -> None:
+    def say_unfinished(self, say: Say) -> None:
         """Report the number of shifts that the clock ended, if any."""
         if ended := sum(map(unfinished, self.rows.values())):
             say(
@@ -153,10 +154,6 @@ class StudyFolder:
         self.effects = root / "effects.json"  # effects and indices, for the report
         self.designs = root / "designs.csv"  # every simulated design of the search
         self.report = root / "report.html"
-
-    def writing(self) -> AbstractContextManager[None]:
-        """Hold the folder for writing; another writer raises StorageError."""
-        return writing(self.root)
 
     def open(self, study: Setup, resume: bool) -> None:
         """Start the folder or go on with it; refuse what would mix two studies."""
@@ -251,9 +248,9 @@ def read_json(path: Path, remedy: str) -> dict[str, Any]:
     return content
 
 
-def default_out(given: Setup) -> Path:
-    """Name the folder of a study's results where none is given."""
-    return Path("results") / given.name
+def default_out(given: Setup, part: str = "") -> Path:
+    """Name the folder of a study's results where none is given; ``-space`` that of its fit."""
+    return Path("results") / f"{given.name}{part}"
 
 
 def require_targets(

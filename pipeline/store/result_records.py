@@ -1,4 +1,4 @@
-"""Records that several results share: expected times, checks and gaps to bench data."""
+"""Records that several results share: expected times, checks, agreement of engines, gaps."""
 
 from __future__ import annotations
 
@@ -215,6 +215,32 @@ def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
         k for k, name in enumerate(columns) if name in ("unit", "meaning", "formula", "source")
     ]
     return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
+
+
+class EngineAgreement(Record):
+    """Shifts of the compiled engine that Drake simulated again."""
+
+    shifts: int = key("shifts that both engines simulated")
+    outcome_same: int = key("shifts that end as in Drake")
+    median_deviation: float = key(
+        "median size of the deviation of a shift's time from Drake's", "1"
+    )
+    worst_deviation: float = key("largest size of that deviation", "1")
+    mean_deviation: float = key(
+        "mean time less Drake's, over Drake's; shifts that engage in both", "1"
+    )
+    standard_error: float = key("standard error of `mean_deviation`", "1")
+    agrees: bool = key("whether the engines agree (`docs/search.md`)")
+
+    @property
+    def text(self) -> str:
+        """The agreement as a clause."""
+        return (
+            f"{self.outcome_same} of {self.shifts} shifts end as in Drake, the mean time "
+            f"deviates by {self.mean_deviation:+.2%} ± {self.standard_error:.2%} (s.e.), "
+            f"a shift's time by {self.median_deviation:.2%} (median), at most "
+            f"{self.worst_deviation:.1%}"
+        )
 
 
 class BenchPoint(Record):

@@ -12,7 +12,7 @@ intervals in which the time most likely jumps (``sim.statistics.bisection``).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import cycle, islice
 from pathlib import Path
@@ -22,7 +22,7 @@ import numpy as np
 from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
+from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
 from dogshape.pipeline.simulate.design import none_passes, worth_simulating
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import (
@@ -35,7 +35,7 @@ from dogshape.pipeline.store.folder import (
 )
 from dogshape.pipeline.train.training_rows import row_record, with_rows
 from dogshape.sim.errors import GeometryError, InputError
-from dogshape.sim.files import naming
+from dogshape.sim.files import naming, writing
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import Block, even_block
 from dogshape.sim.statistics.expectation import halves, mean_round_the_pitch
@@ -64,8 +64,6 @@ Values = dict[str, float]  #: a design by its variables, edge units
 SLACK = 0.15  #: of a limit, by which designs beyond the border break it
 BEYOND = 3  #: one design in so many lies beyond the border
 DRAWS = 2**16  #: draws without a new design after which there is none
-
-Say = Callable[[str], None]  #: takes a sentence for people
 
 
 def filling_designs(study: Setup, seed: int, *, border: bool = True) -> Iterator[Values]:
@@ -194,12 +192,7 @@ def _lines(path: Path) -> list[Record]:
 def simulated_data(study: Setup, path: Path, *parts: str) -> Dataset:
     """Collect the designs of parts that the file has; ``study`` is in their engine."""
     rows = [row for line in _lines(path) if line["part"] in parts for row in line["rows"]]
-    return _dataset(study, rows)
-
-
-def _dataset(study: Setup, rows: Sequence[Sequence[float | None]]) -> Dataset:
-    width = len(study.variables) + len(COLUMNS)
-    return with_rows(study, np.array(rows, dtype=float).reshape(-1, width))
+    return with_rows(study, rows)
 
 
 def _shifts(study: Setup, jobs: Sequence[Job], executor: Executor) -> list[list[list[Record]]]:
@@ -288,7 +281,7 @@ def fill(
     count, angles, dense = count_of(study), angles_of(study), settings.reference_angles
     shifts = count * angles + (settings.references + settings.best_references) * dense
     connect(cluster)
-    with folder.writing():
+    with writing(folder.root):
         folder.open(study, resume=True)
         with (
             WorkCounter(progress, shifts * len(study.points)) as counter,
@@ -339,7 +332,7 @@ def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say
     study, path = folder.stored_study().working, folder.simulated
     if folder.rows.exists():
         remedy = "run 'dogshape study' with --resume to write it again"
-        data = _dataset(study, read_json(folder.rows, remedy)["rows"])
+        data = with_rows(study, read_json(folder.rows, remedy)["rows"])
     else:
         data = simulated_data(study, path, "filling", "best")
     say(f"fitting the surrogate to {len(data)} designs")

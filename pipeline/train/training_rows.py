@@ -14,16 +14,17 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root, engine
 from dogshape.surrogate.covariance import Array
-from dogshape.surrogate.dataset import Dataset, Mix, grid_of
+from dogshape.surrogate.dataset import COLUMNS, Dataset, Mix, grid_of
 from dogshape.surrogate.query import other_physics
 from dogshape.surrogate.store import MissingError, Stored, load
 
 
-def with_rows(study: Setup, rows: Array) -> Dataset:
+def with_rows(study: Setup, rows: Array | Sequence[Sequence[float | None]]) -> Dataset:
     """Collect the designs of rows (n, d + 8) that have every operating point of the study."""
     low, high = np.array(list(study.variables.values()), dtype=float).T
     names, mix = tuple(study.variables), study_mix(study)
-    return Dataset(names, low, high, study.physics, engine(), mix, grid_of(rows, mix))
+    whole = np.array(rows, dtype=float).reshape(-1, len(names) + len(COLUMNS))
+    return Dataset(names, low, high, study.physics, engine(), mix, grid_of(whole, mix))
 
 
 def row_record(rows: Array) -> list[list[float | None]]:
@@ -31,8 +32,9 @@ def row_record(rows: Array) -> list[list[float | None]]:
     return [[number_or_none(float(value)) for value in row] for row in rows]
 
 
-def mix_over(study: Setup, points: Sequence[OperatingPoint]) -> Mix:
-    """Mix operating points by their weights, with the time of a retry in the study."""
+def study_mix(study: Setup, points: Sequence[OperatingPoint] | None = None) -> Mix:
+    """Mix operating points, by default the study's, by their weights, with the time of a retry."""
+    points = study.points if points is None else points
     # The mean rest of faces on half a pitch: a surrogate knows no other.
     quarter = np.array([0.25 * study.clutch.dog.pitch_angle])
     freed, lost = study.set_point.passages(quarter)[0], study.clutch.timeout + study.retraction
@@ -42,40 +44,24 @@ def mix_over(study: Setup, points: Sequence[OperatingPoint]) -> Mix:
     return Mix(np.array(rows), weights / weights.sum(), retry)
 
 
-def study_mix(study: Setup) -> Mix:
-    """Mix the study's operating points by their weights."""
-    return mix_over(study, study.points)
-
-
-def space_out(study: Setup) -> Path:
-    """Return the folder of designs that fill the space of a study."""
-    return Path("results") / f"{study.name}-space"
-
-
-def _brought(study: Setup) -> tuple[Stored, Path] | None:
-    """Return the surrogate that the package brings for the study's physics, None if it has none."""
-    for path in sorted(bundled_root().glob("*/surrogate.json")):
-        stored = load(path)
-        if not other_physics(stored.surrogate.data, study.physics):
-            return stored, path
-    return None
-
-
-def stored_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path]:
+def stored_surrogate(study: Setup, named: str | Path | None) -> tuple[Stored, Path]:
     """Return the surrogate to ask and its file; DataError where there is none.
 
     The one that is named; else that of the study's space, the package's of the same physics, that
     of the study's search, and the package's of the same name, whose differences are named.
     """
-    space, own = (StudyFolder(root).surrogate for root in (space_out(study), default_out(study)))
-    if named is None and not space.is_file() and (brought := _brought(study)) is not None:
-        return brought
+    space, own = (StudyFolder(default_out(study, part)).surrogate for part in ("-space", ""))
+    bundled = bundled_root().glob("*/surrogate.json")
+    for path in sorted(bundled) if named is None and not space.is_file() else ():
+        stored = load(path)
+        if not other_physics(stored.surrogate.data, study.physics):
+            return stored, path
     others = (space, own, bundled_root() / study.name / "surrogate.json")
-    path = named or next((path for path in others if path.is_file()), own)
+    path = Path(named or next((path for path in others if path.is_file()), own))
     return load(path), path
 
 
-def own_surrogate(study: Setup, named: Path | None) -> tuple[Stored, Path] | None:
+def own_surrogate(study: Setup, named: str | Path | None) -> tuple[Stored, Path] | None:
     """Return the same, None where none of the study's physics is there and none is named."""
     try:
         stored, path = stored_surrogate(study, named)

@@ -9,7 +9,7 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.design import Design, design_of
-from dogshape.pipeline.train.design_table import judged_together, verdicts
+from dogshape.predictions import judged_together, verdicts
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dogs
 from dogshape.sim.strength.checks import smallest_margin

@@ -189,7 +189,7 @@ def check(
         "mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate
     }  # fmt: skip
     if designs is not None:
-        from dogshape.pipeline.train.design_table import beside  # noqa: PLC0415
+        from dogshape.predictions import beside  # noqa: PLC0415
 
         many = given.predict(designs, out=out or beside(designs), **asked)
         for line in many.notes:
