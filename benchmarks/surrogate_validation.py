@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.progress import SILENT
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training import fill, simulated_data, train
 from dogshape.surrogate.dataset import Dataset
@@ -88,7 +89,7 @@ def judge(clutch: str, jobs: int) -> None:
     """Simulate a clutch, fit it, and print its validation."""
     study = study_of(clutch)
     folder = StudyFolder(Path("results") / study.name)
-    fill(study, folder, jobs)
+    fill(study, folder, jobs, None, SILENT)
     stored = train(folder)
     v = stored.validation
     best = simulated_data(study.working, folder.simulated, "best_references")

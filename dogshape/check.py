@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dogshape.pipeline.config.study_file import Setup, points_of
+from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
 from dogshape.pipeline.record import Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_words, time_text
 from dogshape.pipeline.simulate.design import (
@@ -269,13 +269,10 @@ def _retries(found: Expected | None) -> list[str]:
 
 
 def check_design(
-    config: Setup,
-    mismatch_rpm: float | None = None,
-    force_N: float | None = None,
-    surrogate: str | Path | None = None,
+    config: Setup, place: Place = EVERYWHERE, surrogate: str | Path | None = None
 ) -> Check:
     """Check a design as ``Study.check`` does, for a study that is read."""
-    points, refusal = points_of(config, mismatch_rpm, force_N), ""
+    points, refusal = points_of(config, place), ""
     try:
         require_makeable(config.clutch.dog, config.limits.manufacturing)
     except GeometryError as error:

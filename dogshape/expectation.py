@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from dogshape.pipeline.config.study_file import Setup, load_study, points_of
+from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, load_study, points_of
 from dogshape.pipeline.progress import Progress, WorkCounter
 from dogshape.pipeline.record import (
     Figure,
@@ -36,9 +36,6 @@ from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG, RPM
 
 OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
-#: Mismatch in 1/min, force in N and rise time in s of one operating point, or all of a study's.
-Place = tuple[float | None, float | None, float | None]
-EVERYWHERE: Place = (None, None, None)
 LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
 TAILS = 0.05, 0.95  #: of the interval over draws
 MIN_ANGLES = 3  #: at an operating point of a draw, of which fewer tell no error
@@ -157,25 +154,26 @@ def simulate_mean(
     require_angles(angles)
     if place[2] is not None and place[1] is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
-    points = points_of(config, *place, OWN_RISE)
+    points = points_of(config, place, OWN_RISE)
     if precision is not None and angles is not None:
         raise InputError("--precision finds the number of angles itself; leave out --angles")
     asked = config.config_hash, *place, angles, precision
-    if precision is not None:
-        require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
-        with where.executor("expect", asked, FIRST * len(points)) as (executor, counter):
-            found, blocks, rows = expect_to(config, points, precision, executor, counter)
-            error = numerical_error(blocks, rows, executor.run)
-        return Expectation(config, replace(found, numerical_error=error), precision)
     given = settings.angles if angles is None else angles
     asked_at = given if isinstance(given, int) else [angle * DEG for angle in given]
     blocks = even_blocks(clutch, points, asked_at, settings.seed, uncertainty=config.uncertainty)
     shifts = sum(len(block.angles) for block in blocks)
-    with where.executor("expect", asked, shifts + repeated(shifts)) as (executor, _):
-        rows = executor.run(blocks)
+    shifts += repeated(shifts)
+    if precision is not None:
+        require_between("--precision", precision, 1e-3, 1.0, "give for instance 0.01")
+        shifts = FIRST * len(points)
+    with where.executor("expect", asked, shifts) as (executor, counter):
+        if precision is not None:
+            mean, blocks, rows = expect_to(config, points, precision, executor, counter)
+        else:
+            rows = executor.run(blocks)
+            mean = expectation_of(config, points, rows, even=isinstance(given, int))
         error = numerical_error(blocks, rows, executor.run)
-    mean = expectation_of(config, points, rows, even=isinstance(given, int))
-    return Expectation(config, replace(mean, numerical_error=error))
+    return Expectation(config, replace(mean, numerical_error=error), precision)
 
 
 @dataclass(frozen=True, repr=False)

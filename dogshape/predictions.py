@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 
 from dogshape.pipeline.config.operating import OPERATED
-from dogshape.pipeline.config.study_file import Setup, points_of
+from dogshape.pipeline.config.study_file import Place, Setup, points_of
 from dogshape.pipeline.record import Result, Table
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.simulate.design import Design, design_of, limits_of
@@ -47,9 +47,9 @@ NAMED = 5  #: rows of a table without an answer that are listed one by one
 class Predictions(Result):
     """Predicted shift times of many designs, with their closed-form checks.
 
-    ``answers`` has the columns of variables, ``TIMES`` and ``verdicts`` by the rows of the ``table``;
-    ``filled`` are variables without a column, at the study's value. ``written`` is the table with
-    the answers; None where none was written.
+    ``answers`` has variables, ``TIMES`` and ``verdicts`` by the rows of the ``table``; ``filled``
+    are variables without a column, at the study's value. ``written`` is the table with the answers;
+    None where none was written.
     """
 
     config: Setup
@@ -133,11 +133,11 @@ def predict_designs(
     config: Setup,
     designs: str | Path | pd.DataFrame,
     out: str | Path | None,
-    place: tuple[float | None, float | None],
+    place: Place,
     surrogate: str | Path | None,
 ) -> Predictions:
     """Predict the shift times of designs as ``Study.predict`` does, for a study that is read."""
-    mix = study_mix(config, points_of(config, *place))
+    mix = study_mix(config, points_of(config, place))
     model = stored_surrogate(config, surrogate)[0].surrogate
     target = None if out is None else Path(out)
     source = file_of(Path(designs)).resolve() if isinstance(designs, str | Path) else None

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Setup, point_of
+from dogshape.pipeline.config.study_file import Place, Setup, points_of
 from dogshape.pipeline.record import Figure, Frame, Result, Table
 from dogshape.pipeline.reports.shift_page import (
     curves,
@@ -100,7 +100,7 @@ class Shift(Result):
     def to_dict(self) -> dict[str, Any]:
         """Give outcome, time, phases, events, loads and solver, in the edge's units."""
         result, finer = self.engagement, self.refined
-        solver, mechanism = result.clutch.solver, self.config.mechanism
+        solver, mechanism, peak = result.clutch.solver, self.config.mechanism, self.torque_peak
         return {
             "engine": solver.engine,
             "outcome": result.outcome.value,
@@ -108,11 +108,7 @@ class Shift(Result):
             "phases": [{"name": p.name, "start": p.start, "end": p.end} for p in result.phases],
             "peak_axial_force_N": result.loads.peak_axial_force,
             "events": events_record(result),
-            "loads": {
-                **loads_record(result),
-                **shaft_record(result),
-                "torque_peak_Nm": self.torque_peak,
-            },
+            "loads": {**loads_record(result), **shaft_record(result), "torque_peak_Nm": peak},
             "detail": result.detail,
             "warnings": list(self.warnings),
             "solver": {
@@ -149,13 +145,11 @@ class Shift(Result):
         return Path(path)
 
 
-def simulate_shift(
-    config: Setup, place: tuple[float, float, float | None], angle_deg: float, all_dogs: bool
-) -> Shift:
+def simulate_shift(config: Setup, place: Place, angle_deg: float, all_dogs: bool) -> Shift:
     """Simulate one shift as ``Study.shift`` does, for a study that is read."""
     require_makeable(config.clutch.dog, config.limits.manufacturing)
     clutch = replace(config.clutch, solver=replace(config.clutch.solver, all_dogs=all_dogs))
-    point = point_of(config, *place, OWN_RISE)
+    (point,) = points_of(config, place, OWN_RISE)
     require_angles([angle_deg])
     result = engage(clutch, point, angle_deg * DEG)
     chaotic = result.events.slots_skipped > 0 or result.events.face_contacts > 1

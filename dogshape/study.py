@@ -194,7 +194,7 @@ class Study:
         """
         from dogshape.check import check_design  # noqa: PLC0415
 
-        return check_design(self.config, mismatch_rpm, force_N, surrogate)
+        return check_design(self.config, (mismatch_rpm, force_N, None), surrogate)
 
     def predict(
         self,
@@ -219,7 +219,8 @@ class Study:
         """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
 
-        return predict_designs(self.config, designs, out, (mismatch_rpm, force_N), surrogate)
+        place = mismatch_rpm, force_N, None
+        return predict_designs(self.config, designs, out, place, surrogate)
 
     def strength(
         self,

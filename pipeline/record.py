@@ -28,7 +28,8 @@ else:  # they take half a second to load, which a quick answer does not need
 
 __all__ = [
     "Bad", "Figure", "Frame", "Record", "Result", "Table",
-    "frame_of", "key", "key_table", "number_or_none", "tabulate",
+    "frame_of", "key", "key_table", "number_or_none", "optional_key",
+    "tabulate",
 ]  # fmt: skip
 
 SHARE = "share"  #: unit of what lies between 0 and 1
@@ -46,6 +47,11 @@ def key(
     """
     shown: dict[str, Any] = {"unit": unit, "head": head, "scale": scale, "form": form}
     return Field(default, description=meaning, json_schema_extra=shown)
+
+
+def optional_key(meaning: str, unit: str = "", when: str = "absent in earlier versions") -> Any:
+    """Declare a key that some records lack, or have as null: ``when`` they do."""
+    return key(f"{meaning}; {when}", unit, None)
 
 
 @dataclass(frozen=True)

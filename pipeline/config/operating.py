@@ -275,11 +275,7 @@ def with_mechanism(
     section = section or MechanismSection()
     mechanism, given = section.mechanism(clutch.dog), section.given
     own: Fields = {f"contact.{name}": value for name, value in contact.items()}
-    own |= {
-        f"mechanism.{name}": value
-        for name, value in vars(mechanism).items()
-        if value != getattr(NOTHING, name)
-    }
+    own |= {f"mechanism.{n}": v for n, v in vars(mechanism).items() if v != getattr(NOTHING, n)}
     own |= {f"actuation.{name}": given[key] for name, key in ACTUATION.items() if key in given}
     sources = {name: KEYS[name] for name in own}
     for effect, found in _of_effects(effects or {}, Setting(clutch, PROBE)):

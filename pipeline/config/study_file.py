@@ -401,28 +401,22 @@ def require_variables(study: Setup) -> None:
         )
 
 
-def point_of(
-    study: Setup, mismatch: float, force: float, rise: float | None, other_way: str = ""
-) -> OperatingPoint:
-    """Return an operating point from 1/min, nominal N and a rise time in s, None for the study's.
+#: Mismatch in 1/min, nominal force in N and, None for the study's own, rise time in s of one
+#: operating point; None for all of a study's.
+Place = tuple[float | None, float | None, float | None]
+EVERYWHERE: Place = (None, None, None)
+
+
+def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[OperatingPoint, ...]:
+    """Return the one operating point that is asked for, or all of the study's.
 
     ``other_way`` is the verb's remedy for a force without rise time.
     """
-    point = OperatingPoint(mismatch * RPM, study.actuation.profile(force, rise, other_way))
-    require_stiff_enough(study.clutch, point.profile.force)
-    return point
-
-
-def points_of(
-    study: Setup,
-    mismatch: float | None,
-    force: float | None,
-    rise: float | None = None,
-    other_way: str = "",
-) -> tuple[OperatingPoint, ...]:
-    """Return the one operating point that is asked for, or all of the study's."""
+    mismatch, force, rise = place
     if (mismatch is None) != (force is None):
         raise InputError("one operating point needs --mismatch-rpm and --force-N; give both")
     if mismatch is None or force is None:
         return study.points
-    return (point_of(study, mismatch, force, rise, other_way),)
+    point = OperatingPoint(mismatch * RPM, study.actuation.profile(force, rise, other_way))
+    require_stiff_enough(study.clutch, point.profile.force)
+    return (point,)

@@ -188,11 +188,8 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
     ``limits`` brings root radius, tolerances and material.
     """
     scale = min(0.62 * WIDTH / (2.0 * REACH * dog.pitch), 0.33 * HEIGHT / dog.height)
-    radius, half, top_radius = (
-        limits.root_radius,
-        0.5 * dog.height,
-        tip_radius(dog, limits.root_radius),
-    )
+    radius, half = limits.root_radius, 0.5 * dog.height
+    top_radius = tip_radius(dog, radius)
 
     def at(x: float, z: float) -> complex:
         return complex(0.5 * WIDTH + x * scale, 0.5 * HEIGHT - 30.0 - z * scale)

@@ -62,6 +62,7 @@ TITLE_BLOCK = {
     "checker": "checked by", "decided_by": "decided by",
 }  # fmt: skip
 PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
+Values = Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -161,11 +162,7 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
 
 
 def design_record(
-    study: Setup,
-    params: Mapping[str, float],
-    margins: Mapping[str, float],
-    worst: tuple[str, float] | None,
-    **known: Any,
+    study: Setup, params: Values, margins: Values, worst: tuple[str, float] | None, **known: Any
 ) -> Row:
     """Record a design of a study by one set of keys, None where something is not known.
 
@@ -338,11 +335,9 @@ def write_sheet(
         within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
         sizes.append((check_name(label(row["key"])), size, within))
     columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")
-    known = dict.fromkeys(CheckRow.model_fields)
-    rows = [
-        CheckRow.model_construct(**{**known, **check, "name": check_name(check["name"])})
-        for check in own
-    ]
+    none = dict.fromkeys(CheckRow.model_fields)
+    named = [none | check | {"name": check_name(check["name"])} for check in own]
+    rows = [CheckRow.model_construct(**check) for check in named]
     facts = [pair for pair in words_of(record).items() if pair[1] != "-"]
     page = Report(f"{one.title}: data sheet, {time}", title.pop("why"), compact=True)
     page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))

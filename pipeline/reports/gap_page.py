@@ -93,10 +93,8 @@ def publish(
     that of the cause for the designs of a study, ``history`` has sentences on updates, by name.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    page = Report(
-        f"{found.bench.name}: difference between bench and simulation",
-        headline_of(found.verdict, found.effects),
-    )
+    title = f"{found.bench.name}: difference between bench and simulation"
+    page = Report(title, headline_of(found.verdict, found.effects))
     page.add("", Markup("<p>{}</p>").format(summary(found)))
     page.add("Hypotheses", hypothesis_table(found), inclusion_table(found))
     page.add("Next test", advice_table(found))
@@ -129,10 +127,8 @@ def publish(
 
 def hypothesis_table(found: Diagnosis) -> Table:
     """Tabulate the most probable hypotheses and the nearest known one, with sizes and p-value."""
-    worth = [
-        h for h, p in found.posterior.items()
-        if p >= MIN_PROBABILITY or h in found.verdict.credible
-    ]  # fmt: skip
+    credible = found.verdict.credible
+    worth = [h for h, p in found.posterior.items() if p >= MIN_PROBABILITY or h in credible]
     rows = []
     for hypothesis in dict.fromkeys([*worth[:MAX_ROWS], found.leading]):
         sizes, p = "", ""

@@ -80,26 +80,22 @@ def _series(result: Engagement) -> pd.DataFrame:
 
 
 def write_animation(
-    result: Engagement,
-    path: Path,
-    torque_peak: float | None = None,
-    *,
-    scripts_beside: bool = False,
+    result: Engagement, path: Path, torque_peak: float | None = None, shared: bool = False
 ) -> None:
     """Write the shift as one HTML page that opens without a network.
 
-    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness. With
-    ``scripts_beside`` many pages in one folder share the code of their figures, megabytes each.
+    ``torque_peak`` is the driveline's, N m, where the study knows its stiffness; ``shared`` is
+    whether many pages in one folder share the code of their figures, megabytes each.
     """
     viewer = Path(FindResourceOrThrow("drake/geometry/meshcat.js")).read_text(encoding="utf-8")
     scripts = {"plotly": get_plotlyjs(), "meshcat": viewer}
     for name, code in scripts.items():
         beside = path.with_name(f"{name}.js")
-        if scripts_beside and not (beside.is_file() and beside.read_text("utf-8") == code):
+        if shared and not (beside.is_file() and beside.read_text("utf-8") == code):
             with naming(beside):
                 beside.write_text(code, encoding="utf-8")
         link = Markup('<script src="{}"></script>').format(beside.name)
-        scripts[name] = link if scripts_beside else script(code)
+        scripts[name] = link if shared else script(code)
     dog, point, contact = result.clutch.dog, result.point, result.clutch.contact.name
     data = {
         # Steps can be far below a microsecond; nine digits of a second keep them apart.
@@ -179,10 +175,8 @@ def curves(result: Engagement) -> go.Figure:
 
 def phase_table(result: Engagement) -> Table:
     """Tabulate the phases of a shift, ms."""
-    rows = [
-        (phase_title(p.name), in_ms(p.start), in_ms(p.end), in_ms(p.end - p.start))
-        for p in result.phases
-    ]
+    spans = [(p.name, (p.start, p.end, p.end - p.start)) for p in result.phases]
+    rows = [(phase_title(name), *map(in_ms, times)) for name, times in spans]
     return Table(("phase", "start, ms", "end, ms", "length, ms"), rows)
 
 

@@ -103,4 +103,4 @@ def _write(study: Setup, row: Record, path: Path) -> None:
         variant.clutch(study.clutch.with_dog(dog)), point, row["relative_angle_deg"] * DEG
     )
     path.parent.mkdir(parents=True, exist_ok=True)
-    write_animation(result, path, study.torque_peak(result), scripts_beside=True)
+    write_animation(result, path, study.torque_peak(result), shared=True)

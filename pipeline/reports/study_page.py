@@ -329,11 +329,9 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
 def margin_table(result: Row) -> Table:
     """Tabulate every margin of the prototype and the first designs of the front, by the search."""
     shown = designs_shown(result)[:BESIDE]
-    names = dict.fromkeys(name for row in shown for name in row["margins"])
-    rows = [
-        [check_name(name), *(margin_cell("", row["margins"].get(name)) for row in shown)]
-        for name in names
-    ]
+    every = [row["margins"] for row in shown]
+    names = dict.fromkeys(name for margins in every for name in margins)
+    rows = [[check_name(n), *(margin_cell("", one.get(n)) for one in every)] for n in names]
     heads = ["prototype" if row["prototype"] else str(row["trial"]) for row in shown]
     note = f"Distance to the limit over the limit, at nominal size, by the search; {BESIDE} designs"
     return Table(("margin", *heads), rows, note=f"{note} at most, the CSV has all.")

@@ -143,7 +143,7 @@ def _resimulated(
     InputError where the shifts of a design say nothing of some objective.
     """
     many, executor, designs = new_angles(study), _executor(study, executors), [*named.values()]
-    found = evaluate(study, designs, executor, many, _seed(study), require_made=False)
+    found = evaluate(study, designs, executor, many, _seed(study))
     if unknown := [name for name, one in zip(named, found, strict=True) if not one.known]:
         raise InputError(
             f"every shift of {' and '.join(unknown)} at new angles failed, so what they strike "
@@ -236,10 +236,8 @@ def _other_shapes(study: Setup, params: Params, executors: Executors) -> list[Ot
             study.dog_with(design)
         except DogshapeError:  # a flat tip has no roof
             continue
-        (one,) = evaluate(
-            study, [design], _executor(study, executors), new_angles(study), _seed(study),
-            require_made=False,
-        )  # fmt: skip
+        executor, many = _executor(study, executors), new_angles(study)
+        (one,) = evaluate(study, [design], executor, many, _seed(study))
         executors.search.forget()
         time = one.expectation
         found.append(OtherShape(

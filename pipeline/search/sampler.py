@@ -41,6 +41,7 @@ from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort, Process, draw_jointly, fit_process
 
 Params = dict[str, Any]  #: searched keys of a design, edge units
+Trials = Sequence[FrozenTrial]
 EFFORT = Effort(designs=200, steps=30)  #: of a process, fitted again in each round
 NONE = Effort(steps=0)
 #: a smooth part, and a rough one that no other design predicts
@@ -145,7 +146,7 @@ class Guide:
         self.signs = np.array([objective.sign for objective in objectives_of(study)])
         self._exact: dict[tuple[float, ...], Array] = {}
 
-    def predict(self, trials: Sequence[FrozenTrial]) -> Prediction:
+    def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
         study, constraints = self.study, {t.number: t.constraints for t in trials}
         every = [trial for trial in map(trial_of, trials) if trial.simulated]
@@ -281,7 +282,7 @@ class SurrogateSampler:
         self._pool = Pool(guide, seed, self._breadth.wide)
         self._known: tuple[list[int], Prediction | None] = ([], None)
 
-    def propose(self, trials: Sequence[FrozenTrial]) -> Params | None:
+    def propose(self, trials: Trials) -> Params | None:
         """Propose an allowed design beside those of trials; None where every one was proposed."""
         before = [trial for trial in trials if self._guide.space.holds(trial.params)]
         finished = [
@@ -300,7 +301,7 @@ class SurrogateSampler:
             return untaken[int(np.argmax(apart))]  # farthest from all that were proposed
         return self._improving(untaken, before, finished, prediction)
 
-    def _predict(self, finished: list[FrozenTrial]) -> Prediction | None:
+    def _predict(self, finished: Trials) -> Prediction | None:
         """Fit a prediction to finished trials, once for a round; None where they are few."""
         if len(finished) < self._startup:
             return None
@@ -313,11 +314,7 @@ class SurrogateSampler:
         return self._known[1]
 
     def _improving(
-        self,
-        untaken: list[Params],
-        before: list[FrozenTrial],
-        finished: list[FrozenTrial],
-        prediction: Prediction,
+        self, untaken: list[Params], before: Trials, finished: Trials, prediction: Prediction
     ) -> Params:
         """Return the candidate that adds most to the front; none that was proposed already."""
         signs = self._guide.signs

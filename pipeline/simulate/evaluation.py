@@ -53,10 +53,13 @@ from dogshape.sim.strength.landing import (
     hardest,
     worn,
 )
-from dogshape.sim.strength.manufacture import CONTACT_RULE, require_makeable
+from dogshape.sim.strength.manufacture import CONTACT_RULE
 from dogshape.sim.units import DEG, MM, RPM
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import rows_of
+
+Points = Sequence[OperatingPoint]
+Rows = Sequence[Sequence[Shift]]  #: shifts by operating point
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class Shifts:
     dog: Dog
     checks: tuple[Check, ...]
     expectation: Expectation
-    rows: Sequence[Sequence[Shift]]
+    rows: Rows
     reference: Expectation | None = None
 
     def mean(self, value: Callable[[Shift], float]) -> Estimate:
@@ -76,9 +79,7 @@ class Shifts:
         return mean_over(weights, integrated(self.rows, value))
 
 
-def integrated(
-    rows: Sequence[Sequence[Shift]], value: Callable[[Shift], float]
-) -> list[list[float]]:
+def integrated(rows: Rows, value: Callable[[Shift], float]) -> list[list[float]]:
     """Select the shifts of each operating point whose integration did not fail."""
     failed = Outcome.DIVERGED.value
     return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
@@ -175,40 +176,24 @@ def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
 
 
 def evaluate(
-    study: Setup,
-    designs: Sequence[Params],
-    executor: Executor,
-    angles: int,
-    seed: int,
-    *,
-    require_made: bool = True,
+    study: Setup, designs: Sequence[Params], executor: Executor, angles: int, seed: int
 ) -> list[Simulated]:
-    """Simulate designs side by side, ``angles`` at every operating point, and evaluate them.
-
-    With ``require_made`` a dog that cannot be made raises GeometryError before.
-    """
-    for params in designs if require_made else []:
-        require_makeable(study.dog_with(params), study.limits.manufacturing)
+    """Simulate designs side by side, ``angles`` at every operating point, and evaluate them."""
     groups = [design_blocks(study, params, angles, seed) for params in designs]
     referred = reference_blocks(study, angles, seed)
     rows = iter(executor.run([block for group in (*groups, referred) for block in group]))
     found = [list(islice(rows, len(group))) for group in groups]
     beside = expectation_of(study, study.points, list(rows)) if referred else None
     return [
-        _simulated(study, params, [block.point for block in group], mine, beside)
-        for params, group, mine in zip(designs, groups, found, strict=True)
+        _simulated(study, params, mine, beside) for params, mine in zip(designs, found, strict=True)
     ]
 
 
 def _simulated(
-    nominal: Setup,
-    params: Params,
-    points: Sequence[OperatingPoint],
-    rows: Sequence[Sequence[Shift]],
-    reference: Expectation | None,
+    nominal: Setup, params: Params, rows: Rows, reference: Expectation | None
 ) -> Simulated:
     study, dog = nominal.operated(params), nominal.dog_with(params)
-    expectation = expectation_of(study, points, rows)
+    expectation = expectation_of(study, study.points, rows)
     demand = demand_over(study, dog, expectation, rows)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
     simulated = Shifts(study, dog, checks, expectation, rows, reference)
@@ -234,9 +219,7 @@ def failures(shifts: Iterable[Shift]) -> dict[str, int]:
     return dict(Counter(reason.partition(", at ")[0] for reason in reasons))
 
 
-def _as_searched(
-    study: Setup, operation: Mapping[str, float], rows: Sequence[Sequence[Shift]]
-) -> list[Shift]:
+def _as_searched(study: Setup, operation: Mapping[str, float], rows: Rows) -> list[Shift]:
     """Rewrite shifts as the search sees them: operation is a variable, points are the study's."""
     keys = [key for key in study.variables if key in OPERATED]
     if not keys:
@@ -249,9 +232,7 @@ def _as_searched(
     ]
 
 
-def demand_over(
-    study: Setup, dog: Dog, expectation: Expectation, rows: Sequence[Sequence[Shift]]
-) -> Demand:
+def demand_over(study: Setup, dog: Dog, expectation: Expectation, rows: Rows) -> Demand:
     """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""
     limits, share = study.limits, study.limits.load.landing_share
     landings = [[landing_of(row) for row in mine] for mine in rows]
@@ -264,12 +245,7 @@ def demand_over(
     return exceeded(every, weights, share)
 
 
-def expectation_of(
-    study: Setup,
-    points: Sequence[OperatingPoint],
-    rows: Sequence[Sequence[Shift]],
-    even: bool = True,
-) -> Expectation:
+def expectation_of(study: Setup, points: Points, rows: Rows, even: bool = True) -> Expectation:
     """Return the expectation over points from the records of each, with its quantiles."""
     lost, found, shifts = (study.clutch.timeout, study.retraction), [], []
     for point, mine in zip(points, rows, strict=True):
@@ -289,11 +265,7 @@ MOST = 96  #: angles of the last round
 
 
 def expect_to(
-    study: Setup,
-    points: Sequence[OperatingPoint],
-    precision: float,
-    executor: Executor,
-    progress: WorkCounter,
+    study: Setup, points: Points, precision: float, executor: Executor, progress: WorkCounter
 ) -> tuple[Expectation, list[Block], list[list[Shift]]]:
     """Double the even angles until the expectation over points has a relative standard error.
 

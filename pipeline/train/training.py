@@ -261,11 +261,7 @@ def count_of(study: Setup) -> int:
 
 
 def fill(
-    study: Setup,
-    folder: StudyFolder,
-    jobs: int,
-    cluster: str | None = None,
-    progress: Progress = SILENT,
+    study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, progress: Progress
 ) -> None:
     """Simulate designs and references; go on where stopped.
 

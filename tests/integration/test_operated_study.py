@@ -83,6 +83,6 @@ def test_a_search_is_one_of_the_clutch_with_its_mechanism(tmp_path: Path) -> Non
     assert all(row.items() >= expected.items() and "engine" not in row for row in rows)
     stored, path = stored_surrogate(study, tmp_path / "surrogate.json")
     assert stored.surrogate.data.physics == study.physics
-    assert check_design(study, None, None, path).to_dict()["low_s"] > 0.06
+    assert check_design(study, surrogate=path).to_dict()["low_s"] > 0.06
     with pytest.raises(ds.InputError, match="mechanism_spline_friction is absent here"):
-        check_design(plain, None, None, path)
+        check_design(plain, surrogate=path)
