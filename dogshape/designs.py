@@ -105,10 +105,8 @@ def compare(*names: str) -> SideBySide:
     InputError for fewer than two names, unknown ones, or contact sets beside others.
     """
     if len(names) < 2:
-        raise InputError(
-            f"compare is given {len(names)} item, but it needs two or more; name for instance "
-            "mq200#19 and mq200#43"
-        )
+        remedy = "name for instance mq200#19 and mq200#43"
+        raise InputError(f"compare is given {len(names)} item, but it needs two or more; {remedy}")
     sets = [name for name in names if name in CONTACT_SETS and not Path(name).exists()]
     others = [name for name in names if name not in sets]
     if sets and others:

@@ -139,10 +139,9 @@ class OperatingSection(Section):
         rows = self.rows()
         (place, count), *_ = Counter(row[:2] for row in rows).most_common(1)
         if count > 1:
-            raise InputError(
-                f"[operating] has {place[0]:.6g} 1/min with {place[1]:.6g} N {count} times; "
-                "give it once with the sum of the weights"
-            )
+            fault = f"[operating] has {place[0]:.6g} 1/min with {place[1]:.6g} N {count} times"
+            remedy = "give it once with the sum of the weights"
+            raise InputError(f"{fault}; {remedy}")
         return tuple(OperatingPoint(m * RPM, profile(force), w) for m, force, w in rows)
 
     def rows(self) -> Sequence[tuple[float, float, float]]:

@@ -211,10 +211,9 @@ class StrikeSection(
         """
         given = self.model_dump(exclude={"mismatch_rpm"}, exclude_none=True)
         if ("wheel_inertia_kgm2" in given) != ("output_stiffness_Nm_rad" in given):
-            raise InputError(
-                "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together; "
-                "give both, or none for a rigid output side"
-            )
+            fault = "strike.wheel_inertia_kgm2 and strike.output_stiffness_Nm_rad go together"
+            remedy = "give both, or none for a rigid output side"
+            raise InputError(f"{fault}; {remedy}")
         whole = {"sliding_inertia": rings.sliding_inertia, "output_inertia": rings.output_inertia}
         own = self.mismatch_rpm
         speeds = [p.mismatch for p in points] if own is None else [v * RPM for v in own]

@@ -301,10 +301,9 @@ def override(data: dict[str, Any], key: str, value: Any) -> None:
 def build_study(file: StudyFile) -> Setup:
     """Build the values of ``sim`` from a validated study file."""
     if file.format != FORMAT:
-        raise InputError(
-            f"format is {file.format}, but this version reads format {FORMAT}; "
-            "convert the file or use the version that wrote it"
-        )
+        fault = f"format is {file.format}, but this version reads format {FORMAT}"
+        remedy = "convert the file or use the version that wrote it"
+        raise InputError(f"{fault}; {remedy}")
     contact, shift = file.contact.value, file.shift
     file.require_ranges()
     wear_of(file)

@@ -36,10 +36,9 @@ def load_cad() -> Any:
     try:
         return import_module("build123d")
     except ImportError as error:
-        raise InputError(
-            f"STEP files need build123d, which cannot be loaded ({error}); install "
-            "'dogshape[cad]' with pip, and on Debian the packages libgl1 and libx11-6."
-        ) from error
+        fault = f"STEP files need build123d, which cannot be loaded ({error})"
+        remedy = "install 'dogshape[cad]' with pip, and on Debian the packages libgl1 and libx11-6."
+        raise InputError(f"{fault}; {remedy}") from error
 
 
 def write_step(dog: Dog, root_radius: float, body: float, path: Path) -> None:

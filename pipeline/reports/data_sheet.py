@@ -112,15 +112,12 @@ def named_design(
     if not chosen and (not sign or Path(name).exists()):
         return NamedDesign(name, load_study(name, settings))
     if settings:
-        raise InputError(
-            f"'{name}' is a design as it was simulated, which --set would change; give '{where}' "
-            "and the keys of the dog"
-        )
+        fault = f"'{name}' is a design as it was simulated, which --set would change"
+        remedy = f"give '{where}' and the keys of the dog"
+        raise InputError(f"{fault}; {remedy}")
     if sign and not number.isdecimal():
-        raise InputError(
-            f"'{name}' must end in the number of a design after '#'; write for instance "
-            "results/mq200#43"
-        )
+        remedy = "write for instance results/mq200#43"
+        raise InputError(f"'{name}' must end in the number of a design after '#'; {remedy}")
     path, folder = Path(where), StudyFolder(Path(where))
     if folder.manifest.exists():
         return _searched(where, folder.stored_study(), folder.stored_result(), number)
@@ -137,10 +134,8 @@ def named_design(
     if kept.is_file() and not path.is_file():
         return _searched(where, load_study(where), read_json(kept, "take it away"), number)
     if sign:
-        raise InputError(
-            f"'{name}' names design {number}, but '{where}' has no result; run 'dogshape study "
-            f"{where}' and give the folder of its results"
-        )
+        remedy = f"run 'dogshape study {where}' and give the folder of its results"
+        raise InputError(f"'{name}' names design {number}, but '{where}' has no result; {remedy}")
     return NamedDesign(where, load_study(where))
 
 
@@ -149,10 +144,9 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
     own = next((row for row in result["trials"] if row["prototype"]), None)
     row = rows.get(int(number)) if number else result["best"] or own
     if row is None:
-        raise InputError(
-            f"'{where}' has no {f'design {int(number)}' if number else 'chosen design'}; it has "
-            f"the designs 0 (prototype) to {max(rows, default=0)}"
-        )
+        fault = f"'{where}' has no {f'design {int(number)}' if number else 'chosen design'}"
+        remedy = f"it has the designs 0 (prototype) to {max(rows, default=0)}"
+        raise InputError(f"{fault}; {remedy}")
     if row[SIMULATED] is None:
         raise InputError(
             f"design {row['trial']} of '{where}' failed {', '.join(row['failed'])} and was not "

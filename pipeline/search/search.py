@@ -193,10 +193,9 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
                 study_name=study.name, storage=backend, directions=ways, load_if_exists=True
             )
         except ValueError as error:
-            raise StorageError(
-                f"the storage holds a study '{study.name}' with other objectives; "
-                "give the study another name or use another storage"
-            ) from error
+            fault = f"the storage holds a study '{study.name}' with other objectives"
+            remedy = "give the study another name or use another storage"
+            raise StorageError(f"{fault}; {remedy}") from error
         if opened.metric_names is None:
             opened.set_metric_names([one.name for one in objectives])
     _require_same(study, opened, resume)
@@ -208,10 +207,9 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
         opened.set_user_attr("versions", here)
     elif known != here:
         apart = ", ".join(f"{n} {known.get(n)} there and {here[n]} here" for n in here)
-        raise StorageError(
-            f"the storage holds a study that other versions simulate ({apart}); install the same "
-            "or give the study another name"
-        )
+        fault = f"the storage holds a study that other versions simulate ({apart})"
+        remedy = "install the same or give the study another name"
+        raise StorageError(f"{fault}; {remedy}")
     return Search(study, opened, sampler, Sharing(backend, study.name))
 
 
@@ -221,12 +219,9 @@ def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
     if known is None and not opened.get_trials(deepcopy=False):
         opened.set_user_attr("configuration", mark)
     elif known != mark:
-        raise StorageError(
-            f"the storage holds a study '{study.name}' of another configuration; "
-            "give the study another name or use another storage"
-        )
+        fault = f"the storage holds a study '{study.name}' of another configuration"
+        remedy = "give the study another name or use another storage"
+        raise StorageError(f"{fault}; {remedy}")
     elif not resume:
-        raise StorageError(
-            f"the storage holds a study '{study.name}' already; add --resume to go on with it "
-            "or give the study another name"
-        )
+        remedy = "add --resume to go on with it or give the study another name"
+        raise StorageError(f"the storage holds a study '{study.name}' already; {remedy}")

@@ -247,10 +247,9 @@ def objectives_of(study: Setup) -> list[Objective]:
     found = [OBJECTIVES[name] for name in names]
     if not any(objective.simulated for objective in found):
         valid = ", ".join(o.name for o in OBJECTIVES.values() if o.simulated)
-        raise InputError(
-            "search.objectives has none that needs a simulation, which a search is for; "
-            f"add one of {valid}"
-        )
+        fault = "search.objectives has none that needs a simulation, which a search is for"
+        remedy = f"add one of {valid}"
+        raise InputError(f"{fault}; {remedy}")
     return found
 
 

@@ -149,10 +149,9 @@ class Executor:
             of_dask = type(error).__module__.partition(".")[0] in ("distributed", "concurrent")
             if not of_dask and not isinstance(error, TimeoutError):
                 raise
-            raise WorkerError(
-                f"the cluster {address} was lost ({type(error).__name__}); shifts that came back "
-                "are kept, so mend it and run the command again"
-            ) from error
+            fault = f"the cluster {address} was lost ({type(error).__name__})"
+            remedy = "shifts that came back are kept, so mend it and run the command again"
+            raise WorkerError(f"{fault}; {remedy}") from error
 
 
 def _work(block: Block, path: Path) -> list[Record]:
@@ -246,10 +245,9 @@ def _client(address: str) -> Any:
     try:
         found = client.run(versions, on_error="return")
     except Exception as error:  # what a worker raises does not always find its way here
-        raise WorkerError(
-            f"the workers of the cluster {address} do not answer ({type(error).__name__}); "
-            "install the same versions of Dogshape, Drake and Dask on all of them"
-        ) from error
+        fault = f"the workers of the cluster {address} do not answer ({type(error).__name__})"
+        remedy = "install the same versions of Dogshape, Drake and Dask on all of them"
+        raise WorkerError(f"{fault}; {remedy}") from error
     for where, theirs in found.items():
         _require_same(address, theirs, f"the worker {where}")
     return client
@@ -259,10 +257,9 @@ def _require_same(address: str, found: Any, who: str) -> None:
     """Raise WorkerError unless what a worker says of its programs is what is here."""
     mine = versions()
     if not isinstance(found, dict):
-        raise WorkerError(
-            f"{who} of the cluster {address} does not have Dogshape ({type(found).__name__}); "
-            f"install dogshape {mine['dogshape']} with drake {mine['drake']} there"
-        )
+        fault = f"{who} of the cluster {address} does not have Dogshape ({type(found).__name__})"
+        remedy = f"install dogshape {mine['dogshape']} with drake {mine['drake']} there"
+        raise WorkerError(f"{fault}; {remedy}")
     for name in engine():
         if found[name] != mine[name]:
             raise WorkerError(

@@ -86,10 +86,8 @@ def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Itera
             row = json.loads(line)
             require(row)
         except (ValueError, KeyError, TypeError) as error:
-            raise StorageError(
-                f"{path}, line {number} is not {kind}; remove the line or start the study in "
-                "another folder"
-            ) from error
+            remedy = "remove the line or start the study in another folder"
+            raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error
         yield row
 
 
@@ -160,10 +158,8 @@ class StudyFolder:
         if self.manifest.exists():
             stored = self.stored_study()
             if not resume:
-                raise StorageError(
-                    f"{self.root} holds a study already; add --resume to go on with it "
-                    "or choose another --out"
-                )
+                remedy = "add --resume to go on with it or choose another --out"
+                raise StorageError(f"{self.root} holds a study already; {remedy}")
             if apart := differing(comparable(stored.file), comparable(study.file)):
                 raise StorageError(
                     f"{self.root} was started with another configuration ({'; '.join(apart)}); "
@@ -172,10 +168,8 @@ class StudyFolder:
                 )
             return
         if any(path.exists() for path in (self.trials, self.shifts, self.simulated)):
-            raise StorageError(
-                f"{self.root} holds results without study.json; choose another --out "
-                "or remove the folder"
-            )
+            remedy = "choose another --out or remove the folder"
+            raise StorageError(f"{self.root} holds results without study.json; {remedy}")
         content = {
             "format": FORMAT,
             "study": study.file.model_dump(exclude_none=True),

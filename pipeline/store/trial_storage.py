@@ -97,15 +97,12 @@ def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
             )  # fmt: skip
     except ImportError as error:
         name = getattr(error.__cause__, "name", None)
-        raise StorageError(
-            f"the storage {address} needs {name or 'a driver'}; install the extra: "
-            "pip install -c constraints.txt '.[machines]'"
-        ) from error
+        remedy = "install the extra: pip install -c constraints.txt '.[machines]'"
+        raise StorageError(f"the storage {address} needs {name or 'a driver'}; {remedy}") from error
     except (SQLAlchemyError, StorageInternalError, RuntimeError, OSError) as error:
-        raise StorageError(
-            f"the storage {address} cannot be opened ({_reason(error)}); check the address and "
-            "that its server runs"
-        ) from error
+        fault = f"the storage {address} cannot be opened ({_reason(error)})"
+        remedy = "check the address and that its server runs"
+        raise StorageError(f"{fault}; {remedy}") from error
 
 
 def _journal(path: Path) -> BaseStorage:
@@ -128,17 +125,15 @@ def _address(url: str) -> URL:
     try:
         address = make_url(url.replace("postgres://", "postgresql://", 1))
     except ArgumentError as error:
-        raise StorageError(
-            f"--storage is '{url}', which is not the address of a database; "
-            "write for instance postgresql+psycopg://user@host/database"
-        ) from error
+        fault = f"--storage is '{url}', which is not the address of a database"
+        remedy = "write for instance postgresql+psycopg://user@host/database"
+        raise StorageError(f"{fault}; {remedy}") from error
     if address.drivername == "postgresql":
         address = address.set(drivername=DRIVER)
     if address.drivername != DRIVER:
-        raise StorageError(
-            f"--storage is of '{address.drivername}', but a study is kept in {DRIVER}; "
-            "give such an address, or leave it out for a file in the study's folder"
-        )
+        fault = f"--storage is of '{address.drivername}', but a study is kept in {DRIVER}"
+        remedy = "give such an address, or leave it out for a file in the study's folder"
+        raise StorageError(f"{fault}; {remedy}")
     return address
 
 
@@ -152,10 +147,8 @@ def kept(url: str | None, folder: StudyFolder) -> Iterator[None]:
         raise
     except (SQLAlchemyError, StorageInternalError) as error:
         where = "its file" if url is None else _address(url)
-        raise StorageError(
-            f"the storage {where} was lost ({_reason(error)}); finished shifts are kept in "
-            f"{folder.root}, and --resume goes on when it is back"
-        ) from error
+        remedy = f"finished shifts are kept in {folder.root}, and --resume goes on when it is back"
+        raise StorageError(f"the storage {where} was lost ({_reason(error)}); {remedy}") from error
 
 
 def _reason(error: BaseException) -> str:
