@@ -324,18 +324,12 @@ def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
     weights = mix.weights * mix.retry
     unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2
     error = math.hypot(found.standard_error, ENGINE_ERROR * found.mean)
-    low, high = interval(np.array([found.mean]), np.array([error]))
-    expected = Expected(
-        time=found.mean,
-        low=float(low[0]),
-        high=float(high[0]),
-        error=error,
-        sd=math.sqrt(mix.weights @ sd**2),
-        engaged=found.engaged,
-        retries=float(weights @ ((1.0 - share) / share)),
-        retries_error=float(np.linalg.norm(unsure)),
-    )
-    return expected, ""
+    (low,), (high,) = interval(np.array([found.mean]), np.array([error]))
+    spread = math.sqrt(mix.weights @ sd**2)
+    retries = float(weights @ ((1.0 - share) / share)), float(np.linalg.norm(unsure))
+    return Expected(
+        found.mean, float(low), float(high), error, spread, found.engaged, *retries
+    ), ""  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)

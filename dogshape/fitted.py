@@ -11,7 +11,7 @@ from typing import Any
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Frame, Result, Table
-from dogshape.pipeline.reports.text import in_ms, time_text
+from dogshape.pipeline.reports.text import ENGINES, in_ms, time_text
 from dogshape.pipeline.store.folder import StudyFolder, default_out, require_targets
 from dogshape.pipeline.train.training import fill, train
 from dogshape.running import receiver
@@ -69,8 +69,7 @@ class Fitted(Result):
         return {
             **self.stored.validation.model_dump(),
             "engine": self.engine,
-            "shifts_drake": data.shifts if self.engine == "drake" else 0,
-            "shifts_planar": data.shifts if self.engine == "planar" else 0,
+            **{f"shifts_{name}": data.shifts * (name == self.engine) for name in ENGINES},
             "seconds": self.seconds,
             "designs": len(data),
             "file": str(self.path),

@@ -50,17 +50,16 @@ CURVES: dict[str, tuple[int, dict[str, Any]]] = {
 
 def trace_frame(trace: Trace) -> pd.DataFrame:
     """Tabulate the time series of a shift, columns as in bench traces."""
-    return pd.DataFrame(
-        {
-            "t_s": trace.time,
-            "displacement_mm": trace.displacement / MM,
-            "force_N": trace.shift_force,
-            "sliding_speed_rpm": trace.sliding_speed / RPM,
-            "output_speed_rpm": trace.output_speed / RPM,
-            "relative_angle_deg": trace.relative_angle / DEG,
-            "contact_force_N": trace.contact_force,
-        }
-    )
+    series = {
+        "t_s": trace.time,
+        "displacement_mm": trace.displacement / MM,
+        "force_N": trace.shift_force,
+        "sliding_speed_rpm": trace.sliding_speed / RPM,
+        "output_speed_rpm": trace.output_speed / RPM,
+        "relative_angle_deg": trace.relative_angle / DEG,
+        "contact_force_N": trace.contact_force,
+    }
+    return pd.DataFrame(series)
 
 
 def _series(result: Engagement) -> pd.DataFrame:

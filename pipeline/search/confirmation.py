@@ -55,6 +55,7 @@ FLIPS = 0.01
 MEAN = 0.01  #: difference of the engines' means over Drake's; measured are 0.06 %, at most 0.8 %
 SURE = 3.0  #: standard errors from which a difference of the engines counts
 Estimates = dict[str, dict[str, float]]  #: value and standard error of objectives, by name
+Found = Mapping[int, Simulated]  #: designs at new angles, by trial
 
 
 @dataclass(frozen=True)
@@ -180,11 +181,7 @@ def _thinned(study: Setup, params: Params) -> list[Block]:
 
 
 def _record(
-    searched: SearchState,
-    state: SearchState,
-    prototype: Simulated,
-    found: Mapping[int, Simulated],
-    executors: Executors,
+    searched: SearchState, state: SearchState, own: Simulated, found: Found, executors: Executors
 ) -> dict[str, Any]:
     """Record the confirmation of designs, by trial in the search's order.
 
@@ -194,9 +191,9 @@ def _record(
     trials = {trial.number: trial for trial in searched.simulated if trial.number in found}
     front = {trial.number for trial in state.front}
     chosen = next((number for number in found if number in front), next(iter(found)))
-    params, own = trials[chosen].params, trials[chosen].prototype
+    params, same = trials[chosen].params, trials[chosen].prototype
     executor, both = _executor(study, executors), list[Simulated]()
-    for design, one in ((study.prototype, prototype), (params, found[chosen])):
+    for design, one in ((study.prototype, own), (params, found[chosen])):
         blocks = _thinned(study, design)  # repeated, some of the shifts tell the numerical error
         error = numerical_error(blocks, executor.run(blocks), executor.run)
         both.append(replace(one, expectation=replace(one.expectation, numerical_error=error)))
@@ -216,7 +213,7 @@ def _record(
         ],
         "shapes": [one.to_dict() for one in _other_shapes(study, params, executors)],
         "left_out": [trial.number for trial in state.front if not trial.confirmed],
-        **_gain(study, {} if own else _estimates(old), _estimates(new)),
+        **_gain(study, {} if same else _estimates(old), _estimates(new)),
     }
 
 

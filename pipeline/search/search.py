@@ -42,6 +42,7 @@ from dogshape.surrogate.model import MIN_DESIGNS
 
 WAIT = 0.5  #: s between looks at what other machines do
 BEGUN = (TrialState.RUNNING, TrialState.COMPLETE)
+OTHER = "give the study another name or use another storage"  #: remedy
 
 AfterRound = Callable[[str, SearchState], None]  #: called with a line for people, and the state
 
@@ -194,8 +195,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
             )
         except ValueError as error:
             fault = f"the storage holds a study '{study.name}' with other objectives"
-            remedy = "give the study another name or use another storage"
-            raise StorageError(f"{fault}; {remedy}") from error
+            raise StorageError(f"{fault}; {OTHER}") from error
         if opened.metric_names is None:
             opened.set_metric_names([one.name for one in objectives])
     _require_same(study, opened, resume)
@@ -220,8 +220,7 @@ def _require_same(study: Setup, opened: optuna.Study, resume: bool) -> None:
         opened.set_user_attr("configuration", mark)
     elif known != mark:
         fault = f"the storage holds a study '{study.name}' of another configuration"
-        remedy = "give the study another name or use another storage"
-        raise StorageError(f"{fault}; {remedy}")
+        raise StorageError(f"{fault}; {OTHER}")
     elif not resume:
         remedy = "add --resume to go on with it or give the study another name"
         raise StorageError(f"the storage holds a study '{study.name}' already; {remedy}")

@@ -202,14 +202,9 @@ def _simulated(
     # Shifts whose integration failed say nothing of engagement.
     share = min((p.timed for p in expectation.points if p.n), default=1.0)
     shifts = [shift for mine in rows for shift in mine]
-    return Simulated(
-        expectation,
-        Measured(demand, limited, share),
-        rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows)),
-        estimates,
-        len(shifts),
-        failures(shifts),
-    )
+    measured = Measured(demand, limited, share)
+    x = rows_of(tuple(study.variables), _as_searched(nominal, study.operation, rows))
+    return Simulated(expectation, measured, x, estimates, len(shifts), failures(shifts))
 
 
 def failures(shifts: Iterable[Shift]) -> dict[str, int]:
@@ -337,21 +332,20 @@ def life_of(
         checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
         weakest = smallest_margin(checks)
         energies = integrated(rows, lambda row: float(row["energy_dissipated_J"]))
-        found.append(
-            LifeStage(
-                life=stage,
-                crest_loss_mm=loss / MM,
-                edge_radius_mm=dog.edge_radius / MM,
-                chamfer_deg=dog.chamfer / DEG,
-                expected_shift_time_s=expectation.mean,
-                standard_error_s=expectation.standard_error,
-                engaged=expectation.engaged,
-                energy_J=mean_over([point.weight for point in own.points], energies).value,
-                smallest_margin=weakest.margin,
-                weakest_check=weakest.name,
-                margins={check.name: check.margin for check in checks},
-            )
+        row = LifeStage(
+            life=stage,
+            crest_loss_mm=loss / MM,
+            edge_radius_mm=dog.edge_radius / MM,
+            chamfer_deg=dog.chamfer / DEG,
+            expected_shift_time_s=expectation.mean,
+            standard_error_s=expectation.standard_error,
+            engaged=expectation.engaged,
+            energy_J=mean_over([point.weight for point in own.points], energies).value,
+            smallest_margin=weakest.margin,
+            weakest_check=weakest.name,
+            margins={check.name: check.margin for check in checks},
         )
+        found.append(row)
     return found
 
 
