@@ -322,9 +322,7 @@ def link_files(desk: Desk, asked: Row, why: str | None) -> Answer:
     point = _point(**asked).items()
     at = "".join(f" --{key.replace('_', '-')} {value:.12g}" for key, value in point)
     links = {name: f"/file/{name}?{query}" for name in FILES}
-    *files, shift = (
-        html.A(FILES[name][1], href=link, target="_blank") for name, link in links.items()
-    )
+    *files, shift = (html.A(FILES[n][1], href=link, target="_blank") for n, link in links.items())
     command = f"dogshape check {desk.command}{sets}{at}"
     return {"files.children": files, "shift-link.children": [shift], "command.children": command}
 
@@ -334,10 +332,8 @@ def start_server(desk: Desk, port: int) -> BaseWSGIServer:
     try:
         listening = socket.create_server((HOST, port))
     except OSError as error:
-        remedy = "give another with --port"
-        raise InputError(
-            f"port {port} cannot be taken ({strerror(error.errno or 0)}); {remedy}"
-        ) from error
+        fault = f"port {port} cannot be taken ({strerror(error.errno or 0)})"
+        raise InputError(f"{fault}; give another with --port") from error
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     number, descriptor = listening.getsockname()[1], listening.detach()
     return make_server(HOST, number, build_app(desk).server, threaded=True, fd=descriptor)

@@ -211,9 +211,7 @@ class Check(Checked):
             time = answer.refusal if expected is None else _interval(expected)
             lines = [f"surrogate {guess.path}: {time}", *_retries(expected)]
         if self.missed:
-            lines.append(
-                "warning: the surrogate misses the simulated time by more than its interval"
-            )
+            lines += ["warning: the surrogate misses the simulated time by more than its interval"]
         lines += [f"warning: {one}; the surrogate extrapolates" for one in answer.warnings]
         lines.append(f"distance to the next simulated design: {answer.distance:.1f} usual spacings")
         if not guess.validation.useful:
@@ -327,9 +325,8 @@ def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
     (low,), (high,) = interval(np.array([found.mean]), np.array([error]))
     spread = math.sqrt(mix.weights @ sd**2)
     retries = float(weights @ ((1.0 - share) / share)), float(np.linalg.norm(unsure))
-    return Expected(
-        found.mean, float(low), float(high), error, spread, found.engaged, *retries
-    ), ""  # fmt: skip
+    times = found.mean, float(low), float(high), error
+    return Expected(*times, spread, found.engaged, *retries), ""
 
 
 @dataclass(frozen=True, repr=False)

@@ -49,7 +49,7 @@ def key(
     return Field(default, description=meaning, json_schema_extra=shown)
 
 
-def optional_key(meaning: str, unit: str = "", when: str = "absent in earlier versions") -> Any:
+def optional_key(meaning: str, when: str = "absent in earlier versions", unit: str = "") -> Any:
     """Declare a key that some records lack, or have as null: ``when`` they do."""
     return key(f"{meaning}; {when}", unit, None)
 

@@ -106,9 +106,8 @@ def _searched(search: Search, how: Run) -> Record:
             counter.say(line)
             write_json(folder.result, collect(state, journals[1]))
 
-        executors = Executors(
-            *(Executor(j, how.jobs, counter.advance, how.cluster) for j in journals)
-        )
+        both = (Executor(journal, how.jobs, counter.advance, how.cluster) for journal in journals)
+        executors = Executors(*both)
         with counter.kept_in(folder.root, "--resume goes on"):
             searched = run(search, executors.search, after_round)
             confirmation, state = confirm(searched, executors, counter.say)

@@ -280,9 +280,8 @@ def with_mechanism(
     for effect, found in _of_effects(effects or {}, Setting(clutch, PROBE)):
         for name in found:
             if name in own:
-                raise InputError(
-                    f"{sources[name]} and {effect} both set {KEYS[name]}; leave out one of them"
-                )
+                fault = f"{sources[name]} and {effect} both set {KEYS[name]}"
+                raise InputError(f"{fault}; leave out one of them")
         own |= found
         sources |= dict.fromkeys(found, effect)
     tables: dict[str, Fields] = {"contact": {}, "mechanism": {}, "rings": {}, "actuation": {}}

@@ -266,9 +266,7 @@ class VariablesSection(Section):
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """Ranges of the searched keys, edge units; InputError for mistakes."""
-        found = {
-            key: (low, high) for key, (low, high) in self.model_dump(exclude_none=True).items()
-        }
+        found = {k: (low, high) for k, (low, high) in self.model_dump(exclude_none=True).items()}
         for key, (low, high) in found.items():
             if not low < high:
                 raise InputError(

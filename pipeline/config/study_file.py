@@ -195,9 +195,7 @@ class Setup:
         The rise of the force belongs to it: it follows from the final force by a table.
         """
         force, table = self.points[0].profile.record, self.actuation.table
-        late = {
-            key: value for key, value in force.items() if key not in ("force_N", "force_rise_s")
-        }
+        late = {k: v for k, v in force.items() if k not in ("force_N", "force_rise_s")}
         unsure = uncertain_record(self.uncertainty.source) if self.uncertainty else {}
         record = {**clutch_record(self.clutch), **late, **unsure}
         fixed = {key: value for key, value in record.items() if key not in self.shape_keys}
@@ -214,9 +212,11 @@ class Setup:
         return content_key(self.file.model_dump())
 
 
-def load_study(
-    where: str | Path, overrides: Iterable[str] | Mapping[str, Any] | None = None
-) -> Setup:
+#: ``KEY=VALUE``, or values by dotted keys, of a study file.
+Settings = Iterable[str] | Mapping[str, Any] | None
+
+
+def load_study(where: str | Path, overrides: Settings = None) -> Setup:
     """Read and validate a study: a TOML file, a folder with ``study.toml`` or a bundled name.
 
     ``overrides`` are ``KEY=VALUE`` with dotted keys, later ones win, ``KEY=`` takes the key out; or
@@ -394,10 +394,8 @@ def wear_of(file: StudyFile) -> Wear | None:
 def require_variables(study: Setup) -> None:
     """Raise InputError where the study has nothing to search."""
     if not study.variables:
-        names = ", ".join((*SHAPE, *OPERATED))
-        raise InputError(
-            f"[variables] is empty, so there is nothing to search; give one of {names}"
-        )
+        keys = ", ".join((*SHAPE, *OPERATED))
+        raise InputError(f"[variables] is empty, so there is nothing to search; give one of {keys}")
 
 
 #: Mismatch in 1/min, nominal force in N and, None for the study's own, rise time in s of one

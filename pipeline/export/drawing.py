@@ -57,17 +57,15 @@ def _line(*points: complex, kind: str = "thin", closed: bool = False) -> str:
     return _path("M" + " L".join(map(_at, points)) + (" Z" if closed else ""), kind)
 
 
-def _text(
-    at: complex, content: str, anchor: str = "middle", kind: str = "", turn: float = 0.0
-) -> str:
+def _text(at: complex, words: str, anchor: str = "middle", kind: str = "", turn: float = 0) -> str:
     """Write a text, without a ``kind`` on a white ground, turned by ``turn`` degrees."""
-    x, y, width = at.real, at.imag, LETTER * len(content) + 4.0
+    x, y, width = at.real, at.imag, LETTER * len(words) + 4.0
     left = {"middle": x - 0.5 * width, "start": x - 2.0, "end": x - width + 2.0}[anchor]
     ground = f'<rect x="{left:.1f}" y="{y - 12:.1f}" width="{width:.1f}" height="16" class="back"/>'
     turned = f' transform="rotate({turn:.1f} {x:.1f} {y:.1f})"' if turn else ""
     return (
         f'<g{turned}>{"" if kind else ground}<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}" '
-        f'class="{kind}">{escape(content)}</text></g>'
+        f'class="{kind}">{escape(words)}</text></g>'
     )
 
 

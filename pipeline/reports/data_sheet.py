@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -16,7 +16,13 @@ from typing import Any
 
 from markupsafe import Markup
 
-from dogshape.pipeline.config.study_file import Setup, bundled_studies, find_study, load_study
+from dogshape.pipeline.config.study_file import (
+    Settings,
+    Setup,
+    bundled_studies,
+    find_study,
+    load_study,
+)
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.pipeline.record import Table, number_or_none
@@ -92,9 +98,7 @@ class NamedDesign:
         return replace(own, clutch=own.clutch.with_dog(dog))
 
 
-def named_design(
-    name: str, settings: Iterable[str] | Mapping[str, Any] | None = None, *, chosen: bool = True
-) -> NamedDesign:
+def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -> NamedDesign:
     """Read ``FOLDER#N`` or ``STUDY#N`` as a design of a result, or what ``load_study`` takes.
 
     ``settings`` are keys of a study with their values. A name without ``#N`` is the chosen design

@@ -161,9 +161,8 @@ def designs_frame(
     """Tabulate designs of a search with all that is known of them, a row each; by default all."""
     import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-    front, failed = (
-        {row["trial"] for row in rows} for rows in (result["front"], failed_at_new_angles(result))
-    )
+    both = result["front"], failed_at_new_angles(result)
+    front, failed = ({row["trial"] for row in some} for some in both)
     best = (result["best"] or {}).get("trial")
     apart = (*variables, "trial", "prototype", "failed")
     table = []

@@ -99,8 +99,7 @@ def _write(study: Setup, row: Record, path: Path) -> None:
     variant, shape = drawn_variant(row), DEFAULTS | row
     dog = study.dog_with({key: shape[key] for key in study.shape_keys})
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
-    result = engage(
-        variant.clutch(study.clutch.with_dog(dog)), point, row["relative_angle_deg"] * DEG
-    )
+    clutch, angle = variant.clutch(study.clutch.with_dog(dog)), row["relative_angle_deg"] * DEG
+    result = engage(clutch, point, angle)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_animation(result, path, study.torque_peak(result), shared=True)

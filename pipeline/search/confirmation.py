@@ -136,9 +136,7 @@ def _renewed(study: Setup, trial: Trial, one: Simulated) -> Trial:
     )
 
 
-def _resimulated(
-    study: Setup, named: Mapping[str, Params], executors: Executors
-) -> list[Simulated]:
+def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -> list[Simulated]:
     """Simulate designs at new angles, and again in Drake at some of them.
 
     InputError where the shifts of a design say nothing of some objective.

@@ -95,21 +95,17 @@ ALONE = "in `designs` alone"  #: the keys of these designs beside those of the o
 class ConfirmedDesign(ExpectedTime):
     """A design re-simulated at every operating point and at angles that the search did not use."""
 
-    trial: int | None = optional_key("number of the trial", "", ALONE)
+    trial: int | None = optional_key("number of the trial", ALONE)
     estimates: dict[str, Estimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
     drake: EngineAgreement | None = optional_key(
-        "agreement of Drake at some of the same angles", "", "null where one engine did all"
+        "agreement of Drake at some of the same angles", "null where one engine did all"
     )
-    searched: Estimate | None = optional_key(
-        "leading objective by the search, in its unit", "", ALONE
-    )
+    searched: Estimate | None = optional_key("leading objective by the search, in its unit", ALONE)
     errors_apart: float | None = optional_key(
-        "new angles less search, over their combined standard error", "", ALONE
+        "new angles less search, over their combined standard error", ALONE
     )
-    agrees: bool | None = optional_key(
-        "whether these are at most 3 standard errors apart", "", ALONE
-    )
+    agrees: bool | None = optional_key("whether these are at most 3 standard errors apart", ALONE)
 
 
 class Confirmation(Kept):
@@ -164,7 +160,7 @@ class StudyRecord(Kept):
         "drift of the chosen design over its life; null for a study without `[wear]`", "", None
     )
     audit: EngineAgreement | None = optional_key(
-        "agreement of Drake on random shifts of the search", "", "null where one engine did all"
+        "agreement of Drake on random shifts of the search", "null where one engine did all"
     )
     surrogate: Validation | None = key("validation of the surrogate; null without one")
     versions: dict[str, str] = key("versions of the programs that the result depends on")

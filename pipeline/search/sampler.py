@@ -111,9 +111,7 @@ class Space:
         return found
 
 
-def fit_response(
-    x: Array, values: Array, errors: Array | float = 0.0, least: float = 0.0
-) -> Process:
+def fit_response(x: Array, values: Array, errors: Array | float = 0, least: float = 0) -> Process:
     """Fit an objective or constraint (n,) at coordinates (n, c), with its standard errors, (n,).
 
     ``least`` is a standard deviation that values of other designs have at least. Parameters of
@@ -154,9 +152,7 @@ class Guide:
             raise InputError("no design was simulated yet")
         x = self.space.coordinates([trial.params for trial in every])
         # The constraint value of the hardest landing, feasible at or below zero.
-        landed = [
-            [v for n, v in constraints[trial.number].items() if n in LANDING] for trial in every
-        ]
+        landed = [[v for n, v in constraints[t.number].items() if n in LANDING] for t in every]
         hardest = np.array([max(values, default=-1.0) for values in landed])
         limits = [
             # A loss may be fifty times its limit: far from it the size says little.
@@ -211,9 +207,8 @@ class Prediction:
     def chances(self, params: Sequence[Params]) -> Array:
         """Return the probability that designs keep each limit, as if independent, (m,)."""
         x = self.guide.space.coordinates(params)
-        return np.asarray(
-            np.prod([chance_below_zero(one, x) for one in self.limits], axis=0), dtype=float
-        )
+        chances = [chance_below_zero(one, x) for one in self.limits]
+        return np.asarray(np.prod(chances, axis=0), dtype=float)
 
 
 @dataclass(frozen=True)
@@ -261,8 +256,7 @@ class Pool:
                 if len(found) == size:
                     break
         if not found:
-            none_of = f"none of {TRIES * size} designs drawn from the search ranges"
-            raise InputError(none_passes(self._guide.study, none_of))
+            raise InputError(none_passes(self._guide.study, TRIES * size))
         return found
 
 

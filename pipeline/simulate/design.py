@@ -294,11 +294,9 @@ def exact_values(study: Setup, design: Design) -> dict[str, float]:
     return {o.name: o.exact(own, design, dog) for o in objectives_of(study) if o.exact}
 
 
-def values_of(
-    study: Setup, design: Design, simulated: Mapping[str, float] | None = None
-) -> list[float]:
+def values_of(study: Setup, design: Design, found: dict[str, float] | None = None) -> list[float]:
     """Return all objective values in the study's order, unknown ones infinitely bad."""
-    known = {**exact_values(study, design), **(simulated or {})}
+    known = {**exact_values(study, design), **(found or {})}
     return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
 
 
@@ -329,8 +327,9 @@ def failing_words(margins: Sequence[Margins]) -> str:
     return "; ".join(said)
 
 
-def none_passes(study: Setup, whose: str) -> str:
-    """Explain which checks designs that fill the ranges fail, after *none of 80000 designs*."""
+def none_passes(study: Setup, drawn: int) -> str:
+    """Explain which checks designs that fill the ranges fail where none of those drawn passes."""
+    whose = f"none of {drawn} designs drawn from the search ranges"
     low, high = np.array(list(study.variables.values()), dtype=float).T
     shares = sobol_shares(FILLING, len(low), study.file.search.seed)
     made = list[tuple[Design, dict[str, float]]]()

@@ -184,19 +184,16 @@ def evaluate(
     rows = iter(executor.run([block for group in (*groups, referred) for block in group]))
     found = [list(islice(rows, len(group))) for group in groups]
     beside = expectation_of(study, study.points, list(rows)) if referred else None
-    return [
-        _simulated(study, params, mine, beside) for params, mine in zip(designs, found, strict=True)
-    ]
+    pairs = zip(designs, found, strict=True)
+    return [_simulated(study, params, mine, beside) for params, mine in pairs]
 
 
-def _simulated(
-    nominal: Setup, params: Params, rows: Rows, reference: Expectation | None
-) -> Simulated:
+def _simulated(nominal: Setup, params: Params, rows: Rows, beside: Expectation | None) -> Simulated:
     study, dog = nominal.operated(params), nominal.dog_with(params)
     expectation = expectation_of(study, study.points, rows)
     demand = demand_over(study, dog, expectation, rows)
     checks = strength_checks(dog, study.limits) + demand_checks(demand, study.limits)
-    simulated = Shifts(study, dog, checks, expectation, rows, reference)
+    simulated = Shifts(study, dog, checks, expectation, rows, beside)
     estimates = {name: ESTIMATORS[name](simulated) for name in estimated(study)}
     limited = {name: estimates[name].value for name in simulated_limits(study)}
     # Shifts whose integration failed say nothing of engagement.
@@ -266,11 +263,9 @@ def expect_to(
 
     The last round is returned, with its shifts; at the most angles it may be less precise.
     """
-    count, seed = FIRST, study.file.expectation.seed
+    count, seed, unsure = FIRST, study.file.expectation.seed, study.uncertainty
     while True:
-        blocks = even_blocks(
-            study.clutch, points, count, seed, FIRST, uncertainty=study.uncertainty
-        )
+        blocks = even_blocks(study.clutch, points, count, seed, FIRST, uncertainty=unsure)
         rows = executor.run(blocks)
         found = expectation_of(study, points, rows)
         share, shifts = found.standard_error / found.mean, len(points) * count
@@ -305,9 +300,7 @@ class LifeStage(Record):
     margins: dict[str, float] = key("margin of each check", "1")
 
 
-def life_of(
-    study: Setup, params: Mapping[str, float], wear: Wear, executor: Executor
-) -> list[LifeStage]:
+def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> list[LifeStage]:
     """Simulate a design over its life, at each of ``STAGES`` and at new angles.
 
     Wear by a rate follows the energy of the stage before. GeometryError where no worn dog can be.

@@ -218,9 +218,7 @@ def differing(before: Any, now: Any, name: str = "") -> list[str]:
         keys = sorted({*before, *now})
         inner = ((key, f"{name}.{key}" if name else key) for key in keys)
         return [one for k, n in inner for one in differing(before.get(k), now.get(k), n)]
-    old, new = (
-        "not given" if value is None else json.dumps(value, default=str) for value in (before, now)
-    )
+    old, new = ("not given" if v is None else json.dumps(v, default=str) for v in (before, now))
     return [] if before == now else [f"{name} was {old} and is now {new}"]
 
 

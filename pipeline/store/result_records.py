@@ -78,7 +78,7 @@ class PointRow(Record):
     n: int = key("number of shifts", head="n", form="d")
     held_dog_on_dog: int | None = optional_key("shifts that friction held dog on dog")
     shiftability: Shiftability | None = optional_key(
-        "how shifts enter", when="null without any, absent in earlier versions"
+        "how shifts enter", "null without any, absent in earlier versions"
     )
 
     @classmethod
@@ -110,7 +110,7 @@ class ExpectedTime(Record):
     )
     engages: bool = key("whether at least half of the shifts engage at each operating point")
     engaged: float = key("least share of the shifts that engaged at a point", SHARE)
-    mean_engaged_s: float | None = optional_key("mean time of the shifts that engaged", "s")
+    mean_engaged_s: float | None = optional_key("mean time of the shifts that engaged", unit="s")
     shifts: int | None = optional_key("number of shifts")
     not_engaged: int | None = optional_key("shifts that did not engage")
     held_dog_on_dog: int | None = optional_key("shifts that friction held dog on dog")
@@ -210,9 +210,7 @@ def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
                 if (name == "passed" and not found) or ("margin" in name and (found or 0.0) < 0.0):
                     line[place] = Bad("NO" if name == "passed" else line[place])
             cells.append(line)
-    words = [
-        k for k, name in enumerate(columns) if name in ("unit", "meaning", "formula", "source")
-    ]
+    words = [k for k, n in enumerate(columns) if n in ("unit", "meaning", "formula", "source")]
     return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
 
 

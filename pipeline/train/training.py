@@ -106,9 +106,7 @@ def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Va
                 seen.add(tuple(design.values()))
                 yield design
     if not seen and not beyond:
-        raise InputError(
-            none_passes(study, f"none of {DRAWS} designs drawn from the search ranges")
-        )
+        raise InputError(none_passes(study, DRAWS))
 
 
 def _design(study: Setup, unit: Array) -> Values:
@@ -260,9 +258,7 @@ def count_of(study: Setup) -> int:
     return min(MOST_DESIGNS, given // each)
 
 
-def fill(
-    study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, progress: Progress
-) -> None:
+def fill(study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, bar: Progress) -> None:
     """Simulate designs and references; go on where stopped.
 
     InputError for a study that searches its operation, and for too few ``surrogate.mix_shifts``.
@@ -280,7 +276,7 @@ def fill(
     with writing(folder.root):
         folder.open(study, resume=True)
         with (
-            WorkCounter(progress, shifts * len(study.points)) as counter,
+            WorkCounter(bar, shifts * len(study.points)) as counter,
             counter.kept_in(folder.root, "the same command goes on"),
         ):
             journal = ShiftJournal(folder.running)
@@ -301,7 +297,7 @@ def fill(
             space = first_designs(working, settings.references, APART, border=False)
             simulate("references", space, dense, APART)
             simulate("best_references", chosen["references"], dense, APART + 1)
-            journal.say_unfinished(progress.say)
+            journal.say_unfinished(bar.say)
             folder.running.unlink(missing_ok=True)
 
 
