@@ -229,7 +229,10 @@ class Check(Checked):
     def to_dict(self) -> dict[str, Any]:
         """Give the expected time, the surrogate's prediction, and every check."""
         guess = self.guess
-        answer = Answer(None, 0.0, ()) if guess is None else guess.answer
+        answer, beside = Answer(None, 0.0, ()), dict[str, Any]()
+        if guess is not None:
+            answer, spread = guess.answer, guess.spread.to_dict()
+            beside = {"missed_by_surrogate": self.missed, "time_within_tolerances": spread}
         return {
             **time_record(self.expected, self.refusal),
             **({"engaged": self.engaged} if self.shifts else {}),
@@ -243,10 +246,7 @@ class Check(Checked):
             "q2": None if guess is None else guess.validation.q2,
             "surrogate": None if guess is None else str(guess.path),
             "predicted": guess and time_record(answer.expected, answer.refusal),
-            **({} if guess is None else {
-                "missed_by_surrogate": self.missed,
-                "time_within_tolerances": guess.spread.to_dict(),
-            }),
+            **beside,
             **super().to_dict(),
         }  # fmt: skip
 

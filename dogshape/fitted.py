@@ -114,9 +114,8 @@ def fit(
         require_variables(config)
         fill(config, folder, jobs, cluster, told)
     elif settings:
-        raise InputError(
-            "--set cannot change a study that was run; leave it out, or name the study"
-        )
+        remedy = "leave it out, or name the study"
+        raise InputError(f"--set cannot change a study that was run; {remedy}")
     stored = train(folder, target, say=told.say)
     seconds = time.perf_counter() - begun
     return Fitted(folder.stored_study(), stored, target or folder.surrogate, seconds)

@@ -174,9 +174,8 @@ class OperatingSection(Section):
         """Return the values of an axis with their weights, drawn at the next of the shares."""
         values, key = getattr(self, name), AXES[name]
         if values is None:
-            raise InputError(
-                f"'operating.{name}' is missing; add it, or list the points as [[operating.points]]"
-            )
+            remedy = "add it, or list the points as [[operating.points]]"
+            raise InputError(f"'operating.{name}' is missing; {remedy}")
         if isinstance(values, Distribution):
             drawn = values.named(f"operating.{name}").at(next(shares))
             values = np.round(drawn, DECIMALS["drawn"]).tolist()

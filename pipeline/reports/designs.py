@@ -16,7 +16,8 @@ from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
 if TYPE_CHECKING:
     import pandas as pd
 
-Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.store.result_schema``
+Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.search.result_schema``
+Rows = Sequence[Row]
 
 MARGIN, QUANTILE_TIME = "smallest_margin", "shift_time_quantile_s"
 #: Units that are shown instead of the stored ones, and the factors that lead to them.
@@ -155,16 +156,14 @@ def designs_shown(result: Row) -> list[Row]:
     return [rows[trial] for trial in dict.fromkeys(row["trial"] for row in every)]
 
 
-def designs_frame(
-    result: Row, variables: Sequence[str], rows: Sequence[Row] | None = None
-) -> pd.DataFrame:
+def designs_frame(result: Row, names: Sequence[str], rows: Rows | None = None) -> pd.DataFrame:
     """Tabulate designs of a search with all that is known of them, a row each; by default all."""
     import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
     both = result["front"], failed_at_new_angles(result)
     front, failed = ({row["trial"] for row in some} for some in both)
     best = (result["best"] or {}).get("trial")
-    apart = (*variables, "trial", "prototype", "failed")
+    apart = (*names, "trial", "prototype", "failed")
     table = []
     for row in result["trials"] if rows is None else rows:
         within = row.get("time_within_tolerances") or {}
@@ -174,7 +173,7 @@ def designs_frame(
             "on_front": row["trial"] in front,
             "failed_at_fresh_angles": row["trial"] in failed,
             "chosen": row["trial"] == best,
-            **{name: row[name] for name in variables},
+            **{name: row[name] for name in names},
             **{k: v for k, v in row.items() if k not in apart and not isinstance(v, dict | list)},
             **{f"standard_error_of_{name}": v for name, v in row["standard_errors"].items()},
             "failed": " ".join(row["failed"]),

@@ -221,6 +221,9 @@ class Breadth:
     ways: int = 128
 
 
+USUAL = Breadth()
+
+
 class Pool:
     """Allowed designs of the guide's space, drawn once and again when all were taken.
 
@@ -266,13 +269,11 @@ class SurrogateSampler:
     ``startup`` designs fill the allowed space before anything is predicted.
     """
 
-    def __init__(
-        self, guide: Guide, seed: int, startup: int, breadth: Breadth | None = None
-    ) -> None:
+    def __init__(self, guide: Guide, seed: int, startup: int, breadth: Breadth = USUAL) -> None:
         self._guide = guide
         self._seed = seed
         self._startup = startup
-        self._breadth = breadth or Breadth()
+        self._breadth = breadth
         self._pool = Pool(guide, seed, self._breadth.wide)
         self._known: tuple[list[int], Prediction | None] = ([], None)
 

@@ -220,12 +220,8 @@ def connect(address: str | None) -> Any:
     """
     if address is None:
         return None
-    if address not in _clients or _clients[address].status != "running":
-        _clients[address] = _client(address)
-    return _clients[address]
-
-
-def _client(address: str) -> Any:
+    if address in _clients and _clients[address].status == "running":
+        return _clients[address]
     try:
         from distributed import Client  # noqa: PLC0415  an extra, and slow to load
     except ImportError as error:
@@ -250,6 +246,7 @@ def _client(address: str) -> Any:
         raise WorkerError(f"{fault}; {remedy}") from error
     for where, theirs in found.items():
         _require_same(address, theirs, f"the worker {where}")
+    _clients[address] = client
     return client
 
 

@@ -316,9 +316,8 @@ def export(
     dog, radius, body = given.clutch.dog, given.limits.root_radius, body_mm * MM
     files = {"svg": svg, "stl": stl, "step": step, "sheet": sheet}
     if not any(files.values()):
-        raise InputError(
-            "export was asked for nothing; give --stl, --step, --svg or --sheet with a file"
-        )
+        remedy = "give --stl, --step, --svg or --sheet with a file"
+        raise InputError(f"export was asked for nothing; {remedy}")
     if (why or title) and sheet is None:
         raise InputError("--why and --title are for the data sheet; give --sheet with a file")
     require_targets({f"--{kind}": path for kind, path in files.items()}, ENDINGS)
