@@ -120,11 +120,8 @@ class Checked(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give every check as JSON takes it."""
-        return {
-            "feasible": self.design.feasible,
-            "not_checked": self.design.not_checked,
-            "checks": checks_within(self.design, self.within),
-        }
+        missing, checks = self.design.not_checked, checks_within(self.design, self.within)
+        return {"feasible": self.design.feasible, "not_checked": missing, "checks": checks}
 
     def to_frame(self) -> Frame:
         """Give a row for each check: value and limit in ``unit``, margins as shares."""

@@ -28,8 +28,7 @@ else:  # they take half a second to load, which a quick answer does not need
 
 __all__ = [
     "Bad", "Figure", "Frame", "Record", "Result", "Table",
-    "frame_of", "key", "key_table", "number_or_none", "optional_key",
-    "tabulate",
+    "frame_of", "key", "key_table", "number_or_none", "tabulate",
 ]  # fmt: skip
 
 SHARE = "share"  #: unit of what lies between 0 and 1
@@ -38,20 +37,17 @@ MINUS = "\N{MINUS SIGN}"
 
 def key(
     meaning: str, unit: str = "", default: Any = ..., *, head: str = "", scale: float = 1.0,
-    form: str = ".4g",
+    form: str = ".4g", late: bool = False,
 ) -> Any:  # fmt: skip
-    """Declare a key of a record; required without a default.
+    """Declare a key of a record; required without a default, unless earlier versions lack it.
 
     ``head`` is that of its column, in which a number is shown ``scale`` times as large, by the
     format ``form``.
     """
+    if late:
+        meaning, default = f"{meaning}; absent in earlier versions", None
     shown: dict[str, Any] = {"unit": unit, "head": head, "scale": scale, "form": form}
     return Field(default, description=meaning, json_schema_extra=shown)
-
-
-def optional_key(meaning: str, when: str = "absent in earlier versions", unit: str = "") -> Any:
-    """Declare a key that some records lack, or have as null: ``when`` they do."""
-    return key(f"{meaning}; {when}", unit, None)
 
 
 @dataclass(frozen=True)

@@ -81,8 +81,13 @@ def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
     """Return one ring in its own frame (``sim.shift.mesh``) as a build123d solid in mm."""
     require_body(body)
     require_room(dog, root_radius)
-    cad = load_cad()
-    stop = _floor_middle(dog, root_radius)
+    cad, corners = load_cad(), dog_corners(dog, root_radius)
+    # The radial plane through the slot's floor, mid at the inner radius where that is narrowest,
+    # stays on it all the way out.
+    here = corners[-1].lines(1)[-1:].at(dog.inner_radius)[0]
+    there = corners[0].lines(1)[:1].turned(dog.pitch_angle).at(dog.inner_radius)[0]
+    x, y, _ = here / math.hypot(*here[:2]) + there / math.hypot(*there[:2])
+    stop = math.atan2(y, x)
     shell = cad.Shell(_toothed_side(dog, root_radius, stop))
     halves = _sector(dog, body, stop).split(shell, keep=cad.Keep.ALL)
     pitch = min(halves, key=lambda half: half.center().Z)
@@ -90,18 +95,6 @@ def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
     turns = [math.degrees(index * dog.pitch_angle) for index in range(dog.count)]
     turned = [face.rotate(cad.Axis.Z, turn) for turn in turns for face in faces]
     return cad.Solid(cad.Shell(turned)).clean()
-
-
-def _floor_middle(dog: Dog, root_radius: float) -> float:
-    """Return the angle of the radial plane through the slot's floor, mid at the inner radius, rad.
-
-    The floor is narrowest there, so that the plane stays on it all the way out.
-    """
-    corners = dog_corners(dog, root_radius)
-    here = corners[-1].lines(1)[-1:].at(dog.inner_radius)[0]
-    there = corners[0].lines(1)[:1].turned(dog.pitch_angle).at(dog.inner_radius)[0]
-    x, y, _ = here / math.hypot(*here[:2]) + there / math.hypot(*there[:2])
-    return math.atan2(y, x)
 
 
 def _toothed_side(dog: Dog, root_radius: float, stop: float) -> list[Any]:

@@ -249,11 +249,8 @@ def _beside_search(searched: SearchState, trial: Trial, found: Simulated) -> dic
     old, new = (trial.estimates or {})[name], found.estimates[name]
     both = math.hypot(old.standard_error, new.standard_error)
     off = (new.value - old.value) / both if both else 0.0
-    return {
-        "searched": {"value": old.value, "standard_error": old.standard_error},
-        "errors_apart": off,
-        "agrees": abs(off) <= APART,
-    }
+    own = {"value": old.value, "standard_error": old.standard_error}
+    return {"searched": own, "errors_apart": off, "agrees": abs(off) <= APART}
 
 
 def _gain(study: Setup, before: Estimates, after: Estimates) -> dict[str, Any]:

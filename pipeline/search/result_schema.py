@@ -11,7 +11,7 @@ from pydantic import create_model, model_validator
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import SHAPE
-from dogshape.pipeline.record import SHARE, Record, key, optional_key
+from dogshape.pipeline.record import SHARE, Record, key
 from dogshape.pipeline.search.confirmation import OtherShape
 from dogshape.pipeline.simulate.design import OBJECTIVES, ToleranceTime
 from dogshape.pipeline.simulate.evaluation import LifeStage
@@ -73,7 +73,7 @@ class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
         "checks that fail; `engines` where these disagree, `simulation` where shifts say nothing"
     )
     margin_worst_case: float | None = key("smallest margin with all tolerances at worst", "1")
-    weakest_check_worst_case: str | None = optional_key("check with that margin")
+    weakest_check_worst_case: str | None = key("check with that margin", late=True)
     margin_root_sum_square: float | None = key(
         "smallest margin with tolerances added as root of the sum of squares", "1"
     )
@@ -89,23 +89,24 @@ class Estimate(Record):
     standard_error: float = key("standard error, in the same unit")
 
 
-ALONE = "in `designs` alone"  #: the keys of these designs beside those of the other ones
-
-
 class ConfirmedDesign(ExpectedTime):
     """A design re-simulated at every operating point and at angles that the search did not use."""
 
-    trial: int | None = optional_key("number of the trial", ALONE)
+    trial: int | None = key("number of the trial; in `designs` alone", "", None)
     estimates: dict[str, Estimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
-    drake: EngineAgreement | None = optional_key(
-        "agreement of Drake at some of the same angles", "null where one engine did all"
+    drake: EngineAgreement | None = key(
+        "agreement of Drake at some of the same angles; null where one engine did all", "", None
     )
-    searched: Estimate | None = optional_key("leading objective by the search, in its unit", ALONE)
-    errors_apart: float | None = optional_key(
-        "new angles less search, over their combined standard error", ALONE
+    searched: Estimate | None = key(
+        "leading objective by the search, in its unit; in `designs` alone", "", None
     )
-    agrees: bool | None = optional_key("whether these are at most 3 standard errors apart", ALONE)
+    errors_apart: float | None = key(
+        "new angles less search, over their combined standard error; in `designs` alone", "", None
+    )
+    agrees: bool | None = key(
+        "whether these are at most 3 standard errors apart; in `designs` alone", "", None
+    )
 
 
 class Confirmation(Kept):
@@ -159,9 +160,10 @@ class StudyRecord(Kept):
     life: list[LifeStage] | None = key(
         "drift of the chosen design over its life; null for a study without `[wear]`", "", None
     )
-    audit: EngineAgreement | None = optional_key(
-        "agreement of Drake on random shifts of the search", "null where one engine did all"
-    )
+    audit: EngineAgreement | None = key(
+        "agreement of Drake on random shifts of the search; null where one engine did all",
+        *("", None),
+    )  # fmt: skip
     surrogate: Validation | None = key("validation of the surrogate; null without one")
     versions: dict[str, str] = key("versions of the programs that the result depends on")
     config_hash: str = key("hash of the study file as it was run")

@@ -5,16 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.record import (
-    SHARE,
-    Bad,
-    Record,
-    Table,
-    key,
-    number_or_none,
-    optional_key,
-    tabulate,
-)
+from dogshape.pipeline.record import SHARE, Bad, Record, Table, key, number_or_none, tabulate
 from dogshape.sim.statistics.expectation import Expectation, PointExpectation
 from dogshape.sim.strength.checks import GROUPS, Check, safety_factor
 from dogshape.sim.units import RPM
@@ -76,9 +67,9 @@ class PointRow(Record):
     )
     engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form=".0%")
     n: int = key("number of shifts", head="n", form="d")
-    held_dog_on_dog: int | None = optional_key("shifts that friction held dog on dog")
-    shiftability: Shiftability | None = optional_key(
-        "how shifts enter", "null without any, absent in earlier versions"
+    held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
+    shiftability: Shiftability | None = key(
+        "how shifts enter; null without any, absent in earlier versions", "", None
     )
 
     @classmethod
@@ -110,11 +101,11 @@ class ExpectedTime(Record):
     )
     engages: bool = key("whether at least half of the shifts engage at each operating point")
     engaged: float = key("least share of the shifts that engaged at a point", SHARE)
-    mean_engaged_s: float | None = optional_key("mean time of the shifts that engaged", unit="s")
-    shifts: int | None = optional_key("number of shifts")
-    not_engaged: int | None = optional_key("shifts that did not engage")
-    held_dog_on_dog: int | None = optional_key("shifts that friction held dog on dog")
-    quantiles: list[QuantileRow] | None = optional_key("quantiles of the time")
+    mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s", late=True)
+    shifts: int | None = key("number of shifts", late=True)
+    not_engaged: int | None = key("shifts that did not engage", late=True)
+    held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
+    quantiles: list[QuantileRow] | None = key("quantiles of the time", late=True)
     points: list[PointRow] = key("the operating points")
 
     @classmethod
