@@ -288,13 +288,11 @@ def check_design(
         expected, refusal = _expected(found.expectation, mix)
     design = design_of(config, {}, None if found is None else found.measured)
     within = margins_within(config, design)
+    answer = Check(config, design, within, mix, expected, guess=guess, refusal=refusal)
     if found is None:
-        return Check(config, design, within, mix, expected, guess=guess, refusal=refusal)
-    mean = found.expectation
-    return Check(
-        config, design, within, mix, expected, mean.shifts, mean.engaged, guess, refusal,
-        ExpectedTime.of(mean).quantiles or (),
-    )  # fmt: skip
+        return answer
+    mean, quantiles = found.expectation, ExpectedTime.of(found.expectation).quantiles or ()
+    return replace(answer, shifts=mean.shifts, engaged=mean.engaged, quantiles=quantiles)
 
 
 def _guess(config: Setup, mix: Mix, named: str | Path | None, refusal: str) -> Guess | None:

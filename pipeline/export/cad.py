@@ -14,7 +14,7 @@ import math
 import re
 from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -105,30 +105,30 @@ def _toothed_side(dog: Dog, root_radius: float, stop: float) -> list[Any]:
     # The floors reach a little beyond the cut as well.
     for angle in (stop - dog.pitch_angle - 0.01, stop + 0.01):
         rays.append(Lines(level, np.array([[math.cos(angle), math.sin(angle), 0.0]])))
-    edges, faces = [_Edge(dog, rays[0])], []
+    first, last = (_Edge(ray, *(ray.at(radius)[0] for radius in _beyond(dog))) for ray in rays)
+    edges, faces = [first], []
     for corner in corners:
         lines = corner.lines(8)
         # Cut at right angles to the corner's axis, beyond the annulus.
         cuts = [(lines.at(radius) - corner.axis) @ corner.direction for radius in _beyond(dog)]
         ways = (float(cuts[0].min()), float(cuts[1].max()))
-        begin, end = _Edge(dog, lines[:1], ways), _Edge(dog, lines[-1:], ways)
+        begin, end = (
+            _Edge(line, *(line.points[0] + way * line.directions[0] for way in ways))
+            for line in (lines[:1], lines[-1:])
+        )
         faces.append(_plane(dog, edges[-1], begin))
         if corner.radius:
             faces.append(_cylinder(corner, begin, end))
         edges.append(end)
-    return [*faces, _plane(dog, edges[-1], _Edge(dog, rays[1]))]
+    return [*faces, _plane(dog, edges[-1], last)]
 
 
-class _Edge:
-    """A line of the shell with its two ends (3,), m; by default just beyond the annulus."""
+class _Edge(NamedTuple):
+    """A line of the shell with its two ends (3,), m."""
 
-    def __init__(self, dog: Dog, line: Lines, ways: tuple[float, float] | None = None) -> None:
-        self.line = line
-        if ways is None:
-            ends = _beyond(dog)
-            self.inner, self.outer = line.at(ends[0])[0], line.at(ends[1])[0]
-        else:
-            self.inner, self.outer = (line.points[0] + w * line.directions[0] for w in ways)
+    line: Lines
+    inner: Vertices
+    outer: Vertices
 
 
 def _beyond(dog: Dog) -> tuple[float, float]:

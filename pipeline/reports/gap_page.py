@@ -19,7 +19,7 @@ from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_non
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import ENGINES, axis
-from dogshape.sim.files import naming
+from dogshape.sim.files import write_whole
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
 
@@ -117,11 +117,8 @@ def publish(
         Table(("", ""), list((_facts(found) | dict(history or {})).items())),
     )
     page.save(folder / REPORT)
-    record = json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n"
-    table: str = frame_of(cells_of(found)).to_csv(index=False)
-    for name, text in ((RECORD, record), (TABLE, table)):
-        with naming(folder / name):
-            (folder / name).write_text(text, encoding="utf-8")
+    write_whole(folder / RECORD, json.dumps(found.to_dict(), indent=1, allow_nan=False) + "\n")
+    write_whole(folder / TABLE, frame_of(cells_of(found)).to_csv(index=False))
     return folder / REPORT
 
 

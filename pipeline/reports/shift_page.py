@@ -25,7 +25,7 @@ from dogshape.pipeline.reports.charts import BLUE, GREEN, GREY, INK, ORANGE, sty
 from dogshape.pipeline.reports.report import figure_html, script, write_page
 from dogshape.pipeline.reports.text import ENGINES, check_name, in_ms, minus, value
 from dogshape.sim import kernel
-from dogshape.sim.files import naming
+from dogshape.sim.files import write_whole
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.events import crests_cross
 from dogshape.sim.shift.mesh import dog_solid
@@ -91,8 +91,7 @@ def write_animation(
     for name, code in scripts.items():
         beside = path.with_name(f"{name}.js")
         if shared and not (beside.is_file() and beside.read_text("utf-8") == code):
-            with naming(beside):
-                beside.write_text(code, encoding="utf-8")
+            write_whole(beside, code)
         link = Markup('<script src="{}"></script>').format(beside.name)
         scripts[name] = link if shared else script(code)
     dog, point, contact = result.clutch.dog, result.point, result.clutch.contact.name

@@ -107,12 +107,9 @@ def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
     checks = _checks(study, study.prototype)
     if not checks or not study.variables:
         return []
-    rows: list[Row] = [
-        {"name": c.name, "key": c.rule.key, "unit": c.unit, "limit": c.limit,
-         "at_most": c.rule.at_most} for c in checks
-    ]  # fmt: skip
-    rows.append({"name": TOLERANCES, "key": "[tolerance]", "unit": "%", "limit": 100.0,
-                 "at_most": True})  # fmt: skip
+    limits = [(c.name, c.rule.key, c.unit, c.limit, c.rule.at_most) for c in checks]
+    limits.append((TOLERANCES, "[tolerance]", "%", 100.0, True))
+    rows = [Row(zip(("name", "key", "unit", "limit", "at_most"), o, strict=True)) for o in limits]
     # A case is the margin that each check needs, and the factor on what tolerances take of it.
     cases: dict[tuple[int, str], tuple[Array, float]] = {}
     for place, row in enumerate(rows):

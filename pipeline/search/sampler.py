@@ -90,9 +90,8 @@ class Space:
         distributions: dict[str, BaseDistribution] = {}
         for name in self.names:
             ends = (*self.variables[name], params[name])
-            low, high = min(ends), max(ends)
             kind = IntDistribution if name == "count" else FloatDistribution
-            distributions[name] = kind(low, high)
+            distributions[name] = kind(min(ends), max(ends))
         return create_trial(
             state=TrialState.RUNNING, params={name: params[name] for name in distributions},
             distributions=distributions, user_attrs=attributes,

@@ -39,13 +39,9 @@ class ShiftJournal:
 
     def read_new(self) -> list[Record]:
         """Read what workers wrote and did not hand over; return the rows that are new."""
-
-        def require(row: Record) -> None:
-            result_of(row)
-            landing_of(row)
-
-        found = {row["key"]: row for row in read_lines(self.path, require, "a finished shift")}
-        new = {key: row for key, row in found.items() if key not in self.rows}
+        wanted = (result_of, landing_of)  # of each row
+        rows = read_lines(self.path, lambda row: [one(row) for one in wanted], "a finished shift")
+        new = {row["key"]: row for row in rows if row["key"] not in self.rows}
         self.rows.update(new)
         return list(new.values())
 

@@ -147,11 +147,10 @@ class Job:
     def blocks(self, study: Setup) -> list[Block]:
         """List the even angles of the design at each operating point."""
         clutch = study.clutch.with_dog(study.dog_with(self.design))
-        even, size = self.angles - sum(self.rounds(study)), len(study.points)
-        seeds = [(self.seed, self.index * size + place) for place in range(size)]
+        even, first = self.angles - sum(self.rounds(study)), self.index * len(study.points)
         return [
-            even_block(clutch, point, even, seed, uncertainty=study.uncertainty)
-            for point, seed in zip(study.points, seeds, strict=True)
+            even_block(clutch, point, even, (self.seed, place), uncertainty=study.uncertainty)
+            for place, point in enumerate(study.points, first)
         ]
 
     def key(self, study: Setup) -> str:

@@ -185,9 +185,7 @@ def check(
 
     given = ds.Study(study, with_engine(set_, engine))
     require_targets({"--out": out})
-    asked: dict[str, Any] = {
-        "mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate
-    }  # fmt: skip
+    asked: Any = {"mismatch_rpm": mismatch_rpm, "force_N": force_N, "surrogate": surrogate}
     if designs is not None:
         from dogshape.predictions import beside  # noqa: PLC0415
 
