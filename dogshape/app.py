@@ -35,6 +35,7 @@ from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.reports.charts import front_figure
 from dogshape.pipeline.reports.designs import Row
+from dogshape.pipeline.reports.text import PLACE
 from dogshape.pipeline.simulate.design import SIMULATED
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import own_surrogate
@@ -48,7 +49,7 @@ from dogshape.surrogate.store import Stored
 
 HOST = "127.0.0.1"
 BODY = 3.0 * MM  #: thickness of a ring below the slots in a STEP file, as ``export`` has it
-POINT, ANGLE = ("mismatch_rpm", "force_N"), "angle_deg"
+ANGLE = "angle_deg"
 FRICTION = {
     "contact.static_friction": ("in the shift, static", 0.6),
     "contact.dynamic_friction": ("in the shift, sliding", 0.6),
@@ -152,7 +153,7 @@ def _numbers(config: Setup) -> list[Number]:
     return [
         *(Number(f"dog.{key}", "dog", dog[key], ranges[key]) for key in order),
         *(Number(key, "point", value, (min(every), max(every)))
-          for key, value, every in zip(POINT, middle, ends, strict=True)),
+          for key, value, every in zip(PLACE, middle, ends, strict=True)),
         *(Number(key, "friction", friction[key], (0.0, end), words)
           for key, (words, end) in FRICTION.items()),
         Number(ANGLE, "shift", 0.4 * turn, (0.0, turn), "relative angle"),
@@ -170,7 +171,7 @@ def _number(key: str, texts: Texts) -> float:
 
 def _point(texts: Texts, where: str) -> Row:
     """Give the operating point as arguments of a verb; none for all of the study's."""
-    return {key: _number(key, texts) for key in POINT} if where == "one" else {}
+    return {key: _number(key, texts) for key in PLACE} if where == "one" else {}
 
 
 def open_desk(

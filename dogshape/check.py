@@ -378,18 +378,14 @@ class Strength(Checked):
 
     def to_dict(self) -> dict[str, Any]:
         """Give every check, the load and the material's limits, in the edge's units."""
-        limits, dog = self.config.limits, self.config.clutch.dog
-        sharing = {} if self.load_sharing is None else {"load_sharing": self.load_sharing}
+        limits, load = self.config.limits, self.config.file.load.model_dump()
+        load |= {} if self.load_sharing is None else {"load_sharing": self.load_sharing}
+        force = limits.load.force_per_dog(self.config.clutch.dog)
         return {
             "engine": self.config.clutch.solver.engine,
             **super().to_dict(),
             "warnings": list(self.notes),
-            "load": {
-                **self.config.file.load.model_dump(),
-                **sharing,
-                "force_per_dog_N": limits.load.force_per_dog(dog),
-                "blocking_force_N": self.blocking_force_N,
-            },
+            "load": {**load, "force_per_dog_N": force, "blocking_force_N": self.blocking_force_N},
             "material": {
                 "set": limits.material.name,
                 "source": limits.material.source,

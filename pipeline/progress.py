@@ -17,11 +17,9 @@ class Progress:
 
     def update(self, count: WorkCounter) -> None:
         """Take the count, each time that it changes."""
-        return
 
     def say(self, line: str) -> None:
         """Take a sentence for the user."""
-        return
 
 
 SILENT = Progress()

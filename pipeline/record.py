@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, zip_longest
-from typing import TYPE_CHECKING, Any, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Any, TypeAlias, cast, get_args, get_origin
 
 from pydantic import BaseModel, Field
 
@@ -21,15 +21,11 @@ from dogshape.sim.clutch_tables import Section
 
 if TYPE_CHECKING:
     import pandas as pd
-    from pandas import DataFrame as Frame
-    from plotly.graph_objects import Figure
+    from plotly.graph_objects import Figure as Figure
+
+    Frame: TypeAlias = pd.DataFrame
 else:  # they take half a second to load, which a quick answer does not need
     Frame = Figure = Any
-
-__all__ = [
-    "Bad", "Figure", "Frame", "Record", "Result", "Table",
-    "frame_of", "key", "key_table", "number_or_none", "tabulate",
-]  # fmt: skip
 
 SHARE = "share"  #: unit of what lies between 0 and 1
 MINUS = "\N{MINUS SIGN}"

@@ -15,7 +15,7 @@ import plotly.io as pio
 from plotly.subplots import make_subplots
 
 from dogshape.pipeline.reports.designs import MARGIN, Row, design_name, goals_of, of_kinds
-from dogshape.pipeline.reports.text import axis, check_name, minus, place_name
+from dogshape.pipeline.reports.text import PLACE, axis, check_name, minus, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
 
 # A notebook keeps its figures in HTML too, with plotly's code once, so that they survive export.
@@ -25,18 +25,15 @@ if pio.renderers.default == "plotly_mimetype":
 INK, GREY = "#1b2733", "#9aa5b1"
 BLUE, ORANGE, GREEN, RED = "#1f5fa8", "#c8590c", "#2e7d4f", "#b3261e"
 
+EDGE: Row = {"color": INK}  #: of a mark
 #: Marks of the kinds of designs, the same in every figure.
 MARKS: dict[str, Row] = {
     "dominated": {"color": GREY, "size": 8, "symbol": "circle-open"},
     "fails when simulated": {"color": INK, "size": 8, "symbol": "x-thin", "line": {"width": 1.5}},
     "front": {"color": BLUE, "size": 9, "symbol": "circle"},
-    "chosen": {
-        "color": BLUE, "size": 17, "symbol": "diamond", "line": {"color": INK, "width": 1.5},
-    },
-    "prototype": {
-        "color": ORANGE, "size": 18, "symbol": "star", "line": {"color": INK, "width": 1},
-    },
-}  # fmt: skip
+    "chosen": {"color": BLUE, "size": 17, "symbol": "diamond", "line": EDGE | {"width": 1.5}},
+    "prototype": {"color": ORANGE, "size": 18, "symbol": "star", "line": EDGE | {"width": 1}},
+}
 #: Marks of what is drawn by operating point, in this order.
 SIDES: tuple[Row, ...] = (
     {"color": ORANGE, "size": 10, "symbol": "square-open", "line": {"width": 2}},
@@ -48,7 +45,6 @@ ROOM = 23.0  #: between numbers and marks of the front, px
 #: Leaders to the numbers of designs, the shortest first; px, y downwards.
 LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
 BESIDE = 3  #: panels of effects side by side
-PLACE = ("mismatch_rpm", "force_N")
 ENTRIES = ("first try", "direct entry")
 ENTRY_NOTE = (
     "First try: shifts that engage at it (Bóka 2010), not shown where all do; direct entry: those "

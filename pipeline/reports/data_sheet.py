@@ -30,6 +30,7 @@ from dogshape.pipeline.reports.designs import Row, confirmation_of, engaged_shif
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
     ENGINES,
+    PLACE,
     check_name,
     label,
     margin_cell,
@@ -67,7 +68,6 @@ TITLE_BLOCK = {
     "number": "drawing number", "revision": "revision", "date": "date", "author": "author",
     "checker": "checked by", "decided_by": "decided by",
 }  # fmt: skip
-PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 Values = Mapping[str, float]
 
 

@@ -222,8 +222,7 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         yield from _gain_facts(study, result)
     elif how := _most_failed(result):
         yield "designs that fail", how
-    landing = [one for one in margins_of(best, c["best"]).items() if one[0].endswith(LANDING)]
-    if landing:
+    if landing := [m for m in margins_of(best, c["best"]).items() if m[0].endswith(LANDING)]:
         yield "hardest landing at the new angles", margin_cell(*min(landing, key=lambda m: m[1]))
     if ranged := [check for check in c["best"]["checks"] if check.get("ends")]:
         worst = min(ranged, key=lambda check: float(check["margin"]))
@@ -406,7 +405,8 @@ def life_table(stages: list[Row]) -> Table:
 
 def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
     """Tabulate command, dates, numerical error, surrogate and versions."""
-    fitted, numerical, now = result["surrogate"], None, datetime.now(UTC)
+    fitted, now = result["surrogate"], datetime.now(UTC)
+    numerical = (result["confirmation"] or {"best": {}})["best"].get("numerical_error_s")
     stored = datetime.fromtimestamp(folder.result.stat().st_mtime, UTC)
     judged = "none: it needs a finished search with at least ten simulated designs"
     if fitted:
@@ -416,8 +416,6 @@ def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
             f"({fitted['source']})"
         )
         judged = judged if Validation(**fitted).useful else Bad(f"{judged}: useless")
-    if result["confirmation"]:
-        numerical = result["confirmation"]["best"].get("numerical_error_s")
     facts = {
         **provenance_of(study, result),
         "dates (UTC)": f"result stored {stored:%Y-%m-%d}, report written {now:%Y-%m-%d}",

@@ -30,6 +30,7 @@ LABELS = {
 }
 
 
+PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 ENGINES = {"drake": "Drake", "planar": "the compiled engine"}  #: words for each engine
 #: Checks whose key is no name.
 CHECKS = {

@@ -20,13 +20,10 @@ from dogshape.sim.units import unit_of
 from dogshape.surrogate.store import Validation
 
 #: Keys that a design has where the study searches them or has them for objectives.
-OPTIONAL = {
-    name: key(f"value of `variables.{name}`, where it is searched", unit_of(name), None)
+OPTIONAL = [
+    (name, f"value of `variables.{name}`, where it is searched", unit_of(name))
     for name in (*SHAPE, *OPERATED)
-} | {
-    one.name: key(f"{one.label}, where it is an objective", one.unit, None)
-    for one in OBJECTIVES.values()
-}
+] + [(o.name, f"{o.label}, where it is an objective", o.unit) for o in OBJECTIVES.values()]
 #: Keys that results of earlier versions have.
 RETIRED = {"low", "high", "probability_on_front", "gains_by_contact", "drake_angles", "maximised"}
 
@@ -41,7 +38,7 @@ class Kept(Record):
         return {k: v for k, v in data.items() if k not in RETIRED} if known else data
 
 
-_FIELDS: dict[str, Any] = {name: (float | None, known) for name, known in OPTIONAL.items()}
+_FIELDS: Any = {name: (float | None, key(words, unit, None)) for name, words, unit in OPTIONAL}
 DesignKeys = create_model("DesignKeys", __base__=Kept, **_FIELDS)
 
 

@@ -98,8 +98,7 @@ def next_round(search: Search) -> list[FrozenTrial]:
     if search.sharing is None:  # what runs is of a dead run
         ids = [trial._trial_id for trial in search.trials(TrialState.RUNNING)]
     else:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ExperimentalWarning)
+        with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
             fail_stale_trials(search.optuna)
     begun = len(search.trials(*BEGUN))
     size = -begun % settings.batch if ids else settings.batch
@@ -186,8 +185,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     sampler, objectives = sampler_of(study), objectives_of(study)
     ways = ["maximize" if one.maximise else "minimize" for one in objectives]
     logging.getLogger("optuna").setLevel(logging.WARNING)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ExperimentalWarning)
+    with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
         backend = open_storage(folder, storage)
         try:
             opened = optuna.create_study(

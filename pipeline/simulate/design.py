@@ -246,9 +246,8 @@ def objectives_of(study: Setup) -> list[Objective]:
         raise InputError("search.objectives names an objective twice; remove one of the two")
     found = [OBJECTIVES[name] for name in names]
     if not any(objective.simulated for objective in found):
-        valid = ", ".join(o.name for o in OBJECTIVES.values() if o.simulated)
         fault = "search.objectives has none that needs a simulation, which a search is for"
-        remedy = f"add one of {valid}"
+        remedy = f"add one of {', '.join(o.name for o in OBJECTIVES.values() if o.simulated)}"
         raise InputError(f"{fault}; {remedy}")
     return found
 

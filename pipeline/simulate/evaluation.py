@@ -102,6 +102,11 @@ def _slower(shifts: Shifts) -> Estimate:
     return max(losses, key=lambda loss: loss.value)
 
 
+def _first_try(shifts: Shifts) -> Estimate:
+    within = shifts.study.file.search.within_s or shifts.study.clutch.timeout
+    return shifts.mean(lambda row: float((row["shift_time_s"] or math.inf) <= within))
+
+
 #: What each simulated objective is worked out by.
 ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
     SIMULATED: lambda shifts: Estimate(shifts.expectation.mean, shifts.expectation.standard_error),
@@ -111,12 +116,7 @@ ESTIMATORS: dict[str, Callable[[Shifts], Estimate]] = {
         key=lambda one: one.value,
     ),
     REFERRED: _slower,
-    "first_try_share": lambda shifts: shifts.mean(
-        lambda row: (
-            (row["shift_time_s"] or math.inf)
-            <= (shifts.study.file.search.within_s or shifts.study.clutch.timeout)
-        )
-    ),
+    "first_try_share": _first_try,
     "peak_axial_force_N": lambda shifts: shifts.mean(lambda row: row["peak_axial_force_N"]),
     "strike_torque_Nm": lambda shifts: shifts.mean(
         lambda row: shifts.dog.mean_radius * row["peak_tangential_force_N"]

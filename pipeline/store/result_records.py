@@ -14,6 +14,9 @@ if TYPE_CHECKING:
     from dogshape.diagnosis.bench.comparison import PointGap
 
 
+IN_MS: dict[str, Any] = {"scale": 1e3, "form": ".1f"}  #: how a time is shown
+
+
 class Shiftability(Record):
     """Entry at the first try; intervals are Wilson's, of 95 %, and even angles err less."""
 
@@ -62,9 +65,7 @@ class PointRow(Record):
     standard_error_s: float | None = key(
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
     )
-    sd_s: float = key(
-        "standard deviation of the time of a shift", "s", head="sd, ms", scale=1e3, form=".1f"
-    )
+    sd_s: float = key("standard deviation of the time of a shift", "s", head="sd, ms", **IN_MS)
     engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form=".0%")
     n: int = key("number of shifts", head="n", form="d")
     held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
@@ -236,15 +237,12 @@ class BenchPoint(Record):
 
     mismatch_rpm: float = key("mismatch before the shift", "1/min", head="mismatch, 1/min")
     force_N: float = key("final shift force", "N", head="force, N", form=".1f")
-    bench_s: float | None = key(
-        "mean time on the bench", "s", head="bench, ms", scale=1e3, form=".1f"
-    )
+    bench_s: float | None = key("mean time on the bench", "s", head="bench, ms", **IN_MS)
     simulated_s: float | None = key(
-        "mean simulated time of the shifts that engaged", "s", head="simulated, ms", scale=1e3,
-        form=".1f",
-    )  # fmt: skip
+        "mean simulated time of the shifts that engaged", "s", head="simulated, ms", **IN_MS
+    )
     standard_error_s: float | None = key(
-        "standard error of the difference", "s", head="s.e., ms", scale=1e3, form=".1f"
+        "standard error of the difference", "s", head="s.e., ms", **IN_MS
     )
     z: float | None = key(
         "bench less simulated over the standard error", "1", head="z", form="+.1f"
