@@ -21,9 +21,10 @@ from dogshape.sim.clutch_tables import Section
 
 if TYPE_CHECKING:
     import pandas as pd
-    from plotly.graph_objects import Figure as Figure
+    import plotly.graph_objects as go
 
     Frame: TypeAlias = pd.DataFrame
+    Figure: TypeAlias = go.Figure
 else:  # they take half a second to load, which a quick answer does not need
     Frame = Figure = Any
 

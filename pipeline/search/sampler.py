@@ -279,9 +279,8 @@ class SurrogateSampler:
     def propose(self, trials: Trials) -> Params | None:
         """Propose an allowed design beside those of trials; None where every one was proposed."""
         before = [trial for trial in trials if self._guide.space.holds(trial.params)]
-        finished = [
-            t for t in before if t.state == TrialState.COMPLETE and np.isfinite(t.values).all()
-        ]
+        ended = [t for t in before if t.state == TrialState.COMPLETE]
+        finished = [t for t in ended if np.isfinite(t.values).all()]
         untaken = self._pool.untaken([t.params for t in before])
         if not untaken:
             return None

@@ -286,8 +286,7 @@ def leading(study: Setup) -> Objective:
 
 def exact_values(study: Setup, design: Design) -> dict[str, float]:
     """Return the objectives that need no simulation, by name."""
-    dog = design.dog
-    if dog is None:
+    if (dog := design.dog) is None:
         return {}
     own = study.operated(design.params)
     return {o.name: o.exact(own, design, dog) for o in objectives_of(study) if o.exact}
