@@ -74,19 +74,22 @@ def simulated(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float, float]]
 def test_an_audit_simulates_the_same_shifts_in_both_engines(
     small_study: Setup, simulated: list[tuple[str, float, float]]
 ) -> None:
-    study, judge = small_study.working, small_study.judging
-    assert judge is not None
-    designs = [study.prototype, {**study.prototype, "height_mm": 3.5}]
-    found = audit(study, designs, scratch_executor(1), judge.clutch, 8)
+    study = small_study.working
+    designs, said = [study.prototype, {**study.prototype, "height_mm": 3.5}], list[str]()
+    found = audit(study, designs, scratch_executor(1), 8, said.append)
+    assert found is not None
     assert found.shifts == 8
+    assert said == ["auditing 8 shifts of the search in Drake", found.text]
     assert found.mean_deviation == pytest.approx(-0.001 / 0.101)
     by_engine = {
         engine: [row[1:] for row in simulated if row[0] == engine] for engine, *_ in simulated
     }
     assert sorted(by_engine["planar"]) == sorted(by_engine["drake"])
-    assert audit(study, designs, scratch_executor(1), judge.clutch, 8) == found
+    assert audit(study, designs, scratch_executor(1), 8, said.append) == found
     # No more than there are: two designs at two points of three angles.
-    assert audit(study, designs, scratch_executor(1), judge.clutch, 99).shifts == 12
+    every = audit(study, designs, scratch_executor(1), 99, said.append)
+    assert every is not None
+    assert every.shifts == 12
 
 
 def test_engines_that_do_not_agree_end_a_study_with_a_sentence(small_study: Setup) -> None:
