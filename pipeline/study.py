@@ -130,8 +130,8 @@ def _searched(search: Search, how: Run) -> Record:
         every = list(confirmation["designs"])  # the prototype may be none of them
         if not any(known[one["trial"]][PROTOTYPE] for one in every):
             every.append(confirmation["prototype"])
-        both = (one["shifts"] + (one["drake"] or {"shifts": 0})["shifts"] for one in every)
-        result["n_simulated_shifts"] += sum(both)
+        shifts = (one["shifts"] + (one["drake"] or {"shifts": 0})["shifts"] for one in every)
+        result["n_simulated_shifts"] += sum(shifts)
     found = {"confirmation": confirmation, "life": life}
     return {**result, **found, "audit": audited and audited.to_dict()}
 

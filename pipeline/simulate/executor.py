@@ -290,10 +290,11 @@ def kept_shifts(
             progress.say(f"{reason}: should this run be stopped, its finished shifts are lost")
             yield scratch_executor(jobs, progress.advance, cluster)
             return
-        journal, left = ShiftJournal(folder / "shifts.jsonl"), 0
+        journal, left = ShiftJournal(folder / "shifts.jsonl"), 1
         try:
             yield Executor(journal, jobs, progress.advance, cluster)
             journal.say_unfinished(progress.say)
+            left = 0
         except BaseException as error:
             journal.read_new()
             left = len(journal.rows)
