@@ -143,6 +143,10 @@ class Guide:
         self.signs = np.array([objective.sign for objective in objectives_of(study)])
         self._exact: dict[tuple[float, ...], Array] = {}
 
+    def allows(self, params: Params) -> bool:
+        """Check whether a design passes every check that needs no simulation."""
+        return worth_simulating(self.study, params)
+
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
         study, constraints = self.study, {t.number: t.constraints for t in trials}
@@ -253,7 +257,7 @@ class Pool:
         for _ in range(TRIES * size):
             centre = None if near is None else near[int(rng.integers(len(near)))]
             params = self._guide.space.draw(rng, centre)
-            if worth_simulating(self._guide.study, params):
+            if self._guide.allows(params):
                 found.append(params)
                 if len(found) == size:
                     break
