@@ -334,8 +334,7 @@ def write_sheet(
         sizes.append((check_name(label(row["key"])), size, within))
     columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")
     none = dict.fromkeys(CheckRow.model_fields)
-    named = (none | check | {"name": check_name(check["name"])} for check in own)
-    rows = [CheckRow.model_construct(**check) for check in named]
+    rows = [CheckRow.model_construct(**{**none, **c, "name": check_name(c["name"])}) for c in own]
     facts = [pair for pair in words_of(record).items() if pair[1] != "-"]
     page = Report(f"{one.title}: data sheet, {time}", title.pop("why"), compact=True)
     page.add("", Table(list(TITLE_BLOCK.values()), [list(title.values())], {}, range(6)))

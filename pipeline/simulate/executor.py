@@ -82,7 +82,6 @@ class Executor:
             self.progress(len(known), len(known))
         left = self._unfinished(blocks)
         jobs = min(workers_of(self.jobs), len(left))
-        found: Iterator[list[Record]]
         if left and self.cluster is not None:
             found = self._on_cluster(left, self.cluster)
         elif jobs > 1:
