@@ -18,6 +18,7 @@ from dataclasses import dataclass
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
 from optuna.storages import RDBStorage, fail_stale_trials
+from optuna.study import StudyDirection
 from optuna.trial import FrozenTrial, TrialState
 
 from dogshape.pipeline.config.study_file import Setup
@@ -183,7 +184,8 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     not to be resumed; InputError as ``sampler_of``.
     """
     sampler, objectives = sampler_of(study), objectives_of(study)
-    ways = ["maximize" if one.maximise else "minimize" for one in objectives]
+    kinds = (StudyDirection.MINIMIZE, StudyDirection.MAXIMIZE)
+    ways = [kinds[one.maximise] for one in objectives]
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
         backend = open_storage(folder, storage)
