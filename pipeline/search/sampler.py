@@ -73,8 +73,7 @@ class Space:
         """Return points of the unit cube for designs, (m, d)."""
         rows = [[design[name] for name in self.variables] for design in designs]
         values = np.array(rows, dtype=float).reshape(len(designs), len(self.variables))
-        cube: Array = (values - self._low) / (self._high - self._low)
-        return cube
+        return (values - self._low) / (self._high - self._low)
 
     def holds(self, params: Params) -> bool:
         """Check whether a design has every variable, within its range."""
@@ -130,8 +129,7 @@ def chance_below_zero(response: Process, x: Array) -> Array:
     """Return the probability of values below zero, (m,), their level being as unsure."""
     mean, variance = (found[:, 0] for found in response.predict(x))
     level = (1.0 / len(response.targets) + MIN_NOISE) * response.scale[0] ** 2
-    chance: Array = ndtr(-mean / np.sqrt(variance + level))
-    return chance
+    return ndtr(-mean / np.sqrt(variance + level))
 
 
 class Guide:

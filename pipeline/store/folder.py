@@ -39,8 +39,7 @@ class ShiftJournal:
 
     def read_new(self) -> list[Record]:
         """Read what workers wrote and did not hand over; return the rows that are new."""
-        wanted = (result_of, landing_of)  # of each row
-        rows = read_lines(self.path, lambda row: [one(row) for one in wanted], "a finished shift")
+        rows = read_lines(self.path, lambda r: (result_of(r), landing_of(r)), "a finished shift")
         new = {row["key"]: row for row in rows if row["key"] not in self.rows}
         self.rows.update(new)
         return list(new.values())
