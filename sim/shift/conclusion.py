@@ -1,4 +1,4 @@
-"""Result of a run of either engine: outcome, time, phases, events, loads, trace.
+"""One shift by either engine, and its result: outcome, time, phases, events, loads, trace.
 
 *Validity.* The pressure field of the contact grows down to the apex of its pyramids and pushes
 the wrong way beyond it. A dog that was pressed past the apex went through another.
@@ -12,12 +12,11 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -240,22 +239,35 @@ def _given(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def engaged(
-    clutch: Clutch, point: OperatingPoint, angle: float, first: Run, rerun: Callable[[Clutch], Run]
-) -> Engagement:
-    """Conclude one shift from its ``first`` run; ``rerun`` simulates it with another clutch.
+class Engine(Protocol):
+    """A clutch prepared for one of the engines, built of it alone and used again and again."""
 
-    Dogs that are fast enough pass through each other within one step, or meet and part; such a
-    shift is simulated again with steps of at most a tenth, and has diverged only if dogs pass
-    through each other again.
+    @property
+    def clutch(self) -> Clutch:
+        """What is simulated."""
+
+    def __init__(self, clutch: Clutch) -> None: ...
+
+    def run(self, point: OperatingPoint, angle: float) -> Run:
+        """Integrate one shift."""
+
+
+def engage(plant: Engine, point: OperatingPoint, relative_angle: float) -> Engagement:
+    """Simulate one shift; ``relative_angle`` is the output ring's lead over dogs facing dogs, rad.
+
+    Times count from the command, the time-out and the angle from the start of the force. Physical
+    failure and a failed integration are outcomes. Dogs that are fast enough pass through each other
+    within one step, or meet and part; such a shift is simulated again with steps of at most a
+    tenth, and has diverged only if dogs pass through each other again.
     """
-    found = conclude(clutch, point, angle, first)
+    clutch, first = plant.clutch, plant.run(point, relative_angle)
+    found = conclude(clutch, point, relative_angle, first)
     seen = found.missed <= PASSED_OVER + 0.5 * clutch.dog.edge_radius
     if first.failure or (found.outcome is not Outcome.DIVERGED and seen):
         return found
     solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
-    more = rerun(replace(clutch, solver=solver))
-    again = conclude(clutch, point, angle, more)
+    more = type(plant)(replace(clutch, solver=solver)).run(point, relative_angle)
+    again = conclude(clutch, point, relative_angle, more)
     return replace(again, evaluations=first.evaluations + more.evaluations)
 
 

@@ -17,6 +17,7 @@ not. With ``cenic`` the spline's torque comes from contact surfaces: over each t
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from typing import Any
@@ -35,13 +36,20 @@ from pydrake.multibody.plant import (
     MultibodyPlant,
 )
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    EventStatus,
+    LeafSystem,
+)
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, require_engine
-from dogshape.sim.shift.conclusion import states_held
+from dogshape.sim.shift.conclusion import Run, failure_of, states_held
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
 #: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
@@ -230,6 +238,46 @@ class ClutchPlant:
         self.plant.SetPositionsAndVelocities(self.plant_context, values)
         self.simulator.Initialize()
         return self.simulator
+
+    def run(self, point: OperatingPoint, angle: float) -> Run:
+        """Integrate up to the end of the travel or the time-out; the monitor records every step."""
+        simulator, clutch = self.start(point, angle), self.clutch
+        # Places in the state of what has not made its travel: ring, actuator.
+        under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
+        # Beside where the run begins: the time in which the ring was held.
+        times, states = self.held[0][:-1].tolist(), [*self.held[1][:-1]]
+        blocked, failure, last, check_at = False, "", np.full(12, np.nan), kernel.STILL_WINDOW
+        deadline = time.monotonic() + clutch.solver.time_limit
+
+        def record(context: Context) -> EventStatus | None:
+            """Keep a step, and stop the run where it has ended."""
+            nonlocal blocked, failure, last, check_at
+            now, state = context.get_time(), self.state()
+            times.append(now)
+            states.append(state)
+            under_way.difference_update([i for i in under_way if state[i] >= clutch.shift_travel])
+            if under_way and len(times) > 1:
+                failure = failure_of(clutch, now, state, len(times), deadline)
+            if under_way and not failure and now >= check_at:
+                left, knots = clutch.timeout - now, point.profile.knots
+                blocked = kernel.stands_still(now, last, state, left, clutch.numbers, knots)
+                last, check_at = state, now + kernel.STILL_WINDOW
+            ended = blocked or failure or not under_way
+            return EventStatus.ReachedTermination(self.plant, "ended") if ended else None
+
+        simulator.set_monitor(record)
+        try:
+            record(self.context)
+            simulator.AdvanceTo(clutch.timeout)
+        except RuntimeError as error:
+            if len(times) < 2:
+                raise  # not a step was made: the model is wrong, not the motion
+            failure = str(error).split("\n")[0]
+        finally:
+            simulator.clear_monitor()
+        spent = simulator.get_integrator().get_num_derivative_evaluations()
+        grown = np.diff(times, prepend=-1.0) > 0.0
+        return Run(np.array(times)[grown], np.array(states)[grown], blocked, failure, spent)
 
     def state(self) -> NDArray[np.float64]:
         """Return the state as ``sim.shift.conclusion.Run`` has it, (12,).

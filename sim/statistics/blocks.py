@@ -10,12 +10,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
 
+from dogshape.sim.shift import conclusion
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement, Outcome
+from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.statistics.shift_records import (
     Record,
@@ -29,21 +30,20 @@ from dogshape.sim.versions import engine
 
 
 @lru_cache(maxsize=2)
-def _prepared(clutch: Clutch) -> Callable[[OperatingPoint, float], Engagement]:
-    """Build the plant of a clutch once in this process; it is the first argument of a shift."""
+def _prepared(clutch: Clutch) -> Engine:
+    """Build the plant of a clutch once in this process."""
     if clutch.solver.engine == "planar":
-        from dogshape.sim.planar import engagement as planar  # noqa: PLC0415
+        from dogshape.sim.shift.planar import PlanarClutch  # noqa: PLC0415
 
-        return partial(planar.engage, planar.planar_clutch(clutch))
-    from dogshape.sim.shift import engagement as drake  # noqa: PLC0415
+        return PlanarClutch(clutch)
     from dogshape.sim.shift.plant import ClutchPlant  # noqa: PLC0415
 
-    return partial(drake.engage, ClutchPlant(clutch))
+    return ClutchPlant(clutch)
 
 
 def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift with the engine of the clutch's solver; ``relative_angle`` in rad."""
-    return _prepared(clutch)(point, relative_angle)
+    return conclusion.engage(_prepared(clutch), point, relative_angle)
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import dogshape.sim.shift.mesh
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Mesh
 from dogshape.sim.shift.plant import ClutchPlant

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, Solver
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
 

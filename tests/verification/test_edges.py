@@ -16,7 +16,6 @@ from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import dog_corners, ring_part
-from dogshape.sim.planar.engagement import planar_clutch, surfaces_of
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.geometry import FLANKS, Dog, crest_loss, crest_setback, flank_contact
 from dogshape.sim.shift.loads import OVERLAPS, Landing
@@ -29,6 +28,7 @@ from dogshape.sim.shift.mesh import (
     tip_edges,
     touching_planes,
 )
+from dogshape.sim.shift.planar import PlanarClutch, surfaces_of
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.strength.dog_strength import Limits, notch_factor
 from dogshape.sim.strength.landing import demand_of
@@ -129,7 +129,7 @@ def _pressed(clutch: Clutch, aside: float, depth: float) -> tuple[float, float]:
 
     By the compiled engine; ``aside`` and ``depth`` in m.
     """
-    dog, plant = clutch.dog, planar_clutch(clutch)
+    dog, plant = clutch.dog, PlanarClutch(clutch)
     place = 2.0 * crest_setback(dog, dog.edge_radius) + aside - dog.crest_overlap
     way = dog.axial_gap + 2.0 * crest_loss(dog, dog.edge_radius) + depth
     law, work = plant.law.copy(), kernel.workspace(len(plant.surfaces[1]))

@@ -12,8 +12,7 @@ from scipy.integrate import cumulative_trapezoid
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import Outcome, engage
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK, Mechanism
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace

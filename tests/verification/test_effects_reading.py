@@ -12,7 +12,7 @@ from scipy.special import ive
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting, angle_weights
 from dogshape.sim.shift.clutch import OperatingPoint
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import run_block
 from dogshape.sim.units import DEG, RPM

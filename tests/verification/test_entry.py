@@ -10,8 +10,7 @@ import pytest
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
-from dogshape.sim.shift.conclusion import Outcome
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import Outcome, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
 from tests.verification.test_mismatch import first_touch

@@ -11,8 +11,7 @@ import pytest
 
 from dogshape.sim import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement, Outcome
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import Engagement, Outcome, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
 from tests.conftest import dog_of

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 from dogshape.sim import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.shift.plant import ClutchPlant

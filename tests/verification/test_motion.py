@@ -10,8 +10,7 @@ import pytest
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement, Outcome
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import Engagement, Outcome, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
 from tests.conftest import RISE

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dogshape.sim import kernel
-from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import Outcome, section_planes
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG
@@ -46,7 +46,7 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -
     """
     round_ = replace(clutch.dog, edge_radius=2e-4)
     own = clutch.with_dog({"prototype": clutch.dog, "round": round_, **DOGS}[name])
-    plant, mine, dog = ClutchPlant(own), planar_clutch(own), own.dog
+    plant, mine, dog = ClutchPlant(own), PlanarClutch(own), own.dog
     plant.start(OperatingPoint(1.0, _profile()), 0.1)
     carriage = plant.plant.GetBodyByName("carriage").model_instance()
     port = plant.plant.get_generalized_contact_forces_output_port(carriage)

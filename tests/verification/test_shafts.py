@@ -11,11 +11,11 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim import kernel
 from dogshape.sim.errors import InputError
-from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.mechanism import DEEP_TWIST, SHAFT_DAMPING, Mechanism, Shaft
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.strength.strike import Strike, two_mass_torque
 from dogshape.sim.units import DEG, RPM
@@ -41,7 +41,7 @@ def _shift(mechanism: Mechanism, mismatch: float, engine: str = "planar") -> Eng
 
 def _free(mechanism: Mechanism, start: dict[int, float], until: float) -> np.ndarray:
     """Integrate rings that touch nothing from a state, and return the last one, (12,)."""
-    plant = planar_clutch(_clutch(mechanism))
+    plant = PlanarClutch(_clutch(mechanism))
     state = np.zeros(kernel.SIZE)
     for column, value in start.items():
         state[column] = value

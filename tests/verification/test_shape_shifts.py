@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from dogshape.sim import kernel
-from dogshape.sim.planar.engagement import PlanarClutch, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, section_planes
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM
@@ -46,7 +46,7 @@ def test_shifts_follow_drake(clutch: Clutch, point: Point, name: str, radius: fl
 def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -> None:
     """Random places with up to 0.1 mm of overlap and random speeds, as for the prototype."""
     own = _clutch(clutch, name)
-    plant, mine, dog = ClutchPlant(own), planar_clutch(own), own.dog
+    plant, mine, dog = ClutchPlant(own), PlanarClutch(own), own.dog
     plant.start(OperatingPoint(1.0, ForceProfile(469.0, 0.1766)), 0.1)
     carriage = plant.plant.GetBodyByName("carriage").model_instance()
     port = plant.plant.get_generalized_contact_forces_output_port(carriage)
@@ -107,7 +107,7 @@ def test_rings_have_the_play_of_the_closed_form_at_every_depth(clutch: Clutch, n
     D is the distance of the median planes, down from where the edges of that flank have passed all
     along; rings that are turned towards each other are not quite parallel there.
     """
-    plant = planar_clutch(_clutch(clutch, name))
+    plant = PlanarClutch(_clutch(clutch, name))
     dog = plant.clutch.dog
     middle, (back, edge) = 0.5 * dog.pitch_angle, dog.drops_at(dog.outer_radius)
     for sign, angle, drop in ((1.0, dog.traction, back), (-1.0, dog.braking, edge)):
@@ -130,7 +130,7 @@ def test_flanks_lie_on_each_other_once_the_play_is_turned(clutch: Clutch, angle:
     found = []
     for backlash in (1.2, 2.4, 4.0):
         own = {"count": 6, "traction": angle * DEG, "backlash": backlash * MM}
-        plant = planar_clutch(clutch.with_dog(replace(clutch.dog, chamfer=0.0, **own)))
+        plant = PlanarClutch(clutch.with_dog(replace(clutch.dog, chamfer=0.0, **own)))
         dog = plant.clutch.dog
         closed = 0.5 * (dog.pitch_angle + dog.backlash_angle)
         found.append(_force(plant, closed + 30e-6 / dog.mean_radius, 0.0, 0.0, 0.0))
@@ -145,7 +145,7 @@ def test_flanks_lie_on_each_other_once_the_play_is_turned(clutch: Clutch, angle:
 @pytest.mark.parametrize("name", ALL)
 def test_no_overlap_is_passed_over(clutch: Clutch, name: str) -> None:
     """The force at random places is the same where every dog is looked at."""
-    plant = planar_clutch(_clutch(clutch, name))
+    plant = PlanarClutch(_clutch(clutch, name))
     everything = replace(
         plant, surfaces=(*plant.surfaces[:3], np.array([-1e9, -1e9, 0.0]), *plant.surfaces[4:])
     )
@@ -161,7 +161,7 @@ def test_no_overlap_is_passed_over(clutch: Clutch, name: str) -> None:
 def test_ridges_meet_at_the_axial_gap(clutch: Clutch) -> None:
     """Ridge on ridge at the mean radius: apart above, in touch 0.01 um below."""
     for name in ROOFS:
-        plant = planar_clutch(_clutch(clutch, name))
+        plant = PlanarClutch(_clutch(clutch, name))
         dog = plant.clutch.dog
         angle = -dog.crest_overlap / dog.mean_radius
         assert _force(plant, angle, dog.height + 1e-9, 0.0, 0.0) == (0.0, 0.0)
