@@ -126,7 +126,7 @@ def ratio(forces: Values, first: Values) -> str:
 
 
 def _hardest(shifts: Iterable[Engagement]) -> float:
-    return max(hardest(s.loads.landing for s in shifts).line_loads)
+    return max(hardest(s.loads.landing_loads for s in shifts))
 
 
 def settings() -> list[tuple[float, float]]:

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import TypeVar
+
+Value = TypeVar("Value", float, float | None)
 
 MM = 1e-3  #: metres in a millimetre
 DEG = math.pi / 180.0  #: radians in a degree
@@ -46,6 +49,6 @@ def to_si(name: str, value: float) -> float:
     return value * UNITS[suffix_of(name)][0]
 
 
-def from_si(name: str, value: float) -> float:
-    """Convert an SI ``value`` to the unit that ``name`` ends in."""
-    return value / UNITS[suffix_of(name)][0]
+def from_si(name: str, value: Value) -> Value:
+    """Convert an SI ``value`` to the unit that ``name`` ends in; None stays None."""
+    return None if value is None else value / UNITS[suffix_of(name)][0]

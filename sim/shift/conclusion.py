@@ -23,9 +23,8 @@ import numpy as np
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.events import PHASES, Events, Phase
+from dogshape.sim.shift.events import OVERLAPS, PHASES, Events, Loads, Phase
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import OVERLAPS, Landing, Loads
 from dogshape.sim.shift.mesh import pressure_apex
 from dogshape.sim.shift.trace import Series, Trace, trace_of
 from dogshape.sim.units import MM
@@ -205,8 +204,7 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         _CLASSES,
     )  # fmt: skip
     done, far = map(_given, ends)
-    landing = Landing(tuple(line_loads.tolist()))
-    fields: list[Any] = [*loads[:5], *map(_given, loads[5:]), landing]
+    fields: list[Any] = [*loads[:5], *map(_given, loads[5:]), tuple(line_loads.tolist())]
     outcome, late = Outcome.ENGAGED, point.profile.delay
     failure = run.failure or passing_through(clutch, *limits)
     if failure:

@@ -1,9 +1,12 @@
-"""Where faces can meet, phases and events of a shift.
+r"""Where faces can meet, phases, events and loads of a shift.
 
 Phases, contiguous from the start of the force: *free fly* until the first touch, or until the
 crests meet when no face is ever touched; *face contact* from the first touch of any kind to the
 last one of a face, with every bounce, rebound and skipped slot in between; *entry* while the dogs
 are in the slots and no flank has touched yet; *seating* from the first flank contact to the end.
+
+*Loads*: the rings are rigid behind the stiffness of the dogs. Impulses and energies follow from
+momenta; peak forces go with :math:`\sqrt{k m}` and are estimates (``benchmarks/impact_force.py``).
 """
 
 from __future__ import annotations
@@ -21,6 +24,8 @@ from dogshape.sim.shift.trace import Series
 Flags = NDArray[np.bool_]
 
 CREST_DEPTH = 1e-4  #: m about the crests' height within which crests can stand on each other
+#: Lower ends of the classes of overlap, m; the last has no upper end.
+OVERLAPS = (*(i * 1e-4 for i in range(20)), 2e-3, 3e-3)
 PHASES = ("free fly", "face contact", "entry", "seating")
 
 
@@ -39,9 +44,43 @@ class Events:
 
     face_contacts: int  #: how often a dog came down on the face of another
     slots_skipped: int  #: that the dogs could have reached and were carried past
-    rebound: float  #: farthest way back from a depth once reached, m
+    rebound_travel: float  #: farthest way back from a depth once reached, m
     time_blocked: float  #: with face on face at a slip below ``sim.kernel.STILL``, s
     face_slide: float  #: way that faces slid on each other, m
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads of a shift, of the whole ring.
+
+    Parameters
+    ----------
+    peak_axial_force : largest axial contact force, N.
+    peak_tangential_force : largest tangential contact force at the mean radius, N.
+    impact_impulse : largest impulse (axial and tangential as a vector) within any
+        millisecond that the contact gives beyond holding the shift force, N s.
+    energy_dissipated : energy that the contact took, by balance, J: what is left
+        in the compressed dogs at the end included, and what a mechanism took.
+    strike_mismatch : largest change of the relative speed that the contact makes within any
+        millisecond, rad/s: what the hardest strike takes of the mismatch.
+    residual_mismatch : relative speed with which the flanks close for good, at the
+        start of seating, rad/s, signed; None where none closed. Flanks that struck and
+        flew off before show in the impulse and in ``strike_mismatch``.
+    input_torque_peak, output_torque_peak : largest of the shafts on their rings, N m; None for
+        rigid ones.
+    landing_loads : largest load per length of the dogs, N/m, dog on dog, all alike, for each class
+        of overlap in ``OVERLAPS``.
+    """
+
+    peak_axial_force: float
+    peak_tangential_force: float
+    impact_impulse: float
+    energy_dissipated: float
+    strike_mismatch: float
+    residual_mismatch: float | None
+    input_torque_peak: float | None
+    output_torque_peak: float | None
+    landing_loads: tuple[float, ...]
 
 
 def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:

@@ -205,40 +205,31 @@ class Dog:
         are not.
         """
         inner = self.inner_radius
-        drop = largest(self.edge_drop_at(inner), self.back_drop_at(inner))
+        drop = largest(*self.drops_at(inner))
         return self.backlash_angle * inner + (self.height - 2.0 * drop) * self.lean
 
     @property
     def edge_drop(self) -> float:
-        """Depth of the braking edge, where face and braking flank meet, below the ridge, m.
-
-        The flank leans outwards below the crest, so the face runs on past its share of the tip
-        width: ``drop / (1 - tan(chamfer) tan(braking))``. 0 for crest 0.
-        """
-        return self.edge_drop_at(self.mean_radius)
-
-    def edge_drop_at(self, radius: float) -> float:
-        """Depth of the braking edge below the ridge at ``radius``, m."""
-        slope, _, braking = self.tangents
-        return self.crest * self.tip_width_at(radius) * slope / (1.0 - slope * braking)
+        """Depth of the braking edge below the ridge at the mean radius, m."""
+        return self.drops_at(self.mean_radius)[1]
 
     @property
     def back_drop(self) -> float:
-        """Depth of the traction edge, where back and traction flank meet, below the ridge, m.
-
-        0 for crest 1.
-        """
-        return self.back_drop_at(self.mean_radius)
-
-    def back_drop_at(self, radius: float) -> float:
-        """Depth of the traction edge below the ridge at ``radius``, m."""
-        slope, traction = tan(self.chamfer_back), self.tangents[1]
-        width = (1.0 - self.crest) * self.tip_width_at(radius)
-        return width * slope / (1.0 - slope * traction)
+        """Depth of the traction edge below the ridge at the mean radius, m."""
+        return self.drops_at(self.mean_radius)[0]
 
     def drops_at(self, radius: float) -> tuple[float, float]:
-        """Depths of traction and braking edge below the ridge at ``radius``, m."""
-        return self.back_drop_at(radius), self.edge_drop_at(radius)
+        """Depths of traction and braking edge, where tip and flank meet, below the ridge, m.
+
+        A flank leans outwards below the crest, so its face runs on past its share of the tip
+        width: ``drop / (1 - tan(chamfer) tan(braking))``. 0 where the ridge is that edge.
+        """
+        (slope, traction, braking), back = self.tangents, tan(self.chamfer_back)
+        tip = self.tip_width_at(radius)
+        return (
+            (1.0 - self.crest) * tip * back / (1.0 - back * traction),
+            self.crest * tip * slope / (1.0 - slope * braking),
+        )
 
     @property
     def face_width(self) -> float:
@@ -318,10 +309,8 @@ class Dog:
         Infinite for a face that the tip does not have.
         """
         slope, traction, braking = self.tangents
-        narrow, (back, edge) = (
-            self.tip_width_at(self.inner_radius),
-            self.drops_at(self.inner_radius),
-        )
+        narrow = self.tip_width_at(self.inner_radius)
+        back, edge = self.drops_at(self.inner_radius)
         face = (self.crest * narrow + edge * braking) * hypot(1.0, slope)
         rear = (1.0 - self.crest) * narrow + back * traction
         rear *= hypot(1.0, tan(self.chamfer_back))

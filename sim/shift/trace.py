@@ -1,7 +1,17 @@
-"""Time series of a shift, worked out from the states of the run (``sim.kernel``)."""
+r"""Time series of a shift, worked out from the states of the run, and the torque of its driveline.
+
+*Driveline* of torsional stiffness *c* between two inertias at rest, driven by the contact's torque
+*M* on the sliding ring; its torque is Duhamel's integral (Rao, *Mechanical Vibrations*, 4.5),
+
+.. math:: T(t) = \omega \int_0^t M(\tau) \sin \omega(t - \tau)\,d\tau, \qquad \omega = \sqrt{c/J},
+   \quad J = J_1 J_2/(J_1 + J_2), \qquad \text{exact for the mean of M over each step.}
+
+What mismatch is left at the end strikes once more. Nothing damps the swing.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,3 +86,24 @@ def trace_of(clutch: Clutch, profile: ForceProfile, time: Series, state: Series)
         actuator_speed=far[:, 1],
         **behind,
     )
+
+
+def torque_peak(clutch: Clutch, trace: Trace, stiffness: float) -> float:
+    """Compute the largest torque in N m of a driveline of ``stiffness`` in N m/rad in a shift."""
+    inertia = clutch.rings.reduced_inertia
+    rate = math.sqrt(stiffness / inertia)
+    torque = trace.tangential_force[1:] * clutch.dog.mean_radius
+    turns = rate * (trace.time - trace.time[0])
+    back = np.exp(-1j * turns)
+    pushes = torque * (back[:-1] - back[1:]) / 1j
+    # T is the imaginary part of the state and its rate over that of the swing the real one.
+    state = np.concatenate([[0.0], np.cumsum(pushes)]) / back
+    ahead, swing = state.imag[:-1] - torque, np.hypot(state.imag[:-1] - torque, state.real[:-1])
+    crest = np.arctan2(state.real[:-1], ahead) % (2.0 * math.pi)
+    trough = (crest + math.pi) % (2.0 * math.pi)
+    within = np.diff(turns)
+    turning = ((crest, torque + swing), (trough, torque - swing))
+    largest = [np.abs(np.where(place <= within, value, 0.0)) for place, value in turning]
+    engaged = bool((trace.displacement >= clutch.shift_travel).any())
+    last = inertia * float(trace.relative_speed[-1]) * rate if engaged else 0.0
+    return float(max(np.abs(state.imag).max(), *map(np.max, largest), abs(state[-1] + last)))

@@ -21,11 +21,11 @@ from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.statistics.shift_records import (
     Record,
     content_key,
+    edge_record,
     inputs,
-    landing_record,
 )
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
-from dogshape.sim.units import DEG, MM, RPM
+from dogshape.sim.units import DEG, MM
 from dogshape.sim.versions import engine
 
 
@@ -52,7 +52,7 @@ class Block:
 
     ``seed`` is that of the angles' draw, None where they were given. ``variants`` has for each
     angle the draw of what is uncertain; it is empty where all is certain. Clutch and operating
-    point are the nominal ones. ``fine`` is set where shifts are repeated with a smaller tolerance.
+    point are the nominal ones.
     """
 
     clutch: Clutch
@@ -60,7 +60,6 @@ class Block:
     angles: tuple[float, ...]
     seed: int | None = None
     variants: tuple[Variant, ...] = ()
-    fine: bool = False
 
     @property
     def inputs(self) -> list[Record]:
@@ -89,7 +88,7 @@ class Block:
 
     def refined(self, place: int) -> Block:
         """Return the shift at ``place`` alone, with a tolerance thirty times smaller."""
-        return replace(self.only([place]), clutch=self.clutch.refined(), seed=None, fine=True)
+        return replace(self.only([place]), clutch=self.clutch.refined(), seed=None)
 
 
 def even_blocks(
@@ -143,34 +142,27 @@ def events_record(result: Engagement) -> Record:
         overlap, most, _ = kernel.facing(kernel.face_overlap(angle, numbers), numbers)
         left = most - overlap if result.point.mismatch > 0.0 else overlap
         rest["rest_overlap_deg"] = max(left, 0.0) / result.clutch.dog.mean_radius / DEG
-    return {
-        "face_contacts": events.face_contacts,
-        "slots_skipped": events.slots_skipped,
-        "rebound_travel_mm": events.rebound / MM,
-        "time_blocked_s": events.time_blocked,
-        "face_slide_mm": events.face_slide / MM,
-        **rest,
-    }
+    lengths = edge_record(events, ("rebound_travel_mm", "time_blocked_s", "face_slide_mm"))
+    counts = {"face_contacts": events.face_contacts, "slots_skipped": events.slots_skipped}
+    return {**counts, **lengths, **rest}
+
+
+_LOADS = (
+    *("peak_axial_force_N", "peak_tangential_force_N", "impact_impulse_Ns", "energy_dissipated_J"),
+    *("strike_mismatch_rpm", "residual_mismatch_rpm"),
+)
+_SHAFTS = ("input_torque_peak_Nm", "output_torque_peak_Nm")
 
 
 def loads_record(result: Engagement) -> Record:
     """Return the loads of a shift as a flat record in the edge's units."""
-    loads, left = result.loads, result.loads.residual_mismatch
-    return {
-        "peak_axial_force_N": loads.peak_axial_force,
-        "peak_tangential_force_N": loads.peak_tangential_force,
-        "impact_impulse_Ns": loads.impact_impulse,
-        "energy_dissipated_J": loads.energy_dissipated,
-        "strike_mismatch_rpm": loads.strike_mismatch / RPM,
-        "residual_mismatch_rpm": None if left is None else left / RPM,
-        **landing_record(loads.landing),
-    }
+    landing = [load * MM for load in result.loads.landing_loads]
+    return {**edge_record(result.loads, _LOADS), "landing_loads_N_mm": landing}
 
 
 def shaft_record(result: Engagement) -> Record:
     """Return the largest torques of shafts that give way, N m; nothing for rigid ones."""
-    shafts = ("input", result.loads.input_torque), ("output", result.loads.output_torque)
-    return {f"{name}_torque_peak_Nm": peak for name, peak in shafts if peak is not None}
+    return {k: v for k, v in edge_record(result.loads, _SHAFTS).items() if v is not None}
 
 
 def run_block(block: Block) -> Iterator[Record]:

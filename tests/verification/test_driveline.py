@@ -13,9 +13,8 @@ from scipy.integrate import solve_ivp
 
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import engage
-from dogshape.sim.shift.loads import torque_peak
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.shift.trace import Trace
+from dogshape.sim.shift.trace import Trace, torque_peak
 from dogshape.sim.units import RPM
 from tests.conftest import dog_of
 

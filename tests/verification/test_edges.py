@@ -17,8 +17,8 @@ from dogshape.sim import kernel
 from dogshape.sim.errors import GeometryError, InputError
 from dogshape.sim.part import dog_corners, ring_part
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import FLANKS, Dog, crest_loss, crest_setback, flank_contact
-from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.shift.mesh import (
     DEVIATION,
     compliant_dog,
@@ -240,7 +240,7 @@ def test_part_drawing_and_checks_have_the_radius_of_the_edges(prototype: Dog) ->
     drawn = dimensioned_svg(dog, limits)
     assert "roots R 0.30 ±0.05, tip edges R 0.50" in drawn
     assert "roots and tip edges R 0.30" in dimensioned_svg(prototype, limits)
-    edge = Landing((5e4, *(0.0 for _ in OVERLAPS[1:])))
+    edge = (5e4, *(0.0 for _ in OVERLAPS[1:]))
     sharp, round_ = (demand_of(one, edge, limits).edge for one in (prototype, dog))
     assert round_ == pytest.approx(sharp * math.sqrt(root / tip))
 

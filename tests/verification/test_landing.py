@@ -13,12 +13,12 @@ from scipy.integrate import solve_ivp
 from dogshape.sim import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import engage
+from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits
-from dogshape.sim.strength.landing import demand_checks, demand_of, edge_pressure
+from dogshape.sim.strength.landing import Landing, demand_checks, demand_of, edge_pressure
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import MPA
 
@@ -50,7 +50,7 @@ def test_peak_pressure_of_flat_faces(clutch: Clutch, point: Point, force: float)
     )
     peak = max(press(x, v) for x, v in run.y.T)
     load = peak / (dog.radial_width * dog.count)
-    classes = result.loads.landing.line_loads
+    classes = result.loads.landing_loads
     assert max(classes) == pytest.approx(load, rel=0.05)
     assert classes.index(max(classes)) == np.searchsorted(OVERLAPS, width, side="right") - 1
 
@@ -60,7 +60,7 @@ def _landing(**classes: float) -> Landing:
     loads = [0.0] * len(OVERLAPS)
     for name, load in classes.items():
         loads[int(name.removeprefix("at_"))] = load * 1e3
-    return Landing(tuple(loads))
+    return tuple(loads)
 
 
 def _checks(dog: Dog, landing: Landing, limits: Limits) -> tuple[Check, ...]:

@@ -172,7 +172,7 @@ def test_undercut_passes_as_far_as_the_chamfers_let_it(prototype: Dog) -> None:
     """With a roof flanks first face each other twice the drop of the edge further in."""
     own = {"traction": -3.0 * DEG, "braking": -3.0 * DEG}
     dog = roof(prototype, chamfer=16 * DEG, chamfer_back=16 * DEG, backlash=0.4e-3, **own)
-    drop = dog.edge_drop_at(dog.inner_radius)
+    drop = dog.drops_at(dog.inner_radius)[1]
     least = 2.0 * math.tan(3.0 * DEG) * (dog.height - 2.0 * drop)
     inner = dog.inner_radius / dog.mean_radius
     assert dog.passing_play == pytest.approx(dog.backlash * inner - least)

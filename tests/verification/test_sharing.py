@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
+from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.strength.dog_strength import Limits, strength_checks
 from dogshape.sim.strength.landing import demand_of
 from dogshape.sim.strength.load_case import (
@@ -130,8 +130,8 @@ def test_foremost_dogs_bear_the_landing(prototype: Dog) -> None:
     """Edge pressure grows with the root of the load, which grows with that of the share."""
     load, line = LoadCase(accuracy=6), 54e3
     loads = tuple(line if abs(o - 0.1e-3) < 1e-9 else 0.0 for o in OVERLAPS)
-    rough = demand_of(prototype, Landing(loads), Limits(load=load)).edge
-    even = demand_of(prototype, Landing(loads), Limits(load=LoadCase(load_sharing=1.0))).edge
+    rough = demand_of(prototype, loads, Limits(load=load)).edge
+    even = demand_of(prototype, loads, Limits(load=LoadCase(load_sharing=1.0))).edge
     share = load.landing(prototype, line)
     assert 1 / 15 < share < 1.0
     assert rough == pytest.approx(even * share**-0.25, rel=1e-12)
