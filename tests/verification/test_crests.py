@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -14,10 +13,8 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
-from tests.conftest import dog_of
+from tests.conftest import Point, dog_of
 from tests.verification.crests import DESIGNS, Crests, crests_of, time_on_crests
-
-Point = Callable[[float, float], OperatingPoint]
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
@@ -11,17 +10,16 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace, torque_peak
 from dogshape.sim.units import RPM
-from tests.conftest import dog_of
+from tests.conftest import Point, dog_of
 
 STIFFNESS = 320.0  #: N m/rad
 CHOSEN = (10.6325, 6.8912, 24.4977, 2.48494, 31)  #: by an earlier search
 
-Point = Callable[[float, float], OperatingPoint]
 Series = NDArray[np.float64]
 
 

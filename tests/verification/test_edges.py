@@ -3,30 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
 
 import dogshape.sim.shift.mesh
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim import kernel
-from dogshape.sim.errors import GeometryError, InputError
+from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import dog_corners, ring_part
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import FLANKS, Dog, crest_loss, crest_setback, flank_contact
 from dogshape.sim.shift.mesh import (
     DEVIATION,
-    compliant_dog,
     dog_planes,
-    pressure_apex,
-    rigid_dog,
     tip_edges,
-    touching_planes,
 )
 from dogshape.sim.shift.planar import PlanarClutch, surfaces_of
 from dogshape.sim.statistics.blocks import engage
@@ -38,13 +33,11 @@ from dogshape.sim.strength.manufacture import (
     require_makeable,
 )
 from dogshape.sim.units import DEG, MM
-from tests.conftest import dog_of
+from tests.conftest import Point, dog_of
 from tests.verification.crests import DESIGNS
 from tests.verification.ridges import WIDER, ridges_of, rounded, share_held
 
-Point = Callable[[float, float], OperatingPoint]
 RADII = (0.02 * MM, 0.1 * MM, 0.3 * MM)
-SHAPES = [(8, 12, 22, 3.7, 15), (2, 4, 5, 1.6, 6), (6, 29, 29, 5.5, 10), (15, 7, 25, 2.0, 34)]
 
 
 @pytest.mark.parametrize("radius", RADII)
@@ -75,44 +68,6 @@ def test_the_ridge_is_where_the_closed_form_has_it(prototype: Dog) -> None:
     back = -0.5 * prototype.height * math.tan(prototype.traction) - crest.axis @ across
     assert lower == pytest.approx(crest_loss(prototype, radius), rel=1e-9)
     assert back == pytest.approx(crest_setback(prototype, radius), rel=1e-9)
-
-
-@pytest.mark.parametrize("radius", [0.0, *RADII])
-@pytest.mark.parametrize("shape", SHAPES)
-def test_pressure_of_a_dog_is_its_depth(
-    prototype: Dog, shape: tuple[float, ...], radius: float
-) -> None:
-    """Tetrahedra fill the convex body, and the pressure that Drake takes from distances is depth.
-
-    Points on each surface, moved in by up to a third of the apex's depth.
-    """
-    dog = replace(dog_of(prototype, shape), edge_radius=radius)
-    mesh, (apex, full) = compliant_dog(dog), pressure_apex(dog)
-    cells = mesh.vertices[mesh.cells]
-    volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0
-    assert (volumes > 0.0).all()
-    assert volumes.sum() == pytest.approx(ConvexHull(mesh.vertices).volume, rel=1e-9)
-    assert mesh.vertices[-1] == pytest.approx(apex)
-    # Vertices: of the skin, of either axis (ends on the skin, the others within), apex.
-    field = np.zeros(len(mesh.vertices))
-    field[-1] = full
-    field[[-8, -7, -4, -3]] = radius
-    planes, rng, skin = touching_planes(dog), np.random.default_rng(3), rigid_dog(dog)
-    corners = skin.vertices[skin.cells]
-    inverse = np.linalg.inv(
-        np.concatenate([cells.transpose(0, 2, 1), np.ones((len(cells), 1, 4))], axis=1)
-    )
-    for triangle in corners:
-        for weights in rng.dirichlet(np.ones(3), 4):
-            inward = np.cross(triangle[2] - triangle[0], triangle[1] - triangle[0])
-            inward /= np.linalg.norm(inward)
-            place = weights @ triangle + rng.uniform(0.0, full / 3.0) * inward
-            depth = min(plane.offset - plane.normal @ place for plane in planes)
-            shares = inverse @ [*place, 1.0]
-            found = np.flatnonzero((shares > -1e-7).all(axis=1))
-            if depth > 0.0:
-                pressure = shares[found[0]] @ field[mesh.cells[found[0]]]
-                assert pressure == pytest.approx(depth, abs=1e-9)
 
 
 @pytest.fixture
@@ -205,21 +160,6 @@ def test_shifts_hang_over_the_window_of_the_closed_form(
     assert least - step < hung < most + step
     assert least > 0.9 * sharp
     assert hung > sharp
-
-
-@pytest.mark.parametrize(
-    ("radius", "kind", "words"),
-    [
-        (0.01, InputError, "an edge is sharp (0 mm) or at least 0.02 mm round"),
-        (3.0, GeometryError, "dog.edge_radius_mm is 3 mm, but it must be at most 2.425 mm"),
-    ],
-)
-def test_radii_that_are_none_are_refused(
-    prototype: Dog, radius: float, kind: type[Exception], words: str
-) -> None:
-    with pytest.raises(kind) as refused:
-        replace(prototype, edge_radius=radius * MM)
-    assert words in str(refused.value)
 
 
 def test_part_drawing_and_checks_have_the_radius_of_the_edges(prototype: Dog) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -12,13 +11,12 @@ import pytest
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import ENGINES, Clutch
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
 
 EFFECTS = load()
 MASS = 0.3  #: kg, of the ring

@@ -18,8 +18,8 @@ from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.statistics import blocks
 from dogshape.sim.units import DEG, RPM
+from tests.conftest import Point
 
-Point = Callable[[float, float], OperatingPoint]
 Flight = Callable[..., Trace]
 
 STEP = 1e-4  #: s, rise of a force that is as good as constant from half of it on

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +10,10 @@ from scipy.special import ive
 
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting, angle_weights
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import run_block
 from dogshape.sim.units import DEG, RPM
-
-Point = Callable[[float, float], OperatingPoint]
 
 EFFECTS = load()
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,9 +13,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
-from tests.conftest import dog_of
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point, dog_of
 
 
 def _shift(plant: ClutchPlant, point: OperatingPoint, angle: float) -> Engagement:

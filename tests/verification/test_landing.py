@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dogshape.sim import kernel
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import Dog
@@ -21,8 +20,7 @@ from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Landing, demand_checks, demand_of, edge_pressure
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import MPA
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
 
 
 @pytest.mark.parametrize("force", [235.2, 641.5])

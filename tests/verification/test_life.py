@@ -8,22 +8,18 @@ import pytest
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.strength.checks import Check
-from dogshape.sim.strength.dog_strength import Limits, fatigue, root_load, root_of, strength_checks
+from dogshape.sim.strength.dog_strength import Limits, fatigue, root_load, root_of
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.materials import MATERIALS, damage, reserve
+from tests.conftest import named_checks
 
 STEEL = MATERIALS["16MnCr5"]
 
 
-def _checks(dog: Dog, load: LoadCase) -> dict[str, Check]:
-    return {check.name: check for check in strength_checks(dog, Limits(load=load))}
-
-
 @pytest.mark.parametrize("cycles", [1.0, 100.0, 1e3, 1e5, 3e6, 1e9])
 def test_one_class_is_the_check_of_a_life_of_so_many_cycles(prototype: Dog, cycles: float) -> None:
-    plain = _checks(prototype, LoadCase(shifts=cycles))["root_fatigue"]
-    one = _checks(prototype, LoadCase(spectrum=((1.0, cycles),)))["root_fatigue"]
+    plain = named_checks(prototype, LoadCase(shifts=cycles))["root_fatigue"]
+    one = named_checks(prototype, LoadCase(spectrum=((1.0, cycles),)))["root_fatigue"]
     assert one.value == pytest.approx(plain.value, rel=1e-12)
     assert one.limit == pytest.approx(plain.limit, rel=1e-9)
 
@@ -55,12 +51,12 @@ def test_negative_classes_load_the_braking_flank(prototype: Dog) -> None:
 
 
 def test_misuse_meets_the_static_limits_alone(prototype: Dog) -> None:
-    plain, hard = _checks(prototype, LoadCase()), _checks(prototype, LoadCase(abuse_torque=600.0))
+    plain, hard = (named_checks(prototype, LoadCase(abuse_torque=t)) for t in (None, 600.0))
     for name, check in hard.items():
         static = name.startswith("root_bending") or name in ("shear_stress", "equivalent_stress")
         ratio = 2.0 if static else 1.0  # 600 N m over 200 with 1.5
         assert check.value == pytest.approx(ratio * plain[name].value, rel=1e-9), name
-    less = _checks(prototype, LoadCase(abuse_torque=250.0, coast_share=0.4))
+    less = named_checks(prototype, LoadCase(abuse_torque=250.0, coast_share=0.4))
     assert less["root_bending_traction"].value == pytest.approx(
         plain["root_bending_traction"].value, rel=1e-12
     )
@@ -75,9 +71,6 @@ def test_vibration_adds_the_inertia_of_ring_and_fork() -> None:
     shaken = load_study("mq200_paper", [*keys, "load.axial_vibration_m_s2=500"])
     for flank in ("traction", "braking"):
         name = f"separating_force_{flank}"
-        before, after = (
-            {c.name: c for c in strength_checks(s.clutch.dog, s.limits)}[name]
-            for s in (plain, shaken)
-        )
+        before, after = (named_checks(s.clutch.dog, s.limits)[name] for s in (plain, shaken))
         assert after.value - before.value == pytest.approx(500.0 * 0.5, rel=1e-9)
     assert shaken.physics_hash == plain.physics_hash

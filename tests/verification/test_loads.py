@@ -11,18 +11,14 @@ from scipy.optimize import brentq
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import FLANKS, Dog
-from dogshape.sim.strength.checks import Check
-from dogshape.sim.strength.dog_strength import Limits, root_load, root_of, strength_checks
+from dogshape.sim.strength.dog_strength import Limits, root_load, root_of
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import pull_out_force, release_angle, separating_force
 from dogshape.sim.strength.manufacture import ManufacturingLimits
 from dogshape.sim.units import DEG, MM, MPA
+from tests.conftest import named_checks
 
 SPLINE = LoadCase(spline_friction=0.1, spline_radius=17.6 * MM, pull_out_force_limit=641.5)
-
-
-def _by_name(dog: Dog, load: LoadCase) -> dict[str, Check]:
-    return {check.name: check for check in strength_checks(dog, Limits(load=load))}
 
 
 def _pull_by_equilibrium(dog: Dog, angle: float, mu: float, spline: float, radius: float) -> float:
@@ -49,7 +45,7 @@ def test_a_flank_lets_go_where_the_pull_vanishes(prototype: Dog) -> None:
     vanishes = brentq(pull, 5 * DEG, 30 * DEG)
     assert release_angle(prototype, SPLINE) == pytest.approx(vanishes, rel=1e-9)
     assert vanishes / DEG == pytest.approx(6.843 + 7.765, abs=0.01)
-    checks = _by_name(prototype, SPLINE)
+    checks = named_checks(prototype, SPLINE)
     assert checks["traction_release"].limit == pytest.approx(vanishes / DEG)
     assert checks["braking_release"].limit == pytest.approx(vanishes / DEG)
     assert checks["chamfer_release"].limit == pytest.approx(6.843, abs=0.001)
@@ -81,7 +77,7 @@ def test_equivalent_stress_takes_tension_and_shear_of_one_flank(
     limits = Limits(load=LoadCase(coast_share=share))
     roots = {f: root_of(steep, limits, root_load(steep, limits, f)) for f in FLANKS}
     by_flank = {f: math.hypot(root.core, math.sqrt(3.0) * root.shear) for f, root in roots.items()}
-    found = _by_name(steep, limits.load)["equivalent_stress"].value * MPA
+    found = named_checks(steep, limits.load)["equivalent_stress"].value * MPA
     assert found == pytest.approx(max(by_flank.values()), rel=1e-12)
     assert (by_flank["braking"] > by_flank["traction"]) == (share == 1.0)
 
@@ -107,8 +103,7 @@ def test_a_thin_rim_raises_the_stress_of_the_root(
 ) -> None:
     """ISO 6336-3: 1.6 ln(2.242 h/s) below 1.2 heights, and nothing above."""
     rim = ManufacturingLimits(rim=ratio * prototype.height)
-    plain = {c.name: c for c in strength_checks(prototype, Limits())}
-    thin = {c.name: c for c in strength_checks(prototype, Limits(manufacturing=rim))}
+    plain, thin = named_checks(prototype), named_checks(prototype, Limits(manufacturing=rim))
     for name in ("root_bending_traction", "root_bending_braking", "root_fatigue"):
         assert thin[name].value == pytest.approx(factor * plain[name].value, rel=2e-4)
     assert thin["shear_stress"].value == plain["shear_stress"].value

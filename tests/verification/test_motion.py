@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +12,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
-from tests.conftest import RISE
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import RISE, Point
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -18,8 +17,8 @@ from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
+from tests.verification.test_shapes import ALL, shaped
 
 #: A small and a large dog beside the prototype, fine and coarse.
 DOGS = {
@@ -37,38 +36,42 @@ def _both(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[float, f
     return mine.shift_time, drake.shift_time
 
 
-@pytest.mark.parametrize("name", ["prototype", "round", *DOGS])
+@pytest.mark.parametrize("name", ["prototype", "round", *DOGS, *ALL])
 def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -> None:
     """Random places with up to 0.1 mm of overlap, random speeds: nine in ten within 0.03 %.
 
     What is left are other triangles of the same polygon, over which friction turns, and edges
     beside which Drake's mesh has the pressure of the dog's ends.
     """
-    round_ = replace(clutch.dog, edge_radius=2e-4)
-    own = clutch.with_dog({"prototype": clutch.dog, "round": round_, **DOGS}[name])
-    plant, mine, dog = ClutchPlant(own), PlanarClutch(own), own.dog
-    plant.start(OperatingPoint(1.0, _profile()), 0.1)
+    own = {"prototype": clutch.dog, "round": replace(clutch.dog, edge_radius=2e-4), **DOGS}
+    dog = shaped(clutch.dog, name, ALL) if name in ALL else own[name]
+    plant, mine = ClutchPlant(clutch.with_dog(dog)), PlanarClutch(clutch.with_dog(dog))
+    plant.start(OperatingPoint(1.0, ForceProfile(469.0, 0.1766)), 0.1)
     carriage = plant.plant.GetBodyByName("carriage").model_instance()
     port = plant.plant.get_generalized_contact_forces_output_port(carriage)
-    rng, work, errors = np.random.default_rng(2), kernel.workspace(len(mine.surfaces[1])), []
+    rng, errors, numbers = np.random.default_rng(2), [], mine.clutch.numbers
     while len(errors) < 60:
         angle = rng.uniform(-dog.pitch_angle, dog.pitch_angle)
         way = rng.uniform(0.98 * dog.axial_gap, dog.travel)
-        if not 0.0 < kernel.penetration(way, angle, section_planes(dog), own.numbers) < 1e-4:
+        if not 0.0 < kernel.penetration(way, angle, section_planes(dog), numbers) < 1e-4:
             continue
         output, sliding, speed = (float(v) for v in rng.normal(0.0, [5.0, 5.0, 0.3]))
         plant.plant.SetPositions(plant.plant_context, [1.0 + angle, way, 1.0])
         plant.plant.SetVelocities(plant.plant_context, [output, speed, sliding])
         _, axial, torque = port.Eval(plant.plant_context)
-        found = kernel.contact(
-            angle, dog.travel - way, output - sliding, speed, mine.surfaces, mine.law, work
-        )
-        given = np.array([-axial, torque / dog.mean_radius])
-        own_force = np.array([found[0], found[1] / dog.mean_radius])
-        if np.hypot(*given) > 1e-6:
-            errors.append(float(np.hypot(*(own_force - given)) / np.hypot(*given)))
+        found = np.array(force_of(mine, angle, dog.travel - way, output - sliding, speed))
+        given, scale = np.array([-axial, torque]), np.array([1.0, dog.mean_radius])
+        if np.hypot(*(given / scale)) > 1e-6:
+            errors.append(float(np.hypot(*((found - given) / scale)) / np.hypot(*(given / scale))))
     assert np.quantile(errors, 0.5) < 1e-5
     assert np.quantile(errors, 0.9) < 3e-4
+
+
+def force_of(plant: PlanarClutch, *state: float) -> tuple[float, float]:
+    """Compute force and torque at angle, distance and both speeds."""
+    work = kernel.workspace(len(plant.surfaces[1]))
+    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, work)
+    return found
 
 
 @pytest.mark.parametrize(
@@ -152,7 +155,3 @@ def test_a_lagged_force_follows_drake(clutch: Clutch, point: Point) -> None:
     lagged = ForceProfile(base.profile.force, base.profile.rise, lag=0.02)
     mine, drake = _both(clutch, replace(base, profile=lagged), 15 * DEG)
     assert mine == pytest.approx(drake, rel=5e-3)
-
-
-def _profile() -> ForceProfile:
-    return ForceProfile(469.0, 0.1766, lag=0.01)

@@ -8,7 +8,6 @@ took another slot. Numbers behind the tolerances: ``python -m benchmarks.second_
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -34,11 +33,9 @@ from dogshape.sim.units import DEG, RPM
 from dogshape.validation.blind.mujoco_model import restitution_of
 from dogshape.validation.blind.mujoco_shift import engine_available
 from dogshape.validation.second_engine import FINE, EngineSettings, SecondEngine
-from tests.conftest import RISE, dog_of, needed
+from tests.conftest import RISE, Point, dog_of, needed
 from tests.verification.test_motion import DESIGNS
 from tests.verification.test_shapes import SHAPES, shaped
-
-Point = Callable[[float, float], OperatingPoint]
 
 ANGLES = 6
 #: Shapes of dogs as in ``SHAPES``; flat ones block at some angles.

@@ -8,12 +8,12 @@ from dataclasses import replace
 import pytest
 
 from dogshape.sim.shift.geometry import Dog, flank_contact, section
-from dogshape.sim.strength.checks import Check
-from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
+from dogshape.sim.strength.dog_strength import Limits, margin_losses
 from dogshape.sim.strength.landing import Wear, worn
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import blocking_force, locking_checks, locking_friction
 from dogshape.sim.units import DEG, MM
+from tests.conftest import named_checks
 
 LIMITS = Limits(load=LoadCase(release_by_itself=False, pull_out_force_limit=500.0))
 
@@ -35,17 +35,13 @@ def undercut(prototype: Dog) -> Dog:
     )
 
 
-def _checks(dog: Dog, limits: Limits = LIMITS) -> dict[str, Check]:
-    return {check.name: check for check in strength_checks(dog, limits)}
-
-
 def test_a_roof_is_judged_by_its_flatter_face_and_lower_edge(roof: Dog) -> None:
     tan = {n: math.tan(n * DEG) for n in (14, 20)}
     inner = math.pi * 22.0 / 15 - 0.3 * 22.0 / 24.0 - 3.7 * tan[14]
     outer = math.pi * 26.0 / 15 - 0.3 * 26.0 / 24.0 - 3.7 * tan[14]
     tip = math.pi * 24.0 / 15 - 0.3 - 3.7 * tan[14]
     slope = tan[20] / (1.0 - tan[20] * tan[14])  # of the back, which falls deeper than the face
-    found = _checks(roof)
+    found = named_checks(roof, LIMITS)
     assert found["chamfer_release"].value == pytest.approx(14.0)
     assert found["tip_width"].value == pytest.approx(inner)
     assert found["slot_width"].value == pytest.approx(inner + 0.6 * 22.0 / 24.0)
@@ -59,7 +55,7 @@ def test_a_roof_is_judged_by_its_flatter_face_and_lower_edge(roof: Dog) -> None:
 def test_an_undercut_dog_holds_itself_and_has_to_be_pulled(undercut: Dog) -> None:
     """Under 200 N m at 24 mm the steeper undercut needs T/r tan(5 deg + arctan 0.12)."""
     pull = 200.0 / 0.024 * math.tan(5.0 * DEG + math.atan(0.12))
-    found = _checks(undercut)
+    found = named_checks(undercut, LIMITS)
     assert found["pull_out_force"].value == pytest.approx(pull)
     assert blocking_force(undercut, LIMITS.load) == 0.0
     assert found["separating_force_traction"].value < 0.0
@@ -72,9 +68,9 @@ def test_an_undercut_dog_holds_itself_and_has_to_be_pulled(undercut: Dog) -> Non
 
 
 def test_flat_faces_are_judged_where_they_have_to_slide(undercut: Dog) -> None:
-    assert not _checks(undercut)["chamfer_release"].passed
+    assert not named_checks(undercut, LIMITS)["chamfer_release"].passed
     waits = replace(LIMITS.load, faces_release=False)
-    assert "chamfer_release" not in _checks(undercut, replace(LIMITS, load=waits))
+    assert "chamfer_release" not in named_checks(undercut, replace(LIMITS, load=waits))
     assert locking_friction(undercut, waits) == (math.inf, "")
 
 

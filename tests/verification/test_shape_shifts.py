@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from dogshape.sim import kernel
-from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome, section_planes
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.shift.planar import PlanarClutch
-from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM
-from tests.verification.test_shapes import ROOFS, SHAPES, mirrored, shaped
-
-Point = Callable[[float, float], OperatingPoint]
-ALL = {**ROOFS, **SHAPES}
+from tests.conftest import Point
+from tests.verification.test_planar import force_of
+from tests.verification.test_shapes import ALL, ROOFS, SHAPES, mirrored, shaped
 
 
 def _clutch(clutch: Clutch, name: str, radius: float = 0.0) -> Clutch:
@@ -40,33 +37,6 @@ def test_shifts_follow_drake(clutch: Clutch, point: Point, name: str, radius: fl
         assert one.events.slots_skipped == other.events.slots_skipped
         if one.shift_time is not None:
             assert other.shift_time == pytest.approx(one.shift_time, rel=1e-3)
-
-
-@pytest.mark.parametrize("name", ALL)
-def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -> None:
-    """Random places with up to 0.1 mm of overlap and random speeds, as for the prototype."""
-    own = _clutch(clutch, name)
-    plant, mine, dog = ClutchPlant(own), PlanarClutch(own), own.dog
-    plant.start(OperatingPoint(1.0, ForceProfile(469.0, 0.1766)), 0.1)
-    carriage = plant.plant.GetBodyByName("carriage").model_instance()
-    port = plant.plant.get_generalized_contact_forces_output_port(carriage)
-    rng, errors = np.random.default_rng(2), []
-    while len(errors) < 40:
-        angle = rng.uniform(-dog.pitch_angle, dog.pitch_angle)
-        way = rng.uniform(0.98 * dog.axial_gap, dog.travel)
-        if not 0.0 < kernel.penetration(way, angle, section_planes(dog), own.numbers) < 1e-4:
-            continue
-        output, sliding, speed = (float(v) for v in rng.normal(0.0, [5.0, 5.0, 0.3]))
-        plant.plant.SetPositions(plant.plant_context, [1.0 + angle, way, 1.0])
-        plant.plant.SetVelocities(plant.plant_context, [output, speed, sliding])
-        _, axial, torque = port.Eval(plant.plant_context)
-        found = _force(mine, angle, dog.travel - way, output - sliding, speed)
-        given = np.array([-axial, torque / dog.mean_radius])
-        if np.hypot(*given) > 1e-6:
-            own_force = np.array([found[0], found[1] / dog.mean_radius])
-            errors.append(float(np.hypot(*(own_force - given)) / np.hypot(*given)))
-    assert np.quantile(errors, 0.5) < 1e-5
-    assert np.quantile(errors, 0.9) < 3e-4
 
 
 @pytest.mark.parametrize("engine", ["planar", "drake"])
@@ -119,7 +89,7 @@ def test_rings_have_the_play_of_the_closed_form_at_every_depth(clutch: Clutch, n
             low, high = 0.0, 0.5 * middle
             while high - low > 1e-9:
                 turned = 0.5 * (low + high)
-                force = _force(plant, middle + sign * turned, distance, 0.0, 0.0)
+                force = force_of(plant, middle + sign * turned, distance, 0.0, 0.0)
                 low, high = (low, turned) if any(force) else (turned, high)
             assert low == pytest.approx(exact, abs=1e-4)
 
@@ -133,7 +103,7 @@ def test_flanks_lie_on_each_other_once_the_play_is_turned(clutch: Clutch, angle:
         plant = PlanarClutch(clutch.with_dog(replace(clutch.dog, chamfer=0.0, **own)))
         dog = plant.clutch.dog
         closed = 0.5 * (dog.pitch_angle + dog.backlash_angle)
-        found.append(_force(plant, closed + 30e-6 / dog.mean_radius, 0.0, 0.0, 0.0))
+        found.append(force_of(plant, closed + 30e-6 / dog.mean_radius, 0.0, 0.0, 0.0))
     area = dog.height * dog.radial_width
     assert found[1] == pytest.approx(found[0], rel=1e-5)
     assert found[2] == pytest.approx(found[0], rel=1e-5)
@@ -146,13 +116,12 @@ def test_flanks_lie_on_each_other_once_the_play_is_turned(clutch: Clutch, angle:
 def test_no_overlap_is_passed_over(clutch: Clutch, name: str) -> None:
     """The force at random places is the same where every dog is looked at."""
     plant = PlanarClutch(_clutch(clutch, name))
-    everything = replace(
-        plant, surfaces=(*plant.surfaces[:3], np.array([-1e9, -1e9, 0.0]), *plant.surfaces[4:])
-    )
+    every = (*plant.surfaces[:3], np.array([-1e9, -1e9, 0.0]), *plant.surfaces[4:])
+    everything: Any = SimpleNamespace(surfaces=every, law=plant.law)
     dog, rng, touched = plant.clutch.dog, np.random.default_rng(5), 0
     for _ in range(3000):
         angle, distance = rng.uniform(-1.0, 1.0) * dog.pitch_angle, rng.uniform(0.0, dog.height)
-        here, there = (_force(one, angle, distance, 3.0, 0.1) for one in (plant, everything))
+        here, there = (force_of(one, angle, distance, 3.0, 0.1) for one in (plant, everything))
         assert here == there
         touched += here[0] != 0.0
     assert touched > 1000
@@ -164,12 +133,5 @@ def test_ridges_meet_at_the_axial_gap(clutch: Clutch) -> None:
         plant = PlanarClutch(_clutch(clutch, name))
         dog = plant.clutch.dog
         angle = -dog.crest_overlap / dog.mean_radius
-        assert _force(plant, angle, dog.height + 1e-9, 0.0, 0.0) == (0.0, 0.0)
-        assert _force(plant, angle, dog.height - 1e-8, 0.0, 0.0)[0] > 0.0
-
-
-def _force(plant: PlanarClutch, *state: float) -> tuple[float, float]:
-    """Compute force and torque at angle, distance and both speeds."""
-    work = kernel.workspace(len(plant.surfaces[1]))
-    found: tuple[float, float] = kernel.contact(*state, plant.surfaces, plant.law, work)
-    return found
+        assert force_of(plant, angle, dog.height + 1e-9, 0.0, 0.0) == (0.0, 0.0)
+        assert force_of(plant, angle, dog.height - 1e-8, 0.0, 0.0)[0] > 0.0

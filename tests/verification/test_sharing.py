@@ -14,7 +14,7 @@ from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.strength.dog_strength import Limits, strength_checks
+from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import demand_of
 from dogshape.sim.strength.load_case import (
     LoadCase,
@@ -23,6 +23,7 @@ from dogshape.sim.strength.load_case import (
     pitch_tolerance,
     tabled_share,
 )
+from tests.conftest import named_checks
 
 SCATTERS = (0.05, 0.3, 1.0, 5.0)
 
@@ -120,8 +121,8 @@ def test_the_most_loaded_dog_takes_what_the_share_leaves_it(prototype: Dog) -> N
         force = load.force_per_dog(prototype, flank)
         assert force == pytest.approx(torque / (0.024 * 15) / load.sharing(prototype, torque))
     assert load.sharing(prototype, 90.0) < load.sharing(prototype, 300.0) < 1.0
-    fixed = {c.name: c for c in strength_checks(prototype, Limits())}["root_fatigue"].value
-    found = {c.name: c for c in strength_checks(prototype, Limits(load=load))}["root_fatigue"]
+    fixed = named_checks(prototype)["root_fatigue"].value
+    found = named_checks(prototype, load)["root_fatigue"]
     share = load.sharing(prototype, 300.0)
     assert found.value == pytest.approx(fixed * 0.5 / share, rel=1e-12)
 

@@ -6,7 +6,6 @@ all dogs.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -21,8 +20,7 @@ from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import SHIFT, ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
 
 SPLINE = Mechanism(spline_friction=0.1, spline_radius=17.6e-3)
 ADAMS = contact_set("adams2019")

@@ -26,6 +26,7 @@ from dogshape.sim.strength.dog_strength import (
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.strike import Strike
 from dogshape.sim.units import DEG, MPA, RPM
+from tests.conftest import named_checks
 
 DOGS = 15 * 100e6 * 0.024**2  #: N m/rad
 SPEED = 249 * RPM
@@ -164,7 +165,7 @@ def test_dogs_bear_the_strike_as_by_hand(prototype: Dog) -> None:
     assert strike_torque(prototype, limits, CAR, "traction") == pytest.approx(torque)
     force = torque / 0.024 / 15 * math.sqrt(2.0)
     assert strike_force(prototype, limits, CAR, "traction") == pytest.approx(force)
-    checks = {c.name: c for c in strength_checks(prototype, limits)}
+    checks = named_checks(prototype, limits)
     contact = flank_contact(prototype, 0.3e-3, "traction")
     tension = root_tension(prototype, 0.3e-3, Load(force, "traction", contact.level(0.9)))
     assert checks["flank_strike_root"].value == pytest.approx(tension / MPA)
@@ -181,7 +182,7 @@ def test_dogs_bear_the_strike_as_by_hand(prototype: Dog) -> None:
 def test_a_number_of_strikes_asks_for_fatigue_too(prototype: Dog) -> None:
     def limit(strikes: float | None) -> float:
         limits = Limits(strikes=(replace(CAR, strikes=strikes),))
-        return {c.name: c.limit for c in strength_checks(prototype, limits)}["flank_strike_root"]
+        return named_checks(prototype, limits)["flank_strike_root"].limit
 
     assert limit(1e5) == pytest.approx(Limits().fatigue_stress / MPA)
     assert limit(3e6) == pytest.approx(860 * 0.7 / 1.2)
@@ -195,7 +196,7 @@ def test_each_sign_of_the_mismatch_strikes_its_own_flank(prototype: Dog) -> None
     assert both.speed("braking") == pytest.approx(0.4 * SPEED)
     assert CAR.flanks == ("traction",)
     still = Limits(strikes=(replace(CAR, mismatch=(0.0,)),))
-    checks = {c.name: c for c in strength_checks(prototype, still)}
+    checks = named_checks(prototype, still)
     assert checks["flank_strike_root"].value == 0.0
 
 
@@ -236,10 +237,7 @@ def test_a_range_is_judged_at_its_worst_end() -> None:
     ]
     assert max(between) == max(end.torque(SPEED, DOGS) for end in ends)
     for check in strength_checks(dog, study.limits):
-        alone = [
-            {one.name: one for one in strength_checks(dog, replace(study.limits, strikes=(end,)))}
-            for end in ends
-        ]
+        alone = [named_checks(dog, replace(study.limits, strikes=(end,))) for end in ends]
         assert check.margin == min(one[check.name].margin for one in alone)
         if check.name.startswith("flank_strike"):
             assert check.ends == "ring_inertia_kgm2 = 0.001, input_stiffness_Nm_rad = 20000"
