@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 from dogshape.sim.errors import (
     DogshapeError,
@@ -26,7 +26,8 @@ from dogshape.sim.units import unit_of
 Values = Mapping[str, float]  #: of an effect's parameters, by name, in the edge's units
 
 
-SCALES = ("uniform", "log-uniform")
+Scale = Literal["uniform", "log-uniform"]
+SCALES: tuple[Scale, ...] = get_args(Scale)
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ class Parameter:
     neutral: float | Callable[[Setting], float]
     low: float
     high: float
-    scale: Literal["uniform", "log-uniform"]
+    scale: Scale
     source: str = ""
     least: float = -math.inf
     most: float = math.inf

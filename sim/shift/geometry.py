@@ -484,8 +484,12 @@ def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     side, radii = FLANKS.index(flank), (dog.inner_radius, dog.mean_radius, dog.outer_radius)
     edge = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * dog.edge_cuts[side]
     inner, mean, outer = (dog.drops_at(radius)[side] + edge for radius in radii)
-    area = dog.radial_width * _mean_positive(dog.height - 2.0 * inner, dog.height - 2.0 * outer)
-    return FlankContact(mean, dog.height - mean, area)
+    ends = dog.height - 2.0 * inner, dog.height - 2.0 * outer
+    # Of a height that falls to zero within the width, the part that is positive.
+    apart = abs(ends[0] - ends[1])
+    part = 0.5 * largest(*ends, 0.0) ** 2 / where(apart > 0.0, apart, 1.0)
+    touching = where(smallest(*ends) >= 0.0, 0.5 * (ends[0] + ends[1]), part)
+    return FlankContact(mean, dog.height - mean, dog.radial_width * touching)
 
 
 def _crest_angles(dog: Dog) -> tuple[float, float]:
@@ -530,9 +534,3 @@ def root_radius_room(dog: Dog) -> float:
     if not own:
         rooms += [(face, dog.crest_cut + cuts[1]), (back, cuts[0] + dog.crest_cut)]
     return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
-
-
-def _mean_positive(a: float, b: float) -> float:
-    top, apart = largest(a, b, 0.0), abs(a - b)
-    part = 0.5 * top**2 / where(apart > 0.0, apart, 1.0)
-    return where(smallest(a, b) >= 0.0, 0.5 * (a + b), part)

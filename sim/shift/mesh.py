@@ -201,11 +201,14 @@ def touching_planes(dog: Dog) -> tuple[Plane, ...]:
 Face = tuple[int, ...]
 
 
+def stacked(planes: Sequence[Plane]) -> tuple[Vertices, NDArray[np.float64]]:
+    """Return normals (n, 3) and offsets (n,) of planes."""
+    return np.array([one.normal for one in planes]), np.array([one.offset for one in planes])
+
+
 def meeting(*planes: Plane) -> Vertices:
     """Return the point (3,) in which three planes meet."""
-    found: Vertices = np.linalg.solve(
-        np.array([plane.normal for plane in planes]), np.array([plane.offset for plane in planes])
-    )
+    found: Vertices = np.linalg.solve(*stacked(planes))
     return found
 
 
@@ -243,8 +246,9 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
         beside = zip(strips, pairwise(chains), strict=True)
         left += [_end(strip, between, end) for strip, between in beside]
         left += [(inner[-1], 2 * spans[-1][1] + end, floor), (root, *inner, floor)]
-    hips, closing = list[Vertices](), closing_face(dog)
-    if closing is not None:
+    hips, planes = list[Vertices](), dog_planes(dog)
+    if dog.has_back:
+        closing = int(planes["back"].depth(apex) < planes["face"].depth(apex))
         near, far = chains[closing : closing + 2]
         sides = [[points[chain[-end]] for chain in (near, far)] for end in (0, 1)]
         if hips := _hip(dog, closing, apex, sides):
@@ -442,8 +446,7 @@ def rotation(angle: float) -> NDArray[np.float64]:
 
 def equally_deep(planes: Sequence[Plane], radius: float) -> tuple[Vertices, float]:
     """Return the point (3,) equally deep below three planes at x = ``radius``, and its depth, m."""
-    normals = np.array([plane.normal for plane in planes])
-    offsets = np.array([plane.offset for plane in planes])
+    normals, offsets = stacked(planes)
     matrix = np.column_stack([normals[:, 1:], np.ones(3)])
     y, z, depth = np.linalg.solve(matrix, offsets - normals[:, 0] * radius)
     return np.array([radius, y, z]), float(depth)
@@ -463,14 +466,6 @@ def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
     found = [equally_deep([face, *flanks], dog.mean_radius) for face in faces]
     beyond = [faces[-1 - k].depth(apex) - depth for k, (apex, depth) in enumerate(found)]
     return found[int(np.argmax(beyond))]
-
-
-def closing_face(dog: Dog) -> int | None:
-    """Find the face that ends in a hip, of a tip with two: 0 for the back, 1 for the face."""
-    if not dog.has_back:
-        return None
-    planes, (apex, _) = dog_planes(dog), pressure_apex(dog)
-    return int(planes["back"].depth(apex) < planes["face"].depth(apex))
 
 
 def compliant_dog(dog: Dog) -> Mesh:

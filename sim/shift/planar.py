@@ -20,7 +20,7 @@ from dogshape.sim import kernel
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Run, failure_of, states_held
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import rigid_dog, touching_planes, touching_quads
+from dogshape.sim.shift.mesh import rigid_dog, stacked, touching_planes, touching_quads
 
 Floats = NDArray[np.float64]
 Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]
@@ -37,10 +37,8 @@ def surfaces_of(dog: Dog) -> Surfaces:
     dog's planes, m, (p,); least turn by the lean of a traction and a braking flank over the
     distance, rad/m, and by half of the backlash, rad, (3,); pitch, rad; gap and travel, m.
     """
-    vertices, planes = rigid_dog(dog).vertices, touching_planes(dog)
-    corners = np.array([vertices[list(quad)] for quad in touching_quads(dog)])
-    normals = np.array([plane.normal for plane in planes])
-    offsets = np.array([plane.offset for plane in planes])
+    normals, offsets = stacked(touching_planes(dog))
+    corners = rigid_dog(dog).vertices[np.array(touching_quads(dog))]
     lean = np.tan([dog.traction, dog.braking])
     lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
     least = np.append(lean, 0.5 * dog.backlash_angle)

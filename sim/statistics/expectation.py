@@ -279,15 +279,11 @@ def time_quantile(
     of their angles, and those whose integration failed are left out. ``timeout`` and ``retraction``
     in s are the cost of a shift that does not engage.
     """
-    whole = sum(weights)
+    parts = np.array(weights, dtype=float) / sum(weights)
     points = [_with_retries(mine, timeout, retraction) for mine in shifts]
     times = np.concatenate([times[sizes > 0.0] for times, sizes in points])
-    masses = np.concatenate(
-        [
-            w / whole * sizes[sizes > 0.0] / sizes.shape[1]
-            for w, (_, sizes) in zip(weights, points, strict=True)
-        ]
-    )
+    sized = zip(parts, (sizes for _, sizes in points), strict=True)
+    masses = np.concatenate([w * sizes[sizes > 0.0] / sizes.shape[1] for w, sizes in sized])
     order = np.argsort(times, kind="stable")
     times, masses = times[order], masses[order] / masses.sum()
     places = np.cumsum(masses) - 0.5 * masses
@@ -303,7 +299,7 @@ def time_quantile(
     variances = [variance_below(*point) for point in points]
     if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
         variances = [share * (1.0 - share) / len(mine) for mine in shifts]
-    error = math.sqrt(sum((w / whole) ** 2 * v for w, v in zip(weights, variances, strict=True)))
+    error = math.sqrt(sum(w**2 * v for w, v in zip(parts.tolist(), variances, strict=True)))
     half = min(1.0, (places[-1] - share) / error) if error > 0.0 else 1.0
     if half < LEAST:
         return Estimate(value, value - at(share - error))

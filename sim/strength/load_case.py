@@ -192,15 +192,15 @@ class LoadCase:
         """Return the torque that a flank carries over the rated one."""
         return 1.0 if flank == "traction" else self.coast_share
 
-    def static_torque(self, flank: Flank) -> float:
-        """Return the largest torque that a flank has to survive, N m."""
-        return max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
-
     def force_per_dog(
         self, dog: Dog, flank: Flank = "traction", torque: float | None = None
     ) -> float:
-        """Tangential force on the dog that carries most, N; under the static torque by default."""
-        torque = self.static_torque(flank) if torque is None else torque
+        """Tangential force on the dog that carries most, N; by default under static torque.
+
+        That is the largest one that a flank has to survive.
+        """
+        if torque is None:
+            torque = max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
         return torque / (dog.mean_radius * dog.count * self.sharing(dog, torque))
 
     def scatter(self, dog: Dog) -> float | None:

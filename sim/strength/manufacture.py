@@ -46,13 +46,10 @@ _NARROW = "use fewer or lower dogs or smaller side angles"
 _LOW_FLANK = "use a smaller chamfer, more dogs or a higher dog"
 #: What helps a shape that breaks a rule that it must keep to be made at all.
 _REMEDIES = {
-    "tip_width": _NARROW,
-    "slot_width": _NARROW,
-    "cutter_reach": _NARROW,
-    "flank_height": _LOW_FLANK,
+    **dict.fromkeys(("tip_width", "slot_width", "cutter_reach"), _NARROW),
+    **dict.fromkeys(("flank_height", "chamfer_share"), _LOW_FLANK),
     "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
     "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
-    "chamfer_share": _LOW_FLANK,
     "module": "use fewer dogs or a larger diameter",
 }
 MAKEABLE = tuple(_REMEDIES)  #: checks that a dog must pass to be made at all
@@ -64,23 +61,18 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
     # The cutter enters an undercut slot by its mouth.
     slot = dog.pitch_angle * inner - largest(dog.root_width_at(inner), dog.tip_width_at(inner))
     lowest = dog.height - largest(*dog.drops_at(dog.outer_radius))
-    edge = ("edge_clearance", dog.edge_radius, limits.root_radius)
-    return checks_of(
-        (
-            ("tip_width", dog.tip_width_at(inner), limits.tip_width),
-            ("slot_width", slot, limits.slot_width),
-            ("cutter_reach", dog.height / slot, limits.cutter_reach),
-            ("flank_height", lowest, limits.flank_height),
-            ("root_radius", root_radius_room(dog), limits.root_radius),
-            *([] if dog.edge_radius == 0.0 else [edge]),
-            (
-                "chamfer_share",
-                largest(*dog.drops_at(dog.mean_radius)) / dog.height,
-                limits.chamfer_share,
-            ),
-            ("module", 2.0 * dog.mean_radius / dog.count, limits.module),
-        )
-    )
+    found = {
+        "tip_width": dog.tip_width_at(inner),
+        "slot_width": slot,
+        "cutter_reach": dog.height / slot,
+        "flank_height": lowest,
+        "root_radius": root_radius_room(dog),
+        **({} if dog.edge_radius == 0.0 else {"edge_clearance": dog.edge_radius}),
+        "chamfer_share": largest(*dog.drops_at(dog.mean_radius)) / dog.height,
+        "module": 2.0 * dog.mean_radius / dog.count,
+    }
+    bounds = vars(limits) | {"edge_clearance": limits.root_radius}
+    return checks_of((name, value, bounds[name]) for name, value in found.items())
 
 
 def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:

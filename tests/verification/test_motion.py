@@ -9,7 +9,7 @@ import pytest
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement, Outcome, engage
+from dogshape.sim.shift.conclusion import Outcome, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
 from tests.conftest import RISE, Point
@@ -48,20 +48,14 @@ def test_angular_momentum_is_kept_over_a_whole_shift(
     assert momentum == pytest.approx(np.full_like(momentum, momentum[0]), rel=1e-6)
 
 
-def _shift_times(clutch: Clutch, point: OperatingPoint, angles: list[float]) -> list[Engagement]:
-    plant = ClutchPlant(clutch)
-    return [engage(plant, point, angle * DEG) for angle in angles]
-
-
 @pytest.mark.parametrize(("mismatch", "force"), [(10.0, 641.5), (50.0, 235.2), (149.0, 469.0)])
 def test_one_dog_moves_as_all_dogs_do(
     clutch: Clutch, point: Point, mismatch: float, force: float
 ) -> None:
-    angles = [0.0, 16.0]
-    alone = _shift_times(clutch, point(mismatch, force), angles)
     every = replace(clutch, solver=replace(clutch.solver, all_dogs=True))
-    together = _shift_times(every, point(mismatch, force), angles)
-    for one, many in zip(alone, together, strict=True):
+    plants = ClutchPlant(clutch), ClutchPlant(every)
+    for angle in (0.0, 16.0):
+        one, many = (engage(plant, point(mismatch, force), angle * DEG) for plant in plants)
         assert one.shift_time == pytest.approx(many.shift_time, rel=2e-3)
         assert one.trace.output_speed[-1] == pytest.approx(many.trace.output_speed[-1], rel=2e-3)
 
