@@ -2,14 +2,9 @@
 
 A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. Those of the package are
 of the dogs, of the mechanism, of the operating point. ``docs/effects.md`` has the meaning of each,
-and the source of each range; all are judged.
-
-*Dogs.* The explicit scheme knows the dynamic coefficient alone; ``cenic`` both. Another axial gap
-changes the travel with it. *Mechanism.* The actuator closes the play, fully open at first, before
-the ring moves. Masses count as felt at the sleeve (times ratio squared), on the far side of a
-linkage; those of several effects add up. *Operating point.* A dead time moves nothing meanwhile.
-A loss acts at rest as in motion. Scaled or reduced, the force keeps its rise time. An offset of the
-mismatch counts along the nominal one. Relative angles that are not uniform are weights.
+and the source of each range; all are judged. Masses count as felt at the sleeve (times ratio
+squared), on the far side of a linkage, and add up; a force that is scaled or reduced keeps its rise
+time; an offset of the mismatch counts along the nominal one.
 """
 
 from __future__ import annotations

@@ -51,35 +51,25 @@ class Events:
 
 @dataclass(frozen=True)
 class Loads:
-    """Loads of a shift, of the whole ring.
+    """Loads of a shift, of the whole ring."""
 
-    Parameters
-    ----------
-    peak_axial_force : largest axial contact force, N.
-    peak_tangential_force : largest tangential contact force at the mean radius, N.
-    impact_impulse : largest impulse (axial and tangential as a vector) within any
-        millisecond that the contact gives beyond holding the shift force, N s.
-    energy_dissipated : energy that the contact took, by balance, J: what is left
-        in the compressed dogs at the end included, and what a mechanism took.
-    strike_mismatch : largest change of the relative speed that the contact makes within any
-        millisecond, rad/s: what the hardest strike takes of the mismatch.
-    residual_mismatch : relative speed with which the flanks close for good, at the
-        start of seating, rad/s, signed; None where none closed. Flanks that struck and
-        flew off before show in the impulse and in ``strike_mismatch``.
-    input_torque_peak, output_torque_peak : largest of the shafts on their rings, N m; None for
-        rigid ones.
-    landing_loads : largest load per length of the dogs, N/m, dog on dog, all alike, for each class
-        of overlap in ``OVERLAPS``.
-    """
-
-    peak_axial_force: float
-    peak_tangential_force: float
+    peak_axial_force: float  #: largest axial contact force, N
+    peak_tangential_force: float  #: largest tangential contact force at the mean radius, N
+    #: largest impulse (axial and tangential as a vector) within any millisecond that the contact
+    #: gives beyond holding the shift force, N s
     impact_impulse: float
+    #: energy that the contact took, by balance, J: what is left in the compressed dogs at the end
+    #: included, and what a mechanism took
     energy_dissipated: float
+    #: largest change of the relative speed that the contact makes within any millisecond, rad/s:
+    #: what the hardest strike takes of the mismatch
     strike_mismatch: float
+    #: relative speed with which the flanks close for good, at the start of seating, rad/s, signed;
+    #: None where none closed. Flanks that struck and flew off before show in the two above
     residual_mismatch: float | None
-    input_torque_peak: float | None
-    output_torque_peak: float | None
+    input_torque_peak: float | None  #: largest of the sliding ring's shaft, N m; None: rigid
+    output_torque_peak: float | None  #: the same of the output ring's shaft
+    #: largest load per length of the dogs, N/m, dog on dog, all alike, by class of ``OVERLAPS``
     landing_loads: tuple[float, ...]
 
 
