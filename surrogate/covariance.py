@@ -39,14 +39,11 @@ class Term:
 
 @dataclass(frozen=True)
 class Covariance:
-    """Terms that are summed, over so many coordinates of a design.
-
-    ``theta`` has for each the logarithm of its variance and, unless it is rough, those of its
-    length scales, (size,).
-    """
+    """Terms that are summed, over so many coordinates of a design."""
 
     terms: tuple[Term, ...]
     coordinates: int
+    #: of each term the logarithm of its variance and, unless it is rough, of its scales, (size,)
     theta: Array
 
     def _parts(self, smooth: bool = False) -> Iterator[tuple[Term, float, Array]]:

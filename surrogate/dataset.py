@@ -35,14 +35,11 @@ GIVEN = -1  #: stands for the seed of angles that were given and not drawn
 
 @dataclass(frozen=True)
 class Mix:
-    """Operating points (mismatch in 1/min and force in N, (q, 2)) with weights of sum one, (q,).
-
-    ``retry`` is the time that a shift which does not engage costs, s.
-    """
+    """Operating points (mismatch in 1/min and force in N, (q, 2)) with weights of sum one, (q,)."""
 
     points: Array
     weights: Array
-    retry: float
+    retry: float  #: time that a shift which does not engage costs, s
 
     def places(self, points: Array) -> Mask:
         """Mark which of these points each of others (p, 2) is, (p, q) of bool."""
@@ -80,16 +77,13 @@ class Grid:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Simulated designs with the search range of each variable, (d,), edge units.
-
-    ``physics`` is everything else that a shift depends on, ``engine`` the versions of the programs.
-    """
+    """Simulated designs with the search range of each variable, (d,), edge units."""
 
     variables: tuple[str, ...]
     low: Array
     high: Array
-    physics: Record
-    engine: Record
+    physics: Record  #: everything else that a shift depends on
+    engine: Record  #: versions of the programs
     mix: Mix
     grid: Grid
 

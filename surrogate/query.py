@@ -26,15 +26,12 @@ FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answ
 
 @dataclass(frozen=True)
 class Answer:
-    """Expected shift time of a design with warnings; ``refusal`` is why there is none.
-
-    ``distance`` is that to the next simulated design, in the usual distance of one to the next.
-    """
+    """Expected shift time of a design with warnings."""
 
     expected: Expected | None
-    distance: float
+    distance: float  #: to the next simulated design, in the usual distance of one to the next
     warnings: tuple[str, ...]
-    refusal: str = ""
+    refusal: str = ""  #: why there is no time
 
     @property
     def in_range(self) -> bool:

@@ -152,16 +152,10 @@ def recorded_profile(record: Mapping[str, float]) -> ForceProfile:
 
 @dataclass(frozen=True)
 class RiseTable:
-    """Rise time of the shift force by its final value, linear in between.
+    """Rise time of the shift force by its final value, linear in between."""
 
-    Parameters
-    ----------
-    forces : N, in any order.
-    rises : s, one for each force; another number of them raises InputError.
-    """
-
-    forces: tuple[float, ...]
-    rises: tuple[float, ...]
+    forces: tuple[float, ...]  #: N, in any order
+    rises: tuple[float, ...]  #: s, one for each force; another number of them raises InputError
 
     def __post_init__(self) -> None:
         if len(self.forces) != len(self.rises):

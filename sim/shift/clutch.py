@@ -117,14 +117,12 @@ def contact_set(name: str) -> ContactSet:
 
 @dataclass(frozen=True)
 class Rings:
-    """Masses that move: sliding ring (kg, kg m2) and output ring (kg m2).
-
-    ``initial_speed`` is the sliding ring's speed before the shift, rad/s.
-    """
+    """Masses that move: sliding ring (kg, kg m2) and output ring (kg m2)."""
 
     mass: float = within("sliding.mass_kg", 1e-3, 50.0)
     sliding_inertia: float = within("sliding.inertia_kgm2", 1e-6, 100.0)
     output_inertia: float = within("output.inertia_kgm2", 1e-6, 1e4)
+    #: of the sliding ring before the shift, rad/s
     initial_speed: float = within("sliding.initial_speed_rpm", -2e4, 2e4, 0.0)
 
     def __post_init__(self) -> None:
@@ -204,23 +202,18 @@ def accuracy_of(scheme: str, mechanism: Mechanism) -> float:
 
 @dataclass(frozen=True)
 class Clutch:
-    """Everything about a shift except how it is operated.
-
-    ``timeout`` in s; ``seated_tolerance`` is how far from full travel a shift
-    counts as done, and ``rebound`` how far behind its start the sliding ring can
-    be thrown before it meets a stop, both in m. The default stop stands as far
-    behind the ring as the dogs stand ahead: there the neighbouring gear begins. The default
-    ``mechanism`` is none: the shift force acts on the ring, which nothing else holds.
-    """
+    """Everything about a shift except how it is operated."""
 
     dog: Dog
     rings: Rings
     contact: ContactSet
     solver: Solver
-    timeout: float = 1.0
-    seated_tolerance: float = 5e-5
+    timeout: float = 1.0  #: s
+    seated_tolerance: float = 5e-5  #: how far from full travel a shift counts as done, m
+    #: how far behind its start the sliding ring can be thrown before it meets a stop, m: as far as
+    #: the dogs stand ahead, there the neighbouring gear begins
     rebound: float = 1e-3
-    mechanism: Mechanism = NOTHING
+    mechanism: Mechanism = NOTHING  #: the shift force acts on the ring, which nothing else holds
 
     def __post_init__(self) -> None:
         remedy, own, whole = "give what turns with the dogs alone", self.mechanism, self.rings

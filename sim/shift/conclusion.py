@@ -129,28 +129,23 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
 
 @dataclass(frozen=True)
 class Engagement:
-    """Result of one shift, with its problem.
-
-    ``shift_time`` is in s, None unless engaged; ``evaluations`` counts the
-    derivatives that the integrator asked for, the measure of what a shift costs.
-    ``actuator_time`` is when the actuator first made the shift's travel, s: the shift time
-    unless there is a linkage; None if it never did. A run goes on until ring and actuator have.
-    ``missed`` is how deep dogs lay in each other within steps that show no contact, m.
-    """
+    """Result of one shift, with its problem; a run goes on until ring and actuator arrive."""
 
     clutch: Clutch
     point: OperatingPoint
     relative_angle: float
     outcome: Outcome
-    shift_time: float | None
+    shift_time: float | None  #: s; None unless engaged
+    #: when the actuator first made the shift's travel, s: the shift time unless there is a linkage;
+    #: None if it never did
     actuator_time: float | None
     phases: tuple[Phase, ...]
     events: Events
     loads: Loads
     steps: int
-    evaluations: int
+    evaluations: int  #: derivatives that the integrator asked for, what a shift costs
     detail: str
-    missed: float
+    missed: float  #: how deep dogs lay in each other within steps that show no contact, m
     run: Run
 
     @cached_property

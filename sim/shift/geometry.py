@@ -59,40 +59,23 @@ FLANKS: tuple[Flank, ...] = ("traction", "braking")
 class Dog:
     """One dog, its ring and the axial gap to the other ring, in SI units.
 
-    Parameters
-    ----------
-    count : number of dogs of a ring.
-    chamfer, traction, braking : chamfer of the face and side angles of the two
-        flanks, rad; a negative side angle is an undercut.
-    height : crest above root, m.
-    outer_diameter, inner_diameter : of the toothed annulus, m.
-    axial_gap : between the crests of the two rings before the shift, m.
-    edge_radius : of crest and edges of the tip, m; 0 is sharp.
-    crest : place of the ridge on the tip, 0 at its braking and 1 at its traction edge.
-    chamfer_back : angle by which the tip falls from the ridge towards the traction flank, rad.
-    backlash : play of the seated pair along the circumference at the mean radius, m.
-
-    Raises
-    ------
-    InputError
-        A value is not finite, negative or outside its mathematical range.
-    GeometryError
-        The flanks meet below the tip, a chamfer eats a flank or belongs to no face, undercut dogs
-        do not pass each other, or the roundings of the edges leave nothing of faces or flanks.
+    Raises InputError where a value is not finite, negative or outside its mathematical range,
+    GeometryError where the flanks meet below the tip, a chamfer eats a flank or belongs to no face,
+    undercut dogs do not pass each other, or the roundings leave nothing of faces or flanks.
     """
 
-    count: int
-    chamfer: float
-    traction: float
-    braking: float
-    height: float
-    outer_diameter: float
+    count: int  #: of a ring
+    chamfer: float  #: of the face, rad
+    traction: float  #: side angle of the flank, rad; negative is an undercut
+    braking: float  #: the same of the other flank
+    height: float  #: crest above root, m
+    outer_diameter: float  #: of the toothed annulus, m
     inner_diameter: float
-    axial_gap: float
-    edge_radius: float = 0.0
-    crest: float = 1.0
-    chamfer_back: float = 0.0
-    backlash: float = 0.0
+    axial_gap: float  #: between the crests of the two rings before the shift, m
+    edge_radius: float = 0.0  #: of crest and edges of the tip, m; 0 is sharp
+    crest: float = 1.0  #: place of the ridge on the tip, 0 at its braking, 1 at its traction edge
+    chamfer_back: float = 0.0  #: by which the tip falls from the ridge to the traction flank, rad
+    backlash: float = 0.0  #: of the seated pair along the circumference at the mean radius, m
 
     def __post_init__(self) -> None:
         for rule in _rules(self):

@@ -120,18 +120,13 @@ class Lines:
 
 @dataclass(frozen=True)
 class Corner:
-    """A corner of the profile and the cylinder that rounds or fills it.
+    """A corner of the profile and the cylinder that rounds or fills it."""
 
-    ``axis`` (3,) is a point of the cylinder's axis, m, and ``direction`` (3,) runs along
-    it outwards; ``first`` and ``last`` are the outward normals of the faces before and
-    after; ``radius`` is positive for a rounding and negative for a fillet, m.
-    """
-
-    axis: Vertices
-    direction: Vertices
-    first: Vertices
-    last: Vertices
-    radius: float
+    axis: Vertices  #: point of the cylinder's axis, (3,), m
+    direction: Vertices  #: along it outwards, (3,)
+    first: Vertices  #: outward normal of the face before, (3,)
+    last: Vertices  #: the same of the face after
+    radius: float  #: positive for a rounding, negative for a fillet, m
 
     @cached_property
     def arc(self) -> float:

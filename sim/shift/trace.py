@@ -25,15 +25,7 @@ Series = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Trace:
-    """Time series of a shift, each (n,), SI units.
-
-    ``contact_force`` is the axial one, positive against the shift.
-    ``tangential_force`` acts on the sliding ring at the mean radius, positive
-    where the output ring drives it. Both are of the whole ring. ``actuator_displacement``
-    and its rate are those of the ring unless there is a linkage. ``input_torque`` and
-    ``output_torque`` are those of the shafts on their rings, ``input_speed`` and
-    ``output_far_speed`` of what is behind; None for rigid shafts.
-    """
+    """Time series of a shift, each (n,), SI units; forces are of the whole ring."""
 
     time: Series
     displacement: Series
@@ -42,13 +34,15 @@ class Trace:
     output_speed: Series
     relative_angle: Series
     shift_force: Series
-    contact_force: Series
-    tangential_force: Series
-    actuator_displacement: Series
+    contact_force: Series  #: axial, positive against the shift
+    tangential_force: (
+        Series  #: at the mean radius, positive where the output drives the sliding ring
+    )
+    actuator_displacement: Series  #: that of the ring unless there is a linkage, as is its rate
     actuator_speed: Series
-    input_torque: Series | None = None
+    input_torque: Series | None = None  #: of the shaft on its ring; None for a rigid one
     output_torque: Series | None = None
-    input_speed: Series | None = None
+    input_speed: Series | None = None  #: of what is behind the shaft
     output_far_speed: Series | None = None
 
     @property

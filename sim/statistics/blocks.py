@@ -48,18 +48,13 @@ def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Enga
 
 @dataclass(frozen=True)
 class Block:
-    """One clutch at one operating point, at relative angles in rad.
-
-    ``seed`` is that of the angles' draw, None where they were given. ``variants`` has for each
-    angle the draw of what is uncertain; it is empty where all is certain. Clutch and operating
-    point are the nominal ones.
-    """
+    """One clutch at one operating point, the nominal ones, at relative angles in rad."""
 
     clutch: Clutch
     point: OperatingPoint
     angles: tuple[float, ...]
-    seed: int | None = None
-    variants: tuple[Variant, ...] = ()
+    seed: int | None = None  #: of the angles' draw; None where they were given
+    variants: tuple[Variant, ...] = ()  #: draw of each angle; empty where all is certain
 
     @property
     def inputs(self) -> list[Record]:

@@ -86,25 +86,18 @@ class SetPoint:
 
 @dataclass(frozen=True)
 class PointExpectation:
-    """Expected shift time at one operating point, s.
-
-    ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift engaged, ``mean`` is an
-    estimate with p = 1/(n + 1) and ``mean_engaged`` None. ``standard_error`` is NaN for fewer than
-    three shifts. ``engaged`` is the share at the first try; ``blocked`` of the ``n`` shifts stood
-    still dog on dog, held by friction, and a set-point freed ``freed`` of these. ``by_angle`` is
-    that of ``entries_by_angle``.
-    """
+    """Expected shift time at one operating point, s."""
 
     point: OperatingPoint
-    mean: float
-    mean_engaged: float | None
-    standard_error: float
+    mean: float  #: with retries; where no shift engaged, an estimate with p = 1/(n + 1)
+    mean_engaged: float | None  #: without retries; None where no shift engaged
+    standard_error: float  #: NaN for fewer than three shifts
     sd: float
-    engaged: float
+    engaged: float  #: share at the first try
     n: int
-    blocked: int = 0
-    freed: int = 0
-    by_angle: Sequence[Sequence[int]] = ()
+    blocked: int = 0  #: number that stood still dog on dog, held by friction
+    freed: int = 0  #: number of these that a set-point freed
+    by_angle: Sequence[Sequence[int]] = ()  #: of ``entries_by_angle``
 
     @property
     def timed(self) -> float:
@@ -129,16 +122,13 @@ class PointExpectation:
 
 @dataclass(frozen=True)
 class Expectation:
-    """Expected shift time over all operating points, weighted, s.
-
-    ``numerical_error`` is found by repeating some shifts with a far smaller tolerance, or None.
-    ``quantiles`` of the time of all shifts of the mix are by their share, retries included.
-    """
+    """Expected shift time over all operating points, weighted, s."""
 
     points: tuple[PointExpectation, ...]
     mean: float
     standard_error: float
-    numerical_error: float | None = None
+    numerical_error: float | None = None  #: by repeating some shifts with a far smaller tolerance
+    #: of the time of all shifts of the mix, by their share, retries included
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
 
     @property

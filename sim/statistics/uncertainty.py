@@ -167,16 +167,13 @@ STREAM = 101  #: keeps the draws of the factors apart from that of the angles
 
 @dataclass(frozen=True)
 class Variant:
-    """One draw of the factors on friction, final shift force, output inertia and dissipation.
-
-    ``rise`` is the rise time of the force as drawn, s; ``source`` has the distributions in words.
-    """
+    """One draw of the factors on friction, final shift force, output inertia and dissipation."""
 
     friction: float
     force: float
     inertia: float
-    rise: float
-    source: tuple[tuple[str, str], ...]
+    rise: float  #: rise time of the force as drawn, s
+    source: tuple[tuple[str, str], ...]  #: the distributions in words
     dissipation: float = 1.0
 
     def clutch(self, clutch: Clutch) -> Clutch:
@@ -199,13 +196,10 @@ class Variant:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Distributions of the factors that are uncertain; those absent are one.
-
-    ``rise`` is the rise time of the shift force by its final value.
-    """
+    """Distributions of the factors that are uncertain; those absent are one."""
 
     distributions: tuple[Distribution, ...]
-    rise: RiseTable
+    rise: RiseTable  #: of the shift force by its final value
 
     def __post_init__(self) -> None:
         for one in self.distributions:

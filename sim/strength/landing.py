@@ -107,6 +107,9 @@ def demand_checks(demand: Demand, limits: Limits) -> tuple[Check, ...]:
     return checks_of(zip(names, demand, limiting, strict=True))
 
 
+RATES, HEIGHT = "1e-7 is well lubricated, 1e-5 hardly", "give the height in mm"
+
+
 @dataclass(frozen=True)
 class Wear:
     """Wear of the faces, by a rate (m3/(N m)) or a measured loss of height, and of the edges (m).
@@ -115,12 +118,8 @@ class Wear:
     without the latter, and faces need not wear with it.
     """
 
-    rate: float | None = within(
-        "rate_mm3_Nm", 0.0, 1e-2, None, remedy="1e-7 is well lubricated, 1e-5 hardly"
-    )
-    crest_loss: float | None = within(
-        "crest_loss_mm", 0.0, 2.0, None, remedy="give the height in mm"
-    )
+    rate: float | None = within("rate_mm3_Nm", 0.0, 1e-2, None, remedy=RATES)
+    crest_loss: float | None = within("crest_loss_mm", 0.0, 2.0, None, remedy=HEIGHT)
     edge_radius: float | None = within("edge_radius_mm", SHARPEST / MM, 10.0, None)
 
     def __post_init__(self) -> None:

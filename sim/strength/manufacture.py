@@ -84,19 +84,15 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
             )
 
 
-ANGLE = "give an angle in degrees"
+ANGLE, SHARE = "give an angle in degrees", "give a share of the height"
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Largest deviation of each dimension either way, rad and m.
+    """Largest deviation of each dimension either way, rad and m, and the limits of two checks.
 
     Height and diameters by default of ISO 2768-1 fine, the rest of ground or precision-forged dogs
-    (assumptions).
-
-    ``contact_ratio`` is the least share of the height that has to touch with all of them
-    at their worst and the rings short of full depth by the seated tolerance; ``clearance``
-    is the least gap between the crests in neutral, m.
+    (assumptions). ``RULES`` has the meaning of ``contact_ratio`` and ``clearance``.
     """
 
     chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
@@ -107,9 +103,7 @@ class Tolerances:
     inner_diameter: float = within("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
     axial_gap: float = within("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
     root_radius: float = within("root_radius_mm", 0.0, 2.0, 0.05 * MM)
-    contact_ratio: float = within(
-        "contact_ratio", 0.0, 1.0, 0.5, remedy="give a share of the height"
-    )
+    contact_ratio: float = within("contact_ratio", 0.0, 1.0, 0.5, remedy=SHARE)
     clearance: float = within("clearance_mm", 0.0, 2.0, 0.3 * MM)
     chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     backlash: float = within("backlash_mm", 0.0, 2.0, 0.05 * MM)
