@@ -114,15 +114,9 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     """Read a table of text; in the ``numeric`` columns a decimal comma becomes a point.
 
     A column of the file that is one of ``names`` but for its case gets that name, unless the file
-    has a column of exactly that name too.
-
-    Raises
-    ------
-    DataError
-        The file is no table, a row has more cells than the head, or numbers can be read in two
-        ways; with row and remedy.
-    FileNotFoundError
-        There is no such file.
+    has a column of exactly that name too. Raises DataError with row and remedy where the file is no
+    table, a row has more cells than the head, or numbers can be read in two ways; else
+    FileNotFoundError.
     """
     lines = read_lines(path)
     first = next((line for line in lines if line.strip()), "")

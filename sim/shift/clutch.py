@@ -148,8 +148,8 @@ class Solver:
     with forces of a mechanism (``docs/simulation.md``). The compiled engine takes from the scheme
     the friction law alone, and ``accuracy`` is the error of a step in m/s.
 
-    A shift that takes more than ``max_steps``, or more than ``time_limit`` in s, has diverged. The
-    first limit makes the same shift fail on every machine and stands far below the second.
+    A shift that takes more than ``max_steps``, or more than ``time_limit`` in s, has diverged; the
+    first stands far below the second and is the same on every machine.
     """
 
     scheme: str = "runge_kutta3"

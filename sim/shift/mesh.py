@@ -203,17 +203,13 @@ def stacked(planes: Sequence[Plane]) -> tuple[Vertices, NDArray[np.float64]]:
 
 def meeting(*planes: Plane) -> Vertices:
     """Return the point (3,) in which three planes meet."""
-    found: Vertices = np.linalg.solve(*stacked(planes))
-    return found
+    return np.asarray(np.linalg.solve(*stacked(planes)), dtype=np.float64)
 
 
 def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, list[Face]]:
     """Return vertices (n, 3) and tetrahedra of the body of a dog with rounded edges or a back.
 
-    Parameters
-    ----------
-    skin : the planes of its root, inner and outer end.
-    apex : of ``pressure_apex``, (3,); the last vertex.
+    ``skin`` has the planes of its root, inner and outer end; ``apex`` (3,) is the last vertex.
     """
     ends, edges = (skin["inner"], skin["outer"]), tip_edges(dog)
     around = [skin["root"], *touching_planes(dog), skin["root"]]
@@ -466,8 +462,7 @@ def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
 def compliant_dog(dog: Dog) -> Mesh:
     """Return one dog as twelve tetrahedra: its skin in triangles, joined to the apex.
 
-    Few and large cells are right here: the pressure is linear in each, so a finer
-    mesh has the same field and only costs more. Rounded edges and a hip add prisms.
+    A finer mesh has the same field, linear in each. Rounded edges and a hip add prisms.
     """
     apex, _ = pressure_apex(dog)
     reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)

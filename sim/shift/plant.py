@@ -131,13 +131,8 @@ def ring_torque(
 ) -> float:
     """Compute the torque of contact surfaces on the sliding ring by the law of ``cenic``, N m.
 
-    Parameters
-    ----------
-    surfaces : of the dogs and of the stop, as triangles.
-    dogs : geometries of the sliding ring.
-    turn : sliding less output speed, rad/s.
-    speed : of the sliding ring into engagement, m/s.
-    contact : coefficients, stiction velocity and dissipation.
+    ``surfaces``, in triangles, are of the dogs and of the stop, ``dogs`` the geometries of the
+    sliding ring; ``turn`` is sliding less output speed, rad/s, ``speed`` along the shaft, m/s.
     """
     torque, stiction = 0.0, contact.stiction_velocity
     static, dynamic = contact.static_friction, contact.dynamic_friction
