@@ -9,15 +9,11 @@ import numpy as np
 import pytest
 
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
-from tests.verification.test_mismatch import first_touch
-
-
-def _flat(clutch: Clutch) -> Clutch:
-    return clutch.with_dog(replace(clutch.dog, chamfer=0.0))
+from tests.verification.test_mismatch import HEAVY, first_touch
 
 
 @pytest.mark.parametrize(
@@ -40,8 +36,7 @@ def test_kinematic_entry_without_touching(
     outer end has the least angle of them, the inner one the most undercut.
     """
     depth, speed = 0.5e-3, 0.2
-    own = _flat(clutch).with_dog(replace(clutch.dog, chamfer=0.0, **change))
-    heavy = replace(own, rings=Rings(mass=50.0, sliding_inertia=0.01, output_inertia=0.6))
+    heavy = replace(clutch, rings=HEAVY, dog=replace(clutch.dog, chamfer=0.0, **change))
     dog, plant = heavy.dog, ClutchPlant(heavy)
     swept = abs(mismatch_rpm) * RPM * depth / speed
     if mismatch_rpm == 100.0 and not change:
@@ -65,7 +60,6 @@ def test_chamfered_dogs_enter_by_themselves_in_what_their_tips_leave(clutch: Clu
     Angle of the backlash and ``D (tan(beta) + tan(gamma))/r`` with ``D = h - 2 d``, *d* the larger
     depth of both edges, at the outer radius, where it is least.
     """
-    heavy = Rings(mass=50.0, sliding_inertia=0.01, output_inertia=0.6)
     for change in (
         {},
         {"crest": 0.4, "chamfer": 14 * DEG, "chamfer_back": 9 * DEG},
@@ -76,7 +70,7 @@ def test_chamfered_dogs_enter_by_themselves_in_what_their_tips_leave(clutch: Clu
         drop = max(dog.drops_at(dog.outer_radius))
         leans = (dog.height - 2.0 * drop) * dog.lean / dog.outer_radius
         exact = (dog.backlash_angle + leans) / dog.pitch_angle
-        plant = ClutchPlant(replace(clutch, dog=dog, rings=heavy))
+        plant = ClutchPlant(replace(clutch, dog=dog, rings=HEAVY))
         angles = (np.arange(200) + 0.5) / 200 * dog.pitch_angle
         start, until = dog.axial_gap - 1e-9, (2.0 * drop + 1e-5) / 0.2
         touched = [first_touch(plant, (a, start), 1e-9, 0.2, until) for a in angles]
@@ -94,7 +88,7 @@ def test_rectangular_dogs_engage_as_often_as_in_bokas_form(
     Constant 235 N, friction 0.10. Thirty evenly spaced angles resolve a thirtieth. What does
     not engage stands still, dog on dog.
     """
-    flat, force = _flat(clutch), 235.0
+    flat, force = clutch.with_dog(replace(clutch.dog, chamfer=0.0)), 235.0
     dog, friction = flat.dog, flat.contact.dynamic_friction
     slide = flat.rings.reduced_inertia * (mismatch_rpm * RPM) ** 2
     slide /= 2.0 * friction * force * dog.mean_radius

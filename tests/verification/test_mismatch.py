@@ -45,10 +45,14 @@ def first_touch(
     return found[0] if found else None
 
 
+#: Rings of which the sliding one keeps its axial speed.
+HEAVY = Rings(mass=50.0, sliding_inertia=0.01, output_inertia=0.6)
+
+
 @pytest.fixture
 def heavy(clutch: Clutch) -> Clutch:
-    """The prototype with a ring that keeps its axial speed."""
-    return replace(clutch, rings=Rings(mass=50.0, sliding_inertia=0.01, output_inertia=0.6))
+    """The prototype with such rings."""
+    return replace(clutch, rings=HEAVY)
 
 
 @pytest.mark.parametrize("mismatch_rpm", [5.0, -5.0])
