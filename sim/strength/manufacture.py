@@ -173,7 +173,7 @@ def losses(
     """Compute the largest loss of each of ``values``.
 
     Worst is every dimension off to the side on which it takes something: exact where a value rises
-    or falls with a dimension all the way (``tests/verification/test_tolerance.py``). One deviation
+    or falls with a dimension all the way (``tests/verification/test_shape_checks.py``). One deviation
     holds for both rings, which are made alike. One that leaves no dog makes every loss infinite.
     """
     sizes = tolerances.dimensions_of(dog)
