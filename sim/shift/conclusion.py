@@ -23,10 +23,9 @@ import numpy as np
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.events import OVERLAPS, PHASES, Events, Loads, Phase
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
-from dogshape.sim.shift.trace import Series, Trace, trace_of
+from dogshape.sim.shift.trace import OVERLAPS, PHASES, Events, Loads, Phase, Series, Trace, trace_of
 from dogshape.sim.units import MM
 
 

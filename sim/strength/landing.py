@@ -31,8 +31,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dogshape.sim.errors import InputError, refusal, require_ranges, within
-from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
+from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import RULES, Check, checks_of
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.materials import POISSON, YOUNG

@@ -173,8 +173,8 @@ def losses(
     """Compute the largest loss of each of ``values``.
 
     Worst is every dimension off to the side on which it takes something: exact where a value rises
-    or falls with a dimension all the way (``tests/verification/test_shape_checks.py``). One deviation
-    holds for both rings, which are made alike. One that leaves no dog makes every loss infinite.
+    or falls with a dimension all the way. One deviation holds for both rings, which are made alike.
+    One that leaves no dog makes every loss infinite.
     """
     sizes = tolerances.dimensions_of(dog)
     nominal = values(dog, root_radius)

@@ -15,7 +15,7 @@ from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
 from dogshape.sim.clutch_tables import validate
-from dogshape.sim.shift.events import OVERLAPS
+from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import SMALL

@@ -16,9 +16,9 @@ from dogshape.sim import kernel
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.conclusion import engage
-from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import Dog, section
 from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import (

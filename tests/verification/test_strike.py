@@ -15,8 +15,8 @@ from scipy.optimize import brentq
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.errors import InputError
-from dogshape.sim.shift.events import OVERLAPS
 from dogshape.sim.shift.geometry import Dog, flank_contact
+from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.dog_strength import (
     Limits,
     Load,
