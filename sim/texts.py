@@ -33,14 +33,11 @@ _BINARY = frozenset(range(32)) - set(b"\t\n\r\f")
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table as text: names of the columns, and the rows with their numbers in the file.
-
-    Rows are as long as the head. In the columns that were named numeric, numbers have a point.
-    """
+    """A table as text; in the columns that were named numeric, numbers have a point."""
 
     path: Path
-    head: tuple[str, ...]
-    rows: tuple[tuple[int, tuple[str, ...]], ...]
+    head: tuple[str, ...]  #: names of the columns
+    rows: tuple[tuple[int, tuple[str, ...]], ...]  #: as long as the head, with number in the file
 
     def column(self, name: str) -> list[str]:
         """Return the cells below a name."""

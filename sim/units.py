@@ -1,9 +1,4 @@
-"""Units at the edge.
-
-Inside the project everything is SI with angles in radians. Files, tables, the
-command line and reports use the unit that a name ends in (``height_mm``,
-``mismatch_rpm``). This module holds every conversion between the two.
-"""
+"""Conversions between SI inside and the unit at the edge, which a name ends in (``height_mm``)."""
 
 from __future__ import annotations
 

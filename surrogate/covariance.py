@@ -23,13 +23,10 @@ LEAST_POWER = 7  #: of Wendland's function
 
 @dataclass(frozen=True)
 class Term:
-    """One term: bounds of its length scales, ranges of designs being scaled to one.
+    """One term; ranges of designs are scaled to one."""
 
-    A fit starts from ``first``. Equal bounds fix the length scales as the reach of a rough term.
-    """
-
-    scales: tuple[float, float] = (0.2, 30.0)
-    first: float = 1.0
+    scales: tuple[float, float] = (0.2, 30.0)  #: bounds; equal ones are the reach of a rough term
+    first: float = 1.0  #: length scale that a fit starts from
 
     @property
     def rough(self) -> bool:

@@ -57,18 +57,14 @@ class Mix:
 
 @dataclass(frozen=True)
 class Grid:
-    """Designs ``x`` (n, d), edge units, that were simulated at every point of a mix.
+    """Designs that were simulated at every point of a mix."""
 
-    Mean time, its error and standard deviation of a shift that engages, s, (n, q), NaN where none
-    does; how many engaged, by their share of the pitch, and how many were made, (n, q).
-    """
-
-    x: Array
-    means: Array
-    errors: Array
-    sds: Array
-    engaged: Array
-    shifts: Array
+    x: Array  #: designs, (n, d), edge units
+    means: Array  #: mean time of a shift that engages, s, (n, q); NaN where none does
+    errors: Array  #: its standard error, s, (n, q)
+    sds: Array  #: standard deviation of a shift, s, (n, q)
+    engaged: Array  #: number that engaged, by their share of the pitch, (n, q)
+    shifts: Array  #: number that were made, (n, q)
 
     def subset(self, designs: Any) -> Grid:
         """Give the designs at places, or of a mask, alone."""

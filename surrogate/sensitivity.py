@@ -29,18 +29,14 @@ DRAWS = 4000  #: of the errors of an effect
 
 @dataclass(frozen=True)
 class Effect:
-    """Main effect of a variable on the expected time, s, with mean zero over the designs.
-
-    ``low`` and ``high`` bound 95 % at each of the values, in edge units, all (k,). Errors alone
-    span ``chance`` in one of twenty draws, s.
-    """
+    """Main effect of a variable on the expected time, s, with mean zero over the designs."""
 
     variable: str
-    values: Array
-    effect: Array
-    low: Array
+    values: Array  #: edge units, (k,)
+    effect: Array  #: (k,)
+    low: Array  #: bound of 95 % at each value, (k,)
     high: Array
-    chance: float
+    chance: float  #: that errors alone span in one of twenty draws, s
 
     @property
     def span(self) -> float:

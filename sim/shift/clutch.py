@@ -1,8 +1,4 @@
-"""The clutch as data: both rings, the contact and the solver that moves them.
-
-A problem is a frozen value. ``Clutch`` says what is built, ``OperatingPoint``
-and a relative angle say what is asked of it.
-"""
+"""The clutch as data: both rings, the contact and the solver that moves them."""
 
 from __future__ import annotations
 
@@ -294,13 +290,14 @@ class Clutch:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Mismatch in rad/s and shift force, with a weight.
+    """Mismatch and shift force, with a weight.
 
     A positive mismatch runs the traction flanks together, and opposing faces fall away from each
-    other: the ring on the engine's side is the faster one, as before an upshift. It is output less
-    sliding speed about the axis from the output to the sliding ring (``docs/mismatch.md``).
+    other: the ring on the engine's side is the faster one, as before an upshift.
     """
 
+    #: output less sliding speed about the axis from the output to the sliding ring, rad/s
+    #: (``docs/mismatch.md``)
     mismatch: float
     profile: ForceProfile
     weight: float = 1.0

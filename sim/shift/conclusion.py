@@ -1,11 +1,7 @@
 """One shift by either engine, and its result: outcome, time, phases, events, loads, trace.
 
-*Validity.* The pressure field of the contact grows down to the apex of its pyramids and pushes
-the wrong way beyond it. A dog that was pressed past the apex went through another.
-
 *Dead time.* Nothing moves along the shaft until the force starts; both rings turn on meanwhile. The
-relative angle of a shift is that at the start of the force, so what follows is the same shift, and
-every time of it is later by the dead time exactly.
+relative angle of a shift is that at the start of the force, so every time is later by it exactly.
 """
 
 from __future__ import annotations
@@ -80,11 +76,10 @@ def section_planes(dog: Dog) -> Series:
 def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
     """Describe why a shift is not valid; empty where it is.
 
-    Two limits hold it. Down to a third of the apex's depth the pyramids of the three faces cover
-    all that is touched (``sim.shift.mesh``); deeper, the pressure may push the wrong way. Both
-    flanks touch at full travel, or with a backlash that over their lean beyond, so a ring farther
-    than its tolerance from there is not in its slot. ``deepest`` is the penetration and
-    ``farthest`` the way over the whole shift, m.
+    Down to a third of the apex's depth the pyramids of the three faces cover all that is touched
+    (``sim.shift.mesh``); deeper, the pressure may push the wrong way. Flanks touch at full travel,
+    or with a backlash that over their lean beyond, so a ring farther than its tolerance from there
+    is not in its slot. ``deepest`` is the penetration, ``farthest`` the way over the shift, m.
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
     limit = COVERED_DEPTH * pressure_apex(clutch.dog)[1]
@@ -186,10 +181,9 @@ def failure_of(clutch: Clutch, now: float, state: Series, steps: int, deadline: 
 
 
 def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> Engagement:
-    """Work a result out of a run.
+    """Work a result out of a run; times of it count from the command, a dead time later.
 
-    A shift whose dogs passed through each other is ``Outcome.DIVERGED``. Times of a run
-    count from the start of the force, those of the result from the command: a dead time later.
+    A shift whose dogs passed through each other is ``Outcome.DIVERGED``.
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 

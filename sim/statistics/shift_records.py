@@ -1,7 +1,4 @@
-"""Shifts as flat records of what went in and came out, in the edge's units.
-
-Nothing here simulates, so what only reads results starts without the simulation.
-"""
+"""Shifts as flat records of what went in and came out, in the edge's units; nothing simulates."""
 
 from __future__ import annotations
 

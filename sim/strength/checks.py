@@ -1,7 +1,6 @@
 """A check: a number of a design against its limit, with the rule that it follows.
 
-``RULES`` declares every check of a shape, its load and its landing. The module with the closed form
-gives value and limit by the rule's name (``Row``); ``checks_of`` makes the check.
+The module with the closed form gives value and limit by the name in ``RULES`` (``Row``).
 """
 
 from __future__ import annotations

@@ -114,8 +114,7 @@ RATES, HEIGHT = "1e-7 is well lubricated, 1e-5 hardly", "give the height in mm"
 class Wear:
     """Wear of the faces, by a rate (m3/(N m)) or a measured loss of height, and of the edges (m).
 
-    ``crest_loss`` and ``edge_radius`` are those at the end of the life; edges stay as they are
-    without the latter, and faces need not wear with it.
+    Both at the end of the life; without ``edge_radius`` edges stay as they are.
     """
 
     rate: float | None = within("rate_mm3_Nm", 0.0, 1e-2, None, remedy=RATES)

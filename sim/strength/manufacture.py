@@ -1,8 +1,4 @@
-"""Limits of manufacture on the shape, and margins within manufacturing tolerances.
-
-A search left to itself runs to dogs that the chamfer has eaten and calls free
-flight a shift. These rules are checked first and cost nothing.
-"""
+"""Limits of manufacture on the shape, and margins within manufacturing tolerances."""
 
 from __future__ import annotations
 
@@ -22,20 +18,18 @@ from dogshape.sim.units import DEG, MM
 
 @dataclass(frozen=True)
 class ManufacturingLimits:
-    """Limits of the workshop, lengths in m: ``RULES`` has their meaning and reason.
-
-    ``root_radius`` is also that of tip edges without a radius of their own; ``rim`` is the
-    thickness of the ring behind the roots, None for one that is thick enough.
-    """
+    """Limits of the workshop, lengths in m: ``RULES`` has their meaning and reason."""
 
     tip_width: float = within("tip_width_mm", 0.05, 100.0, 1.5e-3)
     slot_width: float = within("slot_width_mm", 0.05, 100.0, 1.5e-3)
     cutter_reach: float = within("cutter_reach", 0.1, 100.0, 3.0)
     flank_height: float = within("flank_height_mm", 0.05, 100.0, 1.5e-3)
+    #: of the roots, and of tip edges without a radius of their own
     root_radius: float = within("root_radius_mm", 0.02, 10.0, 0.3e-3)
     tip_core: float = within("tip_core_mm", 0.0, 100.0, 0.5e-3)
     chamfer_share: float = within("chamfer_share", 0.0, 0.5, 0.35)
     module: float = within("module_mm", 0.05, 100.0, 1.25e-3)
+    #: thickness of the ring behind the roots; None for one that is thick enough
     rim: float | None = within("rim_mm", 0.1, 1000.0, None, remedy="give the thickness in mm")
 
     def __post_init__(self) -> None:
