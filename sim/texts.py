@@ -1,9 +1,8 @@
 """Text files of users as editors and spreadsheets save them: encodings, TOML, tables of text.
 
-One reader for every table that comes in (``shifts.csv``, traces, designs). Commas, semicolons or
-tabs part the cells; where these are no commas, numbers may have a decimal comma. What could be
-read in two ways is refused with what to save instead. A sheet of a workbook, ``FILE.xlsx`` or
-``FILE.xlsx#SHEET``, is read as a table with tabs.
+Commas, semicolons or tabs part the cells; where these are no commas, numbers may have a decimal
+comma. What could be read in two ways is refused with what to save instead. A sheet of a workbook,
+``FILE.xlsx`` or ``FILE.xlsx#SHEET``, is read as a table with tabs.
 """
 
 from __future__ import annotations

@@ -40,10 +40,7 @@ class Answer:
 
 
 def other_physics(data: Dataset, physics: Record) -> str:
-    """List what differs in the physics of data and study; nothing for another engine alone.
-
-    Both engines agree far better than a surrogate knows (docs/evidence/engines.txt).
-    """
+    """List what differs in the physics of data and study; engines agree (docs/evidence)."""
     left = SOLVER if physics.get("engine") != data.physics.get("engine") else ()
     mine, theirs = ({k: v for k, v in r.items() if k not in left} for r in (physics, data.physics))
     return differences(mine, theirs)

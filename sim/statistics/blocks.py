@@ -95,10 +95,7 @@ def even_blocks(
     *,
     uncertainty: Uncertainty | None = None,
 ) -> list[Block]:
-    """Return a block for each operating point, its angles as ``even_block`` has them.
-
-    ``seed`` and ``base`` as for ``sim.statistics.expectation.even_phases``.
-    """
+    """Return an ``even_block`` for each operating point; ``base`` as for ``even_phases``."""
     return [
         even_block(clutch, point, angles, (seed, index), base, uncertainty=uncertainty)
         for index, point in enumerate(points)

@@ -187,7 +187,7 @@ class LoadCase:
     def force_per_dog(
         self, dog: Dog, flank: Flank = "traction", torque: float | None = None
     ) -> float:
-        """Tangential force on the dog that carries most, N; by default under all it has to survive."""
+        """Tangential force on the dog that carries most, N; by default under its static torque."""
         if torque is None:
             torque = max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
         return torque / (dog.mean_radius * dog.count * self.sharing(dog, torque))
