@@ -230,7 +230,7 @@ class Engine(Protocol):
 
     @property
     def clutch(self) -> Clutch:
-        """What is simulated."""
+        """Clutch that is simulated."""
 
     def __init__(self, clutch: Clutch) -> None: ...
 

@@ -53,7 +53,7 @@ class PlanarClutch:
 
     @cached_property
     def surfaces(self) -> Surfaces:
-        """What ``surfaces_of`` gives of the dog."""
+        """Surfaces of the dog, as ``surfaces_of`` has them."""
         return surfaces_of(self.clutch.dog)
 
     @cached_property
