@@ -60,7 +60,7 @@ class Accumulation(NamedTuple):
 def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
     """Return the main effect of each variable that varies over designs (n, d) in edge units."""
     found = []
-    for column in np.flatnonzero(np.ptp(x, axis=0) > 0.0):
+    for column in np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist():
         asked = accumulate(x, column)
         times, covariance = surrogate.joint(asked.moved)
         effect, errors = asked.form @ times, asked.form @ covariance @ asked.form.T
