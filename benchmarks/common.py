@@ -13,7 +13,7 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.units import RPM

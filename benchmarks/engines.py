@@ -128,7 +128,7 @@ def row(groups: list[tuple[list[Pair], Series]]) -> str:
         biases.append(float(mine.mean() / drake.mean() - 1.0))
         peaks += [abs(a.loads.peak_axial_force / b.loads.peak_axial_force - 1.0) for a, b in both]
         for a, b in both:
-            ours, theirs = max(a.loads.landing.line_loads), max(b.loads.landing.line_loads)
+            ours, theirs = max(a.loads.landing_loads), max(b.loads.landing_loads)
             if theirs > 0.0:
                 landings.append(abs(ours / theirs - 1.0))
     cpu = np.median(np.concatenate([spent for _, spent in groups]), axis=0) * 1e3

@@ -27,8 +27,7 @@ from numpy.typing import NDArray
 from benchmarks.common import kept, paper_study
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.sim.shift.clutch import Clutch, ContactSet
-from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import Engagement, engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import even_blocks
 from dogshape.sim.strength.landing import hardest
@@ -127,7 +126,7 @@ def ratio(forces: Values, first: Values) -> str:
 
 
 def _hardest(shifts: Iterable[Engagement]) -> float:
-    return max(hardest(s.loads.landing for s in shifts).line_loads)
+    return max(hardest(s.loads.landing_loads for s in shifts))
 
 
 def settings() -> list[tuple[float, float]]:

@@ -15,8 +15,7 @@ from benchmarks.common import kept, paper_study
 from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome, section_planes
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import Outcome, engage, section_planes
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, RPM
 

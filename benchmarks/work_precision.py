@@ -20,7 +20,7 @@ import numpy as np
 
 from benchmarks.common import angles_of, paper_study
 from dogshape.sim.shift.clutch import SCHEMES, Clutch, OperatingPoint, Solver
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import RPM
 from dogshape.validation.second_engine import EngineSettings, SecondEngine

@@ -1,8 +1,7 @@
 """Tables of files (study, bench data) that describe a clutch, and their mistakes.
 
-Keys carry their unit; unknown keys are refused. What a value may be is the business of the physics
-that uses it; here only keys and types. The validator names each broken rule by a kind; ``RULES``
-has the words of every kind that the schemas and options use.
+Here are only keys and types; what a value may be is the business of the physics that uses it. The
+validator names each broken rule by a kind; ``RULES`` has its words.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, get_args
 
 from dogshape.sim.errors import (
     DogshapeError,
@@ -26,32 +26,23 @@ from dogshape.sim.units import unit_of
 Values = Mapping[str, float]  #: of an effect's parameters, by name, in the edge's units
 
 
-SCALES = ("uniform", "log-uniform")
+Scale = Literal["uniform", "log-uniform"]
+SCALES: tuple[Scale, ...] = get_args(Scale)
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """One number of an effect, in the unit that its name ends in.
+    """One number of an effect, in the unit that its name ends in."""
 
-    Parameters
-    ----------
-    name : as files have it.
-    neutral : value that changes nothing, or what says it of a setting.
-    low, high : range of the prior.
-    scale : what the prior is uniform in.
-    source : of the range, in words, for the reader of the file.
-    least, most : beyond which no range can be widened: no shift mechanism lies there.
-    ordinary : largest size of an ordinary source, and that source; None where no source has one.
-    """
-
-    name: str
-    neutral: float | Callable[[Setting], float]
-    low: float
+    name: str  #: as files have it
+    neutral: float | Callable[[Setting], float]  #: changes nothing, or says what does of a setting
+    low: float  #: end of the prior's range
     high: float
-    scale: Literal["uniform", "log-uniform"]
-    source: str = ""
-    least: float = -math.inf
-    most: float = math.inf
+    scale: Scale  #: what the prior is uniform in
+    source: str = ""  #: of the range, in words, for the reader of the file
+    least: float = -math.inf  #: below which no range can be widened: no shift mechanism lies there
+    most: float = math.inf  #: the same above
+    #: largest size of an ordinary source, and that source; None where no source has one
     ordinary: tuple[float, str] | None = None
 
     def __post_init__(self) -> None:
@@ -100,26 +91,16 @@ class BenchTest:
 
 @dataclass(frozen=True)
 class Effect:
-    """One physical mechanism that the simulation lacks or has wrong.
+    """One physical mechanism that the simulation lacks or has wrong."""
 
-    Parameters
-    ----------
-    name : as files have it; that of its file.
-    parameters : none for what is there or not, one or two.
-    change : makes a setting with it of one without, given a value for each parameter.
-    test : what would measure it directly.
-    aliases : what no data of shifts can tell from it, in words.
-    title : name for people; its name without underscores by default.
-    meaning : in one line, for the reader of the file.
-    """
-
-    name: str
-    parameters: tuple[Parameter, ...]
+    name: str  #: as files have it; that of its file
+    parameters: tuple[Parameter, ...]  #: none for what is there or not, one or two
+    #: makes a setting with it of one without, given a value for each parameter
     change: Callable[[Setting, Values], Setting]
-    test: BenchTest
-    aliases: tuple[str, ...] = ()
-    title: str = ""
-    meaning: str = ""
+    test: BenchTest  #: what would measure it directly
+    aliases: tuple[str, ...] = ()  #: what no data of shifts can tell from it, in words
+    title: str = ""  #: name for people; its name without underscores by default
+    meaning: str = ""  #: in one line, for the reader of the file
 
     def with_range(self, wider: Parameter) -> Effect:
         """Return the effect with a wider range of one of its parameters."""

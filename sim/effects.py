@@ -2,14 +2,9 @@
 
 A user's file ``NAME.py`` defines ``EFFECT``, an ``Effect`` of that name. Those of the package are
 of the dogs, of the mechanism, of the operating point. ``docs/effects.md`` has the meaning of each,
-and the source of each range; all are judged.
-
-*Dogs.* The explicit scheme knows the dynamic coefficient alone; ``cenic`` both. Another axial gap
-changes the travel with it. *Mechanism.* The actuator closes the play, fully open at first, before
-the ring moves. Masses count as felt at the sleeve (times ratio squared), on the far side of a
-linkage; those of several effects add up. *Operating point.* A dead time moves nothing meanwhile.
-A loss acts at rest as in motion. Scaled or reduced, the force keeps its rise time. An offset of the
-mismatch counts along the nominal one. Relative angles that are not uniform are weights.
+and the source of each range; all are judged. Masses count as felt at the sleeve (times ratio
+squared), on the far side of a linkage, and add up; a force that is scaled or reduced keeps its rise
+time; an offset of the mismatch counts along the nominal one.
 """
 
 from __future__ import annotations
@@ -22,13 +17,15 @@ from operator import add, attrgetter, mul
 from pathlib import Path
 from typing import Any
 
-from dogshape.sim.effect import BenchTest, Effect, Parameter, Values
+from dogshape.sim.effect import BenchTest, Effect, Parameter, Scale, Values
 from dogshape.sim.errors import InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.units import to_si
 
 Change = Callable[[Setting, Values], Setting]
+LOG: Scale = "log-uniform"
+EVEN: Scale = "uniform"
 
 
 def _changed(part: str, law: Callable[[float, float], float], **names: str) -> Change:
@@ -93,9 +90,9 @@ EFFECTS = (
     Effect(
         "contact_friction", (
             Parameter("static_friction", attrgetter("clutch.contact.static_friction"),
-                      0.05, 0.45, "uniform", least=0.01, most=1.0),
+                      0.05, 0.45, EVEN, least=0.01, most=1.0),
             Parameter("dynamic_friction", attrgetter("clutch.contact.dynamic_friction"),
-                      0.03, 0.35, "uniform", least=0.01, most=1.0)),
+                      0.03, 0.35, EVEN, least=0.01, most=1.0)),
         _changed("contact", _new, static_friction="static_friction",
                  dynamic_friction="dynamic_friction"),
         BenchTest("tilt test of the dogs", "Press two dog faces on each other under a known load "
@@ -103,9 +100,8 @@ EFFECTS = (
                   "bench."),
         title="other friction between the dogs"),
     Effect(
-        "contact_stiffness", (
-            Parameter("stiffness_Pa_m", attrgetter("clutch.contact.stiffness"),
-                      1e11, 2e13, "log-uniform", least=1e10, most=1e14),),
+        "contact_stiffness", (Parameter("stiffness_Pa_m", attrgetter("clutch.contact.stiffness"),
+                      1e11, 2e13, LOG, least=1e10, most=1e14),),
         _changed("contact", _new, stiffness="stiffness_Pa_m"),
         BenchTest("static stiffness of the engaged pair",
                   "Load the engaged pair with a torque and measure the twist between both rings."),
@@ -113,51 +109,47 @@ EFFECTS = (
     Effect(
         "contact_dissipation", (
             Parameter("dissipation_s_m", attrgetter("clutch.contact.dissipation"),
-                      1.0, 300.0, "log-uniform", least=0.1, most=3000.0),),
+                      1.0, 300.0, LOG, least=0.1, most=3000.0),),
         _changed("contact", _new, dissipation="dissipation_s_m"),
         BenchTest("drop test of the ring", "Drop the ring on the fixed output ring, dog on dog, "
                   "from some millimetres and record the rebound."),
         title="other rebound of the dogs"),
     Effect(
-        "contact_creep", (
-            Parameter("stiction_factor", 1.0, 0.5, 2.0, "log-uniform", least=0.5, most=2.0),),
+        "contact_creep", (Parameter("stiction_factor", 1.0, 0.5, 2.0, LOG, least=0.5, most=2.0),),
         _changed("contact", mul, stiction_velocity="stiction_factor"),
         BenchTest("creep of held faces", "Press two dog faces on each other under a known load, "
                   "pull with half the friction and record how fast they slip."),
         title="other creep of held faces"),
     Effect(
-        "chamfer_angle", (Parameter("chamfer_offset_deg", 0.0, -4.0, 4.0, "uniform"),),
+        "chamfer_angle", (Parameter("chamfer_offset_deg", 0.0, -4.0, 4.0, EVEN),),
         _changed("dog", add, chamfer="chamfer_offset_deg"),
         BenchTest("chamfer by profile", "Measure the profile of some dogs of either ring on a "
                   "measuring machine or an imprint."),
         title="chamfer angle off nominal"),
     Effect(
-        "axial_gap", (Parameter("gap_offset_mm", 0.0, -0.8, 0.8, "uniform"),),
+        "axial_gap", (Parameter("gap_offset_mm", 0.0, -0.8, 0.8, EVEN),),
         _changed("dog", add, axial_gap="gap_offset_mm"),
         BenchTest("gap by feeler or travel", "Push the ring from neutral until dogs meet dogs, "
                   "face on face, and read the displacement."),
         title="axial gap off nominal"),
     Effect(
-        "free_play", (
-            Parameter("free_play_mm", 0.0, 0.05, 2.0, "log-uniform", most=6.0,
+        "free_play", (Parameter("free_play_mm", 0.0, 0.05, 2.0, LOG, most=6.0,
                       ordinary=(0.3, "a new fork in its groove")),),
         _changed("mechanism", _new, free_play="free_play_mm"),
         BenchTest("hand test of the play", "Hold the ring and move the actuator to and fro by hand "
                   "with a dial gauge on it."),
         title="free play of the linkage"),
     Effect(
-        "linkage_compliance", (
-            Parameter("compliance_mm_kN", 0.0, 0.3, 35.0, "log-uniform", most=120.0,
+        "linkage_compliance", (Parameter("compliance_mm_kN", 0.0, 0.3, 35.0, LOG, most=120.0,
                       ordinary=(4.3, "Bowden cables")),
-            Parameter("mass_behind_kg", 0.0, 0.03, 18.0, "log-uniform", most=60.0)),
+            Parameter("mass_behind_kg", 0.0, 0.03, 18.0, LOG, most=60.0)),
         _with_elastic_linkage,
         BenchTest("static stiffness of the linkage", "Block the ring, raise the force in steps and "
                   "read the displacement at the actuator; then strike the actuator and record its "
                   "swing: frequency and stiffness give the mass."),
         title="elastic linkage"),
     Effect(
-        "moving_mass", (
-            Parameter("added_mass_kg", 0.0, 0.03, 18.0, "log-uniform", most=60.0,
+        "moving_mass", (Parameter("added_mass_kg", 0.0, 0.03, 18.0, LOG, most=60.0,
                       ordinary=(1.0, "fork and rod")),),
         _changed("mechanism", add, added_mass="added_mass_kg"),
         BenchTest("free flight at the sleeve", "Shift with the output ring taken out and record "
@@ -165,79 +157,69 @@ EFFECTS = (
                   "mass."),
         title="mass of actuator and linkage"),
     Effect(
-        "sleeve_friction",
-        (Parameter("friction_N", 0.0, 3.0, 200.0, "log-uniform", most=1000.0),),
+        "sleeve_friction", (Parameter("friction_N", 0.0, 3.0, 200.0, LOG, most=1000.0),),
         _changed("mechanism", _new, friction="friction_N"), _SLOW_PUSH,
         title="dry friction of the sliding ring"),
     Effect(
-        "viscous_damping", (
-            Parameter("damping_Ns_m", 0.0, 5.0, 1600.0, "log-uniform", most=6000.0,
+        "viscous_damping", (Parameter("damping_Ns_m", 0.0, 5.0, 1600.0, LOG, most=6000.0,
                       ordinary=(5.0, "shear of oil in a spline")),),
         _changed("mechanism", _new, damping="damping_Ns_m"),
         BenchTest("free flight at two forces", "Shift with the output ring taken out at two forces "
                   "and two oil temperatures and record the displacement."),
         title="oil damping of the sliding ring"),
     Effect(
-        "detent_force", (
-            Parameter("detent_N", 0.0, 10.0, 200.0, "log-uniform", most=1000.0,
+        "detent_force", (Parameter("detent_N", 0.0, 10.0, 200.0, LOG, most=1000.0,
                       ordinary=(100.0, "ball detents of passenger cars")),
-            Parameter("position_mm", 0.5, 0.5, 4.5, "uniform", least=0.5, most=4.5)),
+            Parameter("position_mm", 0.5, 0.5, 4.5, EVEN, least=0.5, most=4.5)),
         _with_detent, _SLOW_PUSH, title="force of a detent"),
     Effect(
-        "spline_friction",
-        (Parameter("spline_friction", 0.0, 0.01, 0.3, "log-uniform", most=1.0),),
+        "spline_friction", (Parameter("spline_friction", 0.0, 0.01, 0.3, LOG, most=1.0),),
         _with_spline,
         BenchTest("push of the ring under torque", "Hold the output ring, load the sliding ring "
                   "with a known torque and measure the force that moves it along its shaft."),
         title="friction in the loaded spline"),
     Effect(
-        "drag_torque", (
-            Parameter("drag_Nm", 0.0, 0.02, 8.0, "log-uniform", most=40.0,
+        "drag_torque", (Parameter("drag_Nm", 0.0, 0.02, 8.0, LOG, most=40.0,
                       ordinary=(0.5, "bearings and seals of an input shaft")),),
         _changed("mechanism", _new, drag_torque="drag_Nm"),
         BenchTest("run-down of the sliding ring", "Turn the free sliding ring and record how its "
                   "speed falls, or turn it by a torque wrench."),
         title="drag torque on the sliding ring"),
     Effect(
-        "sliding_inertia", (
-            Parameter("inertia_factor", 1.0, 1.1, 8.0, "log-uniform", least=0.1, most=50.0,
+        "sliding_inertia", (Parameter("inertia_factor", 1.0, 1.1, 8.0, LOG, least=0.1, most=50.0,
                       ordinary=(2.0, "other wheels in mesh")),),
         _changed("rings", mul, sliding_inertia="inertia_factor"),
         BenchTest("run-up of the sliding side", "Turn the free sliding side by a weight on a cord "
                   "and record its speed: torque over acceleration is its inertia."),
         title="inertia of the sliding side off nominal"),
     Effect(
-        "actuation_delay", (
-            Parameter("delay_s", 0.0, 0.0, 0.4, "uniform", least=0.0, most=1.0,
+        "actuation_delay", (Parameter("delay_s", 0.0, 0.0, 0.4, EVEN, least=0.0, most=1.0,
                       ordinary=(0.15, "valve, pipe and filling of a cylinder")),),
         lambda setting, values: replace(setting, delay=setting.delay + values["delay_s"]),
         BenchTest(_FORCE, "Record the trigger and the force at the shift fork on one clock: the "
                   "force must begin to rise at time zero."),
         aliases=("a shifted time zero of the record",), title="dead time of the actuation"),
     Effect(
-        "actuation_lag", (
-            Parameter("lag_s", 0.0, 0.003, 0.45, "log-uniform", most=1.0,
+        "actuation_lag", (Parameter("lag_s", 0.0, 0.003, 0.45, LOG, most=1.0,
                       ordinary=(0.3, "a cylinder behind its valve")),),
         _changed("profile", lambda old, value: value or old, lag="lag_s"),
         BenchTest(_FORCE, "Record the force at the shift fork while the ring is blocked: its "
                   "course after the nominal rise shows the lag."),
         title="slow rise of the shift force"),
     Effect(
-        "force_rise",
-        (Parameter("rise_factor", 1.0, 0.4, 2.5, "log-uniform", least=0.05, most=20.0),),
+        "force_rise", (Parameter("rise_factor", 1.0, 0.4, 2.5, LOG, least=0.05, most=20.0),),
         _changed("profile", mul, rise="rise_factor"),
         BenchTest(_FORCE, "Record the force at the shift fork while the ring is blocked: from its "
                   "first rise to its final value is the rise time."),
         title="rise time of the shift force off nominal"),
     Effect(
-        "force_scale", (Parameter("force_factor", 1.0, 0.5, 1.5, "uniform", least=0.05, most=3.0),),
+        "force_scale", (Parameter("force_factor", 1.0, 0.5, 1.5, EVEN, least=0.05, most=3.0),),
         _changed("profile", mul, force="force_factor"),
         BenchTest("static force at the sleeve", "Block the ring and measure the force at the shift "
                   "fork with a load cell at each pressure."),
         title="shift force off nominal"),
     Effect(
-        "force_loss", (
-            Parameter("loss_N", 0.0, 2.0, 150.0, "log-uniform", most=1000.0,
+        "force_loss", (Parameter("loss_N", 0.0, 2.0, 150.0, LOG, most=1000.0,
                       ordinary=(50.0, "return spring and seals of a cylinder")),),
         _changed("profile", add, loss="loss_N"),
         BenchTest("static force at the sleeve", "Block the ring and measure the force at the shift "
@@ -245,9 +227,8 @@ EFFECTS = (
                   "of them is a loss."),
         title="constant loss of shift force"),
     Effect(
-        "mismatch_speed", (
-            Parameter("offset_rpm", 0.0, -4.0, 4.0, "uniform"),
-            Parameter("mismatch_factor", 1.0, 0.75, 1.25, "uniform", least=0.05, most=3.0)),
+        "mismatch_speed", (Parameter("offset_rpm", 0.0, -4.0, 4.0, EVEN),
+            Parameter("mismatch_factor", 1.0, 0.75, 1.25, EVEN, least=0.05, most=3.0)),
         _with_mismatch,
         BenchTest("both speeds at the first touch", "Record the speeds of both rings with encoders "
                   "on the clock of the displacement and read them at the first touch."),
@@ -261,9 +242,8 @@ EFFECTS = (
                   "mismatch has the sign of the table."),
         title="reversed sense of rotation"),
     Effect(
-        "relative_angle", (
-            Parameter("concentration", 0.0, 0.1, 10.0, "log-uniform", most=100.0),
-            Parameter("centre_pitch", 0.0, 0.0, 1.0, "uniform", least=0.0, most=1.0)),
+        "relative_angle", (Parameter("concentration", 0.0, 0.1, 10.0, LOG, most=100.0),
+            Parameter("centre_pitch", 0.0, 0.0, 1.0, EVEN, least=0.0, most=1.0)),
         _with_angles,
         BenchTest("angle of each shift", "Record the relative angle at the trigger with encoders "
                   "of both rings, for some thirty shifts."),

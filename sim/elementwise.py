@@ -1,8 +1,7 @@
 """Functions of one number, or of arrays element by element.
 
-Closed forms are written once in these and serve one design and many. Numbers stay Python's own:
-``math`` takes a tenth of the time of an array of one element.
-Annotations are those of one design; where an argument is an array, so is the result.
+Closed forms are written once in these and serve one design and many; ``math`` takes a tenth of the
+time of an array of one element. Annotations are those of one design.
 """
 
 from __future__ import annotations

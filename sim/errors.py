@@ -1,8 +1,4 @@
-"""Errors that a user can cause, each with a sentence that says what to do.
-
-One root class; a message names the quantity, its value and unit, the rule and
-the remedy. The command line prints it and exits with status 2.
-"""
+"""Errors that a user can cause, each with a sentence: quantity, value, unit, rule and remedy."""
 
 from __future__ import annotations
 

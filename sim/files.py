@@ -1,8 +1,7 @@
 """Files that last: written whole, and on the disk before anything rests on them.
 
-A rename may reach the disk before the content does, and a new name after it. So the content is
-forced to the disk first, then the name is exchanged, then the folder is forced too.
-One writer at a time holds a folder.
+A rename may reach the disk before the content does, and a new name after it: the content is forced
+to the disk, then the name is exchanged, then the folder is forced. One writer holds a folder.
 """
 
 from __future__ import annotations

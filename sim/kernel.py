@@ -143,7 +143,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     distance : of the median planes, m.
     turn : output less sliding speed, rad/s.
     speed : of the sliding ring into engagement, m/s.
-    surfaces : of ``PlanarClutch``.
+    surfaces : of ``sim.shift.planar.surfaces_of``.
     law : of ``PlanarClutch``; seven numbers are IMPACT's, equal coefficients of five select the law
         of Drake's continuous plant.
     work : of ``workspace``: a whole polygon and two cut ones.

@@ -9,8 +9,9 @@ that are not uniform are weights on the simulated ones, von Mises' over the pitc
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partialmethod
 from typing import Any, Literal
 
 import numpy as np
@@ -27,23 +28,14 @@ Weights = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Setting:
-    """One operating point on a bench.
+    """One operating point on a bench."""
 
-    Parameters
-    ----------
-    clutch, point : what is simulated.
-    delay : of the start of the force behind the time zero of the record, s.
-    sensor : where the displacement is read.
-    concentration, centre : of the relative angles; 0 is uniform, the centre is in pitches from
-        dogs facing dogs.
-    """
-
-    clutch: Clutch
+    clutch: Clutch  #: what is simulated, at the point
     point: OperatingPoint
-    delay: float = 0.0
-    sensor: Sensor = "sleeve"
-    concentration: float = 0.0
-    centre: float = 0.0
+    delay: float = 0.0  #: of the start of the force behind the time zero of the record, s
+    sensor: Sensor = "sleeve"  #: where the displacement is read
+    concentration: float = 0.0  #: of the relative angles; 0 is uniform
+    centre: float = 0.0  #: of these, in pitches from dogs facing dogs
 
     def __post_init__(self) -> None:
         require_between("delay_s", self.delay, -10.0, 10.0, "give the delay in seconds")
@@ -63,23 +55,8 @@ class Setting:
         time = row.get("actuator_time_s", at_ring) if self.sensor == "actuator" else at_ring
         return None if time is None else float(time) + self.delay
 
-    def with_mechanism(self, **fields: float) -> Setting:
-        """Return the same setting with other fields of its mechanism, in SI units."""
-        return self._with("mechanism", fields)
-
-    def with_contact(self, **fields: float) -> Setting:
-        """Return the same setting with other fields of its contact set; the solver stays."""
-        return self._with("contact", fields)
-
-    def with_dog(self, **fields: float) -> Setting:
-        """Return the same setting with other fields of its dog, in SI units."""
-        return self._with("dog", fields)
-
-    def with_point(self, **fields: Any) -> Setting:
-        """Return the same setting with other fields of its operating point, in SI units."""
-        return self._with("point", fields)
-
-    def _with(self, part: str, fields: Mapping[str, Any]) -> Setting:
+    def _with(self, part: str, /, **fields: Any) -> Setting:
+        """Return the same setting with other fields of a part of it, in SI units."""
         whole: Any = self if part == "point" else self.clutch
         old = getattr(whole, part)
         valid = [field.name for field in dataclasses.fields(old)]
@@ -91,6 +68,11 @@ class Setting:
                 raise EffectError(said)
         new = replace(whole, **{part: replace(old, **fields)})
         return new if whole is self else replace(self, clutch=new)
+
+    with_mechanism = partialmethod(_with, "mechanism")  #: with other fields of its mechanism
+    with_contact = partialmethod(_with, "contact")  #: of its contact set; the solver stays
+    with_dog = partialmethod(_with, "dog")  #: of its dog
+    with_point = partialmethod(_with, "point")  #: of its operating point
 
 
 def angle_weights(

@@ -1,9 +1,8 @@
 """Text files of users as editors and spreadsheets save them: encodings, TOML, tables of text.
 
-One reader for every table that comes in (``shifts.csv``, traces, designs). Commas, semicolons or
-tabs part the cells; where these are no commas, numbers may have a decimal comma. What could be
-read in two ways is refused with what to save instead. A sheet of a workbook, ``FILE.xlsx`` or
-``FILE.xlsx#SHEET``, is read as a table with tabs.
+Commas, semicolons or tabs part the cells; where these are no commas, numbers may have a decimal
+comma. What could be read in two ways is refused with what to save instead. A sheet of a workbook,
+``FILE.xlsx`` or ``FILE.xlsx#SHEET``, is read as a table with tabs.
 """
 
 from __future__ import annotations
@@ -33,14 +32,11 @@ _BINARY = frozenset(range(32)) - set(b"\t\n\r\f")
 
 @dataclass(frozen=True)
 class TextTable:
-    """A table as text: names of the columns, and the rows with their numbers in the file.
-
-    Rows are as long as the head. In the columns that were named numeric, numbers have a point.
-    """
+    """A table as text; in the columns that were named numeric, numbers have a point."""
 
     path: Path
-    head: tuple[str, ...]
-    rows: tuple[tuple[int, tuple[str, ...]], ...]
+    head: tuple[str, ...]  #: names of the columns
+    rows: tuple[tuple[int, tuple[str, ...]], ...]  #: as long as the head, with number in the file
 
     def column(self, name: str) -> list[str]:
         """Return the cells below a name."""
@@ -114,15 +110,9 @@ def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) ->
     """Read a table of text; in the ``numeric`` columns a decimal comma becomes a point.
 
     A column of the file that is one of ``names`` but for its case gets that name, unless the file
-    has a column of exactly that name too.
-
-    Raises
-    ------
-    DataError
-        The file is no table, a row has more cells than the head, or numbers can be read in two
-        ways; with row and remedy.
-    FileNotFoundError
-        There is no such file.
+    has a column of exactly that name too. Raises DataError with row and remedy where the file is no
+    table, a row has more cells than the head, or numbers can be read in two ways; else
+    FileNotFoundError.
     """
     lines = read_lines(path)
     first = next((line for line in lines if line.strip()), "")

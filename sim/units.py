@@ -1,14 +1,12 @@
-"""Units at the edge.
-
-Inside the project everything is SI with angles in radians. Files, tables, the
-command line and reports use the unit that a name ends in (``height_mm``,
-``mismatch_rpm``). This module holds every conversion between the two.
-"""
+"""Conversions between SI inside and the unit at the edge, which a name ends in (``height_mm``)."""
 
 from __future__ import annotations
 
 import math
 from functools import lru_cache
+from typing import TypeVar
+
+Value = TypeVar("Value", float, float | None)
 
 MM = 1e-3  #: metres in a millimetre
 DEG = math.pi / 180.0  #: radians in a degree
@@ -46,6 +44,6 @@ def to_si(name: str, value: float) -> float:
     return value * UNITS[suffix_of(name)][0]
 
 
-def from_si(name: str, value: float) -> float:
-    """Convert an SI ``value`` to the unit that ``name`` ends in."""
-    return value / UNITS[suffix_of(name)][0]
+def from_si(name: str, value: Value) -> Value:
+    """Convert an SI ``value`` to the unit that ``name`` ends in; None stays None."""
+    return None if value is None else value / UNITS[suffix_of(name)][0]

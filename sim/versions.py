@@ -1,7 +1,4 @@
-"""The installed package: versions that a result depends on, and the place of its studies.
-
-Versions are read without loading the packages.
-"""
+"""The installed package: versions that a result depends on, and the place of its studies."""
 
 from __future__ import annotations
 

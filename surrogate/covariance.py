@@ -23,13 +23,10 @@ LEAST_POWER = 7  #: of Wendland's function
 
 @dataclass(frozen=True)
 class Term:
-    """One term: bounds of its length scales, ranges of designs being scaled to one.
+    """One term; ranges of designs are scaled to one."""
 
-    A fit starts from ``first``. Equal bounds fix the length scales as the reach of a rough term.
-    """
-
-    scales: tuple[float, float] = (0.2, 30.0)
-    first: float = 1.0
+    scales: tuple[float, float] = (0.2, 30.0)  #: bounds; equal ones are the reach of a rough term
+    first: float = 1.0  #: length scale that a fit starts from
 
     @property
     def rough(self) -> bool:
@@ -39,14 +36,11 @@ class Term:
 
 @dataclass(frozen=True)
 class Covariance:
-    """Terms that are summed, over so many coordinates of a design.
-
-    ``theta`` has for each the logarithm of its variance and, unless it is rough, those of its
-    length scales, (size,).
-    """
+    """Terms that are summed, over so many coordinates of a design."""
 
     terms: tuple[Term, ...]
     coordinates: int
+    #: of each term the logarithm of its variance and, unless it is rough, of its scales, (size,)
     theta: Array
 
     def _parts(self, smooth: bool = False) -> Iterator[tuple[Term, float, Array]]:

@@ -35,14 +35,11 @@ GIVEN = -1  #: stands for the seed of angles that were given and not drawn
 
 @dataclass(frozen=True)
 class Mix:
-    """Operating points (mismatch in 1/min and force in N, (q, 2)) with weights of sum one, (q,).
-
-    ``retry`` is the time that a shift which does not engage costs, s.
-    """
+    """Operating points (mismatch in 1/min and force in N, (q, 2)) with weights of sum one, (q,)."""
 
     points: Array
     weights: Array
-    retry: float
+    retry: float  #: time that a shift which does not engage costs, s
 
     def places(self, points: Array) -> Mask:
         """Mark which of these points each of others (p, 2) is, (p, q) of bool."""
@@ -60,18 +57,14 @@ class Mix:
 
 @dataclass(frozen=True)
 class Grid:
-    """Designs ``x`` (n, d), edge units, that were simulated at every point of a mix.
+    """Designs that were simulated at every point of a mix."""
 
-    Mean time, its error and standard deviation of a shift that engages, s, (n, q), NaN where none
-    does; how many engaged, by their share of the pitch, and how many were made, (n, q).
-    """
-
-    x: Array
-    means: Array
-    errors: Array
-    sds: Array
-    engaged: Array
-    shifts: Array
+    x: Array  #: designs, (n, d), edge units
+    means: Array  #: mean time of a shift that engages, s, (n, q); NaN where none does
+    errors: Array  #: its standard error, s, (n, q)
+    sds: Array  #: standard deviation of a shift, s, (n, q)
+    engaged: Array  #: number that engaged, by their share of the pitch, (n, q)
+    shifts: Array  #: number that were made, (n, q)
 
     def subset(self, designs: Any) -> Grid:
         """Give the designs at places, or of a mask, alone."""
@@ -80,16 +73,13 @@ class Grid:
 
 @dataclass(frozen=True)
 class Dataset:
-    """Simulated designs with the search range of each variable, (d,), edge units.
-
-    ``physics`` is everything else that a shift depends on, ``engine`` the versions of the programs.
-    """
+    """Simulated designs with the search range of each variable, (d,), edge units."""
 
     variables: tuple[str, ...]
     low: Array
     high: Array
-    physics: Record
-    engine: Record
+    physics: Record  #: everything else that a shift depends on
+    engine: Record  #: versions of the programs
     mix: Mix
     grid: Grid
 

@@ -78,17 +78,14 @@ def point_coordinates(points: Array) -> Array:
 
 @dataclass(frozen=True)
 class Share:
-    """Share of shifts that engage: counts (n, q) at designs (n, c) and points (q, 2).
-
-    ``strength`` is that of the prior, in shifts.
-    """
+    """Share of shifts that engage: counts (n, q) at designs (n, c) and points (q, 2)."""
 
     designs: Array
     points: Array
     engaged: Array
     shifts: Array
     length: float
-    strength: float
+    strength: float  #: of the prior, in shifts
 
     def predict(self, x: Array, points: Array) -> tuple[Array, Array]:
         """Predict share and its variance at coordinates (m, c) and (p, 2), (m, p) each."""
@@ -128,19 +125,15 @@ def fit_share(designs: Array, points: Array, engaged: Array, shifts: Array) -> S
 
 @dataclass(frozen=True)
 class Expected:
-    """Expected shift time over a mix with its 95 % interval and standard error, s.
-
-    ``sd`` is that of a single shift, ``engaged`` the least share at a point, ``retries`` the time
-    that shifts which do not engage cost.
-    """
+    """Expected shift time over a mix with its 95 % interval and standard error, s."""
 
     time: float
     low: float
     high: float
     error: float
-    sd: float
-    engaged: float
-    retries: float = 0.0
+    sd: float  #: of a single shift
+    engaged: float  #: least share at a point
+    retries: float = 0.0  #: time that shifts which do not engage cost
     retries_error: float = 0.0
 
     @property

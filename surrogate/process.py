@@ -31,18 +31,14 @@ class Effort:
 
 @dataclass(frozen=True)
 class Process:
-    """Covariance of scaled targets with its data.
+    """Covariance of scaled targets with its data."""
 
-    Inputs are coordinates of designs, (n, c), targets (n, k), less ``level`` and over ``scale``,
-    each (k,); ``noise`` is the variance of each design's scaled targets, (n,).
-    """
-
-    covariance: Covariance
-    inputs: Array
-    targets: Array
-    noise: Array
-    level: Array
-    scale: Array
+    covariance: Covariance  #: of targets less ``level`` and over ``scale``
+    inputs: Array  #: coordinates of designs, (n, c)
+    targets: Array  #: (n, k)
+    noise: Array  #: variance of each design's scaled targets, (n,)
+    level: Array  #: (k,)
+    scale: Array  #: (k,)
 
     @cached_property
     def inverse(self) -> Array:

@@ -26,15 +26,12 @@ FAR = 3.0  #: times the usual spacing of simulated designs, beyond which an answ
 
 @dataclass(frozen=True)
 class Answer:
-    """Expected shift time of a design with warnings; ``refusal`` is why there is none.
-
-    ``distance`` is that to the next simulated design, in the usual distance of one to the next.
-    """
+    """Expected shift time of a design with warnings."""
 
     expected: Expected | None
-    distance: float
+    distance: float  #: to the next simulated design, in the usual distance of one to the next
     warnings: tuple[str, ...]
-    refusal: str = ""
+    refusal: str = ""  #: why there is no time
 
     @property
     def in_range(self) -> bool:
@@ -43,10 +40,7 @@ class Answer:
 
 
 def other_physics(data: Dataset, physics: Record) -> str:
-    """List what differs in the physics of data and study; nothing for another engine alone.
-
-    Both engines agree far better than a surrogate knows (docs/evidence/engines.txt).
-    """
+    """List what differs in the physics of data and study; engines agree (docs/evidence)."""
     left = SOLVER if physics.get("engine") != data.physics.get("engine") else ()
     mine, theirs = ({k: v for k, v in r.items() if k not in left} for r in (physics, data.physics))
     return differences(mine, theirs)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 from scipy.optimize import minimize
@@ -53,17 +52,17 @@ def likeliest(
 ) -> Covariance:
     """Find the likeliest covariance of targets (n, k) at inputs (n, c) with noise (n,)."""
     inputs, targets, noise = data
-    regressor = GaussianProcessRegressor(
-        DesignKernel(covariance, bounds), alpha=noise, optimizer=partial(_minimum, steps)
-    )
+
+    def minimum(objective: Any, theta: Array, bounds: Array) -> tuple[Array, float]:
+        limit = {"maxiter": steps}
+        found = minimize(
+            objective, theta, method="L-BFGS-B", jac=True, bounds=bounds, options=limit
+        )
+        return found.x, found.fun
+
+    kernel = DesignKernel(covariance, bounds)
+    regressor = GaussianProcessRegressor(kernel, alpha=noise, optimizer=minimum)
     with warnings.catch_warnings():  # a length scale at its bound: its coordinate does not matter
         warnings.simplefilter("ignore", ConvergenceWarning)
         regressor.fit(inputs, targets)
     return replace(covariance, theta=regressor.kernel_.theta)
-
-
-def _minimum(steps: int, objective: Any, theta: Array, bounds: Array) -> tuple[Array, float]:
-    found = minimize(
-        objective, theta, method="L-BFGS-B", jac=True, bounds=bounds, options={"maxiter": steps}
-    )
-    return found.x, found.fun

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,18 +29,14 @@ DRAWS = 4000  #: of the errors of an effect
 
 @dataclass(frozen=True)
 class Effect:
-    """Main effect of a variable on the expected time, s, with mean zero over the designs.
-
-    ``low`` and ``high`` bound 95 % at each of the values, in edge units, all (k,). Errors alone
-    span ``chance`` in one of twenty draws, s.
-    """
+    """Main effect of a variable on the expected time, s, with mean zero over the designs."""
 
     variable: str
-    values: Array
-    effect: Array
-    low: Array
+    values: Array  #: edge units, (k,)
+    effect: Array  #: (k,)
+    low: Array  #: bound of 95 % at each value, (k,)
     high: Array
-    chance: float
+    chance: float  #: that errors alone span in one of twenty draws, s
 
     @property
     def span(self) -> float:
@@ -52,8 +49,7 @@ class Effect:
         return self.span > self.chance
 
 
-@dataclass(frozen=True)
-class Accumulation:
+class Accumulation(NamedTuple):
     """Designs moved to the ends, (2 n, d); ``form`` (k, 2 n) times their times is the effect."""
 
     values: Array
@@ -63,11 +59,17 @@ class Accumulation:
 
 def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
     """Return the main effect of each variable that varies over designs (n, d) in edge units."""
-    return [
-        _effect(surrogate, variable, accumulate(x, column))
-        for column, variable in enumerate(variables)
-        if np.ptp(x[:, column]) > 0.0
-    ]
+    found = []
+    for column in np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist():
+        asked = accumulate(x, column)
+        times, covariance = surrogate.joint(asked.moved)
+        effect, errors = asked.form @ times, asked.form @ covariance @ asked.form.T
+        half = 1.96 * np.sqrt(np.maximum(np.diag(errors), 0.0))
+        drawn = root_of(errors) @ np.random.default_rng(0).standard_normal((len(errors), DRAWS))
+        chance = float(np.quantile(np.ptp(drawn, axis=0), 0.95))
+        bounds = effect - half, effect + half
+        found.append(Effect(variables[column], asked.values, effect, *bounds, chance))
+    return found
 
 
 def accumulate(x: Array, column: int, intervals: int = INTERVALS) -> Accumulation:
@@ -84,12 +86,3 @@ def accumulate(x: Array, column: int, intervals: int = INTERVALS) -> Accumulatio
     added -= counts / counts.sum() @ (0.5 * (added[1:] + added[:-1]))
     form = np.concatenate([-added, added], axis=1)
     return Accumulation(values, np.concatenate([below, above]), form)
-
-
-def _effect(surrogate: Surrogate, variable: str, asked: Accumulation) -> Effect:
-    times, covariance = surrogate.joint(asked.moved)
-    effect, errors = asked.form @ times, asked.form @ covariance @ asked.form.T
-    half = 1.96 * np.sqrt(np.maximum(np.diag(errors), 0.0))
-    drawn = root_of(errors) @ np.random.default_rng(0).standard_normal((len(errors), DRAWS))
-    chance = float(np.quantile(np.ptp(drawn, axis=0), 0.95))
-    return Effect(variable, asked.values, effect, effect - half, effect + half, chance)

@@ -24,6 +24,9 @@ from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.plant import ClutchPlant
+from dogshape.sim.strength.checks import Check
+from dogshape.sim.strength.dog_strength import Limits, strength_checks
+from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.units import DEG, RPM
 
 #: Rise time of the published shift forces, s by N (thesis table 2).
@@ -68,15 +71,18 @@ def plant(clutch: Clutch) -> ClutchPlant:
     return ClutchPlant(clutch)
 
 
+Point = Callable[[float, float], OperatingPoint]
+
+
 @pytest.fixture
-def point() -> Callable[[float, float], OperatingPoint]:
+def point() -> Point:
     """Make an operating point from 1/min and one of the published forces in N."""
 
     return lambda rpm, force: OperatingPoint(rpm * RPM, ForceProfile(force, RISE[force]))
 
 
 @pytest.fixture
-def setting(clutch: Clutch, point: Callable[[float, float], OperatingPoint]) -> Setting:
+def setting(clutch: Clutch, point: Point) -> Setting:
     """The prototype at 50 1/min and 469 N."""
     return Setting(clutch, point(50, 469.0))
 
@@ -153,6 +159,12 @@ def program(
         return Said(int(ended.value.code or 0), told.out, told.err)
 
     return call
+
+
+def named_checks(dog: Dog, by: Limits | LoadCase | None = None) -> dict[str, Check]:
+    """Return the checks of a dog by name, by limits or a load case, or by the usual ones."""
+    limits = by if isinstance(by, Limits) else Limits(load=by or LoadCase())
+    return {check.name: check for check in strength_checks(dog, limits)}
 
 
 def dog_of(dog: Dog, design: Sequence[float]) -> Dog:

@@ -14,7 +14,7 @@ from dogshape.diagnosis.prediction.simulations import settings_of
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.clutch import Solver
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.units import RPM

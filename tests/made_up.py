@@ -19,9 +19,9 @@ from dogshape.diagnosis.prediction.model import Model, build_models
 from dogshape.diagnosis.settings import USUAL
 from dogshape.sim.effects import load
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.shift_records import Record, content_key, landing_record
+from dogshape.sim.statistics.shift_records import Record, content_key
+from dogshape.sim.strength.landing import NO_LANDING
 from dogshape.sim.units import RPM
 
 FACE = 0.4  #: share of the pitch in which the dogs meet a face
@@ -74,7 +74,7 @@ class Quick:
             if self.done == self.stop:
                 raise KeyboardInterrupt
             self.done += 1
-            landing = landing_record(Landing())
+            landing = {"landing_loads_N_mm": list(NO_LANDING)}
             yield {"key": content_key(given), **given, **row, "actuator_time_s": None, **landing}
 
 

@@ -120,7 +120,7 @@ class SecondEngine(Engine):
         self._rollout = self._mujoco.rollout.Rollout(nthread=0)
 
     def engage(self, point: OperatingPoint, relative_angle: float, keep: bool = False) -> Shift:
-        """Simulate one shift; ``relative_angle`` in rad as for ``sim.shift.engagement.engage``.
+        """Simulate one shift; ``relative_angle`` in rad as for ``sim.shift.conclusion.engage``.
 
         ``keep`` keeps the motion of every step from the end of the free flight on, its speeds
         half a step behind.

@@ -34,7 +34,7 @@ from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import torque_peak
+from dogshape.sim.shift.trace import torque_peak
 from dogshape.sim.statistics.expectation import SetPoint
 from dogshape.sim.statistics.shift_records import (
     DEFAULTS,

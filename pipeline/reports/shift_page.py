@@ -27,9 +27,8 @@ from dogshape.pipeline.reports.text import ENGINES, check_name, in_ms, minus, va
 from dogshape.sim import kernel
 from dogshape.sim.files import write_whole
 from dogshape.sim.shift.conclusion import Engagement, Outcome
-from dogshape.sim.shift.events import crests_cross
 from dogshape.sim.shift.mesh import dog_solid
-from dogshape.sim.shift.trace import Trace
+from dogshape.sim.shift.trace import Trace, crests_cross
 from dogshape.sim.statistics.blocks import events_record, loads_record
 from dogshape.sim.units import DEG, MM, MS, RPM
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import astuple, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
 
@@ -61,7 +61,7 @@ def simulation_record(found: Simulated) -> dict[str, Any]:
     measured = found.measured
     return {
         "estimates": {name: [e.value, e.standard_error] for name, e in found.estimates.items()},
-        "demand_Pa": list(astuple(measured.demand)),
+        "demand_Pa": list(measured.demand),
         "limited": dict(measured.limited),
         "engaged": measured.engaged,
         "rows": row_record(found.rows),

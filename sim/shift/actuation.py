@@ -14,7 +14,7 @@ and nears *F* as :math:`e^{-(t - T)/\tau}` afterwards. A mass that nothing touch
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import KW_ONLY, dataclass
 from functools import cached_property
 from typing import TypeVar
 
@@ -37,19 +37,14 @@ def cubic_step(share: Times, full: Times | float) -> Times:
 
 @dataclass(frozen=True)
 class ForceProfile:
-    """A shift force that rises as a cubic step to ``force`` (N) within ``rise`` (s).
+    """A shift force that rises as a cubic step; times of all methods count from its start."""
 
-    ``lag`` is the time constant through which the force comes, s. ``delay`` is the dead time from
-    the command to the start of the force, s. Times of all methods count from the start of the
-    force, before which nothing moves along the shaft. ``loss`` in N is a constant part of
-    ``force`` that never reaches the sleeve; the rest rises in the same time.
-    """
-
-    force: float
-    rise: float
-    lag: float = field(default=0.0, kw_only=True)
-    delay: float = field(default=0.0, kw_only=True)
-    loss: float = field(default=0.0, kw_only=True)
+    force: float  #: final one, N
+    rise: float  #: s
+    _: KW_ONLY
+    lag: float = 0.0  #: time constant through which the force comes, s
+    delay: float = 0.0  #: dead time from the command to the start of the force, s
+    loss: float = 0.0  #: constant part that never reaches the sleeve, N; the rest rises in the time
 
     def __post_init__(self) -> None:
         limits = [
@@ -152,16 +147,10 @@ def recorded_profile(record: Mapping[str, float]) -> ForceProfile:
 
 @dataclass(frozen=True)
 class RiseTable:
-    """Rise time of the shift force by its final value, linear in between.
+    """Rise time of the shift force by its final value, linear in between."""
 
-    Parameters
-    ----------
-    forces : N, in any order.
-    rises : s, one for each force; another number of them raises InputError.
-    """
-
-    forces: tuple[float, ...]
-    rises: tuple[float, ...]
+    forces: tuple[float, ...]  #: N, in any order
+    rises: tuple[float, ...]  #: s, one for each force; another number of them raises InputError
 
     def __post_init__(self) -> None:
         if len(self.forces) != len(self.rises):

@@ -1,8 +1,4 @@
-"""The clutch as data: both rings, the contact and the solver that moves them.
-
-A problem is a frozen value. ``Clutch`` says what is built, ``OperatingPoint``
-and a relative angle say what is asked of it.
-"""
+"""The clutch as data: both rings, the contact and the solver that moves them."""
 
 from __future__ import annotations
 
@@ -117,14 +113,12 @@ def contact_set(name: str) -> ContactSet:
 
 @dataclass(frozen=True)
 class Rings:
-    """Masses that move: sliding ring (kg, kg m2) and output ring (kg m2).
-
-    ``initial_speed`` is the sliding ring's speed before the shift, rad/s.
-    """
+    """Masses that move: sliding ring (kg, kg m2) and output ring (kg m2)."""
 
     mass: float = within("sliding.mass_kg", 1e-3, 50.0)
     sliding_inertia: float = within("sliding.inertia_kgm2", 1e-6, 100.0)
     output_inertia: float = within("output.inertia_kgm2", 1e-6, 1e4)
+    #: of the sliding ring before the shift, rad/s
     initial_speed: float = within("sliding.initial_speed_rpm", -2e4, 2e4, 0.0)
 
     def __post_init__(self) -> None:
@@ -150,8 +144,8 @@ class Solver:
     with forces of a mechanism (``docs/simulation.md``). The compiled engine takes from the scheme
     the friction law alone, and ``accuracy`` is the error of a step in m/s.
 
-    A shift that takes more than ``max_steps``, or more than ``time_limit`` in s, has diverged. The
-    first limit makes the same shift fail on every machine and stands far below the second.
+    A shift that takes more than ``max_steps``, or more than ``time_limit`` in s, has diverged; the
+    first stands far below the second and is the same on every machine.
     """
 
     scheme: str = "runge_kutta3"
@@ -204,23 +198,18 @@ def accuracy_of(scheme: str, mechanism: Mechanism) -> float:
 
 @dataclass(frozen=True)
 class Clutch:
-    """Everything about a shift except how it is operated.
-
-    ``timeout`` in s; ``seated_tolerance`` is how far from full travel a shift
-    counts as done, and ``rebound`` how far behind its start the sliding ring can
-    be thrown before it meets a stop, both in m. The default stop stands as far
-    behind the ring as the dogs stand ahead: there the neighbouring gear begins. The default
-    ``mechanism`` is none: the shift force acts on the ring, which nothing else holds.
-    """
+    """Everything about a shift except how it is operated."""
 
     dog: Dog
     rings: Rings
     contact: ContactSet
     solver: Solver
-    timeout: float = 1.0
-    seated_tolerance: float = 5e-5
+    timeout: float = 1.0  #: s
+    seated_tolerance: float = 5e-5  #: how far from full travel a shift counts as done, m
+    #: how far behind its start the sliding ring can be thrown before it meets a stop, m: as far as
+    #: the dogs stand ahead, there the neighbouring gear begins
     rebound: float = 1e-3
-    mechanism: Mechanism = NOTHING
+    mechanism: Mechanism = NOTHING  #: the shift force acts on the ring, which nothing else holds
 
     def __post_init__(self) -> None:
         remedy, own, whole = "give what turns with the dogs alone", self.mechanism, self.rings
@@ -301,13 +290,14 @@ class Clutch:
 
 @dataclass(frozen=True)
 class OperatingPoint:
-    """Mismatch in rad/s and shift force, with a weight.
+    """Mismatch and shift force, with a weight.
 
     A positive mismatch runs the traction flanks together, and opposing faces fall away from each
-    other: the ring on the engine's side is the faster one, as before an upshift. It is output less
-    sliding speed about the axis from the output to the sliding ring (``docs/mismatch.md``).
+    other: the ring on the engine's side is the faster one, as before an upshift.
     """
 
+    #: output less sliding speed about the axis from the output to the sliding ring, rad/s
+    #: (``docs/mismatch.md``)
     mismatch: float
     profile: ForceProfile
     weight: float = 1.0

@@ -1,34 +1,27 @@
-"""Result of a run of either engine: outcome, time, phases, events, loads, trace.
-
-*Validity.* The pressure field of the contact grows down to the apex of its pyramids and pushes
-the wrong way beyond it. A dog that was pressed past the apex went through another.
+"""One shift by either engine, and its result: outcome, time, phases, events, loads, trace.
 
 *Dead time.* Nothing moves along the shaft until the force starts; both rings turn on meanwhile. The
-relative angle of a shift is that at the start of the force, so what follows is the same shift, and
-every time of it is later by the dead time exactly.
+relative angle of a shift is that at the start of the force, so every time is later by it exactly.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import Enum
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.events import PHASES, Events, Phase
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import OVERLAPS, Landing, Loads
 from dogshape.sim.shift.mesh import pressure_apex
-from dogshape.sim.shift.trace import Series, Trace, trace_of
+from dogshape.sim.shift.trace import OVERLAPS, PHASES, Events, Loads, Phase, Series, Trace, trace_of
 from dogshape.sim.units import MM
 
 
@@ -83,11 +76,10 @@ def section_planes(dog: Dog) -> Series:
 def passing_through(clutch: Clutch, deepest: float, farthest: float) -> str:
     """Describe why a shift is not valid; empty where it is.
 
-    Two limits hold it. Down to a third of the apex's depth the pyramids of the three faces cover
-    all that is touched (``sim.shift.mesh``); deeper, the pressure may push the wrong way. Both
-    flanks touch at full travel, or with a backlash that over their lean beyond, so a ring farther
-    than its tolerance from there is not in its slot. ``deepest`` is the penetration and
-    ``farthest`` the way over the whole shift, m.
+    Down to a third of the apex's depth the pyramids of the three faces cover all that is touched
+    (``sim.shift.mesh``); deeper, the pressure may push the wrong way. Flanks touch at full travel,
+    or with a backlash that over their lean beyond, so a ring farther than its tolerance from there
+    is not in its slot. ``deepest`` is the penetration, ``farthest`` the way over the shift, m.
     """
     remedy = "lower shift force or mismatch, or take fewer and higher dogs"
     limit = COVERED_DEPTH * pressure_apex(clutch.dog)[1]
@@ -131,28 +123,23 @@ def require_stiff_enough(clutch: Clutch, force: float) -> None:
 
 @dataclass(frozen=True)
 class Engagement:
-    """Result of one shift, with its problem.
-
-    ``shift_time`` is in s, None unless engaged; ``evaluations`` counts the
-    derivatives that the integrator asked for, the measure of what a shift costs.
-    ``actuator_time`` is when the actuator first made the shift's travel, s: the shift time
-    unless there is a linkage; None if it never did. A run goes on until ring and actuator have.
-    ``missed`` is how deep dogs lay in each other within steps that show no contact, m.
-    """
+    """Result of one shift, with its problem; a run goes on until ring and actuator arrive."""
 
     clutch: Clutch
     point: OperatingPoint
     relative_angle: float
     outcome: Outcome
-    shift_time: float | None
+    shift_time: float | None  #: s; None unless engaged
+    #: when the actuator first made the shift's travel, s: the shift time unless there is a linkage;
+    #: None if it never did
     actuator_time: float | None
     phases: tuple[Phase, ...]
     events: Events
     loads: Loads
     steps: int
-    evaluations: int
+    evaluations: int  #: derivatives that the integrator asked for, what a shift costs
     detail: str
-    missed: float
+    missed: float  #: how deep dogs lay in each other within steps that show no contact, m
     run: Run
 
     @cached_property
@@ -194,10 +181,9 @@ def failure_of(clutch: Clutch, now: float, state: Series, steps: int, deadline: 
 
 
 def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> Engagement:
-    """Work a result out of a run.
+    """Work a result out of a run; times of it count from the command, a dead time later.
 
-    A shift whose dogs passed through each other is ``Outcome.DIVERGED``. Times of a run
-    count from the start of the force, those of the result from the command: a dead time later.
+    A shift whose dogs passed through each other is ``Outcome.DIVERGED``.
     """
     from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
 
@@ -206,8 +192,7 @@ def conclude(clutch: Clutch, point: OperatingPoint, angle: float, run: Run) -> E
         _CLASSES,
     )  # fmt: skip
     done, far = map(_given, ends)
-    landing = Landing(tuple(line_loads.tolist()))
-    fields: list[Any] = [*loads[:5], *map(_given, loads[5:]), landing]
+    fields: list[Any] = [*loads[:5], *map(_given, loads[5:]), tuple(line_loads.tolist())]
     outcome, late = Outcome.ENGAGED, point.profile.delay
     failure = run.failure or passing_through(clutch, *limits)
     if failure:
@@ -240,22 +225,35 @@ def _given(value: float) -> float | None:
     return None if math.isnan(value) else value
 
 
-def engaged(
-    clutch: Clutch, point: OperatingPoint, angle: float, first: Run, rerun: Callable[[Clutch], Run]
-) -> Engagement:
-    """Conclude one shift from its ``first`` run; ``rerun`` simulates it with another clutch.
+class Engine(Protocol):
+    """A clutch prepared for one of the engines, built of it alone and used again and again."""
 
-    Dogs that are fast enough pass through each other within one step, or meet and part; such a
-    shift is simulated again with steps of at most a tenth, and has diverged only if dogs pass
-    through each other again.
+    @property
+    def clutch(self) -> Clutch:
+        """Clutch that is simulated."""
+
+    def __init__(self, clutch: Clutch) -> None: ...
+
+    def run(self, point: OperatingPoint, angle: float) -> Run:
+        """Integrate one shift."""
+
+
+def engage(plant: Engine, point: OperatingPoint, relative_angle: float) -> Engagement:
+    """Simulate one shift; ``relative_angle`` is the output ring's lead over dogs facing dogs, rad.
+
+    Times count from the command, the time-out and the angle from the start of the force. Physical
+    failure and a failed integration are outcomes. Dogs that are fast enough pass through each other
+    within one step, or meet and part; such a shift is simulated again with steps of at most a
+    tenth, and has diverged only if dogs pass through each other again.
     """
-    found = conclude(clutch, point, angle, first)
+    clutch, first = plant.clutch, plant.run(point, relative_angle)
+    found = conclude(clutch, point, relative_angle, first)
     seen = found.missed <= PASSED_OVER + 0.5 * clutch.dog.edge_radius
     if first.failure or (found.outcome is not Outcome.DIVERGED and seen):
         return found
     solver = replace(clutch.solver, max_step=clutch.solver.max_step / FINER)
-    more = rerun(replace(clutch, solver=solver))
-    again = conclude(clutch, point, angle, more)
+    more = type(plant)(replace(clutch, solver=solver)).run(point, relative_angle)
+    again = conclude(clutch, point, relative_angle, more)
     return replace(again, evaluations=first.evaluations + more.evaluations)
 
 

@@ -59,40 +59,23 @@ FLANKS: tuple[Flank, ...] = ("traction", "braking")
 class Dog:
     """One dog, its ring and the axial gap to the other ring, in SI units.
 
-    Parameters
-    ----------
-    count : number of dogs of a ring.
-    chamfer, traction, braking : chamfer of the face and side angles of the two
-        flanks, rad; a negative side angle is an undercut.
-    height : crest above root, m.
-    outer_diameter, inner_diameter : of the toothed annulus, m.
-    axial_gap : between the crests of the two rings before the shift, m.
-    edge_radius : of crest and edges of the tip, m; 0 is sharp.
-    crest : place of the ridge on the tip, 0 at its braking and 1 at its traction edge.
-    chamfer_back : angle by which the tip falls from the ridge towards the traction flank, rad.
-    backlash : play of the seated pair along the circumference at the mean radius, m.
-
-    Raises
-    ------
-    InputError
-        A value is not finite, negative or outside its mathematical range.
-    GeometryError
-        The flanks meet below the tip, a chamfer eats a flank or belongs to no face, undercut dogs
-        do not pass each other, or the roundings of the edges leave nothing of faces or flanks.
+    Raises InputError where a value is not finite, negative or outside its mathematical range,
+    GeometryError where the flanks meet below the tip, a chamfer eats a flank or belongs to no face,
+    undercut dogs do not pass each other, or the roundings leave nothing of faces or flanks.
     """
 
-    count: int
-    chamfer: float
-    traction: float
-    braking: float
-    height: float
-    outer_diameter: float
+    count: int  #: of a ring
+    chamfer: float  #: of the face, rad
+    traction: float  #: side angle of the flank, rad; negative is an undercut
+    braking: float  #: the same of the other flank
+    height: float  #: crest above root, m
+    outer_diameter: float  #: of the toothed annulus, m
     inner_diameter: float
-    axial_gap: float
-    edge_radius: float = 0.0
-    crest: float = 1.0
-    chamfer_back: float = 0.0
-    backlash: float = 0.0
+    axial_gap: float  #: between the crests of the two rings before the shift, m
+    edge_radius: float = 0.0  #: of crest and edges of the tip, m; 0 is sharp
+    crest: float = 1.0  #: place of the ridge on the tip, 0 at its braking, 1 at its traction edge
+    chamfer_back: float = 0.0  #: by which the tip falls from the ridge to the traction flank, rad
+    backlash: float = 0.0  #: of the seated pair along the circumference at the mean radius, m
 
     def __post_init__(self) -> None:
         for rule in _rules(self):
@@ -205,40 +188,31 @@ class Dog:
         are not.
         """
         inner = self.inner_radius
-        drop = largest(self.edge_drop_at(inner), self.back_drop_at(inner))
+        drop = largest(*self.drops_at(inner))
         return self.backlash_angle * inner + (self.height - 2.0 * drop) * self.lean
 
     @property
     def edge_drop(self) -> float:
-        """Depth of the braking edge, where face and braking flank meet, below the ridge, m.
-
-        The flank leans outwards below the crest, so the face runs on past its share of the tip
-        width: ``drop / (1 - tan(chamfer) tan(braking))``. 0 for crest 0.
-        """
-        return self.edge_drop_at(self.mean_radius)
-
-    def edge_drop_at(self, radius: float) -> float:
-        """Depth of the braking edge below the ridge at ``radius``, m."""
-        slope, _, braking = self.tangents
-        return self.crest * self.tip_width_at(radius) * slope / (1.0 - slope * braking)
+        """Depth of the braking edge below the ridge at the mean radius, m."""
+        return self.drops_at(self.mean_radius)[1]
 
     @property
     def back_drop(self) -> float:
-        """Depth of the traction edge, where back and traction flank meet, below the ridge, m.
-
-        0 for crest 1.
-        """
-        return self.back_drop_at(self.mean_radius)
-
-    def back_drop_at(self, radius: float) -> float:
-        """Depth of the traction edge below the ridge at ``radius``, m."""
-        slope, traction = tan(self.chamfer_back), self.tangents[1]
-        width = (1.0 - self.crest) * self.tip_width_at(radius)
-        return width * slope / (1.0 - slope * traction)
+        """Depth of the traction edge below the ridge at the mean radius, m."""
+        return self.drops_at(self.mean_radius)[0]
 
     def drops_at(self, radius: float) -> tuple[float, float]:
-        """Depths of traction and braking edge below the ridge at ``radius``, m."""
-        return self.back_drop_at(radius), self.edge_drop_at(radius)
+        """Depths of traction and braking edge, where tip and flank meet, below the ridge, m.
+
+        A flank leans outwards below the crest, so its face runs on past its share of the tip
+        width: ``drop / (1 - tan(chamfer) tan(braking))``. 0 where the ridge is that edge.
+        """
+        (slope, traction, braking), back = self.tangents, tan(self.chamfer_back)
+        tip = self.tip_width_at(radius)
+        return (
+            (1.0 - self.crest) * tip * back / (1.0 - back * traction),
+            self.crest * tip * slope / (1.0 - slope * braking),
+        )
 
     @property
     def face_width(self) -> float:
@@ -318,10 +292,8 @@ class Dog:
         Infinite for a face that the tip does not have.
         """
         slope, traction, braking = self.tangents
-        narrow, (back, edge) = (
-            self.tip_width_at(self.inner_radius),
-            self.drops_at(self.inner_radius),
-        )
+        narrow = self.tip_width_at(self.inner_radius)
+        back, edge = self.drops_at(self.inner_radius)
         face = (self.crest * narrow + edge * braking) * hypot(1.0, slope)
         rear = (1.0 - self.crest) * narrow + back * traction
         rear *= hypot(1.0, tan(self.chamfer_back))
@@ -495,8 +467,12 @@ def flank_contact(dog: Dog, root_radius: float, flank: Flank) -> FlankContact:
     side, radii = FLANKS.index(flank), (dog.inner_radius, dog.mean_radius, dog.outer_radius)
     edge = tip_radius(dog, root_radius) * cos(side_angle(dog, flank)) * dog.edge_cuts[side]
     inner, mean, outer = (dog.drops_at(radius)[side] + edge for radius in radii)
-    area = dog.radial_width * _mean_positive(dog.height - 2.0 * inner, dog.height - 2.0 * outer)
-    return FlankContact(mean, dog.height - mean, area)
+    ends = dog.height - 2.0 * inner, dog.height - 2.0 * outer
+    # Of a height that falls to zero within the width, the part that is positive.
+    apart = abs(ends[0] - ends[1])
+    part = 0.5 * largest(*ends, 0.0) ** 2 / where(apart > 0.0, apart, 1.0)
+    touching = where(smallest(*ends) >= 0.0, 0.5 * (ends[0] + ends[1]), part)
+    return FlankContact(mean, dog.height - mean, dog.radial_width * touching)
 
 
 def _crest_angles(dog: Dog) -> tuple[float, float]:
@@ -541,9 +517,3 @@ def root_radius_room(dog: Dog) -> float:
     if not own:
         rooms += [(face, dog.crest_cut + cuts[1]), (back, cuts[0] + dog.crest_cut)]
     return largest(0.0, smallest(*((length - LAND) / taken for length, taken in rooms)))
-
-
-def _mean_positive(a: float, b: float) -> float:
-    top, apart = largest(a, b, 0.0), abs(a - b)
-    part = 0.5 * top**2 / where(apart > 0.0, apart, 1.0)
-    return where(smallest(a, b) >= 0.0, 0.5 * (a + b), part)

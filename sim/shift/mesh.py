@@ -120,18 +120,13 @@ class Lines:
 
 @dataclass(frozen=True)
 class Corner:
-    """A corner of the profile and the cylinder that rounds or fills it.
+    """A corner of the profile and the cylinder that rounds or fills it."""
 
-    ``axis`` (3,) is a point of the cylinder's axis, m, and ``direction`` (3,) runs along
-    it outwards; ``first`` and ``last`` are the outward normals of the faces before and
-    after; ``radius`` is positive for a rounding and negative for a fillet, m.
-    """
-
-    axis: Vertices
-    direction: Vertices
-    first: Vertices
-    last: Vertices
-    radius: float
+    axis: Vertices  #: point of the cylinder's axis, (3,), m
+    direction: Vertices  #: along it outwards, (3,)
+    first: Vertices  #: outward normal of the face before, (3,)
+    last: Vertices  #: the same of the face after
+    radius: float  #: positive for a rounding, negative for a fillet, m
 
     @cached_property
     def arc(self) -> float:
@@ -201,21 +196,20 @@ def touching_planes(dog: Dog) -> tuple[Plane, ...]:
 Face = tuple[int, ...]
 
 
+def stacked(planes: Sequence[Plane]) -> tuple[Vertices, NDArray[np.float64]]:
+    """Return normals (n, 3) and offsets (n,) of planes."""
+    return np.array([one.normal for one in planes]), np.array([one.offset for one in planes])
+
+
 def meeting(*planes: Plane) -> Vertices:
     """Return the point (3,) in which three planes meet."""
-    found: Vertices = np.linalg.solve(
-        np.array([plane.normal for plane in planes]), np.array([plane.offset for plane in planes])
-    )
-    return found
+    return np.asarray(np.linalg.solve(*stacked(planes)), dtype=np.float64)
 
 
 def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, list[Face]]:
     """Return vertices (n, 3) and tetrahedra of the body of a dog with rounded edges or a back.
 
-    Parameters
-    ----------
-    skin : the planes of its root, inner and outer end.
-    apex : of ``pressure_apex``, (3,); the last vertex.
+    ``skin`` has the planes of its root, inner and outer end; ``apex`` (3,) is the last vertex.
     """
     ends, edges = (skin["inner"], skin["outer"]), tip_edges(dog)
     around = [skin["root"], *touching_planes(dog), skin["root"]]
@@ -243,8 +237,9 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
         beside = zip(strips, pairwise(chains), strict=True)
         left += [_end(strip, between, end) for strip, between in beside]
         left += [(inner[-1], 2 * spans[-1][1] + end, floor), (root, *inner, floor)]
-    hips, closing = list[Vertices](), closing_face(dog)
-    if closing is not None:
+    hips, planes = list[Vertices](), dog_planes(dog)
+    if dog.has_back:
+        closing = int(planes["back"].depth(apex) < planes["face"].depth(apex))
         near, far = chains[closing : closing + 2]
         sides = [[points[chain[-end]] for chain in (near, far)] for end in (0, 1)]
         if hips := _hip(dog, closing, apex, sides):
@@ -442,8 +437,7 @@ def rotation(angle: float) -> NDArray[np.float64]:
 
 def equally_deep(planes: Sequence[Plane], radius: float) -> tuple[Vertices, float]:
     """Return the point (3,) equally deep below three planes at x = ``radius``, and its depth, m."""
-    normals = np.array([plane.normal for plane in planes])
-    offsets = np.array([plane.offset for plane in planes])
+    normals, offsets = stacked(planes)
     matrix = np.column_stack([normals[:, 1:], np.ones(3)])
     y, z, depth = np.linalg.solve(matrix, offsets - normals[:, 0] * radius)
     return np.array([radius, y, z]), float(depth)
@@ -465,19 +459,10 @@ def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
     return found[int(np.argmax(beyond))]
 
 
-def closing_face(dog: Dog) -> int | None:
-    """Find the face that ends in a hip, of a tip with two: 0 for the back, 1 for the face."""
-    if not dog.has_back:
-        return None
-    planes, (apex, _) = dog_planes(dog), pressure_apex(dog)
-    return int(planes["back"].depth(apex) < planes["face"].depth(apex))
-
-
 def compliant_dog(dog: Dog) -> Mesh:
     """Return one dog as twelve tetrahedra: its skin in triangles, joined to the apex.
 
-    Few and large cells are right here: the pressure is linear in each, so a finer
-    mesh has the same field and only costs more. Rounded edges and a hip add prisms.
+    A finer mesh has the same field, linear in each. Rounded edges and a hip add prisms.
     """
     apex, _ = pressure_apex(dog)
     reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)

@@ -17,6 +17,7 @@ not. With ``cenic`` the spline's torque comes from contact surfaces: over each t
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from collections.abc import Set as AbstractSet
 from typing import Any
@@ -32,16 +33,22 @@ from pydrake.multibody.plant import (
     AddMultibodyPlantSceneGraph,
     ContactModel,
     CoulombFriction,
-    MultibodyPlant,
 )
 from pydrake.systems.analysis import ApplySimulatorConfig, Simulator, SimulatorConfig
-from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
+from pydrake.systems.framework import (
+    BasicVector,
+    Context,
+    DiagramBuilder,
+    EventStatus,
+    LeafSystem,
+)
 from pydrake.systems.primitives import TrajectorySource
 from pydrake.trajectories import PiecewisePolynomial
 
+from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, require_engine
-from dogshape.sim.shift.conclusion import states_held
+from dogshape.sim.shift.conclusion import Run, failure_of, states_held
 from dogshape.sim.shift.mesh import compliant_dog, pressure_apex, rigid_dog, ring_of, to_obj, to_vtk
 
 #: Joints that forces act on: ring and actuator along the shaft, both rings and what is behind them.
@@ -56,20 +63,15 @@ AXIS = np.array([0.0, 0.0, 1.0])
 
 
 class _Forces(LeafSystem):  # type: ignore[misc]
-    """Forces of the actuators from the shift force, the state and the contact's torque.
+    """Forces of the actuators from the shift force, the state and the contact's torque."""
 
-    ``order`` are the places of ``ClutchPlant.state`` in Drake's state, (12,).
-    """
-
-    def __init__(
-        self, plant: MultibodyPlant, clutch: Clutch, share: int, order: Sequence[int]
-    ) -> None:
+    def __init__(self, own: ClutchPlant) -> None:
         super().__init__()
-        rings, mechanism = clutch.rings, clutch.mechanism
-        self._mechanism, self._share, self._order = mechanism, share, list(order)
-        self._shafts = clutch.shafts
+        plant, clutch, share = own.plant, own.clutch, own.share
+        rings, mechanism, radius = clutch.rings, clutch.mechanism, clutch.dog.mean_radius
+        self._mechanism, self._share, self._order = mechanism, share, own.order
+        self._shafts, self._contact_set = clutch.shafts, clutch.contact
         self._linkage = mechanism.linkage(rings.mass) if mechanism.has_linkage else None
-        radius = clutch.dog.mean_radius
         self._spline = mechanism.spline_share(rings.mass, radius, rings.sliding_inertia) * share
         self._torque = plant.GetJointByName(SLIDING).velocity_start()
         actuators = plant.GetJointActuatorIndices()
@@ -79,7 +81,6 @@ class _Forces(LeafSystem):  # type: ignore[misc]
         self.state = self.DeclareVectorInputPort("state", BasicVector(2 * places))
         ring = plant.GetBodyByName("sliding_ring")
         self._dogs = frozenset(plant.GetCollisionGeometriesForBody(ring))
-        self._contact_set = clutch.contact
         self.contact = self.shapes = None
         if mechanism.spline_friction > 0.0 and self._shafts[0] is None:
             if clutch.solver.scheme == "cenic":
@@ -130,13 +131,8 @@ def ring_torque(
 ) -> float:
     """Compute the torque of contact surfaces on the sliding ring by the law of ``cenic``, N m.
 
-    Parameters
-    ----------
-    surfaces : of the dogs and of the stop, as triangles.
-    dogs : geometries of the sliding ring.
-    turn : sliding less output speed, rad/s.
-    speed : of the sliding ring into engagement, m/s.
-    contact : coefficients, stiction velocity and dissipation.
+    ``surfaces``, in triangles, are of the dogs and of the stop, ``dogs`` the geometries of the
+    sliding ring; ``turn`` is sliding less output speed, rad/s, ``speed`` along the shaft, m/s.
     """
     torque, stiction = 0.0, contact.stiction_velocity
     static, dynamic = contact.static_friction, contact.dynamic_friction
@@ -192,7 +188,15 @@ class ClutchPlant:
         self.plant.set_contact_model(ContactModel.kHydroelastic)
         self.plant.set_stiction_tolerance(clutch.contact.stiction_velocity)
         self.plant.Finalize()
-        self._columns = self._columns_of()
+        # Where Drake's state has each column of ours: what does not move apart moves as its ring.
+        self._columns, rates = dict[int, int](), self.plant.num_positions()
+        for name, (place, rate) in COLUMNS.items():
+            if self.plant.HasJointNamed(name):
+                joint = self.plant.GetJointByName(name)
+                self._columns[place] = joint.position_start()
+                self._columns[rate] = rates + joint.velocity_start()
+        same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
+        self.order = [self._columns.get(k, self._columns[same.get(k, k)]) for k in range(12)]
         self._force = builder.AddSystem(TrajectorySource(_trajectory(ForceProfile(1.0, 1.0), 1)))
         if clutch.mechanism.has_forces:
             self._add_forces(builder)
@@ -214,11 +218,9 @@ class ClutchPlant:
         """
         solver = self.clutch.solver
         config = SimulatorConfig(
-            integration_scheme=solver.scheme,
-            accuracy=solver.accuracy,
-            max_step_size=solver.max_step,
-            use_error_control=True,
-        )
+            integration_scheme=solver.scheme, accuracy=solver.accuracy,
+            max_step_size=solver.max_step, use_error_control=True,
+        )  # fmt: skip
         ApplySimulatorConfig(config, self.simulator)
         self._force.UpdateTrajectory(_trajectory(point.profile, self.share))
         self.held = states_held(self.clutch, point, relative_angle)
@@ -231,24 +233,50 @@ class ClutchPlant:
         self.simulator.Initialize()
         return self.simulator
 
+    def run(self, point: OperatingPoint, angle: float) -> Run:
+        """Integrate up to the end of the travel or the time-out; the monitor records every step."""
+        simulator, clutch = self.start(point, angle), self.clutch
+        # Places in the state of what has not made its travel: ring, actuator.
+        under_way = {1, 6} if clutch.mechanism.has_linkage else {1}
+        # Beside where the run begins: the time in which the ring was held.
+        times, states = self.held[0][:-1].tolist(), [*self.held[1][:-1]]
+        blocked, failure, last, check_at = False, "", np.full(12, np.nan), kernel.STILL_WINDOW
+        deadline = time.monotonic() + clutch.solver.time_limit
+
+        def record(context: Context) -> EventStatus | None:
+            """Keep a step, and stop the run where it has ended."""
+            nonlocal blocked, failure, last, check_at
+            now, state = context.get_time(), self.state()
+            times.append(now)
+            states.append(state)
+            under_way.difference_update([i for i in under_way if state[i] >= clutch.shift_travel])
+            if under_way and len(times) > 1:
+                failure = failure_of(clutch, now, state, len(times), deadline)
+            if under_way and not failure and now >= check_at:
+                left, knots = clutch.timeout - now, point.profile.knots
+                blocked = kernel.stands_still(now, last, state, left, clutch.numbers, knots)
+                last, check_at = state, now + kernel.STILL_WINDOW
+            ended = blocked or failure or not under_way
+            return EventStatus.ReachedTermination(self.plant, "ended") if ended else None
+
+        simulator.set_monitor(record)
+        try:
+            record(self.context)
+            simulator.AdvanceTo(clutch.timeout)
+        except RuntimeError as error:
+            if len(times) < 2:
+                raise  # not a step was made: the model is wrong, not the motion
+            failure = str(error).split("\n")[0]
+        finally:
+            simulator.clear_monitor()
+        spent = simulator.get_integrator().get_num_derivative_evaluations()
+        grown = np.diff(times, prepend=-1.0) > 0.0
+        return Run(np.array(times)[grown], np.array(states)[grown], blocked, failure, spent)
+
     def state(self) -> NDArray[np.float64]:
-        """Return the state as ``sim.shift.conclusion.Run`` has it, (12,).
-
-        What does not move apart moves as its ring does.
-        """
+        """Return the state as ``sim.shift.conclusion.Run`` has it, (12,)."""
         state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
-        return state[self._order]
-
-    def _columns_of(self) -> dict[int, int]:
-        """Find where Drake's state has each column of ours; sets the order of reading, too."""
-        found, rates = {}, self.plant.num_positions()
-        for name, (place, rate) in COLUMNS.items():
-            if self.plant.HasJointNamed(name):
-                joint = self.plant.GetJointByName(name)
-                found[place], found[rate] = joint.position_start(), rates + joint.velocity_start()
-        same = {6: 1, 7: 4, 8: 2, 9: 5, 10: 0, 11: 3}
-        self._order = [found.get(k, found[same.get(k, k)]) for k in range(12)]
-        return found
+        return state[self.order]
 
     def _add_apart(
         self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str
@@ -260,7 +288,7 @@ class ClutchPlant:
 
     def _add_forces(self, builder: DiagramBuilder) -> None:
         plant = self.plant
-        forces = builder.AddSystem(_Forces(plant, self.clutch, self.share, self._order))
+        forces = builder.AddSystem(_Forces(self))
         builder.Connect(self._force.get_output_port(), forces.push)
         builder.Connect(plant.get_state_output_port(), forces.state)
         if forces.shapes is not None:
@@ -302,10 +330,8 @@ class ClutchPlant:
         modulus = self.clutch.contact.stiffness * faces / side**2 * (0.5 * thick)
         geo.AddCompliantHydroelasticProperties(side, modulus, plate)
         geo.AddRigidHydroelasticProperties(side, fixed)
-        for properties in (plate, fixed):
-            geo.AddContactMaterial(
-                dissipation=100.0, friction=CoulombFriction(), properties=properties
-            )
+        for one in (plate, fixed):
+            geo.AddContactMaterial(dissipation=100.0, friction=CoulombFriction(), properties=one)
         middle = behind + 0.5 * thick
         far = middle + thick + self.clutch.rebound
         shape, wall = geo.Box(side, side, thick), geo.Box(2 * side, 2 * side, thick)
@@ -360,11 +386,9 @@ class ClutchPlant:
         return carriage
 
     def _add_contact(self, properties: geo.ProximityProperties) -> None:
-        contact = self.clutch.contact
-        friction = CoulombFriction(contact.static_friction, contact.dynamic_friction)
-        geo.AddContactMaterial(
-            dissipation=contact.dissipation, friction=friction, properties=properties
-        )
+        own = self.clutch.contact
+        both = CoulombFriction(own.static_friction, own.dynamic_friction)
+        geo.AddContactMaterial(dissipation=own.dissipation, friction=both, properties=properties)
 
 
 def _in_memory(text: str, extension: str) -> geo.Mesh:

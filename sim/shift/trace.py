@@ -1,7 +1,25 @@
-"""Time series of a shift, worked out from the states of the run (``sim.kernel``)."""
+r"""Time series of a shift, its phases, events and loads, and the torque of its driveline.
+
+Phases, contiguous from the start of the force: *free fly* until the first touch, or until the
+crests meet when no face is ever touched; *face contact* from the first touch of any kind to the
+last one of a face, with every bounce, rebound and skipped slot in between; *entry* while the dogs
+are in the slots and no flank has touched yet; *seating* from the first flank contact to the end.
+
+*Loads*: the rings are rigid behind the stiffness of the dogs. Impulses and energies follow from
+momenta; peak forces go with :math:`\sqrt{k m}` and are estimates (``benchmarks/impact_force.py``).
+
+*Driveline* of torsional stiffness *c* between two inertias at rest, driven by the contact's torque
+*M* on the sliding ring; its torque is Duhamel's integral (Rao, *Mechanical Vibrations*, 4.5),
+
+.. math:: T(t) = \omega \int_0^t M(\tau) \sin \omega(t - \tau)\,d\tau, \qquad \omega = \sqrt{c/J},
+   \quad J = J_1 J_2/(J_1 + J_2), \qquad \text{exact for the mean of M over each step.}
+
+What mismatch is left at the end strikes once more. Nothing damps the swing.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,21 +27,83 @@ from numpy.typing import NDArray
 
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.geometry import crest_loss, crest_setback
 
 Series = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+CREST_DEPTH = 1e-4  #: m about the crests' height within which crests can stand on each other
+#: Lower ends of the classes of overlap, m; the last has no upper end.
+OVERLAPS = (*(i * 1e-4 for i in range(20)), 2e-3, 3e-3)
+PHASES = ("free fly", "face contact", "entry", "seating")
+
+
+@dataclass(frozen=True)
+class Phase:
+    """A named part of the shift, start and end in s."""
+
+    name: str
+    start: float
+    end: float
+
+
+@dataclass(frozen=True)
+class Events:
+    """Events of a shift."""
+
+    face_contacts: int  #: how often a dog came down on the face of another
+    slots_skipped: int  #: that the dogs could have reached and were carried past
+    rebound_travel: float  #: farthest way back from a depth once reached, m
+    time_blocked: float  #: with face on face at a slip below ``sim.kernel.STILL``, s
+    face_slide: float  #: way that faces slid on each other, m
+
+
+@dataclass(frozen=True)
+class Loads:
+    """Loads of a shift, of the whole ring."""
+
+    peak_axial_force: float  #: largest axial contact force, N
+    peak_tangential_force: float  #: largest tangential contact force at the mean radius, N
+    #: largest impulse (axial and tangential as a vector) within any millisecond that the contact
+    #: gives beyond holding the shift force, N s
+    impact_impulse: float
+    #: energy that the contact took, by balance, J: what is left in the compressed dogs at the end
+    #: included, and what a mechanism took
+    energy_dissipated: float
+    #: largest change of the relative speed that the contact makes within any millisecond, rad/s:
+    #: what the hardest strike takes of the mismatch
+    strike_mismatch: float
+    #: relative speed with which the flanks close for good, at the start of seating, rad/s, signed;
+    #: None where none closed. Flanks that struck and flew off before show in the two above
+    residual_mismatch: float | None
+    input_torque_peak: float | None  #: largest of the sliding ring's shaft, N m; None: rigid
+    output_torque_peak: float | None  #: the same of the output ring's shaft
+    #: largest load per length of the dogs, N/m, dog on dog, all alike, by class of ``OVERLAPS``
+    landing_loads: tuple[float, ...]
+
+
+def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -> Flags:
+    """Mark positions in which two crests cross within both dogs, at their depth, (n,).
+
+    Straight crests stand twice their ``ridge_offset`` over the radius out of parallel where their
+    overlap is zero at the mean radius, rounded ones more by their setback. The common normal is
+    then the axis: friction holds whatever the chamfer, for rounded crests up to its angle beyond.
+    """
+    from dogshape.sim import kernel  # noqa: PLC0415  slow to load, and results have no need of it
+
+    dog, radius = clutch.dog, clutch.dog.edge_radius
+    back = 2.0 * crest_setback(dog, radius)
+    crossing = abs(2.0 * dog.ridge_offset - back) / dog.mean_radius
+    slope = math.sin(math.atan(clutch.contact.static_friction))
+    beyond = 0.5 * crossing * dog.radial_width + 2.0 * radius * slope
+    overlap = kernel.face_overlap(relative_angle, clutch.numbers)
+    depth = displacement - dog.axial_gap - 2.0 * crest_loss(dog, radius)
+    flags: Flags = (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - back) <= beyond)
+    return flags
 
 
 @dataclass(frozen=True)
 class Trace:
-    """Time series of a shift, each (n,), SI units.
-
-    ``contact_force`` is the axial one, positive against the shift.
-    ``tangential_force`` acts on the sliding ring at the mean radius, positive
-    where the output ring drives it. Both are of the whole ring. ``actuator_displacement``
-    and its rate are those of the ring unless there is a linkage. ``input_torque`` and
-    ``output_torque`` are those of the shafts on their rings, ``input_speed`` and
-    ``output_far_speed`` of what is behind; None for rigid shafts.
-    """
+    """Time series of a shift, each (n,), SI units; forces are of the whole ring."""
 
     time: Series
     displacement: Series
@@ -32,13 +112,15 @@ class Trace:
     output_speed: Series
     relative_angle: Series
     shift_force: Series
-    contact_force: Series
-    tangential_force: Series
-    actuator_displacement: Series
+    contact_force: Series  #: axial, positive against the shift
+    tangential_force: (
+        Series  #: at the mean radius, positive where the output drives the sliding ring
+    )
+    actuator_displacement: Series  #: that of the ring unless there is a linkage, as is its rate
     actuator_speed: Series
-    input_torque: Series | None = None
+    input_torque: Series | None = None  #: of the shaft on its ring; None for a rigid one
     output_torque: Series | None = None
-    input_speed: Series | None = None
+    input_speed: Series | None = None  #: of what is behind the shaft
     output_far_speed: Series | None = None
 
     @property
@@ -76,3 +158,24 @@ def trace_of(clutch: Clutch, profile: ForceProfile, time: Series, state: Series)
         actuator_speed=far[:, 1],
         **behind,
     )
+
+
+def torque_peak(clutch: Clutch, trace: Trace, stiffness: float) -> float:
+    """Compute the largest torque in N m of a driveline of ``stiffness`` in N m/rad in a shift."""
+    inertia = clutch.rings.reduced_inertia
+    rate = math.sqrt(stiffness / inertia)
+    torque = trace.tangential_force[1:] * clutch.dog.mean_radius
+    turns = rate * (trace.time - trace.time[0])
+    back = np.exp(-1j * turns)
+    pushes = torque * (back[:-1] - back[1:]) / 1j
+    # T is the imaginary part of the state and its rate over that of the swing the real one.
+    state = np.concatenate([[0.0], np.cumsum(pushes)]) / back
+    ahead, swing = state.imag[:-1] - torque, np.hypot(state.imag[:-1] - torque, state.real[:-1])
+    crest = np.arctan2(state.real[:-1], ahead) % (2.0 * math.pi)
+    trough = (crest + math.pi) % (2.0 * math.pi)
+    within = np.diff(turns)
+    turning = ((crest, torque + swing), (trough, torque - swing))
+    largest = [np.abs(np.where(place <= within, value, 0.0)) for place, value in turning]
+    engaged = bool((trace.displacement >= clutch.shift_travel).any())
+    last = inertia * float(trace.relative_speed[-1]) * rate if engaged else 0.0
+    return float(max(np.abs(state.imag).max(), *map(np.max, largest), abs(state[-1] + last)))

@@ -10,57 +10,51 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
 
 import numpy as np
 
+from dogshape.sim.shift import conclusion
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Engagement, Outcome
+from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
 from dogshape.sim.statistics.expectation import even_phases
 from dogshape.sim.statistics.shift_records import (
     Record,
     content_key,
+    edge_record,
     inputs,
-    landing_record,
 )
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
-from dogshape.sim.units import DEG, MM, RPM
+from dogshape.sim.units import DEG, MM
 from dogshape.sim.versions import engine
 
 
 @lru_cache(maxsize=2)
-def _prepared(clutch: Clutch) -> Callable[[OperatingPoint, float], Engagement]:
-    """Build the plant of a clutch once in this process; it is the first argument of a shift."""
+def _prepared(clutch: Clutch) -> Engine:
+    """Build the plant of a clutch once in this process."""
     if clutch.solver.engine == "planar":
-        from dogshape.sim.planar import engagement as planar  # noqa: PLC0415
+        from dogshape.sim.shift.planar import PlanarClutch  # noqa: PLC0415
 
-        return partial(planar.engage, planar.planar_clutch(clutch))
-    from dogshape.sim.shift import engagement as drake  # noqa: PLC0415
+        return PlanarClutch(clutch)
     from dogshape.sim.shift.plant import ClutchPlant  # noqa: PLC0415
 
-    return partial(drake.engage, ClutchPlant(clutch))
+    return ClutchPlant(clutch)
 
 
 def engage(clutch: Clutch, point: OperatingPoint, relative_angle: float) -> Engagement:
     """Simulate one shift with the engine of the clutch's solver; ``relative_angle`` in rad."""
-    return _prepared(clutch)(point, relative_angle)
+    return conclusion.engage(_prepared(clutch), point, relative_angle)
 
 
 @dataclass(frozen=True)
 class Block:
-    """One clutch at one operating point, at relative angles in rad.
-
-    ``seed`` is that of the angles' draw, None where they were given. ``variants`` has for each
-    angle the draw of what is uncertain; it is empty where all is certain. Clutch and operating
-    point are the nominal ones. ``fine`` is set where shifts are repeated with a smaller tolerance.
-    """
+    """One clutch at one operating point, the nominal ones, at relative angles in rad."""
 
     clutch: Clutch
     point: OperatingPoint
     angles: tuple[float, ...]
-    seed: int | None = None
-    variants: tuple[Variant, ...] = ()
-    fine: bool = False
+    seed: int | None = None  #: of the angles' draw; None where they were given
+    variants: tuple[Variant, ...] = ()  #: draw of each angle; empty where all is certain
 
     @property
     def inputs(self) -> list[Record]:
@@ -89,7 +83,7 @@ class Block:
 
     def refined(self, place: int) -> Block:
         """Return the shift at ``place`` alone, with a tolerance thirty times smaller."""
-        return replace(self.only([place]), clutch=self.clutch.refined(), seed=None, fine=True)
+        return replace(self.only([place]), clutch=self.clutch.refined(), seed=None)
 
 
 def even_blocks(
@@ -101,10 +95,7 @@ def even_blocks(
     *,
     uncertainty: Uncertainty | None = None,
 ) -> list[Block]:
-    """Return a block for each operating point, its angles as ``even_block`` has them.
-
-    ``seed`` and ``base`` as for ``sim.statistics.expectation.even_phases``.
-    """
+    """Return an ``even_block`` for each operating point; ``base`` as for ``even_phases``."""
     return [
         even_block(clutch, point, angles, (seed, index), base, uncertainty=uncertainty)
         for index, point in enumerate(points)
@@ -143,34 +134,27 @@ def events_record(result: Engagement) -> Record:
         overlap, most, _ = kernel.facing(kernel.face_overlap(angle, numbers), numbers)
         left = most - overlap if result.point.mismatch > 0.0 else overlap
         rest["rest_overlap_deg"] = max(left, 0.0) / result.clutch.dog.mean_radius / DEG
-    return {
-        "face_contacts": events.face_contacts,
-        "slots_skipped": events.slots_skipped,
-        "rebound_travel_mm": events.rebound / MM,
-        "time_blocked_s": events.time_blocked,
-        "face_slide_mm": events.face_slide / MM,
-        **rest,
-    }
+    lengths = edge_record(events, ("rebound_travel_mm", "time_blocked_s", "face_slide_mm"))
+    counts = {"face_contacts": events.face_contacts, "slots_skipped": events.slots_skipped}
+    return {**counts, **lengths, **rest}
+
+
+_LOADS = (
+    *("peak_axial_force_N", "peak_tangential_force_N", "impact_impulse_Ns", "energy_dissipated_J"),
+    *("strike_mismatch_rpm", "residual_mismatch_rpm"),
+)
+_SHAFTS = ("input_torque_peak_Nm", "output_torque_peak_Nm")
 
 
 def loads_record(result: Engagement) -> Record:
     """Return the loads of a shift as a flat record in the edge's units."""
-    loads, left = result.loads, result.loads.residual_mismatch
-    return {
-        "peak_axial_force_N": loads.peak_axial_force,
-        "peak_tangential_force_N": loads.peak_tangential_force,
-        "impact_impulse_Ns": loads.impact_impulse,
-        "energy_dissipated_J": loads.energy_dissipated,
-        "strike_mismatch_rpm": loads.strike_mismatch / RPM,
-        "residual_mismatch_rpm": None if left is None else left / RPM,
-        **landing_record(loads.landing),
-    }
+    landing = [load * MM for load in result.loads.landing_loads]
+    return {**edge_record(result.loads, _LOADS), "landing_loads_N_mm": landing}
 
 
 def shaft_record(result: Engagement) -> Record:
     """Return the largest torques of shafts that give way, N m; nothing for rigid ones."""
-    shafts = ("input", result.loads.input_torque), ("output", result.loads.output_torque)
-    return {f"{name}_torque_peak_Nm": peak for name, peak in shafts if peak is not None}
+    return {k: v for k, v in edge_record(result.loads, _SHAFTS).items() if v is not None}
 
 
 def run_block(block: Block) -> Iterator[Record]:

@@ -86,25 +86,18 @@ class SetPoint:
 
 @dataclass(frozen=True)
 class PointExpectation:
-    """Expected shift time at one operating point, s.
-
-    ``mean`` includes the retries, ``mean_engaged`` does not. Where no shift engaged, ``mean`` is an
-    estimate with p = 1/(n + 1) and ``mean_engaged`` None. ``standard_error`` is NaN for fewer than
-    three shifts. ``engaged`` is the share at the first try; ``blocked`` of the ``n`` shifts stood
-    still dog on dog, held by friction, and a set-point freed ``freed`` of these. ``by_angle`` is
-    that of ``entries_by_angle``.
-    """
+    """Expected shift time at one operating point, s."""
 
     point: OperatingPoint
-    mean: float
-    mean_engaged: float | None
-    standard_error: float
+    mean: float  #: with retries; where no shift engaged, an estimate with p = 1/(n + 1)
+    mean_engaged: float | None  #: without retries; None where no shift engaged
+    standard_error: float  #: NaN for fewer than three shifts
     sd: float
-    engaged: float
+    engaged: float  #: share at the first try
     n: int
-    blocked: int = 0
-    freed: int = 0
-    by_angle: Sequence[Sequence[int]] = ()
+    blocked: int = 0  #: number that stood still dog on dog, held by friction
+    freed: int = 0  #: number of these that a set-point freed
+    by_angle: Sequence[Sequence[int]] = ()  #: of ``entries_by_angle``
 
     @property
     def timed(self) -> float:
@@ -129,16 +122,13 @@ class PointExpectation:
 
 @dataclass(frozen=True)
 class Expectation:
-    """Expected shift time over all operating points, weighted, s.
-
-    ``numerical_error`` is found by repeating some shifts with a far smaller tolerance, or None.
-    ``quantiles`` of the time of all shifts of the mix are by their share, retries included.
-    """
+    """Expected shift time over all operating points, weighted, s."""
 
     points: tuple[PointExpectation, ...]
     mean: float
     standard_error: float
-    numerical_error: float | None = None
+    numerical_error: float | None = None  #: by repeating some shifts with a far smaller tolerance
+    #: of the time of all shifts of the mix, by their share, retries included
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
 
     @property
@@ -279,15 +269,11 @@ def time_quantile(
     of their angles, and those whose integration failed are left out. ``timeout`` and ``retraction``
     in s are the cost of a shift that does not engage.
     """
-    whole = sum(weights)
+    parts = np.array(weights, dtype=float) / sum(weights)
     points = [_with_retries(mine, timeout, retraction) for mine in shifts]
     times = np.concatenate([times[sizes > 0.0] for times, sizes in points])
-    masses = np.concatenate(
-        [
-            w / whole * sizes[sizes > 0.0] / sizes.shape[1]
-            for w, (_, sizes) in zip(weights, points, strict=True)
-        ]
-    )
+    sized = zip(parts, (sizes for _, sizes in points), strict=True)
+    masses = np.concatenate([w * sizes[sizes > 0.0] / sizes.shape[1] for w, sizes in sized])
     order = np.argsort(times, kind="stable")
     times, masses = times[order], masses[order] / masses.sum()
     places = np.cumsum(masses) - 0.5 * masses
@@ -303,7 +289,7 @@ def time_quantile(
     variances = [variance_below(*point) for point in points]
     if value >= times[-1]:  # no shift beyond: as if each had been drawn by chance
         variances = [share * (1.0 - share) / len(mine) for mine in shifts]
-    error = math.sqrt(sum((w / whole) ** 2 * v for w, v in zip(weights, variances, strict=True)))
+    error = math.sqrt(sum(w**2 * v for w, v in zip(parts.tolist(), variances, strict=True)))
     half = min(1.0, (places[-1] - share) / error) if error > 0.0 else 1.0
     if half < LEAST:
         return Estimate(value, value - at(share - error))

@@ -1,7 +1,4 @@
-"""Shifts as flat records of what went in and came out, in the edge's units.
-
-Nothing here simulates, so what only reads results starts without the simulation.
-"""
+"""Shifts as flat records of what went in and came out, in the edge's units; nothing simulates."""
 
 from __future__ import annotations
 
@@ -14,7 +11,6 @@ from dogshape.sim.errors import ranges_of
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.loads import Landing
 from dogshape.sim.statistics.expectation import ShiftResult
 from dogshape.sim.statistics.uncertainty import Variant
 from dogshape.sim.units import DEG, MM, RPM, from_si, suffix_of
@@ -22,13 +18,18 @@ from dogshape.sim.units import DEG, MM, RPM, from_si, suffix_of
 #: A line of shifts.jsonl: inputs and results of a shift by their keys.
 Record = dict[str, Any]
 
-_LENGTHS = ("height_mm", "outer_diameter_mm", "inner_diameter_mm", "axial_gap_mm")
-_DOG_KEYS = ("chamfer_deg", "traction_deg", "braking_deg", *_LENGTHS)
+
+def edge_record(value: Any, keys: Iterable[str]) -> Record:
+    """Return fields of a value in the edge's units, by keys of field and unit."""
+    return {key: from_si(key, getattr(value, key.removesuffix(suffix_of(key)))) for key in keys}
+
+
+_DOG_KEYS = (
+    *("chamfer_deg", "traction_deg", "braking_deg", "height_mm"),
+    *("outer_diameter_mm", "inner_diameter_mm", "axial_gap_mm"),
+)
 #: Later keys of a dog with their defaults: records of dogs that have these stay as they were.
-DEFAULTS = {
-    key: from_si(key, getattr(Dog, key.removesuffix(suffix_of(key))))
-    for key in ("edge_radius_mm", "crest", "chamfer_back_deg", "backlash_mm")
-}
+DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "backlash_mm"))
 
 
 def clutch_record(clutch: Clutch) -> Record:
@@ -42,16 +43,10 @@ def clutch_record(clutch: Clutch) -> Record:
     parts: list[Any] = [contact, contact.impact] if contact.impact else [contact]
     return {
         "count": dog.count,
-        **{key: from_si(key, getattr(dog, key.rpartition("_")[0])) for key in _DOG_KEYS},
-        **{
-            key: value
-            for key, usual in DEFAULTS.items()
-            if (value := from_si(key, getattr(dog, key.removesuffix(suffix_of(key))))) != usual
-        },
+        **edge_record(dog, _DOG_KEYS),
+        **{k: one for k, one in edge_record(dog, DEFAULTS).items() if one != DEFAULTS[k]},
         "sliding_mass_kg": rings.mass,
-        "sliding_inertia_kgm2": rings.sliding_inertia,
-        "output_inertia_kgm2": rings.output_inertia,
-        "initial_speed_rpm": rings.initial_speed / RPM,
+        **edge_record(rings, ("sliding_inertia_kgm2", "output_inertia_kgm2", "initial_speed_rpm")),
         "contact_set": contact.name,
         **{
             of.key: from_si(of.key, getattr(part, name))
@@ -152,11 +147,6 @@ def result_of(record: Record) -> ShiftResult:
     return ShiftResult(outcome, time, None if rest is None else rest * DEG)
 
 
-def landing_record(landing: Landing) -> Record:
-    """Return a landing as a flat record in the edge's units."""
-    return {"landing_loads_N_mm": [load * MM for load in landing.line_loads]}
-
-
-def landing_of(record: Record) -> Landing:
-    """Extract the hardest landing, dog on dog, from a record."""
-    return Landing(tuple(load / MM for load in record["landing_loads_N_mm"]))
+def landing_of(record: Record) -> tuple[float, ...]:
+    """Extract the hardest landing from a record, N/m (``Loads.landing_loads``)."""
+    return tuple(load / MM for load in record["landing_loads_N_mm"])

@@ -80,30 +80,25 @@ class Distribution(Section):
             hint = did_you_mean(kind, NEEDS)
             yield f".distribution is '{kind}', which is not a distribution; {hint}"
         needed, ends = NEEDS[kind], ("low", "high") if kind in CUT else ()
-        for name in needed:
-            if name not in given:
-                whole = ", ".join(needed)
-                yield f" lacks '{name}': a {kind} distribution needs {whole}; add it"
+        for name in (name for name in needed if name not in given):
+            yield f" lacks '{name}': a {kind} distribution needs {', '.join(needed)}; add it"
         for name, value in given.items():
             if name not in (*needed, *ends):
                 yield f".{name} is nothing that a {kind} distribution has; remove it"
             if not math.isfinite(value):
                 yield f".{name} is {value}, but it must be finite; correct it"
-        yield from self._value_faults()
-
-    def _value_faults(self) -> Iterator[str]:
-        given, (low, high) = self.given, self.bounds
-        if not low < high:
-            rule = f"it must lie below high = {high:.6g}; exchange or correct them"
-            yield f".low is {low:.6g}, but {rule}"
-        if self.mode is not None and not low <= self.mode <= high:
-            rule = f"it must lie between low = {low:.6g} and high = {high:.6g}; correct it"
-            yield f".mode is {self.mode:.6g}, but {rule}"
-        for name, least in (("sd", 0.0), ("median", 0.0), ("factor", 1.0)):
-            if name in given and given[name] <= least:
-                rule = f"it must be more than {least:.6g}; correct it"
-                yield f".{name} is {given[name]:.6g}, but {rule}"
-        if self.distribution in CUT and not {"low", "high"}.isdisjoint(given):
+        low, high = self.bounds
+        between = f"lie between low = {low:.6g} and high = {high:.6g}; correct it"
+        for name, kept, rule in (
+            ("low", low < high, f"lie below high = {high:.6g}; exchange or correct them"),
+            ("mode", low <= given.get("mode", low) <= high, between),
+            ("sd", given.get("sd", 1.0) > 0.0, "be more than 0; correct it"),
+            ("median", given.get("median", 1.0) > 0.0, "be more than 0; correct it"),
+            ("factor", given.get("factor", 2.0) > 1.0, "be more than 1; correct it"),
+        ):
+            if not kept:
+                yield f".{name} is {given.get(name, low):.6g}, but it must {rule}"
+        if kind in CUT and not {"low", "high"}.isdisjoint(given):
             below, above = _curve(self).cdf(self.bounds)
             if above - below < LEAST:
                 what = f"next to nothing of the {self.distribution} distribution"
@@ -167,16 +162,13 @@ STREAM = 101  #: keeps the draws of the factors apart from that of the angles
 
 @dataclass(frozen=True)
 class Variant:
-    """One draw of the factors on friction, final shift force, output inertia and dissipation.
-
-    ``rise`` is the rise time of the force as drawn, s; ``source`` has the distributions in words.
-    """
+    """One draw of the factors on friction, final shift force, output inertia and dissipation."""
 
     friction: float
     force: float
     inertia: float
-    rise: float
-    source: tuple[tuple[str, str], ...]
+    rise: float  #: rise time of the force as drawn, s
+    source: tuple[tuple[str, str], ...]  #: the distributions in words
     dissipation: float = 1.0
 
     def clutch(self, clutch: Clutch) -> Clutch:
@@ -199,13 +191,10 @@ class Variant:
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """Distributions of the factors that are uncertain; those absent are one.
-
-    ``rise`` is the rise time of the shift force by its final value.
-    """
+    """Distributions of the factors that are uncertain; those absent are one."""
 
     distributions: tuple[Distribution, ...]
-    rise: RiseTable
+    rise: RiseTable  #: of the shift force by its final value
 
     def __post_init__(self) -> None:
         for one in self.distributions:

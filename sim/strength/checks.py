@@ -1,7 +1,6 @@
 """A check: a number of a design against its limit, with the rule that it follows.
 
-``RULES`` declares every check of a shape, its load and its landing. The module with the closed form
-gives value and limit by the rule's name (``Row``); ``checks_of`` makes the check.
+The module with the closed form gives value and limit by the name in ``RULES`` (``Row``).
 """
 
 from __future__ import annotations
@@ -29,10 +28,7 @@ GROUPS: dict[Group, str] = {
 
 @dataclass(frozen=True)
 class Rule:
-    """Question of a check: value in words, its formula, source of formula and limit.
-
-    ``key`` of the study file sets the limit; ``summary`` if the value sums up other checks.
-    """
+    """Question of a check: value in words, its formula, source of formula and limit."""
 
     name: str
     group: Group
@@ -40,9 +36,9 @@ class Rule:
     formula: str
     source: str
     unit: str
-    key: str
+    key: str  #: of the study file, which sets the limit
     at_most: bool
-    summary: bool = False
+    summary: bool = False  #: whether the value sums up other checks
 
     @property
     def assumed(self) -> bool:
@@ -52,15 +48,12 @@ class Rule:
 
 @dataclass(frozen=True)
 class Check:
-    """Value against limit, both in the unit of ``rule``; of many designs arrays (n,).
-
-    ``ends`` are those of ranges in the study file at which the margin is smallest.
-    """
+    """Value against limit, both in the unit of ``rule``; of many designs arrays (n,)."""
 
     rule: Rule
     value: float
     limit: float
-    ends: str = ""
+    ends: str = ""  #: of ranges in the study file at which the margin is smallest
 
     @property
     def name(self) -> str:

@@ -117,15 +117,13 @@ def notch_factor(dog: Dog, root_radius: float, flank: Flank, by: Tension = TENSI
 
 def outside_fit(dog: Dog, root_radius: float) -> list[str]:
     """Return in words what of a design lies outside the fit of the closed form."""
-    ratios = (
-        ("radial width over root width", dog.radial_width / dog.root_width, 0.3, LONGEST),
-        ("root width over root radius", dog.root_width / root_radius, 6.0, 50.0),
-        ("height over root width", dog.height / dog.root_width, 0.35, 1.2),
-        *(
-            (f"{flank} angle in degrees", side_angle(dog, flank) / DEG, 0.0, 30.0)
-            for flank in FLANKS
-        ),
-    )
+    width = dog.root_width
+    ratios = [
+        ("radial width over root width", dog.radial_width / width, 0.3, LONGEST),
+        ("root width over root radius", width / root_radius, 6.0, 50.0),
+        ("height over root width", dog.height / width, 0.35, 1.2),
+    ]
+    ratios += [(f"{f} angle in degrees", side_angle(dog, f) / DEG, 0.0, 30.0) for f in FLANKS]
     return [
         f"{name} is {value:.3g}, but the root formula was fitted to {low:g} to {high:g}"
         for name, value, low, high in ratios
@@ -239,9 +237,8 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
     case = limits.load
 
     def tension(flank: Flank, share: float) -> float:
-        return root_of(
-            dog, limits, root_load(dog, limits, flank, share * case.design_torque)
-        ).tension
+        load = root_load(dog, limits, flank, share * case.design_torque)
+        return root_of(dog, limits, load).tension
 
     if not case.spectrum:
         return largest(*(tension(f, case.share_of(f)) for f in FLANKS)), limits.fatigue_stress

@@ -25,13 +25,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from dogshape.sim.errors import InputError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
-from dogshape.sim.shift.loads import OVERLAPS, Landing
+from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.checks import RULES, Check, checks_of
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.materials import POISSON, YOUNG
@@ -45,17 +46,19 @@ def edge_pressure(line_load: float, radius: float) -> float:
     return math.sqrt(line_load * MODULUS / (math.pi * 0.5 * radius))
 
 
+Landing = tuple[float, ...]  #: load in N/m for each class of ``OVERLAPS``
+NO_LANDING = (0.0,) * len(OVERLAPS)
+
+
 def hardest(landings: Iterable[Landing]) -> Landing:
     """Return the largest load in each class of overlap; zeros where there is none."""
-    columns = list(zip(*(one.line_loads for one in landings), strict=True))
-    return Landing(tuple(max(column) for column in columns)) if columns else Landing()
+    return tuple(map(max, zip(*landings, strict=True))) or NO_LANDING
 
 
 LANDING_RULES = tuple(rule for rule in RULES.values() if rule.group == "impact")
 
 
-@dataclass(frozen=True)
-class Demand:
+class Demand(NamedTuple):
     """Load of a landing on faces, on the core below them and on edges, Pa."""
 
     face: float = 0.0
@@ -72,7 +75,7 @@ def exceeded(demands: Sequence[Demand], weights: Sequence[float], share: float) 
     if not demands:
         return Demand()
     columns, mass = [], np.array(weights) / sum(weights)
-    for column in np.array([astuple(one) for one in demands]).T:
+    for column in np.array(demands).T:
         order = np.argsort(column, kind="stable")
         places = np.cumsum(mass[order]) - 0.5 * mass[order]
         columns.append(float(np.interp(1.0 - share, places, column[order])))
@@ -86,7 +89,7 @@ def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     spread = 2.0 * limits.material.case_depth
     classes = [
         (overlap - lost, w * (1.0 / math.sqrt(limits.load.landing(dog, w))))
-        for overlap, w in zip(OVERLAPS, landing.line_loads, strict=True)
+        for overlap, w in zip(OVERLAPS, landing, strict=True)
     ]
     flats = [(flat, load) for flat, load in classes if flat >= LAND]
     face = max((load / flat for flat, load in flats), default=0.0)
@@ -101,23 +104,21 @@ def demand_checks(demand: Demand, limits: Limits) -> tuple[Check, ...]:
     bears = (material.case_yield / limits.load.safety, limits.allowable_stress)
     limiting = (*bears, material.edge_pressure)
     names = (rule.name for rule in LANDING_RULES)
-    return checks_of(zip(names, astuple(demand), limiting, strict=True))
+    return checks_of(zip(names, demand, limiting, strict=True))
+
+
+RATES, HEIGHT = "1e-7 is well lubricated, 1e-5 hardly", "give the height in mm"
 
 
 @dataclass(frozen=True)
 class Wear:
     """Wear of the faces, by a rate (m3/(N m)) or a measured loss of height, and of the edges (m).
 
-    ``crest_loss`` and ``edge_radius`` are those at the end of the life; edges stay as they are
-    without the latter, and faces need not wear with it.
+    Both at the end of the life; without ``edge_radius`` edges stay as they are.
     """
 
-    rate: float | None = within(
-        "rate_mm3_Nm", 0.0, 1e-2, None, remedy="1e-7 is well lubricated, 1e-5 hardly"
-    )
-    crest_loss: float | None = within(
-        "crest_loss_mm", 0.0, 2.0, None, remedy="give the height in mm"
-    )
+    rate: float | None = within("rate_mm3_Nm", 0.0, 1e-2, None, remedy=RATES)
+    crest_loss: float | None = within("crest_loss_mm", 0.0, 2.0, None, remedy=HEIGHT)
     edge_radius: float | None = within("edge_radius_mm", SHARPEST / MM, 10.0, None)
 
     def __post_init__(self) -> None:

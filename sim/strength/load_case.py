@@ -125,19 +125,11 @@ def _approaches(
 
 @dataclass(frozen=True)
 class LoadCase:
-    """Loads that a dog has to carry, hold and let go: keys of ``[load]``, SI.
+    """Loads that a dog has to carry, hold and let go: keys of ``[load]`` (``docs/studies.md``), SI.
 
-    Each of ``shifts`` is a load cycle; classes of ``spectrum`` replace them in the fatigue of the
-    root: torque over the rated one (negative on the braking flank) and cycles. ``abuse_torque``
-    has no further factor. ``reversal`` is the factor on the endurance of a root that is bent both
-    ways. ``friction_release`` is the static coefficient, ``friction_hold`` the low dynamic one.
-    ``vibration_force`` is the inertia of the ring in gearbox vibration. Without
-    ``pull_out_force_limit`` there is no such check, without ``release_by_itself`` flanks may need a
-    pull, at ``pull_out_share`` of the torque; without ``faces_release`` faces may hold dog on dog
-    until the rings turn. Without ``accuracy`` (ISO 1328-1) or ``pitch_sd``, ``run_out`` and
-    ``tilt`` the load sharing is fixed. ``dog_stiffness`` is of a pair of dogs, None for
-    25 N/(mm um) of width.
-    ``landing_share`` of the shifts may land harder than the checks take, None for no shift.
+    Classes of ``spectrum`` replace the ``shifts`` in the fatigue of the root: torque over the rated
+    one, negative on the braking flank, and cycles. Without ``accuracy`` (ISO 1328-1) or
+    ``pitch_sd``, ``run_out`` and ``tilt`` the load sharing is fixed.
     """
 
     torque: float = within("torque_Nm", 1e-3, 1e5, 200.0)
@@ -151,7 +143,7 @@ class LoadCase:
     friction_release: float = within("friction_release", 0.0, 1.0, 0.12)
     friction_hold: float = within("friction_hold", 0.0, 1.0, 0.05)
     separating_force_limit: float = within("separating_force_limit_N", 1.0, 1e6, 5000.0)
-    vibration_force: float = 0.0
+    vibration_force: float = 0.0  #: inertia of the ring in gearbox vibration, N
     coast_share: float = within("coast_share", 0.0, 1.0, 1.0)
     pull_out_force_limit: float | None = within("pull_out_force_limit_N", 1.0, 1e6, None)
     release_by_itself: bool = True
@@ -192,15 +184,12 @@ class LoadCase:
         """Return the torque that a flank carries over the rated one."""
         return 1.0 if flank == "traction" else self.coast_share
 
-    def static_torque(self, flank: Flank) -> float:
-        """Return the largest torque that a flank has to survive, N m."""
-        return max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
-
     def force_per_dog(
         self, dog: Dog, flank: Flank = "traction", torque: float | None = None
     ) -> float:
-        """Tangential force on the dog that carries most, N; under the static torque by default."""
-        torque = self.static_torque(flank) if torque is None else torque
+        """Tangential force on the dog that carries most, N; by default under its static torque."""
+        if torque is None:
+            torque = max(self.design_torque * self.share_of(flank), self.abuse_torque or 0.0)
         return torque / (dog.mean_radius * dog.count * self.sharing(dog, torque))
 
     def scatter(self, dog: Dog) -> float | None:

@@ -1,8 +1,4 @@
-"""Limits of manufacture on the shape, and margins within manufacturing tolerances.
-
-A search left to itself runs to dogs that the chamfer has eaten and calls free
-flight a shift. These rules are checked first and cost nothing.
-"""
+"""Limits of manufacture on the shape, and margins within manufacturing tolerances."""
 
 from __future__ import annotations
 
@@ -22,20 +18,18 @@ from dogshape.sim.units import DEG, MM
 
 @dataclass(frozen=True)
 class ManufacturingLimits:
-    """Limits of the workshop, lengths in m: ``RULES`` has their meaning and reason.
-
-    ``root_radius`` is also that of tip edges without a radius of their own; ``rim`` is the
-    thickness of the ring behind the roots, None for one that is thick enough.
-    """
+    """Limits of the workshop, lengths in m: ``RULES`` has their meaning and reason."""
 
     tip_width: float = within("tip_width_mm", 0.05, 100.0, 1.5e-3)
     slot_width: float = within("slot_width_mm", 0.05, 100.0, 1.5e-3)
     cutter_reach: float = within("cutter_reach", 0.1, 100.0, 3.0)
     flank_height: float = within("flank_height_mm", 0.05, 100.0, 1.5e-3)
+    #: of the roots, and of tip edges without a radius of their own
     root_radius: float = within("root_radius_mm", 0.02, 10.0, 0.3e-3)
     tip_core: float = within("tip_core_mm", 0.0, 100.0, 0.5e-3)
     chamfer_share: float = within("chamfer_share", 0.0, 0.5, 0.35)
     module: float = within("module_mm", 0.05, 100.0, 1.25e-3)
+    #: thickness of the ring behind the roots; None for one that is thick enough
     rim: float | None = within("rim_mm", 0.1, 1000.0, None, remedy="give the thickness in mm")
 
     def __post_init__(self) -> None:
@@ -46,13 +40,10 @@ _NARROW = "use fewer or lower dogs or smaller side angles"
 _LOW_FLANK = "use a smaller chamfer, more dogs or a higher dog"
 #: What helps a shape that breaks a rule that it must keep to be made at all.
 _REMEDIES = {
-    "tip_width": _NARROW,
-    "slot_width": _NARROW,
-    "cutter_reach": _NARROW,
-    "flank_height": _LOW_FLANK,
+    **dict.fromkeys(("tip_width", "slot_width", "cutter_reach"), _NARROW),
+    **dict.fromkeys(("flank_height", "chamfer_share"), _LOW_FLANK),
     "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
     "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
-    "chamfer_share": _LOW_FLANK,
     "module": "use fewer dogs or a larger diameter",
 }
 MAKEABLE = tuple(_REMEDIES)  #: checks that a dog must pass to be made at all
@@ -64,23 +55,18 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
     # The cutter enters an undercut slot by its mouth.
     slot = dog.pitch_angle * inner - largest(dog.root_width_at(inner), dog.tip_width_at(inner))
     lowest = dog.height - largest(*dog.drops_at(dog.outer_radius))
-    edge = ("edge_clearance", dog.edge_radius, limits.root_radius)
-    return checks_of(
-        (
-            ("tip_width", dog.tip_width_at(inner), limits.tip_width),
-            ("slot_width", slot, limits.slot_width),
-            ("cutter_reach", dog.height / slot, limits.cutter_reach),
-            ("flank_height", lowest, limits.flank_height),
-            ("root_radius", root_radius_room(dog), limits.root_radius),
-            *([] if dog.edge_radius == 0.0 else [edge]),
-            (
-                "chamfer_share",
-                largest(*dog.drops_at(dog.mean_radius)) / dog.height,
-                limits.chamfer_share,
-            ),
-            ("module", 2.0 * dog.mean_radius / dog.count, limits.module),
-        )
-    )
+    found = {
+        "tip_width": dog.tip_width_at(inner),
+        "slot_width": slot,
+        "cutter_reach": dog.height / slot,
+        "flank_height": lowest,
+        "root_radius": root_radius_room(dog),
+        **({} if dog.edge_radius == 0.0 else {"edge_clearance": dog.edge_radius}),
+        "chamfer_share": largest(*dog.drops_at(dog.mean_radius)) / dog.height,
+        "module": 2.0 * dog.mean_radius / dog.count,
+    }
+    bounds = vars(limits) | {"edge_clearance": limits.root_radius}
+    return checks_of((name, value, bounds[name]) for name, value in found.items())
 
 
 def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
@@ -92,19 +78,15 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
             )
 
 
-ANGLE = "give an angle in degrees"
+ANGLE, SHARE = "give an angle in degrees", "give a share of the height"
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """Largest deviation of each dimension either way, rad and m.
+    """Largest deviation of each dimension either way, rad and m, and the limits of two checks.
 
     Height and diameters by default of ISO 2768-1 fine, the rest of ground or precision-forged dogs
-    (assumptions).
-
-    ``contact_ratio`` is the least share of the height that has to touch with all of them
-    at their worst and the rings short of full depth by the seated tolerance; ``clearance``
-    is the least gap between the crests in neutral, m.
+    (assumptions). ``RULES`` has the meaning of ``contact_ratio`` and ``clearance``.
     """
 
     chamfer: float = within("chamfer_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
@@ -115,9 +97,7 @@ class Tolerances:
     inner_diameter: float = within("inner_diameter_mm", 0.0, 2.0, 0.15 * MM)
     axial_gap: float = within("axial_gap_mm", 0.0, 2.0, 0.1 * MM)
     root_radius: float = within("root_radius_mm", 0.0, 2.0, 0.05 * MM)
-    contact_ratio: float = within(
-        "contact_ratio", 0.0, 1.0, 0.5, remedy="give a share of the height"
-    )
+    contact_ratio: float = within("contact_ratio", 0.0, 1.0, 0.5, remedy=SHARE)
     clearance: float = within("clearance_mm", 0.0, 2.0, 0.3 * MM)
     chamfer_back: float = within("chamfer_back_deg", 0.0, 5.0, 0.25 * DEG, remedy=ANGLE)
     backlash: float = within("backlash_mm", 0.0, 2.0, 0.05 * MM)
@@ -187,8 +167,8 @@ def losses(
     """Compute the largest loss of each of ``values``.
 
     Worst is every dimension off to the side on which it takes something: exact where a value rises
-    or falls with a dimension all the way (``tests/verification/test_tolerance.py``). One deviation
-    holds for both rings, which are made alike. One that leaves no dog makes every loss infinite.
+    or falls with a dimension all the way. One deviation holds for both rings, which are made alike.
+    One that leaves no dog makes every loss infinite.
     """
     sizes = tolerances.dimensions_of(dog)
     nominal = values(dog, root_radius)

@@ -30,10 +30,8 @@ REMEDY = "correct the strike"
 class Strike:
     """Inertias (kg m2) and shafts (N m/rad) that take part when flanks strike, and the speed of it.
 
-    ``sliding_inertia`` and ``output_inertia`` are those of all on a side, ring and wheel included;
-    ``output_stiffness`` None is a rigid shaft. ``backlash`` is the play of the ring's spline, rad.
-    Positive ``mismatch`` (rad/s) strikes traction flanks, negative braking ones. ``strikes`` over
-    the life are for fatigue; None for a static limit alone. ``ends`` are those of ranges, in words.
+    Those of a side include ring and wheel; ``output_stiffness`` None is a rigid shaft. Positive
+    ``mismatch`` (rad/s) strikes traction flanks, negative braking ones.
     """
 
     ring_inertia: float = within("ring_inertia_kgm2", 1e-7, 100.0)
@@ -45,8 +43,8 @@ class Strike:
     backlash: float = within("backlash_deg", 0.0, 30.0, 0.0)
     restitution: float = within("restitution", 0.0, 0.5, RESTITUTION)
     mismatch: tuple[float, ...] = ()
-    strikes: float | None = within("strikes", 1.0, 1e12, None)
-    ends: str = ""
+    strikes: float | None = within("strikes", 1.0, 1e12, None)  #: of the life; None: static alone
+    ends: str = ""  #: of ranges, in words
 
     def __post_init__(self) -> None:
         require_ranges(self, "strike", REMEDY)

@@ -15,9 +15,9 @@ from dogshape.pipeline.simulate.evaluation import NEW_ANGLES
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
 from dogshape.sim.clutch_tables import validate
-from dogshape.sim.shift.loads import OVERLAPS, Landing
+from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.statistics.blocks import Block
-from dogshape.sim.statistics.shift_records import Record, landing_record
+from dogshape.sim.statistics.shift_records import Record
 from tests.conftest import SMALL
 
 SETTINGS = [
@@ -71,7 +71,7 @@ def searched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Searched:
                     "key": key, **given, "outcome": "blocked" if stuck else "engaged",
                     "seed": block.seed, "shift_time_s": None if stuck else time, "face_contacts": 1,
                     "peak_axial_force_N": 1e3, "peak_tangential_force_N": 1e3,
-                    **landing_record(Landing((load,) * len(OVERLAPS))),
+                    "landing_loads_N_mm": [1e-3 * load] * len(OVERLAPS),
                 }  # fmt: skip
 
         monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", made_up)

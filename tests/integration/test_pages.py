@@ -18,7 +18,7 @@ from dogshape.pipeline.reports.shift_page import write_animation
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import Run, run_study
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, MS
 from tests.browser import WITH_WEBGL, WITHOUT_WEBGL, Chromium

@@ -11,14 +11,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import dogshape.sim.shift.mesh
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.clutch import Clutch
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import Mesh
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, UNITS, from_si, to_si, unit_of
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
 
 
 @pytest.mark.parametrize("pitches", [1, 7, -3])

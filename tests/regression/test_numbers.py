@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
 
-from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, Solver
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, Solver
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
 
 #: The ten angles of the thesis, deg.
 ANGLES = (37, 91, 114, 148, 196, 216, 232, 258, 313, 326)

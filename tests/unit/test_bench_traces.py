@@ -30,7 +30,7 @@ from dogshape.diagnosis.prediction.flights import fly
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Trace
 from dogshape.sim.units import MM, RPM

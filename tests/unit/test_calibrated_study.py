@@ -24,7 +24,7 @@ from dogshape.pipeline.diagnose.study_keys import EffectKeys
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
-from dogshape.sim.shift.loads import OVERLAPS
+from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import MM

@@ -23,8 +23,6 @@ from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import clutch_record
 from tests.conftest import Said
 
-Point = Callable[[float, float], OperatingPoint]
-
 EFFECTS = load()
 
 NAMES = sorted(EFFECTS)

@@ -12,13 +12,12 @@ from dogshape import expectation as results
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import FIRST, MOST, expect_to
-from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import CHECKED, Block, numerical_error
 from dogshape.sim.statistics.expectation import Expectation, even_phases
 from dogshape.sim.statistics.shift_records import Record
-from tests.conftest import Listener, Said
+from tests.conftest import Listener, Point, Said
 
-Point = Callable[[float, float], OperatingPoint]
 Dogshape = Callable[..., Said]
 Time = Callable[[float], float | None]
 

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.shift.events import crests_cross
+from dogshape.sim.shift.trace import crests_cross
 
 #: Chamfer, traction and braking angle in deg, height in mm, dogs. The last two lean so far that
 #: their crests cross over a wide overlap; both faces slide from rest by far.

@@ -19,10 +19,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.shift.conclusion import Outcome, engage
 from dogshape.sim.shift.geometry import crest_setback
+from dogshape.sim.shift.planar import PlanarClutch
 from tests.verification.crests import time_on_crests
 
 Array = NDArray[np.float64]
@@ -178,7 +178,7 @@ def share_held(
 
     They land without mismatch at even overlaps over the width ``over`` about ridge on ridge.
     """
-    dog, plant = clutch.dog, planar_clutch(clutch.with_engine("planar"))
+    dog, plant = clutch.dog, PlanarClutch(clutch.with_engine("planar"))
     middle, hung, late = 2.0 * crest_setback(dog, dog.edge_radius), 0, 0
     for share in (np.arange(shifts) + 0.5) / shifts - 0.5:
         angle = (middle + over * float(share) - dog.crest_overlap) / dog.mean_radius

@@ -11,8 +11,9 @@ from scipy.integrate import cumulative_simpson
 from dogshape.diagnosis.bench.bench_data import load_bench, setting_of
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.sim.effects import load
-from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
+from dogshape.sim.shift.conclusion import engage
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.versions import bundled_root
 from dogshape.validation.blind.data import moments, timely
 from dogshape.validation.blind.mujoco_shift import Draw
@@ -58,7 +59,7 @@ def test_with_the_same_contact_each_effect_is_that_of_the_simulation(name: str) 
     setting = load(None)[name].apply(
         replace(setting_of(bench), point=bench.cells[place].point), values
     )
-    plant = planar_clutch(setting.clutch.with_engine("planar"))
+    plant = PlanarClutch(setting.clutch.with_engine("planar"))
     for angle in ANGLES:
         found = engage(plant, setting.point, float(angle))
         row = {"shift_time_s": found.shift_time, "actuator_time_s": found.actuator_time}

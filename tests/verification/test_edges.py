@@ -1,34 +1,31 @@
-"""Rounded edges: geometry, contact on a line, both engines, and crests that hang."""
+"""Rounded edges and crests that cross: geometry, contact on a line, both engines, hanging."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
-from scipy.spatial import ConvexHull
 
 import dogshape.sim.shift.mesh
 from dogshape.pipeline.export.drawing import dimensioned_svg
+from dogshape.pipeline.reports.shift_page import event_facts
 from dogshape.sim import kernel
-from dogshape.sim.errors import GeometryError, InputError
+from dogshape.sim.errors import GeometryError
 from dogshape.sim.part import dog_corners, ring_part
-from dogshape.sim.planar.engagement import planar_clutch, surfaces_of
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.geometry import FLANKS, Dog, crest_loss, crest_setback, flank_contact
-from dogshape.sim.shift.loads import OVERLAPS, Landing
 from dogshape.sim.shift.mesh import (
     DEVIATION,
-    compliant_dog,
     dog_planes,
-    pressure_apex,
-    rigid_dog,
     tip_edges,
-    touching_planes,
 )
+from dogshape.sim.shift.planar import PlanarClutch, surfaces_of
+from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.strength.dog_strength import Limits, notch_factor
 from dogshape.sim.strength.landing import demand_of
@@ -38,13 +35,11 @@ from dogshape.sim.strength.manufacture import (
     require_makeable,
 )
 from dogshape.sim.units import DEG, MM
-from tests.conftest import dog_of
-from tests.verification.crests import DESIGNS
+from tests.conftest import Point, dog_of
+from tests.verification.crests import DESIGNS, Crests, crests_of, time_on_crests
 from tests.verification.ridges import WIDER, ridges_of, rounded, share_held
 
-Point = Callable[[float, float], OperatingPoint]
 RADII = (0.02 * MM, 0.1 * MM, 0.3 * MM)
-SHAPES = [(8, 12, 22, 3.7, 15), (2, 4, 5, 1.6, 6), (6, 29, 29, 5.5, 10), (15, 7, 25, 2.0, 34)]
 
 
 @pytest.mark.parametrize("radius", RADII)
@@ -77,44 +72,6 @@ def test_the_ridge_is_where_the_closed_form_has_it(prototype: Dog) -> None:
     assert back == pytest.approx(crest_setback(prototype, radius), rel=1e-9)
 
 
-@pytest.mark.parametrize("radius", [0.0, *RADII])
-@pytest.mark.parametrize("shape", SHAPES)
-def test_pressure_of_a_dog_is_its_depth(
-    prototype: Dog, shape: tuple[float, ...], radius: float
-) -> None:
-    """Tetrahedra fill the convex body, and the pressure that Drake takes from distances is depth.
-
-    Points on each surface, moved in by up to a third of the apex's depth.
-    """
-    dog = replace(dog_of(prototype, shape), edge_radius=radius)
-    mesh, (apex, full) = compliant_dog(dog), pressure_apex(dog)
-    cells = mesh.vertices[mesh.cells]
-    volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0
-    assert (volumes > 0.0).all()
-    assert volumes.sum() == pytest.approx(ConvexHull(mesh.vertices).volume, rel=1e-9)
-    assert mesh.vertices[-1] == pytest.approx(apex)
-    # Vertices: of the skin, of either axis (ends on the skin, the others within), apex.
-    field = np.zeros(len(mesh.vertices))
-    field[-1] = full
-    field[[-8, -7, -4, -3]] = radius
-    planes, rng, skin = touching_planes(dog), np.random.default_rng(3), rigid_dog(dog)
-    corners = skin.vertices[skin.cells]
-    inverse = np.linalg.inv(
-        np.concatenate([cells.transpose(0, 2, 1), np.ones((len(cells), 1, 4))], axis=1)
-    )
-    for triangle in corners:
-        for weights in rng.dirichlet(np.ones(3), 4):
-            inward = np.cross(triangle[2] - triangle[0], triangle[1] - triangle[0])
-            inward /= np.linalg.norm(inward)
-            place = weights @ triangle + rng.uniform(0.0, full / 3.0) * inward
-            depth = min(plane.offset - plane.normal @ place for plane in planes)
-            shares = inverse @ [*place, 1.0]
-            found = np.flatnonzero((shares > -1e-7).all(axis=1))
-            if depth > 0.0:
-                pressure = shares[found[0]] @ field[mesh.cells[found[0]]]
-                assert pressure == pytest.approx(depth, abs=1e-9)
-
-
 @pytest.fixture
 def _exact(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Let planes stand out of an edge by a fiftieth of a micrometre, for comparison with arcs."""
@@ -129,7 +86,7 @@ def _pressed(clutch: Clutch, aside: float, depth: float) -> tuple[float, float]:
 
     By the compiled engine; ``aside`` and ``depth`` in m.
     """
-    dog, plant = clutch.dog, planar_clutch(clutch)
+    dog, plant = clutch.dog, PlanarClutch(clutch)
     place = 2.0 * crest_setback(dog, dog.edge_radius) + aside - dog.crest_overlap
     way = dog.axial_gap + 2.0 * crest_loss(dog, dog.edge_radius) + depth
     law, work = plant.law.copy(), kernel.workspace(len(plant.surfaces[1]))
@@ -207,21 +164,6 @@ def test_shifts_hang_over_the_window_of_the_closed_form(
     assert hung > sharp
 
 
-@pytest.mark.parametrize(
-    ("radius", "kind", "words"),
-    [
-        (0.01, InputError, "an edge is sharp (0 mm) or at least 0.02 mm round"),
-        (3.0, GeometryError, "dog.edge_radius_mm is 3 mm, but it must be at most 2.425 mm"),
-    ],
-)
-def test_radii_that_are_none_are_refused(
-    prototype: Dog, radius: float, kind: type[Exception], words: str
-) -> None:
-    with pytest.raises(kind) as refused:
-        replace(prototype, edge_radius=radius * MM)
-    assert words in str(refused.value)
-
-
 def test_part_drawing_and_checks_have_the_radius_of_the_edges(prototype: Dog) -> None:
     """Root fillets stay; tips, what touches and what lands follow the edge radius."""
     root, tip = 0.3 * MM, 0.5 * MM
@@ -240,7 +182,7 @@ def test_part_drawing_and_checks_have_the_radius_of_the_edges(prototype: Dog) ->
     drawn = dimensioned_svg(dog, limits)
     assert "roots R 0.30 ±0.05, tip edges R 0.50" in drawn
     assert "roots and tip edges R 0.30" in dimensioned_svg(prototype, limits)
-    edge = Landing((5e4, *(0.0 for _ in OVERLAPS[1:])))
+    edge = (5e4, *(0.0 for _ in OVERLAPS[1:]))
     sharp, round_ = (demand_of(one, edge, limits).edge for one in (prototype, dog))
     assert round_ == pytest.approx(sharp * math.sqrt(root / tip))
 
@@ -255,3 +197,44 @@ def test_edges_must_clear_the_fillets(prototype: Dog) -> None:
         assert check.passed is passes
     with pytest.raises(GeometryError, match=r"use a larger dog\.edge_radius_mm"):
         require_makeable(replace(prototype, edge_radius=0.2 * MM), limits)
+
+
+@pytest.fixture(scope="module")
+def lean(clutch: Clutch) -> Clutch:
+    """A chamfer of 12.5 degrees, which slides from rest up to a friction of 0.22."""
+    return clutch.with_dog(dog_of(clutch.dog, DESIGNS["lean"]))
+
+
+def _landed(clutch: Clutch, point: OperatingPoint, overlap: float) -> Engagement:
+    dog = clutch.dog
+    return engage(clutch, point, (overlap - dog.crest_overlap) / dog.mean_radius)
+
+
+@pytest.mark.parametrize(("chamfer", "traction"), [(6, 20), (8, 12), (11, 7), (19.9, 15), (17, 27)])
+def test_nothing_pushes_across_the_axis_where_crests_cross(chamfer: float, traction: float) -> None:
+    """The sum over the whole pattern vanishes; where faces overlap alone they push by tan a."""
+    crests = Crests(chamfer * DEG, traction * DEG, 0.03, 1e-4, 1e18)
+    _, along, across = crests.sums()
+    assert abs(across[-1] / along[-1]) < 1e-4
+    ratios = crests.balance(np.array([0.0, 2.0, 5.0]) * crests.width, 20.0)[1]
+    assert abs(ratios[0]) < 1e-3
+    assert ratios[1:] == pytest.approx(-math.tan(chamfer * DEG), rel=0.05)
+
+
+def test_crests_that_cross_hang_where_the_chamfer_would_slide(lean: Clutch, point: Point) -> None:
+    """Depth and place as the closed form has them; beside the crossing the faces slide."""
+    assert math.tan(lean.dog.chamfer) > 1.5 * lean.contact.static_friction
+    crests = crests_of(lean)
+    hung = _landed(lean, point(0.0, 235.2), 0.4 * crests.width)
+    assert hung.outcome is Outcome.BLOCKED
+    assert event_facts(hung)[-1].startswith("stands crest across crest")
+    assert time_on_crests(hung) > 0.1
+    trace = hung.trace
+    overlap = kernel.face_overlap(trace.relative_angle[-1:], lean.numbers)
+    force = float(trace.shift_force[-1]) / lean.dog.count
+    depth, ratio = crests.balance(overlap, force)
+    assert trace.displacement[-1] - lean.dog.axial_gap == pytest.approx(depth[0], rel=0.03)
+    assert abs(ratio[0]) < lean.contact.dynamic_friction
+    beside = _landed(lean, point(0.0, 235.2), 1.2 * crests.width)
+    assert beside.outcome is Outcome.ENGAGED
+    assert not any("crest across" in fact for fact in event_facts(beside))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +12,12 @@ from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.mechanism import Mechanism, smooth_sign
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, RPM
+from tests.conftest import Point
 from tests.verification.test_impact import face_area, flat_dogs
-
-Point = Callable[[float, float], OperatingPoint]
 
 EFFECTS = load()
 PUSH = ForceProfile(469.0, 0.1766)

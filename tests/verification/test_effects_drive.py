@@ -1,24 +1,24 @@
-"""Effects of force, linkage and inertia in both engines, against closed forms and limit cases."""
+"""Effects and mechanisms of a study in both engines, against closed forms and limit cases."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import ive
 
+from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.sim.effects import load
-from dogshape.sim.setting import Setting
+from dogshape.sim.setting import Setting, angle_weights
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import ENGINES, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.mechanism import DAMPING_RATIO, FORK
-from dogshape.sim.statistics.blocks import engage
+from dogshape.sim.statistics.blocks import engage, run_block
 from dogshape.sim.units import DEG, RPM
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
 
 EFFECTS = load()
 MASS = 0.3  #: kg, of the ring
@@ -108,3 +108,93 @@ def test_limits_of_a_linkage_are_mass_and_compliance_alone(setting: Setting) -> 
     light = linkage.apply(setting, {"compliance_mm_kN": 4.0, "mass_behind_kg": 1e-6})
     alone = setting.with_mechanism(compliance=4e-6)
     assert _shifted(light).shift_time == pytest.approx(_shifted(alone).shift_time, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("nominal", "factor", "true"),
+    [(10.0, 1.0, 7.0), (-10.0, 1.0, -7.0), (100.0, 0.8, 77.0), (-100.0, 1.2, -117.0)],
+)
+def test_factor_and_offset_act_on_the_mismatch_either_way(
+    setting: Setting, nominal: float, factor: float, true: float
+) -> None:
+    asked = setting.with_point(mismatch=nominal * RPM)
+    values = {"offset_rpm": -3.0, "mismatch_factor": factor}
+    changed = EFFECTS["mismatch_speed"].apply(asked, values)
+    assert changed.point.mismatch == pytest.approx(true * RPM)
+    trace = engage(changed.clutch, changed.point, 0.1).trace
+    assert trace.relative_speed[0] == pytest.approx(true * RPM)
+
+
+@pytest.mark.parametrize("concentration", [0.0, 0.5, 4.0])
+def test_weights_of_angles_are_von_mises(setting: Setting, concentration: float) -> None:
+    """Mean of cos about the centre is I1(k)/I0(k)."""
+    values = {"concentration": concentration, "centre_pitch": 0.3}
+    changed = EFFECTS["relative_angle"].apply(setting, values)
+    turns = (np.arange(64) + 0.37) / 64
+    weights = angle_weights(turns, changed.concentration, changed.centre)
+    assert weights.mean() == pytest.approx(1.0)
+    mean = float((weights * np.cos(2 * np.pi * (turns - 0.3))).mean())
+    assert mean == pytest.approx(ive(1, concentration) / ive(0, concentration), abs=1e-9)
+    assert changed.block((0.1,)).keys == setting.block((0.1,)).keys
+
+
+def test_a_sensor_at_the_actuator_reads_its_time(setting: Setting) -> None:
+    """Ahead of the ring by force over stiffness, and equal to the ring's without a linkage."""
+    values = {"compliance_mm_kN": 4.0, "mass_behind_kg": 0.0}
+    springy = EFFECTS["linkage_compliance"].apply(setting, values)
+    row = next(run_block(springy.block((12 * DEG,))))
+    at_actuator = replace(springy, sensor="actuator")
+    assert springy.time_of(row) == row["shift_time_s"]
+    assert at_actuator.time_of(row) == row["actuator_time_s"]
+    trace = engage(springy.clutch, springy.point, 12 * DEG).trace
+    when = int(np.argmax(trace.actuator_displacement >= setting.clutch.shift_travel))
+    assert trace.time[when - 1] <= row["actuator_time_s"] <= trace.time[when]
+    assert row["actuator_time_s"] < row["shift_time_s"]
+    rigid = next(run_block(setting.block((12 * DEG,))))
+    assert replace(setting, sensor="actuator").time_of(rigid) == rigid["shift_time_s"]
+
+
+def _study(engine: str = "drake", **mechanism: float) -> Setup:
+    keys = {f"mechanism.{key}": value for key, value in mechanism.items()}
+    return load_study("mq200_paper", {**keys, "solver.engine": engine})
+
+
+def _shift(study: Setup, mismatch: float, force: float, angle: float) -> Engagement:
+    point = OperatingPoint(mismatch * RPM, study.actuation.profile(force))
+    return engage(study.clutch, point, angle * DEG)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_dead_time_moves_all_times_by_itself(engine: str) -> None:
+    delay, studies = 0.05, (_study(engine), _study(engine, delay_s=0.05))
+    plain, late = (_shift(study, 50, 469.0, 10) for study in studies)
+    assert plain.shift_time is not None
+    assert late.shift_time == plain.shift_time + delay
+    assert late.actuator_time == plain.actuator_time + delay
+    assert (late.events, late.loads, late.steps) == (plain.events, plain.loads, plain.steps)
+    assert np.array_equal(late.trace.time, plain.trace.time + delay)
+    assert np.array_equal(late.trace.displacement, plain.trace.displacement)
+    assert [p.name for p in late.phases] == ["dead time", *(p.name for p in plain.phases)]
+    assert late.phases[0].end == late.phases[1].start == delay
+
+
+FLANK = 12.0 * DEG  #: side angle of the prototype's traction flank
+RHO = np.arctan(0.10)  #: angle of friction of the dogs
+
+
+def _leverage(friction: float) -> float:
+    """Return axial over tangential force on the ring while a flank throws it back."""
+    spline = load_study("mq200_paper", {"mechanism.spline_friction": 0.1}).clutch
+    share = 1.0 - 0.3 * spline.dog.mean_radius**2 / spline.rings.sliding_inertia
+    radii = spline.dog.mean_radius / spline.mechanism.spline_radius
+    return float(np.tan(FLANK - RHO) - friction * share * radii)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_spline_that_locks_holds_the_ring_in_a_flank_strike(engine: str) -> None:
+    """tan(beta - rho) < mu_s (1 - m r^2/J1) r/r_s at 0.1, not at 0.05."""
+    assert _leverage(0.05) > 0.0 > _leverage(0.1)
+    studies = [_study(engine, spline_friction=friction) for friction in (0.05, 0.1)]
+    free, held = (_shift(study, 249, 469.0, 14).events.rebound_travel for study in studies)
+    assert free > 3e-3
+    assert held < 5e-5

@@ -11,7 +11,6 @@ import pytest
 
 from dogshape import expectation as results
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import (
     Expectation,
@@ -20,8 +19,7 @@ from dogshape.sim.statistics.expectation import (
     expect,
     expect_point,
 )
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
 
 
 def _shifts(*times: float | None) -> list[ShiftResult]:

@@ -27,7 +27,7 @@ from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim import kernel
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from tests.flying import EFFECTS, flying_bench, settings
 

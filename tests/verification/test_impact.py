@@ -11,7 +11,6 @@ from pydrake.systems.framework import Context
 from scipy.special import beta
 
 from dogshape.sim import kernel
-from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import (
     CONTACT_SETS,
@@ -23,6 +22,7 @@ from dogshape.sim.shift.clutch import (
     contact_set,
 )
 from dogshape.sim.shift.mesh import rigid_dog
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, RPM
@@ -108,7 +108,7 @@ def test_adams_set_stops_an_impact_where_the_published_contact_does() -> None:
 def _bounced(clutch: Clutch, law: ImpactLaw, speed: float) -> Impact:
     """Throw the compiled ring at the other, flat face on flat face, until it flies back."""
     flat = flat_dogs(clutch, replace(ADAMS, impact=law)).with_engine("planar")
-    plant, gap = planar_clutch(flat), flat.dog.axial_gap
+    plant, gap = PlanarClutch(flat), flat.dog.axial_gap
     state, record = np.zeros(kernel.SIZE), (np.empty(30_000), np.empty((30_000, kernel.SIZE)))
     state[[1, 4]] = gap, speed
     _, _, _, count, _ = kernel.advance(
@@ -145,7 +145,7 @@ def test_undamped_bounce_on_impact_in_closed_form(clutch: Clutch) -> None:
 
 def test_friction_of_adams_at_its_knots(clutch: Clutch) -> None:
     """Zero at rest, static at 0.1 m/s, dynamic from 1 m/s; cubic steps with level ends between."""
-    law = planar_clutch(replace(clutch, contact=ADAMS)).law
+    law = PlanarClutch(replace(clutch, contact=ADAMS)).law
     for slip, coefficient in (
         (0.0, 0.0), (0.05, 0.30 * 0.6875), (0.1, 0.30), (0.55, 0.23), (1.0, 0.16), (5.0, 0.16),
     ):  # fmt: skip

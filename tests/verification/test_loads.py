@@ -1,4 +1,4 @@
-"""Release, pull-out and coast against equilibrium and hand calculation."""
+"""Release, pull-out, coast, load spectrum and misuse against equilibrium and closed forms."""
 
 from __future__ import annotations
 
@@ -11,18 +11,15 @@ from scipy.optimize import brentq
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import FLANKS, Dog
-from dogshape.sim.strength.checks import Check
-from dogshape.sim.strength.dog_strength import Limits, root_load, root_of, strength_checks
+from dogshape.sim.strength.dog_strength import Limits, fatigue, root_load, root_of
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import pull_out_force, release_angle, separating_force
 from dogshape.sim.strength.manufacture import ManufacturingLimits
+from dogshape.sim.strength.materials import MATERIALS, damage, reserve
 from dogshape.sim.units import DEG, MM, MPA
+from tests.conftest import named_checks
 
 SPLINE = LoadCase(spline_friction=0.1, spline_radius=17.6 * MM, pull_out_force_limit=641.5)
-
-
-def _by_name(dog: Dog, load: LoadCase) -> dict[str, Check]:
-    return {check.name: check for check in strength_checks(dog, Limits(load=load))}
 
 
 def _pull_by_equilibrium(dog: Dog, angle: float, mu: float, spline: float, radius: float) -> float:
@@ -49,7 +46,7 @@ def test_a_flank_lets_go_where_the_pull_vanishes(prototype: Dog) -> None:
     vanishes = brentq(pull, 5 * DEG, 30 * DEG)
     assert release_angle(prototype, SPLINE) == pytest.approx(vanishes, rel=1e-9)
     assert vanishes / DEG == pytest.approx(6.843 + 7.765, abs=0.01)
-    checks = _by_name(prototype, SPLINE)
+    checks = named_checks(prototype, SPLINE)
     assert checks["traction_release"].limit == pytest.approx(vanishes / DEG)
     assert checks["braking_release"].limit == pytest.approx(vanishes / DEG)
     assert checks["chamfer_release"].limit == pytest.approx(6.843, abs=0.001)
@@ -81,7 +78,7 @@ def test_equivalent_stress_takes_tension_and_shear_of_one_flank(
     limits = Limits(load=LoadCase(coast_share=share))
     roots = {f: root_of(steep, limits, root_load(steep, limits, f)) for f in FLANKS}
     by_flank = {f: math.hypot(root.core, math.sqrt(3.0) * root.shear) for f, root in roots.items()}
-    found = _by_name(steep, limits.load)["equivalent_stress"].value * MPA
+    found = named_checks(steep, limits.load)["equivalent_stress"].value * MPA
     assert found == pytest.approx(max(by_flank.values()), rel=1e-12)
     assert (by_flank["braking"] > by_flank["traction"]) == (share == 1.0)
 
@@ -107,8 +104,7 @@ def test_a_thin_rim_raises_the_stress_of_the_root(
 ) -> None:
     """ISO 6336-3: 1.6 ln(2.242 h/s) below 1.2 heights, and nothing above."""
     rim = ManufacturingLimits(rim=ratio * prototype.height)
-    plain = {c.name: c for c in strength_checks(prototype, Limits())}
-    thin = {c.name: c for c in strength_checks(prototype, Limits(manufacturing=rim))}
+    plain, thin = named_checks(prototype), named_checks(prototype, Limits(manufacturing=rim))
     for name in ("root_bending_traction", "root_bending_braking", "root_fatigue"):
         assert thin[name].value == pytest.approx(factor * plain[name].value, rel=2e-4)
     assert thin["shear_stress"].value == plain["shear_stress"].value
@@ -117,3 +113,66 @@ def test_a_thin_rim_raises_the_stress_of_the_root(
     assert load_study("mq200_paper", ["manufacturing.rim_mm=3"]).limits.manufacturing.rim == 3e-3
     with pytest.raises(InputError, match=r"manufacturing.rim_mm is 0 mm"):
         load_study("mq200_paper", ["manufacturing.rim_mm=0"])
+
+
+STEEL = MATERIALS["16MnCr5"]
+
+
+@pytest.mark.parametrize("cycles", [1.0, 100.0, 1e3, 1e5, 3e6, 1e9])
+def test_one_class_is_the_check_of_a_life_of_so_many_cycles(prototype: Dog, cycles: float) -> None:
+    plain = named_checks(prototype, LoadCase(shifts=cycles))["root_fatigue"]
+    one = named_checks(prototype, LoadCase(spectrum=((1.0, cycles),)))["root_fatigue"]
+    assert one.value == pytest.approx(plain.value, rel=1e-12)
+    assert one.limit == pytest.approx(plain.limit, rel=1e-9)
+
+
+def test_the_reserve_of_a_spectrum_on_one_slope_is_a_power_mean() -> None:
+    """While all classes stay on one slope, sum n (f s)^(1/x) = 3e6 gives f in closed form."""
+    classes = [(1.9, 2e3), (1.6, 1e4), (1.5, 2e4)]
+    slope = math.log(STEEL.static_factor) / math.log(3e6 / 1e3)
+    used = sum(n * s ** (1.0 / slope) for s, n in classes)
+    factor = (3e6 / used) ** slope
+    assert all(1.0 < factor * s < STEEL.static_factor for s, _ in classes)
+    strengths, cycles = zip(*classes, strict=True)
+    assert reserve(STEEL, cycles, *strengths) == pytest.approx(factor, rel=1e-9)
+    assert damage(STEEL, strengths, cycles, factor) == pytest.approx(1.0, rel=1e-9)
+
+
+def test_a_peak_beyond_the_static_strength_is_borne_by_none() -> None:
+    assert damage(STEEL, [2.6], [1.0]) == math.inf
+    assert reserve(STEEL, [1.0], 2.0) == pytest.approx(STEEL.static_factor / 2.0)
+    assert reserve(STEEL, []) == math.inf
+
+
+def test_negative_classes_load_the_braking_flank(prototype: Dog) -> None:
+    limits = Limits(load=LoadCase(spectrum=((0.1, 1e3), (-0.8, 1e5))))
+    value, limit = fatigue(prototype, limits)
+    load = root_load(prototype, limits, "braking", 0.8 * limits.load.design_torque)
+    assert value == pytest.approx(root_of(prototype, limits, load).tension, rel=1e-12)
+    assert limit == pytest.approx(limits.endurance(1e5), rel=1e-9)
+
+
+def test_misuse_meets_the_static_limits_alone(prototype: Dog) -> None:
+    plain, hard = (named_checks(prototype, LoadCase(abuse_torque=t)) for t in (None, 600.0))
+    for name, check in hard.items():
+        static = name.startswith("root_bending") or name in ("shear_stress", "equivalent_stress")
+        ratio = 2.0 if static else 1.0  # 600 N m over 200 with 1.5
+        assert check.value == pytest.approx(ratio * plain[name].value, rel=1e-9), name
+    less = named_checks(prototype, LoadCase(abuse_torque=250.0, coast_share=0.4))
+    assert less["root_bending_traction"].value == pytest.approx(
+        plain["root_bending_traction"].value, rel=1e-12
+    )
+    assert less["root_bending_braking"].value == pytest.approx(
+        plain["root_bending_braking"].value * 250.0 / 300.0, rel=1e-9
+    )
+
+
+def test_vibration_adds_the_inertia_of_ring_and_fork() -> None:
+    keys = ["mechanism.added_mass_kg=0.2"]
+    plain = load_study("mq200_paper", keys)
+    shaken = load_study("mq200_paper", [*keys, "load.axial_vibration_m_s2=500"])
+    for flank in ("traction", "braking"):
+        name = f"separating_force_{flank}"
+        before, after = (named_checks(s.clutch.dog, s.limits)[name] for s in (plain, shaken))
+        assert after.value - before.value == pytest.approx(500.0 * 0.5, rel=1e-9)
+    assert shaken.physics_hash == plain.physics_hash

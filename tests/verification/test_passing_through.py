@@ -8,8 +8,6 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.sim import kernel
 from dogshape.sim.errors import InputError
-from dogshape.sim.planar.engagement import engage as planar_engage
-from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import (
@@ -17,13 +15,14 @@ from dogshape.sim.shift.conclusion import (
     FINER,
     Engagement,
     Outcome,
+    engage,
     passing_through,
     require_stiff_enough,
     section_planes,
 )
-from dogshape.sim.shift.engagement import engage
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import pressure_apex
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.units import DEG, MM, RPM
 
@@ -139,7 +138,7 @@ def test_a_touch_within_one_step_is_not_passed_over() -> None:
     clutch = load_study("motorcycle").clutch
     point, angle = OperatingPoint(700 * RPM, ForceProfile(500.0, 0.04)), 42 * DEG
     plain = engage(ClutchPlant(clutch), point, angle)
-    fine = planar_engage(planar_clutch(clutch.with_engine("planar").refined()), point, angle)
+    fine = engage(PlanarClutch(clutch.with_engine("planar").refined()), point, angle)
     assert plain.events.face_contacts == fine.events.face_contacts == 1
     assert plain.shift_time == pytest.approx(fine.shift_time, rel=2e-3)
 
@@ -150,7 +149,7 @@ def test_a_ring_that_drag_slows_touches_nothing() -> None:
     point = OperatingPoint(100 * RPM, ForceProfile(469.0, 0.1766))
     rings = replace(clutch.rings, initial_speed=2000 * RPM)
     still, turning = (
-        planar_engage(planar_clutch(replace(clutch, rings=own)), point, 0.05)
+        engage(PlanarClutch(replace(clutch, rings=own)), point, 0.05)
         for own in (clutch.rings, rings)
     )
     assert turning.phases[0].end == pytest.approx(still.phases[0].end, rel=0.02)

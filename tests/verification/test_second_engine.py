@@ -8,7 +8,6 @@ took another slot. Numbers behind the tolerances: ``python -m benchmarks.second_
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +25,7 @@ from benchmarks.second_engine import (
 from dogshape.sim.errors import InputError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, contact_set, solver_for
-from dogshape.sim.shift.engagement import engage
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
 from dogshape.sim.shift.trace import Series
 from dogshape.sim.statistics.expectation import even_phases
@@ -34,11 +33,9 @@ from dogshape.sim.units import DEG, RPM
 from dogshape.validation.blind.mujoco_model import restitution_of
 from dogshape.validation.blind.mujoco_shift import engine_available
 from dogshape.validation.second_engine import FINE, EngineSettings, SecondEngine
-from tests.conftest import RISE, dog_of, needed
+from tests.conftest import RISE, Point, dog_of, needed
 from tests.verification.test_motion import DESIGNS
 from tests.verification.test_shapes import SHAPES, shaped
-
-Point = Callable[[float, float], OperatingPoint]
 
 ANGLES = 6
 #: Shapes of dogs as in ``SHAPES``; flat ones block at some angles.

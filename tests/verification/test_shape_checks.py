@@ -1,19 +1,21 @@
-"""Checks of a roof with backlash and of an undercut dog, by hand."""
+"""Checks of a roof with backlash and of an undercut dog by hand, and margins within tolerances."""
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import replace
 
 import pytest
 
 from dogshape.sim.shift.geometry import Dog, flank_contact, section
-from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.dog_strength import Limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import Wear, worn
 from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.locking import blocking_force, locking_checks, locking_friction
+from dogshape.sim.strength.manufacture import Tolerances, losses, moved, tolerance_checks
 from dogshape.sim.units import DEG, MM
+from tests.conftest import dog_of, named_checks
 
 LIMITS = Limits(load=LoadCase(release_by_itself=False, pull_out_force_limit=500.0))
 
@@ -35,17 +37,13 @@ def undercut(prototype: Dog) -> Dog:
     )
 
 
-def _checks(dog: Dog, limits: Limits = LIMITS) -> dict[str, Check]:
-    return {check.name: check for check in strength_checks(dog, limits)}
-
-
 def test_a_roof_is_judged_by_its_flatter_face_and_lower_edge(roof: Dog) -> None:
     tan = {n: math.tan(n * DEG) for n in (14, 20)}
     inner = math.pi * 22.0 / 15 - 0.3 * 22.0 / 24.0 - 3.7 * tan[14]
     outer = math.pi * 26.0 / 15 - 0.3 * 26.0 / 24.0 - 3.7 * tan[14]
     tip = math.pi * 24.0 / 15 - 0.3 - 3.7 * tan[14]
     slope = tan[20] / (1.0 - tan[20] * tan[14])  # of the back, which falls deeper than the face
-    found = _checks(roof)
+    found = named_checks(roof, LIMITS)
     assert found["chamfer_release"].value == pytest.approx(14.0)
     assert found["tip_width"].value == pytest.approx(inner)
     assert found["slot_width"].value == pytest.approx(inner + 0.6 * 22.0 / 24.0)
@@ -59,7 +57,7 @@ def test_a_roof_is_judged_by_its_flatter_face_and_lower_edge(roof: Dog) -> None:
 def test_an_undercut_dog_holds_itself_and_has_to_be_pulled(undercut: Dog) -> None:
     """Under 200 N m at 24 mm the steeper undercut needs T/r tan(5 deg + arctan 0.12)."""
     pull = 200.0 / 0.024 * math.tan(5.0 * DEG + math.atan(0.12))
-    found = _checks(undercut)
+    found = named_checks(undercut, LIMITS)
     assert found["pull_out_force"].value == pytest.approx(pull)
     assert blocking_force(undercut, LIMITS.load) == 0.0
     assert found["separating_force_traction"].value < 0.0
@@ -72,9 +70,9 @@ def test_an_undercut_dog_holds_itself_and_has_to_be_pulled(undercut: Dog) -> Non
 
 
 def test_flat_faces_are_judged_where_they_have_to_slide(undercut: Dog) -> None:
-    assert not _checks(undercut)["chamfer_release"].passed
+    assert not named_checks(undercut, LIMITS)["chamfer_release"].passed
     waits = replace(LIMITS.load, faces_release=False)
-    assert "chamfer_release" not in _checks(undercut, replace(LIMITS, load=waits))
+    assert "chamfer_release" not in named_checks(undercut, replace(LIMITS, load=waits))
     assert locking_friction(undercut, waits) == (math.inf, "")
 
 
@@ -102,3 +100,62 @@ def test_a_worn_roof_keeps_both_edges(roof: Dog) -> None:
     rate, friction, shifts = 1e-15, 0.1, 1e5
     energy = friction * 2.0 * roof.count * roof.radial_width * area / (rate * shifts)
     assert Wear(rate=rate).loss(roof, energy, friction, shifts) == pytest.approx(loss, rel=0.03)
+
+
+DESIGNS = [(8, 12, 22, 3.7, 15), (14, 9, 20, 2.6, 26), (10, 18, 12, 4.5, 10)]
+
+
+@pytest.mark.parametrize("values", DESIGNS)
+def test_worst_case_agrees_with_all_corners(prototype: Dog, values: tuple[float, ...]) -> None:
+    """256 corners: none is worse than the one that single deviations point to."""
+    dog, limits = dog_of(prototype, values), Limits()
+    spreads = margin_losses(dog, limits)
+    nominal = {c.name: c.margin for c in strength_checks(dog, limits)}
+    worst = dict(nominal)
+    sizes = limits.tolerances.dimensions_of(dog)
+    for signs in itertools.product((-1.0, 1.0), repeat=len(sizes)):
+        deviations = {n: s * t for s, (n, t) in zip(signs, sizes.items(), strict=True)}
+        shape, radius = moved(dog, limits.root_radius, deviations)
+        for check in strength_checks(shape, limits.with_root_radius(radius))[:-2]:
+            worst[check.name] = min(worst[check.name], check.margin)
+    for name, spread in spreads.items():
+        loss = nominal[name] - worst[name]
+        assert spread.worst_case == pytest.approx(loss, rel=1e-9, abs=1e-12), name
+
+
+def test_a_single_tolerance_by_hand(prototype: Dog) -> None:
+    """Chamfer 8 +- 0.25 degrees against a limit of 6.843 degrees."""
+    only = Tolerances(0.25 * DEG, *[0.0] * 7)
+    limits = Limits(tolerances=only)
+    spread = margin_losses(prototype, limits)["chamfer_release"]
+    assert spread.by_dimension == pytest.approx({"chamfer": 0.25 / 6.8428}, rel=1e-4)
+    assert spread.worst_case == pytest.approx(spread.root_sum_square)
+
+
+def test_no_tolerance_loses_nothing(prototype: Dog) -> None:
+    none = Tolerances(*[0.0] * 8)
+    assert all(
+        s.worst_case == 0.0 for s in margin_losses(prototype, Limits(tolerances=none)).values()
+    )
+    contact = flank_contact(prototype, 0.3e-3, "braking")
+    left = tolerance_checks(prototype, 0.3e-3, none, 5e-5)[0].value
+    assert left == pytest.approx((contact.height - 5e-5) / prototype.height)
+
+
+def test_a_deviation_that_leaves_no_dog_loses_everything(prototype: Dog) -> None:
+    """The chamfer may eat up to half the height; five degrees more do."""
+    dog = dog_of(prototype, (16, 10, 20, 3.0, 15))
+    spread = losses(dog, 0.3e-3, Tolerances(chamfer=5 * DEG), lambda d, _: {"height": d.height})[
+        "height"
+    ]
+    assert spread.worst_case == float("inf")
+
+
+def test_clearance_in_neutral_by_hand(prototype: Dog) -> None:
+    """1.0 mm less 0.1 of the gap and 0.05 of either height; 0.2 mm would not do."""
+    contact, check = tolerance_checks(prototype, 0.3e-3, Tolerances(), 5e-5)
+    assert check.value == pytest.approx(0.8)
+    assert check.passed
+    near, loose = replace(prototype, axial_gap=0.4e-3), Tolerances(height=0.2e-3)
+    assert not tolerance_checks(near, 0.3e-3, Tolerances(), 5e-5)[1].passed
+    assert tolerance_checks(prototype, 0.3e-3, loose, 5e-5)[0].value < contact.value

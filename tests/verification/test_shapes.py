@@ -1,4 +1,4 @@
-"""Dogs with a ridge on their tip, backlash and undercut: closed forms, symmetry, refusals."""
+"""Dimensions and meshes of dogs against hand calculation, closed forms and symmetry; refusals."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from dogshape.sim.shift.mesh import (
     touching_quads,
 )
 from dogshape.sim.units import DEG, MM
+from tests.conftest import dog_of
 
 
 def roof(prototype: Dog, **change: float) -> Dog:
@@ -55,6 +56,27 @@ SHAPES = {
     "ridge at the braking edge": (0.0, 0.0, 8.0, 22.0, 12.0, 0.3),
     "play alone": (1.0, 8.0, 0.0, 12.0, 22.0, 1.0),
 }
+
+
+@pytest.mark.parametrize(
+    ("dimension", "millimetres"),
+    [
+        *(("pitch", 10.053), ("tip_width", 3.886), ("root_width", 6.167), ("entry_play", 2.281)),
+        *(("edge_drop", 0.579), ("face_width", 4.120), ("crest_overlap", 4.240)),
+        *(("braking_flank_height", 3.121), ("travel", 4.7), ("axial_length", 8.4)),
+    ],
+)
+def test_prototype_dimensions(prototype: Dog, dimension: str, millimetres: float) -> None:
+    assert getattr(prototype, dimension) * 1e3 == pytest.approx(millimetres, abs=6e-4)
+
+
+def test_mating_flanks_coincide_at_full_depth(prototype: Dog) -> None:
+    """One ring turned over about x and set half a pitch on: its flanks lie in ours."""
+    planes = dog_planes(prototype)
+    for name, side in (("traction", 1), ("braking", -1)):
+        turned_over = planes[name].normal * [1.0, -1.0, -1.0]
+        mate = rotation(side * 0.5 * prototype.pitch_angle) @ turned_over
+        assert mate == pytest.approx(-planes[name].normal, abs=1e-12)
 
 
 def shaped(prototype: Dog, name: str, shapes: Mapping[str, tuple[float, ...]] = SHAPES) -> Dog:
@@ -142,9 +164,19 @@ def test_flanks_take_each_other_in_with_the_backlash(prototype: Dog) -> None:
             {"crest": 0.1, "chamfer_back": 40 * DEG},
             ("height of the traction flank is", "more than half the height, 1.85 mm"),
         ),
+        ({"count": 70}, ("tip width at the inner radius is -", "0 mm")),
+        ({"height": 16e-3}, ("tip width at the inner radius is -", "0 mm")),
+        ({"chamfer": 30 * DEG}, ("height of the braking flank is", "1.85 mm")),
+        ({"edge_radius": 3 * MM}, ("dog.edge_radius_mm is 3 mm, but", "at most 2.425 mm")),
+        ({"edge_radius": 0.01 * MM}, ("an edge is sharp (0 mm) or at least 0.02 mm round",)),
+        ({"count": 1}, ("dog.count is 1",)),
+        ({"height": 3.7}, ("dog.height_mm is 3700 mm",)),
+        ({"height": math.nan}, ("dog.height_mm is nan mm",)),
+        ({"chamfer": -0.1}, ("dog.chamfer_deg is -5.7",)),
+        ({"inner_diameter": 60e-3}, ("dog.outer_diameter_mm = 52 mm",)),
     ],
 )  # fmt: skip
-def test_impossible_shapes_are_refused_with_a_remedy(
+def test_impossible_dogs_are_refused_with_a_remedy(
     prototype: Dog, change: dict[str, float], words: tuple[str, ...]
 ) -> None:
     with pytest.raises(DogshapeError) as refused:
@@ -172,7 +204,7 @@ def test_undercut_passes_as_far_as_the_chamfers_let_it(prototype: Dog) -> None:
     """With a roof flanks first face each other twice the drop of the edge further in."""
     own = {"traction": -3.0 * DEG, "braking": -3.0 * DEG}
     dog = roof(prototype, chamfer=16 * DEG, chamfer_back=16 * DEG, backlash=0.4e-3, **own)
-    drop = dog.edge_drop_at(dog.inner_radius)
+    drop = dog.drops_at(dog.inner_radius)[1]
     least = 2.0 * math.tan(3.0 * DEG) * (dog.height - 2.0 * drop)
     inner = dog.inner_radius / dog.mean_radius
     assert dog.passing_play == pytest.approx(dog.backlash * inner - least)
@@ -189,15 +221,27 @@ ROOFS = {
     "steep": (0.3, 25.0, 30.0, 4.0, 29.0, 0.0),
     "nearly flat": (0.6, 0.02, 0.01, 12.0, 22.0, 0.0),
 }
+ALL = {**ROOFS, **SHAPES}
 
 
-@pytest.mark.parametrize("radius", [0.0, 0.02, 0.07])
-@pytest.mark.parametrize("name", ROOFS)
-def test_pressure_below_two_faces_is_the_depth_below_the_nearest(
-    prototype: Dog, name: str, radius: float
+#: Chamfer, traction, braking in deg, height in mm, dogs: the prototype and corners of the range.
+PLAIN = [(8, 12, 22, 3.7, 15), (2, 4, 5, 1.6, 6), (6, 29, 29, 5.5, 10), (15, 7, 25, 2.0, 34)]
+
+
+@pytest.mark.parametrize(
+    ("shape", "radius"),
+    [
+        *((shape, radius) for shape in PLAIN for radius in (0.0, 0.02, 0.1, 0.3)),
+        *((name, radius) for name in ROOFS for radius in (0.0, 0.02, 0.07)),
+    ],
+)
+def test_pressure_of_a_dog_is_its_depth_below_the_nearest_face(
+    prototype: Dog, shape: str | tuple[float, ...], radius: float
 ) -> None:
     """Tetrahedra fill the convex body; Drake's pressure, from distances, is depth to a third."""
-    dog = replace(shaped(prototype, name, ROOFS), edge_radius=radius * MM)
+    named = isinstance(shape, str)
+    sharp = shaped(prototype, shape, ROOFS) if named else dog_of(prototype, shape)
+    dog = replace(sharp, edge_radius=radius * MM)
     mesh, (apex, full) = compliant_dog(dog), pressure_apex(dog)
     cells = mesh.vertices[mesh.cells]
     volumes = np.linalg.det(cells[:, 1:] - cells[:, :1]) / 6.0
@@ -205,10 +249,13 @@ def test_pressure_below_two_faces_is_the_depth_below_the_nearest(
     assert (volumes > 0.0).all()
     assert volumes.sum() == pytest.approx(hull.volume, rel=1e-9)
     assert mesh.vertices[-1] == pytest.approx(apex)
-    # Of an interior vertex of a convex body the distance to the skin is the least depth.
-    field = -(mesh.vertices @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
-    assert field.argmax() == len(field) - 1
-    assert field[-1] == pytest.approx(full)
+    # Vertices: of the skin, of either axis (ends on the skin, the others within), apex.
+    field = np.zeros(len(mesh.vertices))
+    field[-1], field[[-8, -7, -4, -3]] = full, radius * MM
+    if named:  # of an interior vertex of a convex body the distance to the skin is the least depth
+        field = -(mesh.vertices @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+        assert field.argmax() == len(field) - 1
+        assert field[-1] == pytest.approx(full)
     planes, rng, skin = touching_planes(dog), np.random.default_rng(3), rigid_dog(dog)
     inverse = np.linalg.inv(
         np.concatenate([cells.transpose(0, 2, 1), np.ones((len(cells), 1, 4))], axis=1)
@@ -226,11 +273,11 @@ def test_pressure_below_two_faces_is_the_depth_below_the_nearest(
                 assert pressure == pytest.approx(depth, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", SHAPES)
+@pytest.mark.parametrize("name", [*SHAPES, "prototype"])
 def test_rigid_surfaces_lie_in_the_planes_and_close_to_the_volume_of_the_profile(
     prototype: Dog, name: str
 ) -> None:
-    dog = shaped(prototype, name)
+    dog = prototype if name == "prototype" else shaped(prototype, name)
     skin, solid = rigid_dog(dog), dog_solid(dog)
     for quad, plane in zip(touching_quads(dog), touching_planes(dog), strict=True):
         for corner in skin.vertices[list(quad)]:

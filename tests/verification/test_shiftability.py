@@ -11,10 +11,10 @@ import pytest
 from dogshape.pipeline.config.study_file import SURE
 from dogshape.pipeline.store.result_records import PointRow
 from dogshape.sim import kernel
-from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Outcome
+from dogshape.sim.shift.conclusion import Outcome, engage
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.statistics.blocks import even_block, run_block
 from dogshape.sim.statistics.expectation import (
     SetPoint,
@@ -92,7 +92,7 @@ def test_a_ring_falls_into_the_slot_that_comes(flat: Clutch, share: float, skipp
     """Without friction, from on a face: at shares of the speed that passes the play in a fall."""
     slippery = replace(flat.contact, static_friction=1e-3, dynamic_friction=1e-3)
     close = replace(flat.dog, axial_gap=1e-5)
-    plant = planar_clutch(replace(flat, contact=slippery, dog=close))
+    plant = PlanarClutch(replace(flat, contact=slippery, dog=close))
     fall = math.sqrt(2.0 * flat.rings.mass * close.height / 235.0)
     speed = share * close.entry_play / close.mean_radius / fall
     point = OperatingPoint(speed, ForceProfile(235.0, 1e-4))

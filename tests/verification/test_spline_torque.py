@@ -6,23 +6,21 @@ all dogs.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dogshape.sim import kernel
-from dogshape.sim.planar.engagement import planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, ContactSet, OperatingPoint, contact_set, solver_for
 from dogshape.sim.shift.conclusion import section_planes
 from dogshape.sim.shift.mechanism import SLIP, Mechanism, smooth_sign
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.shift.plant import SHIFT, ClutchPlant
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG
-
-Point = Callable[[float, float], OperatingPoint]
+from tests.conftest import Point
 
 SPLINE = Mechanism(spline_friction=0.1, spline_radius=17.6e-3)
 ADAMS = contact_set("adams2019")
@@ -98,7 +96,7 @@ def test_both_engines_press_the_spline_alike(
 ) -> None:
     """Ten random states in touch, faces and flanks, about and beyond the fall of the friction."""
     own = _with(clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG)), contact)
-    spline, mine, dog = _Spline(own), planar_clutch(own.with_engine("planar")), own.dog
+    spline, mine, dog = _Spline(own), PlanarClutch(own.with_engine("planar")), own.dog
     rng, work, seen = np.random.default_rng(4), kernel.workspace(3), 0
     scale = 0.003 * contact.stiffness * dog.radial_width**2 * 1e-5 * dog.mean_radius
     while seen < 10:

@@ -14,11 +14,12 @@ from dataclasses import replace
 import numpy as np
 
 from dogshape.sim.errors import InputError
-from dogshape.sim.planar.engagement import engage, planar_clutch
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Rings, contact_set, solver_for
+from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mechanism import Mechanism
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.validation.blind.mujoco_shift import DETENT_WIDTH, SPLINE_PLACE, Draw, Shift
 from dogshape.validation.blind.stand import Point, Stand, Truth
 
@@ -33,7 +34,7 @@ class PlanarEngine:
                 "the compiled engine has no ripple, no high dog and no force in stages; take the "
                 "engine mujoco"
             )
-        self._plant = planar_clutch(clutch_of(stand, self.truth).with_engine("planar"))
+        self._plant = PlanarClutch(clutch_of(stand, self.truth).with_engine("planar"))
 
     def shift(self, point: Point, draw: Draw, keep: bool = False) -> Shift:
         """Simulate one shift; ``keep`` keeps its motion."""

@@ -1,0 +1,97 @@
+"""The compiled engine: the same faces, pressure and friction as the Drake plant, in closed form.
+
+``Solver.accuracy`` is the error of a speed that a step may have, m/s, and ``PLACE_ERROR`` times it
+that of a place. The friction law is that of Drake's scheme: with the dynamic coefficient alone, or
+one that falls from the static to the dynamic one where the scheme is ``cenic``. A contact set with
+IMPACT has its own laws, whatever the scheme.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dogshape.sim import kernel
+from dogshape.sim.shift.clutch import Clutch, OperatingPoint
+from dogshape.sim.shift.conclusion import Run, failure_of, states_held
+from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.mesh import rigid_dog, stacked, touching_planes, touching_quads
+
+Floats = NDArray[np.float64]
+Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]
+PLACE_ERROR = 1e-4  #: s, error of a place over that of a speed
+FIRST_STEP = 1e-5  #: s, first step
+RECORD_SIZE = 4096  #: steps that are recorded at once
+
+
+@lru_cache(maxsize=4)  # draws of what is uncertain have one dog
+def surfaces_of(dog: Dog) -> Surfaces:
+    """Compute the surfaces of a dog and its planes, as ``sim.kernel.contact`` takes them.
+
+    Corners of the rigid surfaces, m, (p, 4, 3); outward normals, (p, 3); offsets of the compliant
+    dog's planes, m, (p,); least turn by the lean of a traction and a braking flank over the
+    distance, rad/m, and by half of the backlash, rad, (3,); pitch, rad; gap and travel, m.
+    """
+    normals, offsets = stacked(touching_planes(dog))
+    corners = rigid_dog(dog).vertices[np.array(touching_quads(dog))]
+    lean = np.tan([dog.traction, dog.braking])
+    lean /= np.where(lean < 0.0, dog.inner_radius, dog.outer_radius)
+    least = np.append(lean, 0.5 * dog.backlash_angle)
+    return corners, normals, offsets, least, dog.pitch_angle, dog.axial_gap, dog.travel
+
+
+@dataclass(frozen=True)
+class PlanarClutch:
+    """A clutch for the compiled engine, to be shifted again and again."""
+
+    clutch: Clutch
+
+    @cached_property
+    def surfaces(self) -> Surfaces:
+        """Surfaces of the dog, as ``surfaces_of`` has them."""
+        return surfaces_of(self.clutch.dog)
+
+    @cached_property
+    def law(self) -> Floats:
+        """Law of the contact, (5,): stiffness, dissipation, dynamic friction, stiction, static.
+
+        Or of IMPACT, (7,): stiffness, damping, the same three, depth, transition velocity. As in
+        the Drake plant static friction counts where the contact set needs ``cenic``.
+        """
+        contact = self.clutch.contact
+        dynamic = contact.dynamic_friction
+        static = contact.static_friction if self.clutch.solver.scheme == "cenic" else dynamic
+        law = [contact.stiffness, contact.dissipation, dynamic, contact.stiction_velocity, static]
+        if (own := contact.impact) is not None:
+            law[0], law[1], law[4] = own.stiffness, own.damping, contact.static_friction
+            law += [own.depth, own.transition_velocity]
+        return np.array(law)
+
+    def run(self, point: OperatingPoint, angle: float) -> Run:
+        """Integrate from where friction lets the ring go to the end of travel or the time-out."""
+        clutch, solver = self.clutch, self.clutch.solver
+        tolerance = np.array([solver.accuracy, PLACE_ERROR * solver.accuracy])
+        held, begun = states_held(clutch, point, angle)
+        now, state, step, spent = float(held[-1]), begun[-1].copy(), FIRST_STEP, 0
+        count, why, failure = len(held), kernel.FULL, ""
+        parts, mode, before = [(held, begun)], np.zeros(2), np.full(kernel.SIZE, math.nan)
+        deadline = time.monotonic() + solver.time_limit
+        while why == kernel.FULL and not failure:
+            size = max(0, min(RECORD_SIZE, solver.max_steps + 1 - count))
+            times, states = np.empty(size), np.empty((size, kernel.SIZE))
+            why, now, step, made, tried = kernel.advance(
+                now, step, state, before, clutch.timeout, clutch.numbers, point.profile.knots,
+                self.surfaces, self.law, tolerance, solver.max_step, mode, times, states,
+            )  # fmt: skip
+            parts.append((times[:made], states[:made]))
+            count, spent = count + made, spent + tried
+            if why == kernel.LOST:
+                state[:] = math.nan
+            failure = failure_of(clutch, now, state, count, deadline)
+        whole, there = (np.concatenate(one) for one in zip(*parts, strict=True))
+        return Run(whole, there, why == kernel.HELD, failure, spent)
