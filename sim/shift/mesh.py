@@ -466,12 +466,13 @@ def compliant_dog(dog: Dog) -> Mesh:
     """
     apex, _ = pressure_apex(dog)
     reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)
-    width, below, ends = dog.radial_width, 1.5 * reach, 0.25 * dog.radial_width
-    if dog.has_back:
-        # The apex, whose pressure gives that of the hip its scale, is nearest to a flank.
+    width, below = dog.radial_width, 1.5 * reach
+    ends = width / 3.0 if dog.has_back else 0.25 * width
+    if dog.edge_radius > 0.0 or dog.has_back:
+        # The apex, whose pressure gives those of edges and hip their scale, is nearest to a flank.
         planes = dog_planes(dog)
-        deepest = max(planes[name].depth(apex) for name in ("back", "face"))
-        below, ends = max(below, deepest), max(width / 3.0, deepest - 0.5 * width)
+        deepest = max(planes[name].depth(apex) for name in ("back", "face") if name in planes)
+        below, ends = max(below, deepest), max(ends, deepest - 0.5 * width)
     beyond = {"inner": ends, "outer": ends, "root": below - apex[2] - 0.5 * dog.height}
     skin = {n: plane.moved(float(beyond.get(n, 0.0))) for n, plane in dog_planes(dog).items()}
     if dog.edge_radius > 0.0 or dog.has_back:
