@@ -87,6 +87,12 @@ def setting(clutch: Clutch, point: Point) -> Setting:
     return Setting(clutch, point(50, 469.0))
 
 
+@pytest.fixture(scope="session")
+def study() -> Setup:
+    """The paper's study."""
+    return load_study("mq200_paper")
+
+
 @pytest.fixture
 def small_study() -> Setup:
     """The paper's study at smoke size."""
@@ -126,15 +132,24 @@ class Said:
 
     @property
     def sentence(self) -> str:
-        """The only line on standard error, checked to be a sentence without a traceback."""
+        """The only line on standard error of a refusal, a sentence without a traceback."""
+        assert self.status == 2
         lines = self.err.strip().splitlines()
         assert len(lines) == 1, self.err
         assert "Traceback" not in self.err
         return lines[0]
 
 
+def sets(settings: Sequence[str]) -> list[str]:
+    """Write settings as options of the command line."""
+    return [word for one in settings for word in ("--set", one)]
+
+
+Call = Callable[..., Said]
+
+
 @pytest.fixture
-def dogshape(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Said]:
+def dogshape(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Call:
     """Call the command line in an empty folder."""
     monkeypatch.chdir(tmp_path)
 
@@ -146,9 +161,7 @@ def dogshape(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., Sa
 
 
 @pytest.fixture
-def program(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> Callable[..., Said]:
+def program(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Call:
     """Call the program from its entry point, in this process."""
 
     def call(*arguments: object) -> Said:

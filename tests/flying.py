@@ -55,17 +55,9 @@ def sampled(
     return BenchTrace(Path(), time, *found)
 
 
-def flying_bench(
-    name: str | None,
-    values: Mapping[str, float],
-    *,
-    shifts: int = 2,
-    step: float = 1e-3,
-    noise: float = 1.0,
-    seed: int = 1,
-) -> Bench:
+def flying_bench(name: str | None, values: Mapping[str, float], *, shifts: int = 2) -> Bench:
     """Return a bench with an effect whose shifts are simulated, each with its trace."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     readings = []
     plants: dict[str, ClutchPlant] = {}
     for plain in settings():
@@ -73,7 +65,7 @@ def flying_bench(
         plant = plants.setdefault("only", ClutchPlant(setting.clutch))
         for angle in rng.uniform(0.0, setting.clutch.dog.pitch_angle, shifts):
             shift = engage(plant, setting.point, float(angle))
-            trace = sampled(shift.trace, setting, step, noise, rng)
+            trace = sampled(shift.trace, setting, 1e-3, 1.0, rng)
             time = None if shift.shift_time is None else shift.shift_time + setting.delay
             row = len(readings) + 2
             readings.append(Reading(row, plain.point, 1, time, time is not None, trace))

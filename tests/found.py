@@ -1,11 +1,16 @@
-"""What a small search might have found, made by hand."""
+"""What a small search might have found, made by hand, and what the paper's study found."""
 
 from __future__ import annotations
 
+import json
+import shutil
+from pathlib import Path
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Setup
+from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.sim.statistics.shift_records import clutch_record
+from dogshape.sim.versions import bundled_root
 
 Row = dict[str, Any]
 VARIABLES = ["chamfer_deg", "count"]
@@ -51,6 +56,21 @@ def shift(study: Setup, values: Row, angle: float, time: float | None, **changes
         "relative_angle_deg": angle, "outcome": "blocked" if time is None else "engaged",
         "shift_time_s": time, "seed": seed,
     } | changes  # fmt: skip
+
+
+def kept_result(name: str = "mq200_paper") -> Row:
+    """Read the result that a bundled study keeps."""
+    kept: Row = json.loads((bundled_root() / name / "result.json").read_text("utf-8"))
+    return kept
+
+
+def kept_folder(root: Path) -> StudyFolder:
+    """Make a folder of the paper's study and its kept result: all but its single shifts."""
+    root.mkdir(parents=True)
+    folder = StudyFolder(root)
+    folder.open(load_study(bundled_root() / "mq200_paper" / "study.toml"), resume=False)
+    shutil.copy(bundled_root() / "mq200_paper" / "result.json", folder.result)
+    return folder
 
 
 def found() -> Row:

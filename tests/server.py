@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import socket
 import subprocess
 import sys
@@ -25,12 +26,6 @@ def free_port() -> int:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]
         return port
-
-
-def _tools() -> Path | None:
-    """Return the folder of the server's programs, the newest version's."""
-    found = [*Path("/usr/lib/postgresql").glob("*/bin/initdb"), shutil.which("initdb")]
-    return Path(found[0]).parent if found[0] else None
 
 
 @dataclass
@@ -76,14 +71,13 @@ class Server:
 @contextmanager
 def postgres() -> Iterator[Server]:
     """Run a server in a folder of its own."""
-    tools = _tools()
-    needed(tools is not None, "postgresql")
-    assert tools is not None
+    found = [*Path("/usr/lib/postgresql").glob("*/bin/initdb"), shutil.which("initdb")]
+    needed(found[0] is not None, "postgresql")
     folder = Path(tempfile.mkdtemp(prefix="dogshape-pg-"))
     folder.chmod(0o700)
     if os.geteuid() == 0:
         shutil.chown(folder, "postgres", "postgres")
-    server = Server(tools, folder, free_port())
+    server = Server(Path(found[0] or "").parent, folder, free_port())
     try:
         server.call("initdb", "-D", str(folder / "data"), "-U", "postgres", "-A", "trust", "-N")
         server.start()
@@ -96,6 +90,18 @@ def postgres() -> Iterator[Server]:
 def command_of(verb: str, *arguments: str) -> list[str]:
     """Return the command line of a verb for a process of its own."""
     return [sys.executable, "-m", "dogshape.pipeline", verb, *arguments]
+
+
+def started(command: list[str], cwd: Path = ROOT) -> subprocess.Popen[str]:
+    """Start a command in a session of its own, which Ctrl-C ends.
+
+    A shell starts background jobs with Ctrl-C ignored, and children inherit that.
+    """
+    pipe = subprocess.PIPE
+    return subprocess.Popen(
+        command, cwd=cwd, stdout=pipe, stderr=pipe, text=True, start_new_session=True,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
+    )  # fmt: skip
 
 
 @dataclass

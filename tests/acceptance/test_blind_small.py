@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from dogshape.validation.blind import cases
-from tests.conftest import Said
+from tests.conftest import Call
 
 
 def test_a_small_sealed_set_is_diagnosed_and_scored(
-    dogshape: Callable[..., Said], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    dogshape: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(cases, "COUNTS", {"planar": cases.COUNTS["planar"]})
     folder = tmp_path / "blind"

@@ -30,10 +30,6 @@ TEST = re.compile(r"`(test_\w+\.py)`")
 LINK = re.compile(r"\]\(([^)#\s]*)(?:#([\w-]+))?\)")
 
 
-def _texts(path: Path) -> str:
-    return path.read_text(encoding="utf-8")
-
-
 def _is_there(path: str) -> bool:
     return any(True for _ in ROOT.glob(path.rstrip("/")))
 
@@ -45,18 +41,18 @@ def _is_module(dotted: str) -> bool:
         return True
     for home in (place.parent.with_suffix(".py"), place.parent / "__init__.py"):
         if home.is_file():
-            return re.search(rf"\b{place.name}\b", _texts(home)) is not None
+            return re.search(rf"\b{place.name}\b", home.read_text("utf-8")) is not None
     return False
 
 
 def _anchors(path: Path) -> set[str]:
-    heads = re.findall(r"^#+ (.+)$", _texts(path), re.MULTILINE)
+    heads = re.findall(r"^#+ (.+)$", path.read_text("utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", head).lower().strip().replace(" ", "-") for head in heads}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
 def test_what_a_page_names_is_there(page: Path) -> None:
-    text = _texts(page)
+    text = page.read_text("utf-8")
     missing = [path for path in PATH.findall(text) if not _is_there(path)]
     missing += [module for module in MODULE.findall(text) if not _is_module(module)]
     missing += [name for name in TEST.findall(text) if not _is_there(f"tests/*/{name}")]
@@ -74,18 +70,18 @@ def test_what_a_page_names_is_there(page: Path) -> None:
 @pytest.mark.parametrize("page", pages(), ids=lambda p: p.name)
 def test_tables_are_those_of_their_sources(page: Path) -> None:
     """``make figures`` writes them."""
-    text = _texts(page)
+    text = page.read_text("utf-8")
     assert text == filled(text)
 
 
 def test_every_table_is_on_one_page() -> None:
-    found = [match[2] for page in pages() for match in BLOCK.finditer(_texts(page))]
+    found = [match[2] for page in pages() for match in BLOCK.finditer(page.read_text("utf-8"))]
     assert sorted(found) == sorted(TABLES)
 
 
 def test_the_api_page_has_every_public_name() -> None:
     listed = re.findall(
-        r"^::: dogshape\.(\w+)$", _texts(ROOT / "docs/api/dogshape.md"), re.MULTILINE
+        r"^::: dogshape\.(\w+)$", (ROOT / "docs/api/dogshape.md").read_text("utf-8"), re.MULTILINE
     )
     assert sorted(listed) == sorted(dogshape.__all__)
 

@@ -11,7 +11,7 @@ from benchmarks.adams import ALL, deviations, free_flights, laws, unhindered
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
 from dogshape.diagnosis.bench.comparison import compare
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.sim.shift.conclusion import Engagement, Outcome
+from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.units import DEG, MM, RPM
 
@@ -76,19 +76,6 @@ def test_stand_is_slower_than_the_published_simulation(adams: Bench) -> None:
     assert rms == pytest.approx(0.1317, abs=1e-4)
 
 
-def _cases(adams: Bench, law: str, origin: float) -> list[Engagement]:
-    """Simulate the five cases with a contact."""
-    clutch = adams.clutch if law == LAWS[0] else laws(adams)[law]
-    points = {
-        (round(cell.point.mismatch / RPM), cell.point.profile.force): cell.point
-        for cell in adams.cells
-    }
-    return [
-        engage(clutch, points[speed, force], (angle + origin) * DEG)
-        for speed, force, angle, _ in CASES
-    ]
-
-
 @pytest.mark.parametrize("law", LAWS)
 @pytest.mark.parametrize("origin", [0.0, ORIGIN])
 def test_five_single_cases_of_the_paper(adams: Bench, law: str, origin: float) -> None:
@@ -97,7 +84,12 @@ def test_five_single_cases_of_the_paper(adams: Bench, law: str, origin: float) -
     There faces graze that do not meet in the paper. With zero four degrees on, all meet or miss as
     published, but the first case, "optimal" in the paper, then bounces on a flank.
     """
-    found = _cases(adams, law, origin)
+    clutch = adams.clutch if law == LAWS[0] else laws(adams)[law]
+    points = {(round(c.point.mismatch / RPM), c.point.profile.force): c.point for c in adams.cells}
+    found = [
+        engage(clutch, points[speed, force], (angle + origin) * DEG)
+        for speed, force, angle, _ in CASES
+    ]
     assert all(one.outcome is Outcome.ENGAGED for one in found)
     for number, (one, (*_, meet)) in enumerate(zip(found, CASES, strict=True)):
         if meet is None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.integration.studies import Finished, finished_study
+import dogshape as ds
+from tests.integration.studies import Finished, finished_study, made_once
 
 
 def _study(fixture: str, more: Mapping[str, Any]) -> Any:
@@ -22,5 +24,15 @@ def _study(fixture: str, more: Mapping[str, Any]) -> Any:
 
 finished = _study("finished", {})
 short = _study("short", {"search.trials": 4})  # no surrogate is fitted of four designs
-calm = _study("calm", {"search.trials": 4, "search.sampler": "space_filling"})
 in_drake = _study("in_drake", {"solver.engine": "drake"})
+
+
+@pytest.fixture(scope="session")
+def reported(finished: Finished, tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """The small study with its report."""
+
+    def make(folder: Path) -> None:
+        finished.copy(folder)
+        assert ds.load_result(folder).report() == folder / "report.html"
+
+    return made_once(tmp_path_factory, "reported", make)

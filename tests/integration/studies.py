@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import subprocess
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +23,33 @@ from tests.conftest import SMALL
 SETTINGS = dict(map(pair_of, SMALL))
 
 
+def result_of(folder: Path) -> dict[str, Any]:
+    """Read what a study found."""
+    found: dict[str, Any] = json.loads((folder / "result.json").read_text())
+    return found
+
+
+def designs_of(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """List designs without their numbers, of which a trial that a kill cut off has one."""
+    left = ("trial", "time_within_tolerances")
+    return [{k: v for k, v in row.items() if k not in left} for row in result["trials"]]
+
+
+def lines_of(folder: Path, name: str = "running.jsonl") -> list[bytes]:
+    """Read the shifts that a journal holds so far."""
+    journal = folder / name
+    return journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
+
+
+def wait_until(ready: Callable[[], object], process: subprocess.Popen[Any] | None = None) -> None:
+    """Wait for what a process brings about, which may not end before."""
+    end = time.monotonic() + 300.0
+    while not ready():
+        assert process is None or process.poll() is None, process.communicate()
+        assert time.monotonic() < end
+        time.sleep(0.02)
+
+
 @dataclass(frozen=True)
 class Finished:
     """A study that has ended. Tests that change its folder take a copy."""
@@ -30,8 +59,7 @@ class Finished:
     @property
     def result(self) -> dict[str, Any]:
         """What it found."""
-        found: dict[str, Any] = json.loads((self.folder / "result.json").read_text())
-        return found
+        return result_of(self.folder)
 
     def copy(self, folder: Path, *without: str) -> Path:
         """Copy its folder, but for files of some names."""

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import signal
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from threading import Thread
 from typing import Any
@@ -15,9 +13,9 @@ import pytest
 import dogshape as ds
 from dogshape.app import Desk, build_app, open_desk, start_server
 from tests.browser import Chromium
-from tests.conftest import Said
+from tests.conftest import Call, sets
+from tests.server import command_of, started
 
-Call = Callable[..., Said]
 #: A strike, a spectrum and a scatter of the dogs, at two operating points.
 SETS = [
     "operating.mismatch_rpm=[50, 149]", "operating.force_N=[469.0]",
@@ -25,7 +23,7 @@ SETS = [
     "strike.mismatch_rpm=[100.0, -60.0]", "strike.backlash_deg=0.5",
     "load.accuracy=6", "load.run_out_um=10", "load.spectrum=[[1.0, 1e4], [-0.4, 1e5]]",
 ]  # fmt: skip
-OPTIONS = [word for one in SETS for word in ("--set", one)]
+OPTIONS = sets(SETS)
 SIMULATED = "!['', '…'].includes(document.querySelector('#simulated b')?.textContent ?? '')"
 FIELD = "document.querySelector('aside .number input')"
 
@@ -137,10 +135,6 @@ def test_fields_sliders_and_designs_move_together(page: Chromium, desk: Desk) ->
     page.call("Input.insertText", text="abc")
     page.wait("document.querySelector('.number p').textContent.startsWith('dog.chamfer_deg is')")
     assert page.ask("document.querySelector('#answer').className") == "stale"
-    assert page.ask("document.querySelector('.number p').textContent") == (
-        "dog.chamfer_deg is 'abc', but it must be a number in deg; write the number alone, without "
-        "a unit"
-    )
     thumb = "document.querySelector('.dash-slider-thumb')"
     box = f"{thumb}.getBoundingClientRect()"
     x, y = page.ask(f"(() => {{ const box = {box}; return [box.x + 8, box.y + 8]; }})()")
@@ -180,12 +174,9 @@ def test_files_of_a_design_are_written(desk: Desk) -> None:
 
 
 def test_the_verb_serves_until_it_is_stopped(dogshape: Call, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "dogshape.pipeline", "app", "mq200_paper", "--no-browser"]
-    command += ["--port", "0"]
-    with subprocess.Popen(
-        command, stderr=subprocess.PIPE, text=True, cwd=tmp_path,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
-    ) as process:  # fmt: skip
+    with started(
+        command_of("app", "mq200_paper", "--no-browser", "--port", "0"), tmp_path
+    ) as process:
         try:
             assert process.stderr is not None
             address = process.stderr.readline().split()[0]

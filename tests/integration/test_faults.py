@@ -1,4 +1,4 @@
-"""Faults, each one injected: nothing that was finished is lost, and the study goes on."""
+"""Faults and ends from outside, each one injected: nothing that was finished is lost."""
 
 from __future__ import annotations
 
@@ -24,67 +24,43 @@ from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import StorageError, WorkerError
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.statistics.blocks import Block, even_blocks
-from tests.conftest import SMALL, searching
-from tests.integration.studies import Finished
-from tests.server import ROOT, command_of
+from tests.conftest import SMALL, searching, sets
+from tests.integration.studies import Finished, designs_of, lines_of, result_of, wait_until
+from tests.server import ROOT, command_of, started
 
 DRAKE = (*SMALL, "solver.engine=drake")  #: shifts that take long enough to be cut off
 
 
 def _command(out: Path, *more: str) -> list[str]:
-    overrides = [part for text in DRAKE for part in ("--set", text)]
-    return command_of(
-        "study", "mq200_paper", "--out", str(out), "--resume", "--no-report", *overrides, *more
-    )
+    where = ("--out", str(out), "--resume", "--no-report")
+    return command_of("study", "mq200_paper", *where, *sets(DRAKE), *more)
 
 
-def _designs(result: dict[str, Any]) -> list[dict[str, Any]]:
-    """Give the designs without their numbers, of which a trial that a kill cut off has one."""
-    rows = result["trials"]
-    left = [{k: v for k, v in row.items() if not k.startswith("time_")} for row in rows]
-    return [{k: v for k, v in row.items() if k != "trial"} for row in left]
-
-
-def _result(out: Path) -> dict[str, Any]:
-    result: dict[str, Any] = json.loads((out / "result.json").read_text())
-    return result
-
-
-def _lines(out: Path, name: str = "running.jsonl") -> list[bytes]:
-    journal = out / name
-    return journal.read_bytes().splitlines(keepends=True) if journal.exists() else []
+def _done(out: Path) -> int:
+    """Count the shifts of trials that have ended and of those that run."""
+    told = out / "trials.log"
+    return 6 * (told.exists() and told.read_text().count("simulation")) + len(lines_of(out))
 
 
 def test_kills_at_random_moments_change_nothing(tmp_path: Path, in_drake: Finished) -> None:
     chance = random.Random(5)
     for share, jobs, how in ((0.1, "1", signal.SIGINT), (0.4, "2", signal.SIGKILL),
                              (0.8, "1", signal.SIGKILL)):  # fmt: skip
-        process = subprocess.Popen(
-            _command(tmp_path, "--jobs", jobs), cwd=ROOT, stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE, start_new_session=True,
-            # A shell starts background jobs with Ctrl-C ignored, and children inherit that.
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),  # noqa: PLW1509
-        )  # fmt: skip
-        end = time.monotonic() + 120
-        told = tmp_path / "trials.log"
-        while time.monotonic() < end:
-            done = told.read_text().count("simulation") if told.exists() else 0
-            if 6 * done + len(_lines(tmp_path)) >= share * 72:
-                break
-            time.sleep(0.02)
+        process = started(_command(tmp_path, "--jobs", jobs))
+        wait_until(lambda share=share: _done(tmp_path) >= share * 72)
         time.sleep(chance.random())
         os.killpg(process.pid, how)
         _, err = process.communicate(timeout=60)
         if how is signal.SIGINT:
-            assert process.returncode == 130, err.decode()
-            assert "finished shifts are kept" in err.decode()
-            assert "Traceback" not in err.decode()
+            assert process.returncode == 130, err
+            assert "finished shifts are kept" in err
+            assert "Traceback" not in err
     run_study(load_study("mq200_paper", DRAKE), searching(tmp_path, 1, resume=True))
-    assert _designs(_result(tmp_path)) == _designs(in_drake.result)
-    confirmed = (one["confirmation"]["best"] for one in (_result(tmp_path), in_drake.result))
+    assert designs_of(result_of(tmp_path)) == designs_of(in_drake.result)
+    confirmed = (one["confirmation"]["best"] for one in (result_of(tmp_path), in_drake.result))
     one, other = ({k: v for k, v in best.items() if k != "trial"} for best in confirmed)
     assert one == other
-    assert not _lines(tmp_path)
+    assert not lines_of(tmp_path)
 
 
 def test_a_full_disk_is_said_and_costs_nothing(tmp_path: Path, in_drake: Finished) -> None:
@@ -100,11 +76,11 @@ def test_a_full_disk_is_said_and_costs_nothing(tmp_path: Path, in_drake: Finishe
     assert full.returncode == 2, full.stderr
     assert "running.jsonl cannot be written (File too large)" in full.stderr
     assert "Traceback" not in full.stderr
-    kept = _lines(tmp_path)
+    kept = lines_of(tmp_path)
     assert len(kept) >= 3
     assert all(line.endswith(b"\n") and json.loads(line) for line in kept)
     again = run_study(load_study("mq200_paper", DRAKE), searching(tmp_path, 1, resume=True))
-    assert _designs(again) == _designs(in_drake.result)
+    assert designs_of(again) == designs_of(in_drake.result)
 
 
 def test_a_line_is_written_whole_or_not_at_all(
@@ -199,11 +175,8 @@ def test_a_worker_that_is_killed_says_nothing_against_its_shift(
 
 def test_two_runs_in_one_folder(tmp_path: Path) -> None:
     """The second is refused while the first runs, and the first does not notice."""
-    one = _command(tmp_path, "--jobs", "1", "--set", "search.trials=1")
-    first = subprocess.Popen(one, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
-    end = time.monotonic() + 60
-    while not _lines(tmp_path) and time.monotonic() < end:
-        time.sleep(0.02)
+    first = started(_command(tmp_path, "--jobs", "1", "--set", "search.trials=1"))
+    wait_until(lambda: lines_of(tmp_path), first)
     os.kill(first.pid, signal.SIGSTOP)
     second = subprocess.run(_command(tmp_path), cwd=ROOT, capture_output=True, text=True,
                             timeout=120, check=False)  # fmt: skip
@@ -211,28 +184,16 @@ def test_two_runs_in_one_folder(tmp_path: Path) -> None:
     _, err = first.communicate(timeout=120)
     assert second.returncode == 2
     assert "is in use by another run" in second.stderr
-    assert first.returncode == 0, err.decode()
+    assert first.returncode == 0, err
 
 
 def test_workers_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
     """They hold memory, and nothing tells them: idle, they would wait five minutes for work."""
-    parent = subprocess.Popen(
-        _command(tmp_path, "--jobs", "2"),
-        cwd=ROOT,
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-        start_new_session=True,
-    )
-    end = time.monotonic() + 120
-    while len(_lines(tmp_path)) < 4 and time.monotonic() < end:
-        time.sleep(0.05)
-    assert len(_members(parent.pid)) >= 3
-    parent.kill()
-    parent.wait()
-    end = time.monotonic() + 60
-    while _members(parent.pid) and time.monotonic() < end:
-        time.sleep(0.2)
-    assert not _members(parent.pid)
+    with started(_command(tmp_path, "--jobs", "2")) as parent:
+        wait_until(lambda: len(lines_of(tmp_path)) >= 4, parent)
+        assert len(_members(parent.pid)) >= 3
+        parent.kill()
+    wait_until(lambda: not _members(parent.pid))
 
 
 def _members(session: int) -> list[int]:
@@ -249,4 +210,47 @@ def test_workers_that_die_again_and_again_are_said(small_study: Setup, tmp_path:
     executor, blocks = _broken(small_study, tmp_path)
     with pytest.raises(WorkerError, match="died 3 times without finishing a shift"):
         executor.run(blocks)
-    assert len(_lines(tmp_path, "shifts.jsonl")) == 6
+    assert len(lines_of(tmp_path, "shifts.jsonl")) == 6
+
+
+SHIFT = ["shift", "mq200", "--mismatch-rpm", "50", "--force-N", "469", "--relative-angle-deg", "10",
+         "--engine", "planar"]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("asked", "errors"),
+    [([*SHIFT, "--json"], subprocess.PIPE), (["no-such-verb"], subprocess.STDOUT)],
+)
+def test_a_closed_pipe_ends_quietly(asked: list[str], errors: int) -> None:
+    process = subprocess.Popen(command_of(*asked), stdout=subprocess.PIPE, stderr=errors)
+    assert process.stdout is not None
+    process.stdout.close()
+    assert process.wait(timeout=120) == 128 + signal.SIGPIPE
+    if process.stderr is not None:
+        assert process.stderr.read() == b""
+        process.stderr.close()
+
+
+@pytest.mark.parametrize(("number", "group"), [(signal.SIGTERM, True), (signal.SIGHUP, False)])
+def test_a_signal_to_end_keeps_what_is_finished(
+    tmp_path: Path, number: signal.Signals, group: bool
+) -> None:
+    """As after Ctrl-C: what is kept, one word, and nothing of a library's."""
+    asked = ["expect", "mq200_paper", "--angles", "96", "--jobs", "2"]
+    command = ["env", "--default-signal=HUP", *command_of(*asked)]  # tests may run under nohup
+    process = started(command, tmp_path)
+    wait_until(lambda: _shifts(tmp_path))
+    kept = _shifts(tmp_path)
+    (os.killpg if group else os.kill)(process.pid, number)
+    _, err = process.communicate(timeout=60)
+    said = " ".join(err.split())
+    assert process.returncode == 128 + number
+    assert "finished shifts are kept in results/shifts/" in said
+    assert said.endswith("dogshape: stopped")
+    for noise in ("Traceback", "leaked", "resource_tracker", "Warning"):
+        assert noise not in said
+    assert _shifts(tmp_path) >= kept
+
+
+def _shifts(folder: Path) -> int:
+    return sum(p.read_bytes().count(b"\n") for p in folder.glob("results/shifts/*/shifts.jsonl"))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -22,7 +21,7 @@ from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.reports.gap_page import publish
 from dogshape.sim.units import RPM
 from tests.browser import Chromium
-from tests.conftest import Said
+from tests.conftest import Call
 from tests.diagnosed import (
     DAMPED,
     HEAVY,
@@ -124,7 +123,6 @@ def test_a_reading_of_the_record_that_decides_is_stated() -> None:
     )
 
 
-Dogshape = Callable[..., Said]
 CAUSE = {"actuation_delay": {"delay_s": 0.08}}
 #: Keys of the record that other programs read.
 KEYS = {
@@ -139,7 +137,7 @@ def found() -> ds.Diagnosis:
 
 
 def test_a_diagnosis_is_what_the_command_line_prints(
-    found: ds.Diagnosis, dogshape: Dogshape, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    found: ds.Diagnosis, dogshape: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Its files have the same as the record that is printed."""
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,7 +12,7 @@ from typer.testing import CliRunner
 
 from benchmarks.pages import Command, commands_of, files_told, lines_told, steps_of
 from dogshape.cli.app import app
-from tests.conftest import Said
+from tests.conftest import Call
 
 DOCS = Path(__file__).parents[2] / "docs"
 RUN = [DOCS / "tutorial.md", *sorted((DOCS / "howto").glob("*.md"))]
@@ -21,14 +20,8 @@ GROUPS = {("init",), ("blind",)}
 KINDS = {"sh", "console", "text", "file", "python", "toml", "written"}
 
 
-def _told(text: str) -> str:
-    return " ".join(text.split())
-
-
 @pytest.mark.parametrize("page", RUN, ids=lambda page: page.stem)
-def test_a_page_does_what_it_says(
-    page: Path, dogshape: Callable[..., Said], tmp_path: Path
-) -> None:
+def test_a_page_does_what_it_says(page: Path, dogshape: Call, tmp_path: Path) -> None:
     printed = ""
     for step in steps_of(page):
         place = f"{page.name}, line {step.line}"
@@ -50,7 +43,9 @@ def test_a_page_does_what_it_says(
             ).stdout  # fmt: skip
         elif step.kind == "text":
             for pattern in lines_told(step.text):
-                assert re.search(pattern, _told(printed)), f"{place}: {pattern}\n{printed}"
+                assert re.search(pattern, " ".join(printed.split())), (
+                    f"{place}: {pattern}\n{printed}"
+                )
         elif step.kind == "written":
             named = files_told(step.text)
             assert named, place
@@ -66,14 +61,11 @@ def test_commands_that_are_not_run_have_the_options_that_they_name(page: Path) -
                     assert not _unknown(command), f"{page.name}, line {step.line}"
 
 
-def _verb(words: tuple[str, ...]) -> list[str]:
-    two = words[:1] in GROUPS or words[:2] in {("gap", "plan"), ("gap", "update")}
-    return list(words[: 2 if two else 1])
-
-
 def _unknown(command: Command) -> set[str]:
     """Return the options that a verb does not have, by what its help lists."""
-    verb = _verb(command.words[1:])
+    words = command.words[1:]
+    two = words[:1] in GROUPS or words[:2] in {("gap", "plan"), ("gap", "update")}
+    verb = words[: 2 if two else 1]
     told = CliRunner().invoke(app, [*verb, "--help"])
     assert told.exit_code == 0, f"no such verb: {verb}"
     known = set(re.findall(r"^  (--[\w-]+)", told.stdout, re.MULTILINE))

@@ -1,24 +1,34 @@
-"""Bundled studies with other objectives, run at smoke size; objectives of failed shifts."""
+"""Studies with other objectives, limits, variables of control, and shifts that all fail."""
 
 from __future__ import annotations
 
 import json
+import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import dogshape as ds
+from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.schema import QUANTILE
-from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.config.study_file import VARIABLES, Setup, load_study
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.search.confirmation import Executors, _resimulated
+from dogshape.pipeline.simulate.design import design_of
+from dogshape.pipeline.simulate.evaluation import evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
+from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.expectation import Estimate, mean_over
-from tests.conftest import searching
+from dogshape.sim.statistics.shift_records import Record
+from dogshape.surrogate.store import load
+from tests.conftest import SMALL, searching
+from tests.integration.studies import lines_of
 
 QUANTILE_S = "shift_time_quantile_s"
 
@@ -34,9 +44,7 @@ def _tiny(name: str, *more: str) -> Setup:
 
 def _run(study: Setup, folder: Path) -> tuple[dict[str, Any], list[dict[str, Any]]]:
     result = run_study(study, searching(folder, jobs=1))
-    kept = folder / "shifts.jsonl"
-    lines = kept.read_text().splitlines() if kept.exists() else []
-    return result, [json.loads(line) for line in lines]
+    return result, [json.loads(line) for line in lines_of(folder, "shifts.jsonl")]
 
 
 def test_the_robust_study_at_smoke_size(tmp_path: Path) -> None:
@@ -83,3 +91,128 @@ def test_designs_whose_shifts_all_fail_are_as_if_not_simulated(tmp_path: Path) -
     executors = Executors(scratch_executor(1), scratch_executor(1))
     with pytest.raises(InputError, match="every shift of design 0 at new angles failed"):
         _resimulated(study, {"design 0": study.prototype}, executors)
+
+
+SETTINGS = {
+    "operating": {
+        "mismatch_rpm": {"distribution": "normal", "mean": 50.0, "sd": 10.0},
+        "force_N": [315.5],
+        "samples": 3,
+    },
+    "expectation.angles": 4,
+    "search.audit_shifts": 4,
+    "load.landing_share": None,
+    "variables": {
+        "chamfer_deg": [7.5, 12.0],
+        "mismatch_set_rpm": [-100.0, 100.0],
+        "force_factor": [0.8, 2.0],
+        "rise_factor": [0.7, 1.5],
+    },
+    "wear": {"crest_loss_mm": 0.1},
+    "search.trials": 18,
+    "search.startup": 12,
+    "search.confirm_designs": 1,
+    "search.confirm_angles": 4,
+}
+
+
+def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
+    out, study = tmp_path / "r", ds.Study("mq200_paper", SETTINGS)
+    found = study.search(out, jobs=1)
+    best, record = found.best, found.record
+    confirmed = record["confirmation"]
+    assert best is not None
+    assert confirmed is not None
+    assert all({*OPERATED} <= row.keys() for row in record["trials"])
+    points = confirmed["best"]["points"]
+    mean = sum(p["mismatch_rpm"] for p in points) / len(points)
+    assert mean == pytest.approx(best["mismatch_set_rpm"], abs=1e-5)
+    forces = [p["force_N"] for p in points]
+    assert forces == pytest.approx([315.5 * best["force_factor"]] * 3)
+    life = record["life"]
+    assert [row["crest_loss_mm"] for row in life] == [0.0, 0.05, 0.1]
+    time = confirmed["best"]["expected_shift_time_s"]
+    assert life[0]["expected_shift_time_s"] == pytest.approx(time, rel=0.1)
+    assert '<section id="life">' in (out / "report.html").read_text()
+    # The surrogate is over both; designs that are operated differently meet at the same points.
+    assert record["surrogate"] is not None
+    surrogate = load(out / "surrogate.json").surrogate
+    assert surrogate.data.variables == ("chamfer_deg", *OPERATED)
+    assert len(surrogate.data.mix.points) == len(study.config.points)
+    mix, told = study_mix(study.config), [t for t in record["trials"] if t["shifts"]]
+    designs = study.config.rows(told)
+    simulated = np.array([row["expected_shift_time_s"] for row in told])
+    assert np.corrcoef(surrogate.medians(designs, mix), simulated)[0, 1] > 0.9
+
+
+PLANAR = "solver.engine=planar"
+
+
+def study_with(*overrides: str) -> Setup:
+    """Load the small study for the compiled engine."""
+    return load_study("mq200_paper", [*SMALL, PLANAR, *overrides])
+
+
+def measured(study: Setup, **dog: float) -> tuple[Any, list[Record]]:
+    """Simulate a design; what was found and its shifts."""
+    executor = scratch_executor()
+    settings = study.file.expectation
+    (found,) = evaluate(study, [dog], executor, settings.angles, settings.seed)
+    return found, list(executor.journal.rows.values())
+
+
+@pytest.mark.parametrize(
+    ("name", "of"),
+    [
+        ("strike_torque_Nm", lambda r: r["peak_tangential_force_N"] * 0.024),
+        ("impact_impulse_Ns", lambda r: r["impact_impulse_Ns"]),
+        ("first_try_share", lambda r: float(r["shift_time_s"] <= 0.06)),
+    ],
+)
+def test_means_over_the_mix(name: str, of: Callable[[Record], float]) -> None:
+    """Two points of equal weight and as many angles: the mean of all shifts."""
+    bound = 0.5 if name == "first_try_share" else 1e9
+    study = study_with(f"search.limits.{name}={bound}", "search.within_s=0.06")
+    found, shifts = measured(study)
+    expected = float(np.mean([of(row) for row in shifts]))
+    assert expected > 0.0
+    assert found.measured.limited[name] == pytest.approx(expected, rel=1e-12)
+    assert name in found.estimates
+
+
+def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
+    study = study_with(
+        "search.limits.worst_shift_time_s=1.0", "search.limits.slower_than_reference_s=-0.1"
+    )
+    other, _ = measured(study)
+    assert other.measured.limited["slower_than_reference_s"] < 0.0
+    found, _ = measured(study, chamfer_deg=5.0)
+    both = found.expectation.points, other.expectation.points
+    assert found.measured.limited["worst_shift_time_s"] == max(p.mean for p in both[0])
+    lost = max(
+        a.mean - b.mean - 2.0 * math.hypot(a.standard_error, b.standard_error)
+        for a, b in zip(*both, strict=True)
+    )
+    assert found.measured.limited["slower_than_reference_s"] == pytest.approx(lost, abs=1e-15)
+    assert lost > -0.1
+    assert not design_of(study, {"chamfer_deg": 5.0}, found.measured).feasible
+
+
+def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
+    """The chosen design keeps its limit at the new angles; designs that fail it are not chosen."""
+    limit = 0.080
+    study = study_with("expectation.angles=24", f"search.limits.worst_shift_time_s={limit}")
+    result = run_study(study, searching(tmp_path / "out", jobs=1))
+    judged = [row for row in result["trials"] if "worst_shift_time_s" in row["margins"]]
+    failed = [row for row in judged if row["margins"]["worst_shift_time_s"] < 0.0]
+    assert failed
+    assert not any(row["feasible"] for row in failed)
+    dog = {key: judged[0][key] for key in VARIABLES}
+    (own,) = evaluate(study, [dog], scratch_executor(), 24, 1)
+    margin = 1.0 - own.measured.limited["worst_shift_time_s"] / limit
+    assert judged[0]["margins"]["worst_shift_time_s"] == pytest.approx(margin, rel=1e-9)
+    (check,) = (
+        c for c in result["confirmation"]["best"]["checks"] if c["name"] == "worst_shift_time_s"
+    )
+    assert check["value"] <= limit
+    assert check["limit"] == limit

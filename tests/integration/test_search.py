@@ -1,52 +1,61 @@
-"""The search: reproducible, resumable, and never simulating what cannot be built."""
+"""The search: reproducible, resumable, never simulating what cannot be built; rounds cut off."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import optuna
 import pytest
 from optuna.trial import FrozenTrial, TrialState
 
+from dogshape.check import check_design
 from dogshape.pipeline.config.schema import VariablesSection
 from dogshape.pipeline.config.study_file import Setup, build_study, load_study, pair_of
 from dogshape.pipeline.search.sampler import Guide, Space, SurrogateSampler
+from dogshape.pipeline.search.search import Search, finish_round, next_round, sampler_of
 from dogshape.pipeline.search.state import SIMULATION
-from dogshape.pipeline.simulate.design import design_of, worth_simulating
+from dogshape.pipeline.simulate.design import Measured, design_of, worth_simulating
+from dogshape.pipeline.simulate.evaluation import Simulated
+from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.pipeline.study import run_study
-from dogshape.sim.errors import DogshapeError, InputError, StorageError
+from dogshape.pipeline.train.training_rows import stored_surrogate
+from dogshape.sim.errors import InputError, StorageError
+from dogshape.sim.statistics.expectation import Estimate, Expectation, PointExpectation
+from dogshape.sim.strength.landing import Demand
 from dogshape.sim.units import RPM
-from dogshape.surrogate.store import load
 from tests.conftest import SMALL, searching
-from tests.integration.studies import Finished
+from tests.integration.studies import Finished, designs_of, lines_of
 
 
-def _rows(folder: Path) -> list[dict[str, Any]]:
-    return [json.loads(line) for line in (folder / "shifts.jsonl").read_text().splitlines()]
-
-
-def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
-    names = ("chamfer_deg", "traction_deg", "braking_deg", "height_mm", "count")
-    return [(*(row[n] for n in names), row["expected_shift_time_s"]) for row in result["trials"]]
-
-
-def test_ridge_back_chamfer_and_backlash_are_searched(tmp_path: Path) -> None:
-    """Of every design the dog, the checks, the shifts and the surrogate have them."""
+def test_ridge_backlash_and_mechanism_are_in_every_part_of_a_search(tmp_path: Path) -> None:
+    """Designs, shifts, confirmation, surrogate and folder, by the compiled engine."""
     keys = {"dog.crest": 0.5, "dog.chamfer_back_deg": 12.0, "search.trials": 11}
     ranges = {"crest": [0.3, 0.7], "chamfer_back_deg": [8.0, 18.0], "backlash_mm": [0.0, 0.3]}
     searched = {f"variables.{key}": ends for key, ends in ranges.items()}
-    small = dict(map(pair_of, SMALL))
-    study = load_study("mq200_paper", small | keys | searched)
-    run_study(study, searching(tmp_path))
-    result = json.loads((tmp_path / "result.json").read_text())
-    names = list(study.variables)
+    own = {"mechanism.spline_friction": 0.1, "mechanism.delay_s": 0.05, "effects.drag_torque": 0.2}
+    small = {**dict(map(pair_of, SMALL)), **keys, **searched, "solver.engine": "planar"}
+    study, plain = (load_study("mq200_paper", small | more) for more in (own, {}))
+    result = run_study(study, searching(tmp_path, jobs=1))
+    assert result["physics_hash"] == study.physics_hash
     assert result["trials"][0]["backlash_mm"] == 0.0
     for row in result["trials"][1:]:
         assert all(low <= row[key] <= high for key, (low, high) in study.variables.items())
-    assert load(tmp_path / "surrogate.json").surrogate.data.variables == tuple(names)
+    kept = [json.loads(line) for line in lines_of(tmp_path, "shifts.jsonl")]
+    expected = {"mechanism_spline_friction": 0.1, "mechanism_drag_torque_Nm": 0.2,
+                "force_delay_s": 0.05}  # fmt: skip
+    assert all(row.items() >= expected.items() and "engine" not in row for row in kept)
+    stored, path = stored_surrogate(study, tmp_path / "surrogate.json")
+    assert stored.surrogate.data.variables == tuple(study.variables)
+    assert stored.surrogate.data.physics == study.physics
+    assert check_design(study, surrogate=path).to_dict()["low_s"] > 0.06
+    with pytest.raises(InputError, match="mechanism_spline_friction is absent here"):
+        check_design(plain, surrogate=path)
 
 
 def test_a_study_ends_with_everything(finished: Finished) -> None:
@@ -63,7 +72,7 @@ def test_a_study_ends_with_everything(finished: Finished) -> None:
     assert {row["trial"] for row in result["front"]} <= {d["trial"] for d in confirmed}
     # At the new angles twice as many of the compiled engine, three of them of Drake too.
     assert result["n_simulated_shifts"] == 12 * 6 + 2 * (12 + 6)
-    assert len(_rows(folder)) == 2 * 6 + 4  # of confirmation and audit, in Drake
+    assert len(lines_of(folder, "shifts.jsonl")) == 2 * 6 + 4  # of confirmation and audit, in Drake
     assert not (folder / "running.jsonl").read_text()
     assert result["audit"]["shifts"] == 4
     assert result["audit"]["agrees"]
@@ -82,7 +91,7 @@ def test_same_seed_gives_the_same_trials_on_more_workers(
     finished: Finished, tmp_path: Path
 ) -> None:
     again = run_study(load_study("mq200_paper", SMALL), searching(tmp_path, jobs=2))
-    assert _designs(again) == _designs(finished.result)
+    assert designs_of(again) == designs_of(finished.result)
     assert json.loads((tmp_path / "result.json").read_text()) == again
 
 
@@ -95,7 +104,7 @@ def test_a_journal_of_trials_is_mended_or_refused(
     with (torn / "trials.log").open("ab") as file:
         file.write(b'{"op_code": 4, "worker')
     longer = run_study(load_study("mq200_paper", SMALL), searching(torn, jobs=1, resume=True))
-    assert _designs(longer) == _designs(finished.result)
+    assert designs_of(longer) == designs_of(finished.result)
     tmp_path = short.copy(tmp_path / "broken")
     log = tmp_path / "trials.log"
     log.write_bytes(b"rubbish\n" + log.read_bytes())
@@ -104,7 +113,7 @@ def test_a_journal_of_trials_is_mended_or_refused(
         run_study(study, searching(tmp_path, jobs=1, resume=True))
     log.unlink()
     again = run_study(study, searching(tmp_path, jobs=1, resume=True))
-    assert _designs(again) == _designs(short.result)
+    assert designs_of(again) == designs_of(short.result)
     assert (tmp_path / "shifts.jsonl").read_bytes() == shifts
 
 
@@ -154,29 +163,6 @@ def test_no_feasible_design_is_said(small_study: Setup, tmp_path: Path) -> None:
         run_study(tight, searching(tmp_path, jobs=1))
 
 
-@pytest.mark.parametrize(
-    ("override", "words"),
-    [
-        ("search.objectives=['axial_length_mm']", "has none that needs a simulation"),
-        ("search.objectives=['expected_shift_time']", "did you mean 'expected_shift_time_s'?"),
-        (
-            "search.limits.first_try_share=1.5",
-            "search.limits.first_try_share is 1.5, but no share engaged in time at the first try "
-            "is above 1;",
-        ),
-        ("search.limits.expected_shift_time_s=-0.06", "every expected shift time is above 0;"),
-        ("search.limits.smallest_margin_worst=10", "is above 1;"),
-        ("search.limits.impact_impulse_Ns=nan", "it must be finite"),
-    ],
-)
-def test_wrong_search_settings(tmp_path: Path, override: str, words: str) -> None:
-    study = load_study("mq200_paper", [*SMALL, override])
-    with pytest.raises(DogshapeError) as refused:
-        run_study(study, searching(tmp_path / "out", jobs=1))
-    assert words in str(refused.value)
-    assert not (tmp_path / "out").exists()
-
-
 def test_journal_drops_a_torn_line_and_refuses_a_broken_one(tmp_path: Path) -> None:
     path = tmp_path / "shifts.jsonl"
     landing = {"landing_loads_N_mm": [0.0]}
@@ -203,3 +189,93 @@ def test_a_search_ends_where_every_design_was_tried(tmp_path: Path) -> None:
     assert result["best"] is not None
     again = run_study(study, how)
     assert [row["count"] for row in again["trials"]] == [row["count"] for row in result["trials"]]
+
+
+TRIALS = 12
+STUDY = load_study(
+    "mq200_paper", ["search.startup=3", f"search.trials={TRIALS}", "shift.timeout_s=1.1"]
+)
+
+
+class CutOffError(Exception):
+    """Stands for the end of a process."""
+
+
+def _opened() -> Search:
+    trials = optuna.create_study(directions=["minimize"] * 2)
+    return Search(STUDY, trials, sampler_of(STUDY))
+
+
+def _tell(search: Search, trials: list[FrozenTrial], upto: int | None = None) -> None:
+    """Tell trials some function of their parameters."""
+    for trial in trials[:upto]:
+        given = trial.params
+        values = [given["chamfer_deg"] + given["count"], given["height_mm"]]
+        search.optuna.tell(trial.number, values)
+
+
+def _go_on(search: Search) -> list[dict[str, Any]]:
+    while trials := next_round(search):
+        _tell(search, trials)
+    return [trial.params for trial in search.read().trials]
+
+
+@cache
+def _whole() -> list[dict[str, Any]]:
+    """The designs of a search that nothing cut off."""
+    return _go_on(_opened())
+
+
+@pytest.mark.parametrize("number", [2, 6])
+def test_a_round_cut_off_while_it_was_proposed_is_filled_up(
+    number: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    search, usual = _opened(), SurrogateSampler.propose
+
+    def ending(self: SurrogateSampler, trials: list[FrozenTrial]) -> Any:
+        if len(trials) == number:
+            raise CutOffError
+        return usual(self, trials)
+
+    monkeypatch.setattr(SurrogateSampler, "propose", ending)
+    with pytest.raises(CutOffError):
+        _go_on(search)
+    monkeypatch.undo()
+    assert len(search.read().trials) < number
+    assert _go_on(search) == _whole()
+    assert len(_whole()) == TRIALS
+
+
+@pytest.mark.parametrize("told", [1, 3])
+def test_a_round_cut_off_while_it_was_told_asks_no_more(told: int) -> None:
+    """The rounds after it begin where they would have."""
+    search = _opened()
+    _tell(search, next_round(search))
+    second = next_round(search)
+    _tell(search, second, told)
+    left = [trial.number for trial in second[told:]]
+    assert [trial.number for trial in next_round(search)] == left
+    assert _go_on(search) == _whole()
+
+
+def test_what_another_run_told_leaves_no_other_trial_running(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    study = load_study("mq200_paper", [*SMALL, "search.batch=3"])
+    storage = optuna.create_study(directions=["minimize"] * 2)
+    search = Search(study, storage, sampler_of(study))
+    trials = next_round(search)
+
+    def evaluated(_: Setup, designs: Sequence[Any], *__: Any) -> list[Simulated]:
+        point = PointExpectation(study.points[0], 0.1, 0.1, 0.001, 0.0, 1.0, 3)
+        found = {"expected_shift_time_s": Estimate(0.1, 0.001)}
+        expectation = Expectation((point,), 0.1, 0.001)
+        one = Simulated(expectation, Measured(Demand()), np.zeros((0, 13)), found, 3)
+        return [one] * len(designs)
+
+    monkeypatch.setattr("dogshape.pipeline.search.search.evaluate", evaluated)
+    storage.tell(trials[0].number, [0.2, 8.0])
+    finish_round(search, trials, scratch_executor(1))
+    told = storage.get_trials()
+    assert [trial.state for trial in told] == [TrialState.COMPLETE] * 3
+    assert told[0].values == [0.2, 8.0]

@@ -6,22 +6,21 @@ import json
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from dogshape.pipeline.config.study_file import load_study
+from dogshape.pipeline.config.study_file import VARIABLES, load_study
 from dogshape.pipeline.reports.study_page import write_report
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.study import run_study
 from dogshape.sim.errors import StorageError
-from tests.conftest import SMALL, searching
-from tests.server import ROOT, Server, command_of, free_port, postgres
+from tests.conftest import SMALL, searching, sets
+from tests.integration.studies import lines_of, result_of, wait_until
+from tests.server import Server, command_of, free_port, postgres, started
 
-Process = subprocess.Popen[bytes]
+Process = subprocess.Popen[str]
 
 
 @pytest.fixture(scope="module")
@@ -35,40 +34,13 @@ def _start(server: Server, name: str, out: Path, *more: str) -> Process:
     """Start a run of the search ``name`` in a process group of its own."""
     # So many angles that the one which starts first does not end before the other begins.
     settings = (*SMALL, "expectation.angles=12", "solver.engine=drake", f"name={name}", *more)
-    overrides = [part for text in settings for part in ("--set", text)]
     where = ["--storage", server.url, "--out", str(out), "--resume", "--no-report", "--jobs", "1"]
-    return subprocess.Popen(
-        command_of("study", "mq200_paper", *where, *overrides),
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        start_new_session=True,
-    )
+    return started(command_of("study", "mq200_paper", *where, *sets(settings)))
 
 
-def _ended(process: Process) -> str:
-    """Wait for a run and return what it said."""
+def _end(process: Process) -> None:
     _, err = process.communicate(timeout=300)
-    assert process.returncode == 0, err.decode()
-    return err.decode()
-
-
-def _shifts(out: Path) -> int:
-    journal = out / "running.jsonl"
-    return journal.read_bytes().count(b"\n") if journal.exists() else 0
-
-
-def _wait_for_shifts(process: Process, out: Path, count: int) -> None:
-    end = time.monotonic() + 120
-    while _shifts(out) < count:
-        assert process.poll() is None, process.communicate()
-        assert time.monotonic() < end
-        time.sleep(0.05)
-
-
-def _result(out: Path) -> dict[str, Any]:
-    result: dict[str, Any] = json.loads((out / "result.json").read_text())
-    return result
+    assert process.returncode == 0, err
 
 
 def _states(server: Server, name: str) -> list[str]:
@@ -78,19 +50,15 @@ def _states(server: Server, name: str) -> list[str]:
     )
 
 
-def _designs(result: dict[str, Any]) -> list[tuple[Any, ...]]:
-    names = ("trial", "chamfer_deg", "height_mm", "count", "expected_shift_time_s")
-    return [tuple(row[n] for n in names) for row in result["trials"]]
-
-
 def _require_whole(server: Server, name: str, outs: list[Path], trials: int) -> None:
     """Every folder has all trials, each once, and the same surrogate and report of them."""
     assert _states(server, name).count("COMPLETE") == trials
     assert set(_states(server, name)) <= {"COMPLETE", "FAIL"}
-    first = _result(outs[0])
-    assert len({tuple(row[1:]) for row in _designs(first)}) == len(first["trials"]) == trials
+    first = result_of(outs[0])
+    different = {tuple(row[key] for key in VARIABLES) for row in first["trials"]}
+    assert len(different) == len(first["trials"]) == trials
     for out in outs:
-        result = _result(out)
+        result = result_of(out)
         for key in ("trials", "best", "front", "confirmation", "surrogate"):
             assert result[key] == first[key], key
         assert result["n_simulated_shifts"] == 24 * trials + 12
@@ -104,14 +72,14 @@ def test_two_machines_share_a_search_and_one_is_killed(server: Server, tmp_path:
     one, two = tmp_path / "one", tmp_path / "two"
     first = _start(server, "killed", one)
     second = _start(server, "killed", two)
-    _wait_for_shifts(first, one, 3)
-    _wait_for_shifts(second, two, 3)
+    for process, out in ((first, one), (second, two)):
+        wait_until(lambda out=out: len(lines_of(out)) >= 3, process)
     os.killpg(first.pid, signal.SIGKILL)
     first.communicate()
     assert "RUNNING" in _states(server, "killed")
-    _ended(second)
+    _end(second)
     assert "FAIL" in _states(server, "killed")
-    _ended(_start(server, "killed", one))
+    _end(_start(server, "killed", one))
     _require_whole(server, "killed", [one, two], 12)
 
 

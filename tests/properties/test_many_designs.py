@@ -12,7 +12,6 @@ from dogshape.pipeline.simulate.design import Design, design_of
 from dogshape.predictions import judged_together, verdicts
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.geometry import Dogs
-from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
 from dogshape.sim.units import DEG, MM
@@ -72,53 +71,44 @@ def test_many_designs_have_the_checks_of_each(name: str) -> None:
         assert found == pytest.approx([check.margin for check in checks], rel=1e-12, abs=1e-12)
 
 
+RIDGES = {
+    "dog.crest": 0.5, "dog.chamfer_back_deg": 12.0, "variables.crest": [0.0, 1.0],
+    "variables.chamfer_back_deg": [2.0, 30.0], "variables.backlash_mm": [0.0, 1.0],
+}  # fmt: skip
+
+
 @pytest.mark.parametrize(
-    "settings", [("dog.edge_radius_mm=0.2",), ("search.limits.smallest_margin_worst=0.0",)]
+    "settings",
+    [{"dog.edge_radius_mm": 0.2}, {"search.limits.smallest_margin_worst": 0.0}, RIDGES],
+    ids=["edge", "worst", "ridge"],
 )
-def test_verdicts_are_those_of_each_design(settings: tuple[str, ...]) -> None:
+@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of shapes that cannot be
+def test_verdicts_are_those_of_each_design(settings: dict[str, Any]) -> None:
     study = load_study("mq200_paper", settings)
-    assert judged_together(study, NAMES) == ("search" not in str(settings))
-    x = _drawn(CLOSE, 3)[:40]
-    found = verdicts(study, NAMES, x)
+    names, ridge = (*study.variables,), settings is RIDGES
+    ranges = np.array([*study.variables.values()], dtype=float) if ridge else CLOSE
+    assert judged_together(study, names) == ("search" not in str(settings))
+    x = ranges[:, 0] + np.random.default_rng(7).random((60, len(names))) * np.ptp(ranges, axis=1)
+    x[:, names.index("count")] = np.round(x[:, names.index("count")])
+    if ridge:
+        x[0, names.index("crest")] = 1.0
+    found = verdicts(study, names, x)
     assert 0 < found["real"].sum() < len(x)
-    for place, row in enumerate(x.tolist()):
-        params = dict(zip(NAMES, row, strict=True))
+    assert not ridge or "ridge stands on the traction edge" in found["reason"][0]
+    for place, row in enumerate(x):
         try:
-            design = design_of(study, params)
-        except DogshapeError as error:
-            design = Design(params, None, (), str(error))
+            design = design_of(study, study.named(row))
+        except DogshapeError as error:  # values that no dog can have
+            design = Design({}, None, (), str(error))
         assert found["real"][place] == (design.dog is not None)
         assert found["feasible"][place] == design.feasible
         broken = [c.name for c in design.checks if c.name in MAKEABLE and not c.passed]
         words = f"cannot be made: fails {', '.join(broken).replace('_', ' ')}" if broken else ""
         assert found["reason"][place] == (design.refusal or words)
         if design.dog is not None:
-            # The margin at worst-case tolerances sums up the others and is none of them.
+            # The margin at worst-case tolerances sums up the others and is none of them. Of two
+            # that are equally small either may be named.
             margins = {c.name: c.margin for c in design.checks if c.name != "smallest_margin_worst"}
-            assert found["smallest_margin"][place] == pytest.approx(
-                min(margins.values()), rel=1e-12
-            )
-            # Of two that are equally small either may be named.
-            assert margins[found["worst_check"][place]] == pytest.approx(
-                found["smallest_margin"][place], rel=1e-12
-            )
-
-
-@pytest.mark.filterwarnings("ignore::RuntimeWarning")  # of shapes that cannot be
-def test_ridges_and_backlash_are_judged_together_as_each_of_them() -> None:
-    more = {"dog.crest": 0.5, "dog.chamfer_back_deg": 12.0}
-    ranges = {"crest": [0.0, 1.0], "chamfer_back_deg": [2.0, 30.0], "backlash_mm": [0.0, 1.0]}
-    study = load_study("mq200", more | {f"variables.{key}": ends for key, ends in ranges.items()})
-    names, low, high = (*study.variables,), *np.array(list(study.variables.values())).T
-    x = low + np.random.default_rng(7).random((DESIGNS, len(low))) * (high - low)
-    x[:, names.index("count")] = np.round(x[:, names.index("count")])
-    x[0, names.index("crest")] = 1.0
-    found = verdicts(study, names, x)
-    assert 20 < found["real"].sum() < DESIGNS
-    assert "ridge stands on the traction edge" in found["reason"][0]
-    for row, real, margin in zip(x, found["real"], found["smallest_margin"], strict=True):
-        design = design_of(study, study.named(row))
-        assert bool(design.checks) == real
-        if real:
-            least = smallest_margin(design.checks).margin
-            assert margin == pytest.approx(least, rel=1e-9, abs=1e-12)
+            least = pytest.approx(min(margins.values()), rel=1e-9, abs=1e-12)
+            assert found["smallest_margin"][place] == least
+            assert margins[found["worst_check"][place]] == least

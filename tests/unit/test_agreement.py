@@ -37,8 +37,7 @@ def test_figures_are_those_of_the_pairs() -> None:
 
 
 @pytest.mark.parametrize(
-    ("shifts", "flips", "agrees"),
-    [(200, 6, True), (200, 7, False), (6, 1, True), (6, 2, False)],
+    ("shifts", "flips", "agrees"), [(200, 6, True), (200, 7, False), (6, 1, True), (6, 2, False)]
 )
 def test_as_many_shifts_may_end_differently(shifts: int, flips: int, agrees: bool) -> None:
     pairs = [(_row(None), _row(0.1))] * flips + _pairs(shifts - flips, lambda _: 0.0)

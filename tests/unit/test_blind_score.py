@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ from dogshape.sim.errors import InputError, StorageError
 from dogshape.validation.blind import advised_test, score, sealed
 from dogshape.validation.blind.advised_test import Advised
 from dogshape.validation.blind.score import headline, mark_of, score_field, share
-from tests.conftest import Said
+from tests.conftest import Call
 
 
 def _truth(kind: str, parameters: dict[str, Any], clear: float, **more: Any) -> dict[str, Any]:
@@ -163,7 +162,7 @@ def test_another_key_or_other_data_are_refused(tmp_path: Path) -> None:
 
 
 def test_verbs_run_and_score_and_results_are_written_from_the_score(
-    dogshape: Callable[..., Said], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    dogshape: Call, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(advised_test, "diagnose_folder", _diagnose)
     monkeypatch.setattr(advised_test, "advised", _advise)

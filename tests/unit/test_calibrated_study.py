@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,11 +29,10 @@ from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.units import MM
 from dogshape.sim.versions import bundled_root
-from tests.conftest import Said
+from tests.conftest import Call
 from tests.diagnosed import EFFECTS, diagnosis_of
-from tests.kept import kept_folder
+from tests.found import kept_folder
 
-Call = Callable[..., Said]
 BENCH = load_bench("mq200_adams")
 CLUTCH = BENCH.clutch
 DELAY: Hypothesis = ("actuation_delay",)

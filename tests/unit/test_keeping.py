@@ -1,9 +1,9 @@
-"""What a command that is stopped leaves behind, and how the same command goes on."""
+"""What is said while a command runs, what it leaves when it is stopped, and how it goes on."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,19 +12,19 @@ import pytest
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.diagnosis.settings import USUAL
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.simulate.executor import kept_shifts, work_folder
-from dogshape.pipeline.store.folder import append
+from dogshape.pipeline.simulate.executor import Executor, kept_shifts, work_folder
+from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.sim.effects import load
-from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.blocks import Block, even_blocks
 from dogshape.sim.statistics.shift_records import Record
 from dogshape.terminal import ProgressBar
-from tests.conftest import Listener, Said
+from tests.conftest import Call, Listener, Said
 from tests.diagnosed import simulated_bench, simulated_diagnosis
 from tests.made_up import Quick, few_cells, made_up
 
-Call = Callable[..., Said]
 POINT = ("expect", "mq200_paper", "--mismatch-rpm", 149, "--force-N", 469, "--jobs", 1)
 EXPECT, PRECISE = (*POINT, "--angles", 6), (*POINT, "--precision", 0.2)
 VALIDATE = ("validate", "mq200_adams", "--angles", 3, "--jobs", 1)
@@ -130,3 +130,31 @@ def test_the_diagnosis_is_written_before_its_price(
     assert sorted(path.name for path in out.iterdir()) == [
         ".lock", "cells.csv", "data", "gap.json", "report.html",
     ]  # fmt: skip
+
+
+def test_progress_says_an_upper_bound_as_such(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("dogshape.terminal.LINE_EVERY", 0.0)
+    with WorkCounter(ProgressBar(), 10, most=True) as progress:
+        progress.advance(4)
+        progress.rest(3)
+        progress.advance(1)
+        progress.advance(5)
+    with WorkCounter(ProgressBar(), 2) as exact:
+        exact.advance(1)
+    said = [line.partition(" shifts")[0] for line in capsys.readouterr().err.splitlines()]
+    assert said == ["4 of at most 10", "5 of at most 7", "10 of at most 10", "1 of 2"]
+
+
+def test_a_shift_is_counted_once(small_study: Setup, tmp_path: Path) -> None:
+    counted: list[int] = []
+    blocks = even_blocks(small_study.clutch, small_study.points[:1], 3, 1)
+    journal = ShiftJournal(tmp_path / "shifts.jsonl")
+    executor = Executor(journal, 1, lambda done, _: counted.append(done))
+    executor.run(blocks)
+    executor.run(blocks)
+    assert sum(counted) == 3
+    again = Executor(journal, 1, lambda done, known: counted.append(known))  # stopped before
+    again.run(blocks)
+    assert sum(counted) == 6

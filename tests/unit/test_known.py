@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -16,9 +15,8 @@ from dogshape.pipeline.train.training_rows import own_surrogate, stored_surrogat
 from dogshape.running import Where
 from dogshape.surrogate.query import other_physics
 from dogshape.surrogate.store import MissingError
-from tests.conftest import Said
+from tests.conftest import Call
 
-Call = Callable[..., Said]
 PROTOTYPE = 0.0948  #: s, expected shift time at new angles (docs/results.md)
 
 

@@ -3,55 +3,38 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from dogshape import expectation as results
-from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import FIRST, MOST, expect_to
 from dogshape.sim.shift.clutch import Clutch
 from dogshape.sim.statistics.blocks import CHECKED, Block, numerical_error
 from dogshape.sim.statistics.expectation import Expectation, even_phases
 from dogshape.sim.statistics.shift_records import Record
-from tests.conftest import Listener, Point, Said
+from tests.conftest import Listener, Point
 
-Dogshape = Callable[..., Said]
 Time = Callable[[float], float | None]
 
 
-@dataclass
-class MadeUp:
-    """An executor whose shift time is a function of the share of the pitch."""
-
-    time: Time
-
-    def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
-        """Return the records of blocks."""
-        return [
-            [
-                {**_row(self.time(angle / block.clutch.dog.pitch_angle)), **given}
-                for angle, given in zip(block.angles, block.inputs, strict=True)
-            ]
-            for block in blocks
-        ]
-
-
-@pytest.fixture(scope="module")
-def default() -> Setup:
-    return load_study("mq200_paper")
-
-
 def _run(study: Setup, time: Time, precision: float, said: list[str]) -> Expectation:
+    """Expect a shift time that is a function of the share of the pitch."""
+
+    def run(blocks: Sequence[Block]) -> list[list[Record]]:
+        return [
+            [{**_row(time(angle / block.clutch.dog.pitch_angle)), **given}
+             for angle, given in zip(block.angles, block.inputs, strict=True)]
+            for block in blocks
+        ]  # fmt: skip
+
+    made_up: Any = SimpleNamespace(run=run)
     with WorkCounter(Listener(said), 1) as progress:
-        return expect_to(study, study.points, precision, MadeUp(time), progress)[0]  # type: ignore[arg-type]
-
-
-def _slope(phase: float) -> float:
-    """A saw-tooth, 60 ms in the mean."""
-    return 0.05 + 0.02 * (phase % 1.0)
+        return expect_to(study, study.points, precision, made_up, progress)[0]
 
 
 def _row(time: float | None) -> Record:
@@ -91,9 +74,13 @@ def test_rounds_of_angles_hold_the_rounds_before() -> None:
         assert all(np.abs(more - phase).min() < 1e-12 for phase in first)
 
 
-def test_rounds_end_at_the_precision(default: Setup) -> None:
+def test_rounds_end_at_the_precision(study: Setup) -> None:
     said: list[str] = []
-    wide, fine = (_run(default, _slope, goal, said) for goal in (0.01, 0.003))
+
+    def slope(phase: float) -> float:
+        return 0.05 + 0.02 * (phase % 1.0)
+
+    wide, fine = (_run(study, slope, goal, said) for goal in (0.01, 0.003))
     assert {p.n for p in wide.points} == {FIRST}
     assert {p.n for p in fine.points} == {2 * FIRST}
     assert len(said) == 1
@@ -102,23 +89,15 @@ def test_rounds_end_at_the_precision(default: Setup) -> None:
         assert found.mean == pytest.approx(0.06, abs=3.0 * found.standard_error)
 
 
-def test_a_precision_out_of_reach_is_told(default: Setup) -> None:
+def test_a_precision_out_of_reach_is_told(study: Setup) -> None:
     said: list[str] = []
-    found = _run(default, lambda phase: 0.05 + 0.06 * ((1e4 * phase) % 1.0), 0.0001, said)
+    found = _run(study, lambda phase: 0.05 + 0.06 * ((1e4 * phase) % 1.0), 0.0001, said)
     assert {p.n for p in found.points} == {MOST}
     share = found.standard_error / found.mean
-    result = results.Expectation(default, found, 0.0001)
+    result = results.Expectation(study, found, 0.0001)
     (line,) = (part for part in result.to_parts() if str(part).startswith("precision not reached"))
     assert f"error {share:.3g}, wanted 0.0001 ({share - 0.0001:.3g} more), with {MOST}" in str(line)
     assert result.to_dict()["precision"] == {"wanted": 0.0001, "reached": share}
-    assert not results.Expectation(default, found, 0.1).shortfall
-    assert not _run(default, lambda _: None, 0.01, said).engages
+    assert not results.Expectation(study, found, 0.1).shortfall
+    assert not _run(study, lambda _: None, 0.01, said).engages
     assert said[-1] == "nothing engages at some operating point: no precision can be reached"
-
-
-def test_bad_precision_is_a_sentence(dogshape: Dogshape) -> None:
-    said = dogshape("expect", "mq200_paper", "--precision", "nan")
-    assert said.status == 2
-    assert "--precision is nan" in said.sentence
-    both = dogshape("expect", "mq200_paper", "--precision", 0.1, "--angles", 6)
-    assert "leave out --angles" in both.sentence

@@ -9,12 +9,14 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from dogshape.cli.console import emit
+from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Bad, Record, Table, frame_of, key, key_table, tabulate
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import validate
 from dogshape.sim.errors import InputError
-from dogshape.terminal import print_parts
+from dogshape.terminal import ProgressBar, print_parts
 
 
 class Point(Record):
@@ -97,3 +99,20 @@ def test_a_report_is_built_of_sections(tmp_path: Path) -> None:
     assert "caption of nothing" not in text
     assert "Plotly" not in text.partition("<script>")[0]
     assert text.index("wrong") < text.index("<nav>") < text.index("a caption")
+
+
+NAMES = ("stand [v2] :smile:", "a[red]b", "[/red] x")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    table = Table(("case", f"head {name}"), [(f"cell {name}", "1")])
+    emit({}, False, lambda: [table, f"report: {name}/report.html", f"wrote {name}"])
+    ProgressBar().say(f"kept in {name}")
+    with WorkCounter(ProgressBar(), 1) as progress:
+        progress.say(f"finished shifts are in {name}")
+    out, err = capsys.readouterr()
+    for words in (f"head {name}", f"cell {name}", f"report: {name}/report.html", f"wrote {name}"):
+        assert words in out
+    assert f"kept in {name}" in err
+    assert f"finished shifts are in {name}" in err

@@ -1,4 +1,4 @@
-"""Words, tables, figures, shifts and stored parts of the report."""
+"""Words, tables, figures, shifts and stored parts of the report; its table of alternatives."""
 
 from __future__ import annotations
 
@@ -8,21 +8,32 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.record import Bad
 from dogshape.pipeline.reports import single_shifts, surrogate_findings
-from dogshape.pipeline.reports.charts import front_figure, times_by_point
-from dogshape.pipeline.reports.data_sheet import command_of
+from dogshape.pipeline.reports.charts import front_figure
+from dogshape.pipeline.reports.data_sheet import command_of, searched_record
 from dogshape.pipeline.reports.designs import designs_frame
 from dogshape.pipeline.reports.single_shifts import drawn_variant, replays_of, write_replays
-from dogshape.pipeline.reports.study_page import facts_of, headline
-from dogshape.pipeline.reports.surrogate_findings import learn_effects, stored_effects
+from dogshape.pipeline.reports.study_page import alternatives_table, facts_of, headline
+from dogshape.pipeline.reports.surrogate_findings import (
+    FACTORS,
+    TOLERANCES,
+    learn_effects,
+    prices,
+    prices_table,
+    stored_effects,
+)
+from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training_rows import stored_surrogate
+from dogshape.sim.strength.locking import locking_checks, locking_friction
+from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.store import save
-from tests.found import LENGTH, TIME, VARIABLES, Row, shift
+from tests.found import LENGTH, TIME, VARIABLES, Row, kept_result, shift
 
 
 def test_every_simulated_design_is_in_the_table(result: Row) -> None:
@@ -212,15 +223,154 @@ def test_numbers_of_near_designs_stand_apart(result: Row) -> None:
     assert len(set(places[1:])) == 5
 
 
-def test_a_line_for_each_operating_point() -> None:
+@pytest.mark.parametrize(
+    ("angles", "spline"),
+    [((8.0, 12.0, 22.0), 0.0), ((20.0, 7.0, 24.0), 0.06), ((15.0, 25.0, 9.0), 0.06)],
+)
+def test_a_surface_locks_just_above_its_friction(
+    angles: tuple[float, float, float], spline: float
+) -> None:
+    """The checks of release pass a thousandth below, and the named one fails a thousandth above."""
+    names = ("chamfer_deg", "traction_deg", "braking_deg")
+    study = load_study("mq200_paper", [f"dog.{n}={v}" for n, v in zip(names, angles, strict=True)])
+    dog = study.clutch.dog
+    load = replace(study.limits.load, spline_friction=spline)
+    friction, name = locking_friction(dog, load)
+
+    def failed(factor: float) -> list[str]:
+        checks = locking_checks(dog, replace(load, friction_release=factor * friction))
+        return [c.name for c in checks if c.name.endswith("_release") and not c.passed]
+
+    assert failed(0.999) == []
+    assert failed(1.001) == [name]
+
+
+def _by_trial(result: Row) -> dict[int, Row]:
+    return {one["trial"]: one for one in result["confirmation"]["designs"]}
+
+
+def test_the_table_has_the_designs_that_were_confirmed(study: Setup) -> None:
+    result = kept_result()
+    table, confirmed = alternatives_table(study, result), result["confirmation"]
+    first, *others = sorted(
+        (row["trial"] for row in result["front"]),
+        key=lambda trial: (trial != confirmed["chosen"], _by_trial(result)[trial][TIME]),
+    )
+    assert [row[0] for row in table.rows] == [*map(str, (first, *others)), "prototype"]
+    chosen, *_, prototype = table.rows
+    row, known = (
+        dict(zip(table.heads, chosen, strict=True)),
+        searched_record(study, result, result["best"]),
+    )
+    worst = 1e3 * known["worst_against_prototype"]["difference_s"]
+    assert row["worst point less prototype, ms"].startswith(f"{worst:+.1f} ± ")
+    assert row["locks above friction"].startswith(f"{known['locking_friction']:.3f} (")
+    assert prototype[-1].startswith(f"+{1e3 * confirmed['gain_s']:.1f} ± ")
+    assert (table.looks[0], table.looks[len(others) + 1]) == ("best", "prototype")
+
+
+def test_what_fails_or_does_not_engage_is_no_alternative(study: Setup) -> None:
+    record = kept_result()
+    fails, stuck = [row["trial"] for row in record["front"]][1:3]
+    _by_trial(record)[fails]["checks"][0]["margin"] = -0.01
+    points = _by_trial(record)[stuck]["points"]
+    points[0]["engaged"] = 0.0
+    _by_trial(record)[stuck][TIME] = None
+    rows = {row[0]: row for row in alternatives_table(study, record).rows}
+    assert str(fails) not in rows
+    count = sum(p["n"] for p in points)
+    engaged = sum(round(p["engaged"] * p["n"]) for p in points)
+    assert f"engages in {engaged} of {count}" in rows[str(stuck)]
+    assert rows[str(stuck)][-1] == "-"
+
+
+def test_worst_points_are_those_of_the_record(study: Setup) -> None:
+    result = kept_result()
+    rows, trial = {row["trial"]: row for row in result["trials"]}, result["front"][1]["trial"]
+    points = result["confirmation"]["prototype"]["points"]
+    own = _by_trial(result)[trial]["points"]
+    losses = [q["mean_s"] - p["mean_s"] for p, q in zip(points, own, strict=True)]
+    worst = searched_record(study, result, rows[trial])["worst_against_prototype"]
+    assert worst["difference_s"] == pytest.approx(max(losses))
+    other = next(t for t in rows if t and t not in _by_trial(result) and rows[t][TIME])
+    searched = searched_record(study, result, rows[other])
+    assert (searched["confirmed"], searched["worst_against_prototype"]) == (False, None)
+
+
+COUNTS = range(6, 37)
+
+
+class Fewer:
+    """A time that falls with the number of dogs: 1/N s."""
+
+    def predict(self, designs: Array) -> tuple[Array, Array]:
+        return 1.0 / designs[:, 0], np.zeros(len(designs))
+
+
+def counted(*settings: str) -> Setup:
+    """A study that searches the count alone, so that all designs can be looked at one by one."""
+    whole = load_study("mq200_paper", ["dog.height_mm=2.5", "dog.chamfer_deg=10.0", *settings])
+    return replace(whole, variables={"count": whole.variables["count"]})
+
+
+def test_prices_are_those_of_every_design() -> None:
+    study = counted()
+    every = {n: design_of(study, {"count": n}).checks for n in COUNTS}
+    known = 0
+    for row in (row for row in prices(study, Fewer()) if row["name"] != TOLERANCES):
+        for key, factor in FACTORS.items():
+            limit = factor * row["limit"]
+            kept = [
+                n for n, checks in every.items()
+                if checks and all(
+                    c.passed if c.name != row["name"]
+                    else c.value <= limit if c.rule.at_most else c.value >= limit
+                    for c in checks
+                )
+            ]  # fmt: skip
+            assert row[key] == (pytest.approx(1.0 / max(kept)) if kept else None)
+            known += bool(kept)
+    assert known > 40
+
+
+@pytest.mark.parametrize(
+    ("settings", "cost"),
+    [
+        (["search.limits.smallest_margin_worst=0.0"], True),
+        (["search.limits.smallest_margin_worst=0.0", "tolerance.root_radius_mm=0.0"], True),
+        (["tolerance.contact_ratio=0.1"], False),
+    ],
+)
+def test_tolerances_at_their_worst_are_a_limit_with_a_price(
+    settings: list[str], cost: bool
+) -> None:
+    """With them as they are, and without any, as of every number of dogs one by one."""
+    study = counted(*settings)
+    exact = replace(study.limits, tolerances=study.limits.tolerances.without_sizes())
+
+    def fastest(one: Setup) -> float:
+        return 1.0 / max(n for n in COUNTS if design_of(one, {"count": n}).feasible)
+
+    rows = {row["name"]: row for row in prices(study, Fewer())}
+    row = rows[TOLERANCES]
+    assert row["now_s"] == pytest.approx(fastest(study))
+    assert row["without_s"] == pytest.approx(fastest(replace(study, limits=exact)))
+    assert bool(prices_table([row]).rows) == cost
+    assert all(one["now_s"] == row["now_s"] for one in rows.values())
+
+
+def test_limits_without_a_source_come_first() -> None:
+    times = {"less_s": 0.05, "now_s": 0.06, "more_s": 0.07, "without_s": 0.01}
+    dear = {name: 1e-3 * price for name, price in times.items()}
     rows = [
-        {"mismatch_rpm": 50, "force_N": 235.2, "a_s": 0.110, "a_error_s": 0.002, "b_s": 0.060},
-        {"mismatch_rpm": 100, "force_N": 300.0, "a_s": None, "a_error_s": None, "b_s": None},
-        {"mismatch_rpm": 5, "force_N": 300.0, "a_s": None, "a_error_s": None, "b_s": 0.100},
-    ]
-    figure = times_by_point(rows, {"one": ("a_s", "a_error_s"), "other": ("b_s", "")})
-    names = [f"{place} 1/min, {force} N" for place, force in ((100, 300), (5, 300), (50, 235.2))]
-    assert list(figure.layout.yaxis.categoryarray) == names
-    one, other = figure.data
-    assert (list(one.x), list(other.x), list(other.y)) == ([110.0], [100.0, 60.0], names[1:])
-    assert list(one.error_x.array) == pytest.approx([1.96 * 2.0])
+        {"name": name, "key": "k", "unit": "", "limit": 1.0, "at_most": False, **cost}
+        for name, cost in (
+            ("root_fatigue", times), ("slot_width", dear), ("contact_ratio", times),
+            ("slower_than_reference_s", times),
+        )
+    ]  # fmt: skip
+    table = prices_table(rows)
+    names = [row[0].removesuffix(" k") for row in table.rows]
+    assert names[:2] == ["limits without a source, assumed", "contact ratio"]
+    assert names[2:] == ["other limits", "root fatigue", "time lost on the reference"]
+    assert table.looks == {0: "group", 2: "group"}

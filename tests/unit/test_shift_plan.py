@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from dogshape.diagnosis.inference.outcome import (
 )
 from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
-from tests.conftest import Said
+from tests.conftest import Call
 from tests.fits import POINTS, Array, field_at
 from tests.toy import EFFECTS
 
@@ -105,9 +104,6 @@ def test_the_reference_scatters_least_and_a_limit_of_points_is_kept() -> None:
     assert plan.shifts[plan.reference] >= VISITS * LOT
     assert plan.hours == pytest.approx(0.5 * len(plan.order) + 0.02 * 60)
     assert field.hypotheses == (NONE, ("actuation_delay",), ("moving_mass",))
-
-
-Call = Callable[..., Said]
 
 
 @pytest.fixture

@@ -1,21 +1,21 @@
-"""The study file: what it builds, and one sentence for every mistake."""
+"""The study file: what it builds, and a sentence of the project's own for every mistake."""
 
 from __future__ import annotations
 
-import json
+import inspect
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
+from pydantic import BaseModel, ValidationError
 
-from dogshape.pipeline.config.schema import SearchSection, keys_like
-from dogshape.pipeline.config.study_file import bundled_studies, load_study
-from dogshape.pipeline.search.result_schema import StudyRecord
-from dogshape.pipeline.simulate.design import objectives_of
-from dogshape.sim.clutch_tables import validate
+from dogshape.diagnosis.bench.stand_file import _BenchFile
+from dogshape.pipeline.config.schema import SearchSection, StudyFile, keys_like
+from dogshape.pipeline.config.study_file import load_study
+from dogshape.sim.clutch_tables import RULES, broken_rule
 from dogshape.sim.errors import DogshapeError, InputError
 from dogshape.sim.units import DEG, RPM
-from dogshape.sim.versions import bundled_root
 
 DRAWN = "operating.mismatch_rpm={distribution="
 FORCE = "operating.force_N={distribution="
@@ -25,7 +25,9 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'dog.height_mm'?"),
     ("chamfer_deg=9", "'chamfer_deg' is not a known key; did you mean 'dog.chamfer_deg'?"),
     ("surprise.key=1", "'surprise' is not a known key; valid are"),
-    ("dog.height_mm='3.7 mm'", "dog.height_mm is '3.7 mm', but it must be a number in mm; "),
+    ("dog.height_mm='3.7 mm'", "'3.7 mm', but it must be a number in mm; write the number alone"),
+    ("dog.height_mm='3,7'", "but it must be a number in mm; write 3.7"),
+    ("dog=3", "dog is 3, but it must be a table of keys; give its keys one by one"),
     ("dog.chamfer_deg=nan", "dog.chamfer_deg is nan deg"),
     ("dog.count=70", "tip width at the inner radius is -"),
     ("contact.set=lubricated_stel", "did you mean 'lubricated_steel'?"),
@@ -60,8 +62,16 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("dog.count", "--set dog.count is not KEY=VALUE"),
     ("name.x=1", "--set name.x=1: name is a value and not a table"),
     ("name=", "'name' is missing"),
+    ("name=a b", "name is 'a b', but it must be letters, digits"),
+    ("name='x" + "x" * 200 + "'", "(203 characters), but it must be not longer than 100"),
+    ("search.trials=10001", "search.trials is 10001, but it must be at most 10000; lower it"),
     ("search.screen=", "no key search.screen to take out; check the key"),
     # operating points and what is uncertain
+    ("operating.force_N=469", "must be a list in square brackets; write [469]"),
+    ("operating.force_N=300,400", "write [300,400]"),
+    ("operating.force_N=300,5 400", "write [300.5,400]"),
+    ("operating=3", "operating is 3, but it must be a table of keys"),
+    ("search.objectives=shift_time", "write ['shift_time']"),
     ("operating.force_N=[100]", "the rise times of the study cover 235.2 to 641.5 N"),
     (f"{DRAWN}'norml', mean=1}}", "did you mean 'normal'?"),
     (f"{DRAWN}'normal', mean=1}}", "lacks 'sd'"),
@@ -84,6 +94,10 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
      "narrow uncertain.force_factor"),
     ([f"{FRICTION}'uniform', low=1, high=9.9}}", "contact.static_friction=0.3"],
      "contact.static_friction is 2.97"),
+    ("variables.force_factor=[0.5, 2.0]", "shift force is 117.6 N, but the rise times"),
+    ("variables.force_factor=[-1, 2.0]", "variables.force_factor is -1, but it must lie"),
+    ("variables.mismatch_set_rpm=[3, 1]", "the first must be below the second"),
+    ("variables.force_facter=[1, 2]", "did you mean 'variables.force_factor'"),
     # mechanism and effects
     ("effects.spline_fricton=0.1", "is not a known effect; did you mean 'spline_friction'"),
     ("effects.sleeve_friction=-3", "effects.sleeve_friction: mechanism.friction_N is -3 N, but"),
@@ -138,15 +152,6 @@ def test_paper_study_is_the_prototype_at_the_published_points() -> None:
     assert study.clutch.shift_travel == pytest.approx(4.65e-3)
 
 
-@pytest.mark.parametrize("name", bundled_studies())
-def test_kept_results_are_those_of_the_bundled_study(name: str) -> None:
-    study = load_study(name)
-    kept = json.loads((bundled_root() / name / "result.json").read_text(encoding="utf-8"))
-    validate(StudyRecord, kept, name)
-    assert (study.name, study.config_hash) == (name, kept["config_hash"])
-    assert any(objective.simulated for objective in objectives_of(study))
-
-
 def test_a_ridge_and_backlash_are_keys_and_variables_of_the_dog() -> None:
     plain = load_study("mq200_paper")
     keys = {"dog.crest": 0.4, "dog.chamfer_back_deg": 12.0, "dog.backlash_deg": 0.5}
@@ -186,3 +191,66 @@ def test_a_word_finds_the_keys_that_begin_with_it() -> None:
     assert keys_like("chamfer")[0] == "dog.chamfer_deg"
     assert keys_like("spline")[:2] == ["mechanism.spline_friction", "mechanism.spline_radius_mm"]
     assert keys_like("x") == keys_like("c") == []
+
+
+#: One of these breaks any rule that a key may have.
+BAD: tuple[Any, ...] = (
+    None, True, "", "x", "3,7", "a b", "n" * 300, 1.5, -1, 0, 1e9,
+    10**30, [], [1], [1, 2, 3] * 2000, ["x"], [-1.5, "y"], {}, {"x": 1},
+)  # fmt: skip
+#: Words of the validator, none of which is to reach a user.
+THEIRS = ("input should", "valid dictionary", "instance of", "unable to parse", "after validation",
+          "should match pattern", "extra inputs", "field required")  # fmt: skip
+
+
+def _sections(annotation: Any) -> Iterator[type[BaseModel]]:
+    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
+        yield annotation
+    for one in get_args(annotation):
+        yield from _sections(one)
+
+
+def _models(model: type[BaseModel]) -> Iterator[type[BaseModel]]:
+    yield model
+    for field in model.model_fields.values():
+        for section in _sections(field.annotation):
+            yield from _models(section)
+
+
+def _faults(model: type[BaseModel]) -> Iterator[tuple[str, Any, Any]]:
+    """Every key of a table with every bad value, and what the validator says."""
+    for name in model.model_fields:
+        for value in BAD:
+            try:
+                model.__pydantic_validator__.validate_assignment(
+                    model.model_construct(), name, value
+                )
+            except ValidationError as error:
+                yield from ((name, value, one) for one in error.errors())
+
+
+@pytest.mark.parametrize("file", [StudyFile, _BenchFile])
+def test_every_rule_of_the_files_has_a_sentence(file: type[BaseModel]) -> None:
+    kinds = set()
+    for model in set(_models(file)):
+        for name, _, fault in _faults(model):
+            if fault["type"] in {"missing", "extra_forbidden", "frozen_instance"}:
+                continue  # these are sentences of their own
+            kinds.add(fault["type"])
+            sentence = broken_rule(name, fault)
+            assert "of another kind" not in sentence, fault
+            assert "{" not in sentence.replace(repr(fault["input"]), ""), sentence
+            assert not any(words in sentence.lower() for words in THEIRS), sentence
+            assert len(sentence) < 300
+    assert kinds <= set(RULES)
+    assert {"float_type", "int_type", "string_type", "list_type"} <= kinds
+
+
+def test_all_mistakes_of_a_study_are_told_at_once(tmp_path: Path) -> None:
+    with pytest.raises(InputError) as refused:
+        load_study("mq200_paper", ["dog.height_mm=x", "dog.cuont=3", "search.trials=0", "name=a b"])
+    first, *faults = str(refused.value).splitlines()
+    assert first.endswith("with --set: 4 mistakes")
+    assert [fault.split()[1] for fault in faults] == [
+        "'dog.cuont'", "name", "dog.height_mm", "search.trials",
+    ]  # fmt: skip

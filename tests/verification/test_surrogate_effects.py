@@ -7,7 +7,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.train.training import filling_designs
 from dogshape.pipeline.train.training_rows import study_mix, with_rows
 from dogshape.surrogate.covariance import Array
@@ -40,12 +40,6 @@ def truth(x: Array, points: Array) -> Array:
     """The time of designs (n, 5) at operating points (n, 2), (n,), s."""
     time: Array = (0.09 + terms(x).sum(axis=1)) * pace(points)
     return time
-
-
-@pytest.fixture(scope="module")
-def study() -> Setup:
-    """The paper's study."""
-    return load_study("mq200_paper")
 
 
 def feasible(study: Setup, count: int, seed: int) -> Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -24,33 +25,23 @@ Array = NDArray[np.float64]
 TIMEOUT, RETRACTION = 1.0, 0.2
 
 
-@pytest.mark.parametrize(
-    ("given", "mean", "sd"),
-    [
-        ({"distribution": "uniform", "low": -20.0, "high": 40.0}, 10.0, 60.0 / 12**0.5),
-        # A lognormal with sigma = ln 1.5: mean m e^(s2/2), variance mean2 (e^s2 - 1).
-        (
-            {"distribution": "lognormal", "median": 50.0, "factor": 1.5},
-            50.0 * np.exp(np.log(1.5) ** 2 / 2),
-            50.0 * np.exp(np.log(1.5) ** 2 / 2) * np.expm1(np.log(1.5) ** 2) ** 0.5,
-        ),
-        # Kotz and van Dorp: mean (a + b + c)/3, variance (a2 + b2 + c2 - ab - ac - bc)/18.
-        (
-            {"distribution": "triangular", "low": 0.8, "mode": 1.0, "high": 1.5},
-            1.1,
-            (0.39 / 18) ** 0.5,
-        ),
-        # A normal cut at its mean: mean mu + sigma sqrt(2/pi), sd sigma sqrt(1 - 2/pi).
-        (
-            {"distribution": "normal", "mean": 0.0, "sd": 3.0, "low": 0.0},
-            3.0 * (2.0 / np.pi) ** 0.5,
-            3.0 * (1.0 - 2.0 / np.pi) ** 0.5,
-        ),
-    ],
-    ids=lambda v: v["distribution"] if isinstance(v, dict) else "",
-)
+LOG = np.log(1.5) ** 2  #: square of sigma of a lognormal with a factor of 1.5
+MOMENTS: list[tuple[dict[str, Any], float, float]] = [
+    ({"distribution": "uniform", "low": -20.0, "high": 40.0}, 10.0, 60.0 / 12**0.5),
+    # Mean m e^(s2/2), variance mean2 (e^s2 - 1).
+    ({"distribution": "lognormal", "median": 50.0, "factor": 1.5},
+     50.0 * np.exp(LOG / 2), 50.0 * np.exp(LOG / 2) * np.expm1(LOG) ** 0.5),
+    # Kotz and van Dorp: mean (a + b + c)/3, variance (a2 + b2 + c2 - ab - ac - bc)/18.
+    ({"distribution": "triangular", "low": 0.8, "mode": 1.0, "high": 1.5}, 1.1, (0.39 / 18) ** 0.5),
+    # A normal cut at its mean: mean mu + sigma sqrt(2/pi), sd sigma sqrt(1 - 2/pi).
+    ({"distribution": "normal", "mean": 0.0, "sd": 3.0, "low": 0.0},
+     3.0 * (2.0 / np.pi) ** 0.5, 3.0 * (1.0 - 2.0 / np.pi) ** 0.5),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("given", "mean", "sd"), MOMENTS)
 def test_distributions_have_the_moments_of_their_closed_forms(
-    given: dict[str, float], mean: float, sd: float
+    given: dict[str, Any], mean: float, sd: float
 ) -> None:
     one = Distribution.model_validate(given).named("key")
     values = one.at((np.arange(20_000) + 0.5) / 20_000)
