@@ -62,7 +62,7 @@ def likeliest(
 
     kernel = DesignKernel(covariance, bounds)
     regressor = GaussianProcessRegressor(kernel, alpha=noise, optimizer=minimum)
-    with warnings.catch_warnings():  # a length scale at its bound: its coordinate does not matter
-        warnings.simplefilter("ignore", ConvergenceWarning)
+    # A length scale at its bound: its coordinate does not matter.
+    with warnings.catch_warnings(action="ignore", category=ConvergenceWarning):
         regressor.fit(inputs, targets)
     return replace(covariance, theta=regressor.kernel_.theta)

@@ -1,19 +1,48 @@
-"""The options that verbs share."""
+"""What verbs share: options, and printing for people or for programs."""
 
 from __future__ import annotations
 
+import json
+import sys
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from typer import Argument, Option
+from typer import Argument, Exit, Option
 
-from dogshape.cli.console import warn
 from dogshape.sim.errors import InputError
+from dogshape.terminal import print_parts, terminal
+
+if TYPE_CHECKING:
+    from dogshape.pipeline.record import Result, Table
+
+    Parts = Callable[[], Sequence[str | Table]]
 
 #: Plain text for people and programs alike.
 PLAIN: dict[str, Any] = {
     "add_completion": False, "rich_markup_mode": None, "pretty_exceptions_enable": False,
 }  # fmt: skip
+
+
+def warn(notes: Iterable[str]) -> None:
+    """Print warnings on standard error."""
+    for note in notes:
+        print(f"warning: {note}", file=sys.stderr)
+
+
+def show(result: Result, as_json: bool, *more: str | Table, ok: bool = True) -> None:
+    """Print a result as JSON, or its sentences and tables for people, ``more`` after them."""
+    emit(result.to_dict(), as_json, lambda: [*result.to_parts(), *more], ok=ok)
+
+
+def emit(data: dict[str, Any], json_only: bool, parts: Parts, ok: bool = True) -> None:
+    """Print ``data`` as JSON, or ``parts`` for people; end with status 1 unless ``ok``."""
+    console = terminal(width=None if sys.stdout.isatty() else 160)
+    if json_only:
+        print(json.dumps(data, indent=1, allow_nan=False))
+    print_parts(console, [] if json_only else parts())
+    if not ok:
+        raise Exit(1)
 
 
 def _warn_of_repeats(sets: list[str] | None) -> list[str] | None:

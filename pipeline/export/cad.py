@@ -91,7 +91,11 @@ def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
     shell = cad.Shell(_toothed_side(dog, root_radius, stop))
     halves = _sector(dog, body, stop).split(shell, keep=cad.Keep.ALL)
     pitch = min(halves, key=lambda half: half.center().Z)
-    faces = [face for face in pitch.faces() if not _on_cut(face, stop, dog.pitch_angle)]
+    faces = []
+    for face in pitch.faces():  # but those of the cuts
+        angle = math.atan2(face.center().Y, face.center().X)
+        if abs(math.remainder(angle - stop, dog.pitch_angle)) > 1e-9:
+            faces.append(face)
     turns = [math.degrees(index * dog.pitch_angle) for index in range(dog.count)]
     turned = [face.rotate(cad.Axis.Z, turn) for turn in turns for face in faces]
     return cad.Solid(cad.Shell(turned)).clean()
@@ -169,13 +173,6 @@ def _sector(dog: Dog, body: float, stop: float) -> Any:
     sides = [cad.Edge.make_line(a, c), cad.Edge.make_line(b, d)]
     outline = cad.Face(cad.Wire([arcs[0], sides[0], arcs[1], sides[1]]))
     return cad.Solid.extrude(outline, cad.Vector(0.0, 0.0, (top - bottom) / MM))
-
-
-def _on_cut(face: Any, stop: float, pitch_angle: float) -> bool:
-    centre = face.center()
-    angle = math.atan2(centre.Y, centre.X)
-    ends = (stop - pitch_angle, stop)
-    return min(abs(math.remainder(angle - end, 2.0 * math.pi)) for end in ends) < 1e-9
 
 
 def _mm(point: Vertices) -> tuple[float, float, float]:

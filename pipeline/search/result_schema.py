@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pydantic import create_model, model_validator
+from pydantic import create_model
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import SHAPE
@@ -24,22 +24,8 @@ OPTIONAL = [
     (name, f"value of `variables.{name}`, where it is searched", unit_of(name))
     for name in (*SHAPE, *OPERATED)
 ] + [(o.name, f"{o.label}, where it is an objective", o.unit) for o in OBJECTIVES.values()]
-#: Keys that results of earlier versions have.
-RETIRED = {"low", "high", "probability_on_front", "gains_by_contact", "drake_angles", "maximised"}
-
-
-class Kept(Record):
-    """A record that earlier versions wrote too; keys that they had are ignored."""
-
-    @model_validator(mode="before")
-    @classmethod
-    def _leave_retired(cls, data: Any) -> Any:
-        known = isinstance(data, dict)
-        return {k: v for k, v in data.items() if k not in RETIRED} if known else data
-
-
 _FIELDS: Any = {name: (float | None, key(words, unit, None)) for name, words, unit in OPTIONAL}
-DesignKeys = create_model("DesignKeys", __base__=Kept, **_FIELDS)
+DesignKeys = create_model("DesignKeys", __base__=Record, **_FIELDS)
 
 
 class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
@@ -106,7 +92,7 @@ class ConfirmedDesign(ExpectedTime):
     )
 
 
-class Confirmation(Kept):
+class Confirmation(Record):
     """Re-simulation of the prototype and of designs of the front at new angles."""
 
     angles: int = key("relative angles at each operating point")
@@ -133,7 +119,7 @@ class Confirmation(Kept):
     gains: dict[str, Estimate] = key("gain in each simulated objective, in its unit")
 
 
-class StudyRecord(Kept):
+class StudyRecord(Record):
     """The whole record, ``result.json``."""
 
     study: str = key("name of the study")

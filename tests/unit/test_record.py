@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from dogshape.cli.console import emit
+from dogshape.cli.options import emit
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Bad, Record, Table, frame_of, key, key_table, tabulate
 from dogshape.pipeline.reports.report import Report

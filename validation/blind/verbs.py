@@ -9,8 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from dogshape.cli.console import emit
-from dogshape.cli.options import PLAIN, Jobs, Json
+from dogshape.cli.options import PLAIN, Jobs, Json, emit
 from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.simulate.executor import workers_of

@@ -8,8 +8,7 @@ from typing import Annotated, Any
 from typer import Argument, Option
 
 import dogshape as ds
-from dogshape.cli.console import emit, show
-from dogshape.cli.options import BenchArg, Corrections, Jobs, Json
+from dogshape.cli.options import BenchArg, Corrections, Jobs, Json, emit, show
 from dogshape.sim.errors import DogshapeError, InputError
 
 Bank = Annotated[Path, Option(help="folder of simulations that diagnoses share")]

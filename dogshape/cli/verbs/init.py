@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from dogshape.cli.console import emit
-from dogshape.cli.options import PLAIN, Json, Sets
+from dogshape.cli.options import PLAIN, Json, Sets, emit
 from dogshape.sim.errors import GeometryError, InputError, meant_number
 from dogshape.sim.units import unit_of
 from dogshape.terminal import print_parts, terminal

@@ -13,7 +13,6 @@ from typing import Annotated, Any
 from typer import Argument, Option, echo
 
 import dogshape as ds
-from dogshape.cli.console import emit, show, warn
 from dogshape.cli.options import (
     BenchArg,
     Cluster,
@@ -28,7 +27,10 @@ from dogshape.cli.options import (
     StudyArg,
     SurrogateFile,
     angles_of,
+    emit,
     kept,
+    show,
+    warn,
     with_engine,
 )
 from dogshape.sim.errors import InputError, require_between
