@@ -105,9 +105,7 @@ class ToyModel:
 
 
 def field_at(
-    names: tuple[str, ...],
-    points: Sequence[OperatingPoint] = POINTS,
-    discrepancy: float = 0.0,
+    names: tuple[str, ...], points: Sequence[OperatingPoint] = POINTS, discrepancy: float = 0.0
 ) -> Field:
     """Predict some of the toy's effects at operating points."""
     cells = len(points)

@@ -18,13 +18,7 @@ from math import gcd, log10
 
 import numpy as np
 
-from dogshape.diagnosis.bench.corrections import (
-    GIVEN,
-    Finding,
-    Findings,
-    contradict,
-    corrected,
-)
+from dogshape.diagnosis.bench.corrections import GIVEN, Finding, Findings, contradict, corrected
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_groups
 from dogshape.diagnosis.bench.trace_slips import TRACED, trace_notes

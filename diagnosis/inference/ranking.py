@@ -16,14 +16,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from scipy.special import logsumexp
 
-from dogshape.diagnosis.inference.fit import (
-    More,
-    Sample,
-    refined,
-    screened,
-    systematic,
-    widened,
-)
+from dogshape.diagnosis.inference.fit import More, Sample, refined, screened, systematic, widened
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import Settings

@@ -18,12 +18,7 @@ from dogshape.sim.shift import conclusion
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
 from dogshape.sim.statistics.expectation import even_phases
-from dogshape.sim.statistics.shift_records import (
-    Record,
-    content_key,
-    edge_record,
-    inputs,
-)
+from dogshape.sim.statistics.shift_records import Record, content_key, edge_record, inputs
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import DEG, MM
 from dogshape.sim.versions import engine

@@ -151,8 +151,7 @@ def test_a_wrong_key_is_refused_with_its_rule(planar: Path, text: str, words: st
 
 
 @pytest.mark.parametrize(
-    ("reading", "failed", "unknown"),
-    [("not_made", 2, 0), ("failed", 12, 0), ("unknown", 2, 10)],
+    ("reading", "failed", "unknown"), [("not_made", 2, 0), ("failed", 12, 0), ("unknown", 2, 10)]
 )
 def test_empty_cells_are_read_as_stated(
     planar: Path, reading: str, failed: int, unknown: int

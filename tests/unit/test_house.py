@@ -43,10 +43,7 @@ ORDER = {
 }
 #: Outside packages that only some rooms and modules may import.
 GUARDED = {
-    "pydrake": (
-        "sim/shift/plant.py",
-        "pipeline/reports/shift_page.py",
-    ),
+    "pydrake": ("sim/shift/plant.py", "pipeline/reports/shift_page.py"),
     "optuna": ("pipeline/search/", "pipeline/store/trial_storage.py", "pipeline/study.py"),
     "sqlalchemy": ("pipeline/store/trial_storage.py",),
     "plotly": ("pipeline/reports/",),

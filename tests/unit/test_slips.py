@@ -354,10 +354,7 @@ def state_zero(folder: Path, event: str) -> None:
 
 @pytest.mark.parametrize(
     ("column", "offset", "correction"),
-    [
-        ("displacement_mm", 0.3, "displacement=zeroed"),
-        ("force_N", -60.0, "trace_force=zeroed"),
-    ],
+    [("displacement_mm", 0.3, "displacement=zeroed"), ("force_N", -60.0, "trace_force=zeroed")],
 )
 def test_an_offset_at_rest_is_said_and_taken_away_as_asked(
     tmp_path: Path, column: str, offset: float, correction: str

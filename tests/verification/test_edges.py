@@ -19,11 +19,7 @@ from dogshape.sim.part import dog_corners, ring_part
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.geometry import FLANKS, Dog, crest_loss, crest_setback, flank_contact
-from dogshape.sim.shift.mesh import (
-    DEVIATION,
-    dog_planes,
-    tip_edges,
-)
+from dogshape.sim.shift.mesh import DEVIATION, dog_planes, tip_edges
 from dogshape.sim.shift.planar import PlanarClutch, surfaces_of
 from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.statistics.blocks import engage

@@ -11,13 +11,7 @@ from scipy import stats
 from scipy.special import logsumexp
 
 from dogshape.diagnosis.bench.bench_data import Bench, Cell, Reading
-from dogshape.diagnosis.likelihood.likelihood import (
-    NODES,
-    WEIGHTS,
-    Likelihood,
-    _integrated,
-    _log_f,
-)
+from dogshape.diagnosis.likelihood.likelihood import NODES, WEIGHTS, Likelihood, _integrated, _log_f
 from dogshape.diagnosis.likelihood.observed import Observed, observe
 from dogshape.diagnosis.prediction.model import Model, Predicted
 from dogshape.diagnosis.settings import USUAL

@@ -113,9 +113,7 @@ def _bench(stiffness: float, ratio: float, start: float) -> Bench:
         for force in (90.0, 120.0, 180.0, 250.0)
     )
     return replace(
-        STAND,
-        sensor=Sensor(linkage_ratio=ratio, linkage_efficiency=0.5),
-        calibration=readings,
+        STAND, sensor=Sensor(linkage_ratio=ratio, linkage_efficiency=0.5), calibration=readings
     )
 
 

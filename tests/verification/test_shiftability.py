@@ -16,12 +16,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome, engage
 from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.statistics.blocks import even_block, run_block
-from dogshape.sim.statistics.expectation import (
-    SetPoint,
-    ShiftResult,
-    expect_point,
-    time_quantile,
-)
+from dogshape.sim.statistics.expectation import SetPoint, ShiftResult, expect_point, time_quantile
 from dogshape.sim.statistics.shift_records import entries_by_angle, result_of
 from dogshape.sim.units import RPM
 
