@@ -114,8 +114,7 @@ class Checked(Result):
         angles = shifts // len(self.config.points)
         return [
             f"landing: {taken} of {shifts} shifts by {ENGINES[engine]}, {angles} angles at each "
-            "operating point; other angles or another number of them ('check' and 'strength' have "
-            "their own) give another sample of it"
+            "operating point; another expectation.angles or expectation.seed gives another sample"
         ]
 
     def to_dict(self) -> dict[str, Any]:
@@ -128,8 +127,6 @@ class Checked(Result):
         return frame_of(self.rows)
 
 
-LEAST_ANGLES = 16  #: at an operating point
-SHIFTS = 672  #: of the compiled engine for a design, over all points
 #: Standard error of the compiled engine's expected time against Drake's, over the time. Medians are
 #: 0.01 % with the design set and up to 0.8 % with the published one (docs/evidence/engines.txt).
 ENGINE_ERROR = 0.01
@@ -259,7 +256,8 @@ def _retries(found: Expected | None) -> list[str]:
     bare, error = found.without_retries
     return [
         f"without retries {time_text(bare, 1.96 * error)}, retries "
-        f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %)"
+        f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %), each of shift.timeout_s "
+        "and shift.retraction_s"
     ]
 
 
@@ -282,9 +280,10 @@ def check_design(
         from dogshape.pipeline.simulate.evaluation import evaluate  # noqa: PLC0415
         from dogshape.pipeline.simulate.executor import scratch_executor  # noqa: PLC0415
 
-        own, seed = replace(config, points=points), config.file.expectation.seed
-        angles = max(SHIFTS // len(points), LEAST_ANGLES)
-        (found,) = evaluate(own.in_engine("planar"), [{}], scratch_executor(1), angles, seed)
+        # The angles of the search, so that a design passes here if it does there.
+        own, sample = replace(config, points=points), config.file.expectation
+        executor = scratch_executor(1)
+        (found,) = evaluate(own.in_engine("planar"), [{}], executor, sample.angles, sample.seed)
         expected, refusal = _expected(found.expectation, mix)
     design = design_of(config, {}, None if found is None else found.measured)
     within = margins_within(config, design)

@@ -113,7 +113,8 @@ def time_text(seconds: float | None, error: float | None = None) -> str:
 def quantile_words(quantiles: Sequence[Mapping[str, Any]]) -> str:
     """Print the times within which shares of all shifts engage; ``QuantileRow`` has the keys."""
     return ", ".join(
-        f"{100 * one['share']:.4g} % within {time_text(one['time_s'], one['standard_error_s'])}"
+        f"{100 * one['share']:.4g} % of all shifts take at most "
+        f"{time_text(one['time_s'], one['standard_error_s'])}"
         for one in quantiles
         if one["time_s"] is not None
     )

@@ -125,7 +125,7 @@ def outside_fit(dog: Dog, root_radius: float) -> list[str]:
     ]
     ratios += [(f"{f} angle in degrees", side_angle(dog, f) / DEG, 0.0, 30.0) for f in FLANKS]
     return [
-        f"{name} is {value:.3g}, but the root formula was fitted to {low:g} to {high:g}"
+        f"{name} is {value:.4g}, but the root formula was fitted to {low:g} to {high:g}"
         for name, value, low, high in ratios
         if not low <= value <= high
     ]

@@ -21,6 +21,7 @@ SETS = [
     "operating.mismatch_rpm=[50, 149]", "operating.force_N=[469.0]",
     "strike.ring_inertia_kgm2=0.0003", "strike.input_stiffness_Nm_rad=8000",
     "strike.mismatch_rpm=[100.0, -60.0]", "strike.backlash_deg=0.5",
+    "expectation.angles=16",
     "load.accuracy=6", "load.run_out_um=10", "load.spectrum=[[1.0, 1e4], [-0.4, 1e5]]",
 ]  # fmt: skip
 OPTIONS = sets(SETS)
@@ -29,11 +30,9 @@ FIELD = "document.querySelector('aside .number input')"
 
 
 @pytest.fixture(scope="module")
-def desk() -> Iterator[Desk]:
+def desk() -> Desk:
     """The paper's study with everything that is judged; few shifts make a time."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("dogshape.check.SHIFTS", 32)
-        yield open_desk(ds.Study("mq200_paper", SETS))
+    return open_desk(ds.Study("mq200_paper", SETS))
 
 
 @pytest.fixture(scope="module")

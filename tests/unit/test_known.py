@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.check import ENGINE_ERROR, SHIFTS, check_design
+from dogshape.check import ENGINE_ERROR, check_design
 from dogshape.expectation import EVERYWHERE, simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
 from dogshape.pipeline.train.training_rows import own_surrogate, stored_surrogate
@@ -54,7 +54,7 @@ def test_a_clutch_without_a_surrogate_is_simulated_by_the_compiled_engine(
     found = check_design(study)
     record = found.to_dict()
     assert record["engine"] == "planar"
-    assert record["shifts_planar"] == SHIFTS
+    assert record["shifts_planar"] == 2 * study.file.expectation.angles
     assert record["surrogate"] is None
     assert record["not_checked"] == []  # the landing was simulated
     mean = simulate_mean(
@@ -100,4 +100,4 @@ def test_a_clutch_of_which_few_shifts_engage_has_no_time(
     found = check_design(load_study("mq200_paper", flat))
     assert found.time_s is None
     assert found.to_dict()["engaged"] < 0.5
-    assert re.search(r"no shift time: engages in \d+ of 672 shifts, in \d+% where", repr(found))
+    assert re.search(r"no shift time: engages in \d+ of 64 shifts, in \d+% where", repr(found))
