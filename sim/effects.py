@@ -142,7 +142,8 @@ EFFECTS = (
     Effect(
         "linkage_compliance", (Parameter("compliance_mm_kN", 0.0, 0.3, 35.0, LOG, most=120.0,
                       ordinary=(4.3, "Bowden cables")),
-            Parameter("mass_behind_kg", 0.0, 0.03, 18.0, LOG, most=60.0)),
+            Parameter("mass_behind_kg", 0.0, 0.03, 18.0, LOG, most=60.0,
+                      ordinary=(1.0, "fork and rod"))),
         _with_elastic_linkage,
         BenchTest("static stiffness of the linkage", "Block the ring, raise the force in steps and "
                   "read the displacement at the actuator; then strike the actuator and record its "

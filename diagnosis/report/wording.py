@@ -104,7 +104,9 @@ def _cause(found: Diagnosis) -> str:
 
     def sized(name: str) -> str:
         sizes = found.sizes.get(name, {})
-        words = ", ".join(amount(key, one.low, one.high) for key, one in sizes.items())
+        # A number without a unit says what it is of.
+        heads = {key: "" if unit_of(key) else f"{quantity(key)} " for key in sizes}
+        words = ", ".join(heads[k] + amount(k, one.low, one.high) for k, one in sizes.items())
         return f"{found.effects[name].plain} {words}".rstrip()
 
     if verdict.kind == "none":

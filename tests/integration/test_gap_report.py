@@ -109,6 +109,11 @@ def test_the_summary_has_causes_sizes_refuted_readings_and_what_measures_a_large
     direct = summary(diagnosis_of({HEAVY: 0.9, DAMPED: 0.1}, replace(STAND, sensor=Sensor())))
     assert "At the arm" not in direct
     assert "Added mass of 20 kg is 20 times that of fork and rod (1 kg)" in direct
+    elastic = {("linkage_compliance",): 0.96, ("contact_friction",): 0.04}
+    behind = summary(diagnosis_of(elastic, replace(STAND, sensor=Sensor())))
+    assert "Mass behind of 5 kg is 5 times that of fork and rod (1 kg)" in behind
+    rubbed = summary(diagnosis_of({("contact_friction",): 0.98, NONE: 0.02}))
+    assert re.search(r"static friction 0\.\d+ to 0\.\d+, dynamic friction 0\.\d+ to", rubbed)
 
 
 def test_a_reading_of_the_record_that_decides_is_stated() -> None:
