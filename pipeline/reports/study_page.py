@@ -207,7 +207,7 @@ def alternatives_table(study: Setup, result: Row) -> Table:
         ])  # fmt: skip
     heads = (
         *("design", *map(axis, study.variables), TIME, *(goal.title for goal in goals)),
-        *("worst point less prototype, ms", *COLUMNS, "costs, ms"),
+        *("worst point less prototype, ms", *COLUMNS, "less chosen, ms"),
     )
     looks = {0: "best"} | ({len(cells) - 1: "prototype"} if cells[-1][0] == "prototype" else {})
     texts = [heads.index(column) for column in COLUMNS]
