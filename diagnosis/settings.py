@@ -127,7 +127,7 @@ class Settings:
     adequate: float = constant(
         0.01, "p-value", "below which a hypothesis is not named", "judged", "usual level")
     visible: float = constant(
-        4.0, "squared standard errors", "below which two predictions cannot be told apart",
+        4.0, "squared standard errors", "below which two predictions are indistinguishable",
         "judged", "two standard errors in all")
     engaged_margin: float = constant(
         0.05, "share engaged", "margin of a share engaged", "judged", "one shift in twenty")

@@ -53,7 +53,7 @@ class Expectation(Result):
     @property
     def shortfall(self) -> list[str]:
         """Sentence on a wanted precision that the shifts do not reach; empty where they do."""
-        share, wanted = self.mean.standard_error / self.mean.mean, self.precision
+        share, wanted = self.mean.relative_error, self.precision
         if wanted is None or share <= wanted:
             return []
         return [
@@ -131,8 +131,8 @@ class Expectation(Result):
         engine, mechanism = self.config.clutch.solver.engine, self.config.mechanism
         more: dict[str, Any] = {"mechanism": mechanism} if mechanism else {}
         if self.precision is not None:
-            reached = self.mean.standard_error / self.mean.mean
-            more["precision"] = {"wanted": self.precision, "reached": number_or_none(reached)}
+            reached = number_or_none(self.mean.relative_error)
+            more["precision"] = {"wanted": self.precision, "reached": reached}
         return {"engine": engine, **self.record.to_dict(), **more}
 
     def plot(self) -> Figure:

@@ -155,8 +155,8 @@ def diagnose(
     engine : of the simulations, ``planar`` or ``drake``, which takes some hours for a clutch.
     jobs, progress : as in ``Study.expect``.
     """
-    given, told = load_bench(bench, correct), receiver(progress)
-    means = Means(Path(bank), None if effects is None else Path(effects), jobs, told, engine)
+    given, listener = load_bench(bench, correct), receiver(progress)
+    means = Means(Path(bank), None if effects is None else Path(effects), jobs, listener, engine)
     folder = None if out is None else Path(out)
     if folder is not None:
         gap_update.require_no_updates(folder)
@@ -169,7 +169,9 @@ def diagnose(
             gap_update.keep_data(given, folder, means.effects)
         if study is not None:
             verdict = headline_of(found.verdict, found.effects)
-            told.say(f"{verdict}. The report is {where}; next: simulation of the study's designs")
+            listener.say(
+                f"{verdict}. The report is {where}; next: simulation of the study's designs"
+            )
             price = price_of(found, study, means, folder or Path(bank))
             if folder is not None:
                 gap_page.publish(found, folder, price)

@@ -289,9 +289,10 @@ def _designs(table: TextTable, variables: tuple[str, ...], own: Mapping[str, flo
             faults.append((number, f"row {number}, column {name} is '{text}', but it must be "
                            f"{rule}; correct the cell"))  # fmt: skip
     if faults:
-        told = [fault for _, fault in sorted(faults)]
-        more = [f"and {len(told) - MAX_LISTED} more cells"] if len(told) > MAX_LISTED else []
-        raise InputError(listed(str(table.path), [*told[:MAX_LISTED], *more]))
+        wrong_cells = [fault for _, fault in sorted(faults)]
+        left = len(wrong_cells) - MAX_LISTED
+        more = [f"and {left} more cells"] if left > 0 else []
+        raise InputError(listed(str(table.path), [*wrong_cells[:MAX_LISTED], *more]))
     return x
 
 

@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-#: Of the compiler; to count references to arrays (``_nrt``) took two fifths of a shift.
+#: Of the compiler; to count references to arrays (``_nrt``) takes two fifths of the time here.
 OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
 compiled = njit(**OPTIONS)
 making = njit(**OPTIONS | {"_nrt": True, "nogil": True})  #: for what makes arrays, or calls such

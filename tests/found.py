@@ -1,4 +1,4 @@
-"""What a small search might have found, made by hand, and what the paper's study found."""
+"""Results of a search: small ones made by hand, and the kept one of the paper's study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What verbs share: options, and printing for people or for programs."""
+"""Options that verbs share, and printing for people or for programs."""
 
 from __future__ import annotations
 

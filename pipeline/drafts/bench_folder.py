@@ -91,7 +91,9 @@ def write_bench(out: Path, draft: BenchDraft, *, force: bool = False) -> Row:
         if draft.tables:
             rows = _read_tables(draft, report)
         else:
-            points = [(m, f, source.rise(f), 10) for m in source.mismatches for f in source.forces]
+            points = [
+                (m, f, source.table.rise(f), 10) for m in source.mismatches for f in source.forces
+            ]
             rows = pd.DataFrame(points, columns=[*COLUMNS[:4]]).reindex(columns=[*COLUMNS])
             report.assumed.append(
                 "shifts.csv has the operating points of the origin, to be filled in: one row for "
@@ -271,13 +273,13 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Repo
     lacking = rows["force_rise_s"].isna()
     if not lacking.any():
         return
-    own = rows["force_N"].map(lambda force: round(source.rise(force), 6))
+    own = rows["force_N"].map(lambda force: round(source.table.rise(force), 6))
     rows.loc[lacking, "force_rise_s"] = own if draft.rise_s is None else draft.rise_s
     low, high = (number(one) for one in rows["force_rise_s"][lacking].agg(["min", "max"]))
     said = f"{low} s where no row says it"
     if draft.rise_s is None:
         least, most = min(source.table.forces), max(source.table.forces)
-        beyond = sorted({f for f in rows["force_N"][lacking] if not least <= f <= most})
+        beyond = sorted({f for f in rows["force_N"][lacking] if not source.table.covers(f)})
         far = ", ".join(map(number, beyond))
         said = f"{low} to {high} s, by its size as in '{source.name}' ({number(least)} to "
         said += f"{number(most)} N)"

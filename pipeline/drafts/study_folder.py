@@ -20,8 +20,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.pipeline.config.operating import OperatingSection, replaced_keys
 from dogshape.pipeline.config.schema import StudyFile
@@ -136,12 +134,6 @@ class Source:
     def forces(self) -> list[float]:
         """Shift forces in N, each once."""
         return sorted({rounded(point.profile.force) for point in self.points})
-
-    def rise(self, force: float) -> float:
-        """Give the rise time in s of a force in N, linear in between and constant beyond."""
-        pairs = sorted(zip(self.table.forces, self.table.rises, strict=True))
-        forces, rises = zip(*pairs, strict=True)
-        return float(np.interp(force, forces, rises))
 
     @property
     def dog_values(self) -> Values:

@@ -268,7 +268,7 @@ def expect_to(
         blocks = even_blocks(study.clutch, points, count, seed, FIRST, uncertainty=unsure)
         rows = executor.run(blocks)
         found = expectation_of(study, points, rows)
-        share, shifts = found.standard_error / found.mean, len(points) * count
+        share, shifts = found.relative_error, len(points) * count
         silent = any(p.mean_engaged is None for p in found.points)
         late = share > precision and count >= MOST
         if silent:

@@ -164,6 +164,11 @@ class RiseTable:
         """Decide whether a force in N lies within the table."""
         return min(self.forces) <= force <= max(self.forces)
 
+    def rise(self, force: float) -> float:
+        """Interpolate the rise time in s of a ``force`` in N; beyond the table that of its end."""
+        known, rises = zip(*sorted(zip(self.forces, self.rises, strict=True)), strict=True)
+        return float(np.interp(force, known, rises))
+
     def profile(self, force: float, other_way: str = "") -> ForceProfile:
         """Return the force profile of a final ``force`` in N; one beyond raises InputError.
 
@@ -180,8 +185,7 @@ class RiseTable:
                 rule = f"the study has a rise time for {low:.6g} N alone"
             remedy = "extend actuation.force_N and actuation.rise_s" + other_way
             raise InputError(refusal("shift force", force, "N", rule, remedy))
-        known, rises = zip(*sorted(zip(self.forces, self.rises, strict=True)), strict=True)
-        return ForceProfile(force, float(np.interp(force, known, rises)))
+        return ForceProfile(force, self.rise(force))
 
     def gives(self, profile: ForceProfile) -> bool:
         """Compare the rise of a profile with the table's."""

@@ -466,16 +466,16 @@ def compliant_dog(dog: Dog) -> Mesh:
     """
     apex, _ = pressure_apex(dog)
     reach = max(0.5 * dog.height + apex[2], 0.5 * dog.height)
-    width, below = dog.radial_width, 1.5 * reach
+    planes, width, below = dog_planes(dog), dog.radial_width, 1.5 * reach
     ends = width / 3.0 if dog.has_back else 0.25 * width
-    if dog.edge_radius > 0.0 or dog.has_back:
+    sharp = dog.edge_radius == 0.0 and not dog.has_back
+    if not sharp:
         # The apex, whose pressure gives those of edges and hip their scale, is nearest to a flank.
-        planes = dog_planes(dog)
         deepest = max(planes[name].depth(apex) for name in ("back", "face") if name in planes)
         below, ends = max(below, deepest), max(ends, deepest - 0.5 * width)
     beyond = {"inner": ends, "outer": ends, "root": below - apex[2] - 0.5 * dog.height}
-    skin = {n: plane.moved(float(beyond.get(n, 0.0))) for n, plane in dog_planes(dog).items()}
-    if dog.edge_radius > 0.0 or dog.has_back:
+    skin = {n: plane.moved(float(beyond.get(n, 0.0))) for n, plane in planes.items()}
+    if not sharp:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
     threes = itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer"))

@@ -132,6 +132,11 @@ class Expectation:
     quantiles: Mapping[float, Estimate] = field(default_factory=dict)
 
     @property
+    def relative_error(self) -> float:
+        """Standard error over the mean."""
+        return self.standard_error / self.mean
+
+    @property
     def engages(self) -> bool:
         """Whether at every operating point enough of the shifts engage for an expected time."""
         return all(p.engages for p in self.points)

@@ -207,7 +207,7 @@ def _opened() -> Search:
 
 
 def _tell(search: Search, trials: list[FrozenTrial], upto: int | None = None) -> None:
-    """Tell trials some function of their parameters."""
+    """Finish trials with a made-up function of their parameters."""
     for trial in trials[:upto]:
         given = trial.params
         values = [given["chamfer_deg"] + given["count"], given["height_mm"]]

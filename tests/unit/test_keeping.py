@@ -1,4 +1,4 @@
-"""What is said while a command runs, what it leaves when it is stopped, and how it goes on."""
+"""Commands at work: their progress, the files that a stop leaves, and how they resume."""
 
 from __future__ import annotations
 
