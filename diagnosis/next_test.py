@@ -35,6 +35,7 @@ from dogshape.diagnosis.inference.outcome import (
     Outcome,
     smoothed,
 )
+from dogshape.diagnosis.inference.verdict import nameable
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effect import Effect
@@ -137,8 +138,8 @@ def _judged(diagnosis: Diagnosis, test: NextTest, seed: int = 1) -> NextTest:
     """Add its worth to a test whose outcome is predicted."""
     if test.outcome is None:
         return test
-    odds, named = imitator_odds(diagnosis.settings), diagnosis.settings.named
-    worth = test.outcome.worth(_before(diagnosis, test.outcome), odds, named, seed)
+    odds, before = imitator_odds(diagnosis.settings), _before(diagnosis, test.outcome)
+    worth = test.outcome.worth(before, odds, diagnosis.settings, seed)
     return replace(test, information=worth[0], settles=worth[1], misleads=worth[2])
 
 
@@ -151,7 +152,7 @@ def _before(diagnosis: Diagnosis, outcome: Outcome) -> Array:
 def _ranked(diagnosis: Diagnosis, tests: Sequence[NextTest]) -> list[NextTest]:
     """Order tests: those worth their cost by their value, all others by information an hour."""
     settings, top = diagnosis.settings, _leading(diagnosis.posterior)
-    decided = diagnosis.posterior[top] > settings.named
+    decided = diagnosis.posterior[top] > settings.named and nameable(top, settings)
     wrong = settings.named / (1.0 - settings.named)
 
     def sure(test: NextTest) -> float:
@@ -200,8 +201,8 @@ def _questions(diagnosis: Diagnosis) -> list[NextTest]:
         after = np.array([[one.posterior.get(h, 0.0) for h in every] for one in answers])
         gain = float((rel_entr(after, chance @ after) * chance[:, None]).sum())
         best = after.max(axis=1)
-        right, wrong = (float(chance @ ((best > diagnosis.settings.named) * one))
-                        for one in (best, 1.0 - best))  # fmt: skip
+        decided = np.array([one.verdict.kind != "ambiguous" for one in answers])
+        right, wrong = (float(chance @ (decided * one)) for one in (best, 1.0 - best))
         name, how = RECORD[key]
         effects = tuple(e.name for e in diagnosis.effects.values() if e.test.name == name)
         found.append(NextTest(

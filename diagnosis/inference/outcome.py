@@ -33,8 +33,10 @@ import numpy as np
 from scipy.special import logsumexp, ndtr, polygamma
 from scipy.stats import qmc
 
+from dogshape.diagnosis.inference.verdict import nameable
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.errors import InputError, number, refusal
 from dogshape.sim.units import RPM
@@ -118,12 +120,12 @@ class Outcome:
         return np.asarray(found / found.sum(axis=1, keepdims=True))
 
     def worth(
-        self, before: Array, odds: float, named: float, seed: int = 1
+        self, before: Array, odds: float, settings: Settings, seed: int = 1
     ) -> tuple[float, float, float]:
         """Compute information in nats, and the chances to settle and to mislead.
 
-        A test settles if the truth has more than ``named`` afterwards, and misleads if anything
-        else has. An imitator's truth is *unknown*.
+        A test settles if the truth is named afterwards, and misleads if anything else is. An
+        imitator's truth is *unknown*.
         """
         generator, places = np.random.default_rng(seed), np.arange(len(self.hypotheses))
         odd = np.array([0.0 if h in (NONE, UNKNOWN) else odds for h in self.hypotheses])
@@ -137,7 +139,8 @@ class Outcome:
         log = self.log_density(self.draw(source[every], generator))
         mixed = logsumexp(log[:, source], axis=1, b=weight)
         gain = float(weights @ (log[np.arange(every.size), source[every]] - mixed))
-        sure = self.after(before, log, odds) > named
+        may = [nameable(h, settings) for h in self.hypotheses]
+        sure = (self.after(before, log, odds) > settings.named) & may
         right = sure[np.arange(every.size), truth[every]]
         wrong = sure.any(axis=1) & ~right
         return max(0.0, gain), float(weights @ right), float(weights @ wrong)

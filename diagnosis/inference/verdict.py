@@ -66,6 +66,11 @@ def within_margin(
     return found
 
 
+def nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
+    """Check that a hypothesis may be named as the whole cause, however probable it is."""
+    return len(forward(hypothesis)) <= settings.named_at_once
+
+
 def decide(
     posterior: Mapping[Hypothesis, float],
     fits: Mapping[Hypothesis, Fit],
@@ -92,7 +97,7 @@ def decide(
         kind, causes = "unknown", ()
     elif top not in fails and posterior[top] > settings.named and top != NONE:
         doubted = REVERSED not in top and part.get(REVERSED, 0.0) > 1.0 - settings.part
-        if not doubted and len(forward(top)) <= settings.named_at_once:
+        if not doubted and nameable(top, settings):
             kind, causes = "effect", top
     return Verdict(kind, causes, credible)
 

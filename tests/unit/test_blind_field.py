@@ -134,7 +134,7 @@ BENCH, EFFECTS = load_bench(base("prototype")), load(None)
 DIAGNOSIS: Any = SimpleNamespace(
     bench=BENCH,
     effects=EFFECTS,
-    settings=SimpleNamespace(named=0.8, test_error=0.02),
+    settings=SimpleNamespace(named=0.8, named_at_once=2, test_error=0.02),
     model=SimpleNamespace(setting=setting_of(BENCH)),
     flights=SimpleNamespace(marks=None),
 )

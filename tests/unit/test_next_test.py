@@ -175,19 +175,22 @@ class _Reading:
     value: str
     probability: float
     posterior: dict[Hypothesis, float]
+    verdict: Any
 
 
 def test_a_question_about_the_record_settles_by_its_answers() -> None:
-    """Times start with the command (0.6: a delay) or with the force (0.4: open)."""
-    command, force = {DELAY: 0.9, DRAG: 0.1}, {DELAY: 0.0, DRAG: 0.7, UNKNOWN: 0.3}
-    readings = (
-        _Reading("time_zero", "command", 0.6, command),
-        _Reading("time_zero", "force", 0.4, force),
+    """Times start with the command (0.6: a delay) or with the force (0.4: open, by a set of three)."""
+    three = (*DRAG, *LAG, *FRICTION)  # never named, however probable
+    command, force = {DELAY: 0.9, DRAG: 0.1}, {DELAY: 0.0, three: 0.9, UNKNOWN: 0.1}
+    answers = (("command", 0.6, command, "effect"), ("force", 0.4, force, "ambiguous"))
+    readings = tuple(
+        _Reading("time_zero", value, p, after, SimpleNamespace(kind=kind))
+        for value, p, after, kind in answers
     )
     diagnosis = _open(readings=readings)
     (test,) = (t for t in choose(diagnosis) if t.kind == "record")
     assert (test.settles, test.misleads) == pytest.approx((0.54, 0.06))
-    mixed = {h: 0.6 * command.get(h, 0.0) + 0.4 * force[h] for h in force}
+    mixed = {h: 0.6 * command.get(h, 0.0) + 0.4 * force.get(h, 0.0) for h in (*force, DRAG)}
     entropy = {
         k: -sum(p * np.log(p) for p in one.values() if p)
         for k, one in enumerate((mixed, command, force))
@@ -234,7 +237,7 @@ def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Pat
 
 
 MASS: Hypothesis = ("moving_mass",)
-ODDS, NAMED = 0.15 * 0.5 / 0.85, 0.8
+ODDS = 0.15 * 0.5 / 0.85
 
 
 def _normal(means: dict[Hypothesis, float], sd: float = 1.0) -> Outcome:
@@ -270,10 +273,19 @@ def test_information_and_chances_of_two_normal_densities(apart: float, chance: f
     )
     right = chance * norm.cdf(first) + (1.0 - chance) * norm.sf(second, apart)
     wrong = chance * norm.sf(second) + (1.0 - chance) * norm.cdf(first, apart)
-    found = np.array([outcome.worth(_before(*chances.values()), 0.0, NAMED, k) for k in range(100)])
+    found = np.array(
+        [outcome.worth(_before(*chances.values()), 0.0, SETTINGS, k) for k in range(100)]
+    )
     mean, error = found.mean(axis=0), 4.0 * found.std(axis=0) / np.sqrt(len(found))
     assert abs(mean - [information, right, wrong]) == pytest.approx(0.0, abs=float(max(error)))
     assert max(error) < 0.02
+
+
+def test_a_set_of_three_is_no_settled_cause() -> None:
+    for causes, settles in ((LAG, 0.6), ((*DRAG, *LAG, *FRICTION), 0.0)):
+        outcome = _normal({causes: 0.0, MASS: 9.0})
+        worth = outcome.worth(_before(0.6, 0.4), 0.0, SETTINGS)
+        assert worth[1:] == pytest.approx((settles + 0.4, 0.0), abs=1e-3)
 
 
 def test_few_draws_keep_mean_and_covariance_of_many() -> None:
