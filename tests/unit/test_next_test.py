@@ -179,7 +179,7 @@ class _Reading:
 
 
 def test_a_question_about_the_record_settles_by_its_answers() -> None:
-    """Times start with the command (0.6: a delay) or with the force (0.4: open, by a set of three)."""
+    """Times start with the command (0.6: a delay) or the force (0.4: three effects, so open)."""
     three = (*DRAG, *LAG, *FRICTION)  # never named, however probable
     command, force = {DELAY: 0.9, DRAG: 0.1}, {DELAY: 0.0, three: 0.9, UNKNOWN: 0.1}
     answers = (("command", 0.6, command, "effect"), ("force", 0.4, force, "ambiguous"))
