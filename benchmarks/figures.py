@@ -11,14 +11,16 @@ from __future__ import annotations
 import csv
 import json
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Any, get_args, get_origin
+
+from pydantic import BaseModel
 
 from benchmarks import constants, field_table
-from dogshape.pipeline.record import key_table
+from dogshape.pipeline.record import Record, look_of
 from dogshape.pipeline.search.result_schema import StudyRecord
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -397,6 +399,44 @@ TABLES: dict[str, Callable[[], str | None]] = {
     "constants": constants.table,
     "keys": lambda: key_table(StudyRecord, "result.json"),
 }
+
+
+def key_table(kind: type[Record], name: str) -> str:
+    """Write the keys of a record and of those in it, with units and meanings, as Markdown.
+
+    ``name`` stands for the whole record.
+    """
+    places: dict[type[BaseModel], list[str]] = {}
+    _collect(kind, "", places)
+    blocks = []
+    for model, paths in places.items():
+        title = ", ".join(f"`{path}`" for path in paths if path) or f"`{name}`"
+        words = " ".join((model.__doc__ or "").split()).replace("``", "`")
+        rows = [
+            (f"`{one}`", look_of(model, one)["unit"], str(declared.description))
+            for one, declared in model.model_fields.items()
+        ]
+        blocks.append(f"{title}: {words}\n\n{markdown(('key', 'unit', 'meaning'), rows)}")
+    return "\n".join(blocks)
+
+
+def _collect(model: type[BaseModel], path: str, places: dict[type[BaseModel], list[str]]) -> None:
+    """Note where a model stands, then the models that its keys hold."""
+    places.setdefault(model, []).append(path)
+    if len(places[model]) > 1:
+        return  # its keys are known
+    for name, declared in model.model_fields.items():
+        for inner, mark in _models(declared.annotation):
+            _collect(inner, f"{path}.{name}{mark}".removeprefix("."), places)
+
+
+def _models(annotation: Any, mark: str = "") -> Iterator[tuple[type[BaseModel], str]]:
+    """Yield the models that a type holds, with the marks of lists and dictionaries."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation, mark
+    mark += {list: "[]", dict: ".*"}.get(get_origin(annotation), "")
+    for part in get_args(annotation):
+        yield from _models(part, mark)
 
 
 def filled(page: str) -> str:

@@ -17,7 +17,7 @@ import argparse
 from benchmarks.contact_sets import Designs, designs_of
 from dogshape.check import Strength, check_strength
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.running import Where
+from dogshape.pipeline.simulate.executor import Where
 from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.strength.checks import smallest_margin
 

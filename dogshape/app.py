@@ -29,7 +29,7 @@ from werkzeug.serving import BaseWSGIServer, make_server
 from dogshape import app_page as page
 from dogshape.app_page import Number
 from dogshape.check import Checked
-from dogshape.pipeline.config.study_file import Setup, pair_of
+from dogshape.pipeline.config.study_file import Setup, settings_of
 from dogshape.pipeline.export.cad import write_step
 from dogshape.pipeline.export.drawing import dimensioned_svg, open_section_svg
 from dogshape.pipeline.progress import Progress
@@ -108,7 +108,7 @@ class Desk:
 
     def changed(self, texts: Texts) -> Study:
         """Give the study with the numbers of the page."""
-        return self.study.replace_keys(dict(map(pair_of, self.changes(texts))))
+        return self.study.replace_keys(settings_of(self.changes(texts)))
 
     def unpredicted(self, study: Study) -> str:
         """Explain why the surrogate does not apply to a study; empty where it does."""

@@ -14,8 +14,9 @@ from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, tabulate
 from dogshape.pipeline.reports.text import time_text
+from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import BenchPoint
-from dogshape.running import Angles, Where, require_angles
+from dogshape.running import Angles, receiver, require_angles
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated
 from dogshape.sim.statistics.shift_records import clutch_record
@@ -135,6 +136,6 @@ def validate(
     shifts = len(data.cells) * count
     propagated = 4 * shifts if data.errors else 0  # at most: either side of force and mismatch
     asked = data.name, clutch_record(data.clutch), angles
-    where = Where(jobs, None, keep, progress)
+    where = Where(jobs, None, keep, receiver(progress))
     with where.executor("validate", asked, shifts + propagated + repeated(shifts)) as (run, _):
         return Comparison(compare(data, run.run, chosen, checked=True))

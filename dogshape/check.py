@@ -16,10 +16,8 @@ from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_word
 from dogshape.pipeline.simulate.design import (
     Design,
     ToleranceTime,
-    Within,
     checks_within,
     design_of,
-    margins_within,
     tolerance_time,
     weakest_within,
 )
@@ -39,20 +37,15 @@ from dogshape.surrogate.query import Answer, ask, time_record
 from dogshape.surrogate.store import Validation
 
 if TYPE_CHECKING:
-    from dogshape.running import Where
+    from dogshape.pipeline.simulate.executor import Where
 
 
 @dataclass(frozen=True, repr=False)
 class Checked(Result):
-    """One design of a study with its checks.
-
-    ``within`` has the margins left within the tolerances, by check and kind; minus infinity for no
-    dog.
-    """
+    """One design of a study with its checks."""
 
     config: Setup
     design: Design
-    within: Within
 
     @property
     def feasible(self) -> bool:
@@ -83,7 +76,7 @@ class Checked(Result):
     @property
     def rows(self) -> list[CheckRow]:
         """Every check with its margins, by the declared keys."""
-        return [CheckRow(**one) for one in checks_within(self.design, self.within)]
+        return [CheckRow(**one) for one in checks_within(self.config, self.design)]
 
     def to_parts(self) -> list[str | Table]:
         """Give the table of checks, verdict, warnings and the force on the blocking mechanism."""
@@ -119,7 +112,7 @@ class Checked(Result):
 
     def to_dict(self) -> dict[str, Any]:
         """Give every check as JSON takes it."""
-        missing, checks = self.design.not_checked, checks_within(self.design, self.within)
+        missing, checks = self.design.not_checked, checks_within(self.config, self.design)
         return {"feasible": self.design.feasible, "not_checked": missing, "checks": checks}
 
     def to_frame(self) -> Frame:
@@ -286,8 +279,7 @@ def check_design(
         (found,) = evaluate(own.in_engine("planar"), [{}], executor, sample.angles, sample.seed)
         expected, refusal = _expected(found.expectation, mix)
     design = design_of(config, {}, None if found is None else found.measured)
-    within = margins_within(config, design)
-    answer = Check(config, design, within, mix, expected, guess=guess, refusal=refusal)
+    answer = Check(config, design, mix, expected, guess=guess, refusal=refusal)
     if found is None:
         return answer
     mean, quantiles = found.expectation, ExpectedTime.of(found.expectation).quantiles or ()
@@ -407,5 +399,4 @@ def check_strength(config: Setup, where: Where, *, simulate: bool = True) -> Str
         with where.executor("strength", (config.config_hash,), shifts) as (executor, _):
             (found,) = evaluate(config, [{}], executor, settings.angles, settings.seed)
         measured = found.measured
-    design = design_of(config, {}, measured)
-    return Strength(config, design, margins_within(config, design), shifts)
+    return Strength(config, design_of(config, {}, measured), shifts)

@@ -11,7 +11,15 @@ from typing import Any
 import numpy as np
 from scipy.stats import norm
 
-from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, load_study, points_of
+from dogshape.pipeline.config.study_file import (
+    EVERYWHERE,
+    OWN_RISE,
+    Place,
+    Setup,
+    load_study,
+    points_of,
+    settings_of,
+)
 from dogshape.pipeline.progress import Progress, WorkCounter
 from dogshape.pipeline.record import (
     Figure,
@@ -25,8 +33,9 @@ from dogshape.pipeline.record import (
 from dogshape.pipeline.reports.charts import shiftability_figure, times_by_point
 from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
+from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
-from dogshape.running import Angles, Where, receiver, require_angles
+from dogshape.running import Angles, receiver, require_angles
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
@@ -35,7 +44,6 @@ from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG, RPM
 
-OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
 LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
 TAILS = 0.05, 0.95  #: of the interval over draws
 MIN_ANGLES = 3  #: at an operating point of a draw, of which fewer tell no error
@@ -262,20 +270,19 @@ def expect_draws(
             f"angles is {angles}, but must be at least {MIN_ANGLES}: of fewer the error is not "
             "known, which all draws have in common"
         )
-    path, own = Path(draws), settings.items() if isinstance(settings, Mapping) else settings
+    path = Path(draws)
     try:
         table = read_table(path, ())
     except FileNotFoundError as error:
         raise DataError(f"there is no {path}; name a table whose columns are keys") from error
     if not table.rows or set(table.head) <= set(LABELS):
         raise DataError(f"{path} has no draws; give a row for each, columns named like keys")
-    more = [one if isinstance(one, str) else f"{one[0]}={one[1]}" for one in own]
-    studies = []
+    more, studies = settings_of(settings), []
     for row, cells in table.rows:
         pairs = zip(table.head, cells, strict=True)
         keys = [f"{key}={cell}" for key, cell in pairs if key not in LABELS and cell]
         try:
-            studies.append(load_study(study, [*keys, *more]))
+            studies.append(load_study(study, settings_of(keys) | more))
         except DogshapeError as error:
             raise type(error)(f"{path}, row {row}: {error}") from error
     means = []

@@ -1,15 +1,10 @@
-"""Where simulations run, and where finished ones wait while the work goes on."""
+"""Receiver of progress and relative angles as verbs take them."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
 
-from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
-from dogshape.pipeline.simulate.executor import Executor, kept_shifts, scratch_executor, work_folder
+from dogshape.pipeline.progress import SILENT, Progress
 from dogshape.sim.errors import InputError, refusal, require_between
 
 Angles = int | Sequence[float] | None  #: how many evenly spaced ones, or listed ones, deg
@@ -21,33 +16,6 @@ def receiver(wanted: Progress | bool) -> Progress:
 
     bar = ProgressBar() if wanted else SILENT
     return bar if isinstance(wanted, bool) else wanted
-
-
-@dataclass(frozen=True)
-class Where:
-    """Where shifts run, and where finished ones are kept until all of the work is done.
-
-    ``jobs`` is 0 for one worker a core, ``cluster`` the address of a Dask scheduler, ``keep`` the
-    folder in which a run that was stopped leaves its finished shifts.
-    """
-
-    jobs: int = 0
-    cluster: str | None = None
-    keep: str | Path | None = None
-    progress: Progress | bool = False
-
-    @contextmanager
-    def executor(
-        self, name: str, asked: tuple[Any, ...], shifts: int
-    ) -> Iterator[tuple[Executor, WorkCounter]]:
-        """Give what simulates the shifts of one question, and the counter that it counts into."""
-        with WorkCounter(receiver(self.progress), shifts) as counter:
-            if self.keep is None:
-                yield scratch_executor(self.jobs, counter.advance, self.cluster), counter
-                return
-            folder = work_folder(Path(self.keep), name, *asked)
-            with kept_shifts(folder, counter, self.jobs, self.cluster) as executor:
-                yield executor, counter
 
 
 def require_angles(angles: Angles) -> None:

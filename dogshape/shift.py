@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dogshape.pipeline.config.study_file import Place, Setup, points_of
+from dogshape.pipeline.config.study_file import OWN_RISE, Place, Setup, points_of
 from dogshape.pipeline.record import Figure, Frame, Result, Table
 from dogshape.pipeline.reports.shift_page import (
     curves,
@@ -24,7 +24,6 @@ from dogshape.sim.statistics.blocks import engage, events_record, loads_record, 
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import DEG, RPM
 
-OWN_RISE = ", or give --force-rise-s"  #: for forces that the study's table lacks
 #: Largest mismatch in 1/min and force in N of the table of checked shifts (``docs/proof.md``).
 CHECKED_RPM, CHECKED_N = 1000.0, 3000.0
 CONVERGED = 0.01  #: of the shift time, by which finer steps may move it

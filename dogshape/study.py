@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys
+from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys, settings_of
 from dogshape.pipeline.progress import Progress
 from dogshape.python_words import speaks_python
+from dogshape.running import Angles, receiver
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
     from dogshape.check import Check, Strength
     from dogshape.expectation import Expectation
     from dogshape.predictions import Predictions
-    from dogshape.running import Angles
     from dogshape.shift import Shift
     from dogshape.study_result import StudyResult
 
@@ -47,9 +47,7 @@ class Study:
         /,
         **dog: float,
     ) -> None:
-        own, shape = settings or {}, {f"dog.{key}": value for key, value in dog.items()}
-        given = [*own, *(f"{key}={value}" for key, value in shape.items())]
-        keys = {**own, **shape} if isinstance(own, Mapping) else given
+        keys = settings_of(settings) | {f"dog.{key}": value for key, value in dog.items()}
         object.__setattr__(self, "config", load_study(where, keys))
 
     @classmethod
@@ -130,10 +128,10 @@ class Study:
         progress : True for a bar in terminal or notebook, or a ``Progress`` of one's own.
         """
         from dogshape.expectation import simulate_mean  # noqa: PLC0415
-        from dogshape.running import Where  # noqa: PLC0415
+        from dogshape.pipeline.simulate.executor import Where  # noqa: PLC0415
 
         place = mismatch_rpm, force_N, force_rise_s
-        where = Where(jobs, cluster, keep, progress)
+        where = Where(jobs, cluster, keep, receiver(progress))
         return simulate_mean(self.config, where, place, angles, precision)
 
     def search(
@@ -164,7 +162,6 @@ class Study:
         from dogshape.pipeline.simulate.executor import end_workers  # noqa: PLC0415
         from dogshape.pipeline.store.folder import StudyFolder, default_out  # noqa: PLC0415
         from dogshape.pipeline.study import Run, run_study  # noqa: PLC0415
-        from dogshape.running import receiver  # noqa: PLC0415
         from dogshape.study_result import StudyResult  # noqa: PLC0415
 
         begun = sum(os.times()[:4])
@@ -237,9 +234,9 @@ class Study:
         as in ``expect``. Example: ``study.strength(simulate=False)``
         """
         from dogshape.check import check_strength  # noqa: PLC0415
-        from dogshape.running import Where  # noqa: PLC0415
+        from dogshape.pipeline.simulate.executor import Where  # noqa: PLC0415
 
-        where = Where(jobs, None, keep, progress)
+        where = Where(jobs, None, keep, receiver(progress))
         return check_strength(self.config, where, simulate=simulate)
 
     def data_sheet(self, path: str | Path, why: str = "", **block: str) -> Path:

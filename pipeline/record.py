@@ -10,10 +10,10 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain, zip_longest
-from typing import TYPE_CHECKING, Any, TypeAlias, cast, get_args, get_origin
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 from pydantic import BaseModel, Field
 
@@ -79,7 +79,7 @@ class Record(Section):
 
     def cell(self, name: str) -> str:
         """Print the value of a key as its column has it; a dash where it has none."""
-        value, shown = getattr(self, name), _shown(type(self), name)
+        value, shown = getattr(self, name), look_of(type(self), name)
         if isinstance(value, bool):
             return "yes" if value else "no"
         if isinstance(value, str):
@@ -90,14 +90,15 @@ class Record(Section):
         return f"{scaled:{shown['form']}}".replace("-", MINUS)
 
 
-def _shown(kind: type[BaseModel], name: str) -> dict[str, Any]:
+def look_of(kind: type[BaseModel], name: str) -> dict[str, Any]:
+    """Give unit, head, scale and format of a key."""
     return cast(dict[str, Any], kind.model_fields[name].json_schema_extra)
 
 
 def tabulate(kind: type[Record], rows: Sequence[Record], *names: str) -> Table:
     """Tabulate keys of records, by default all that have a head."""
-    columns = names or [name for name in kind.model_fields if _shown(kind, name)["head"]]
-    heads = [_shown(kind, name)["head"] for name in columns]
+    columns = names or [name for name in kind.model_fields if look_of(kind, name)["head"]]
+    heads = [look_of(kind, name)["head"] for name in columns]
     return Table(heads, [[row.cell(name) for name in columns] for row in rows])
 
 
@@ -111,45 +112,6 @@ def frame_of(rows: Sequence[Record]) -> pd.DataFrame:
 def number_or_none(value: float | None) -> float | None:
     """Return a number that JSON can hold: None where there is none."""
     return value if value is not None and math.isfinite(value) else None
-
-
-def key_table(kind: type[Record], name: str) -> str:
-    """Write the keys of a record and of those in it, with units and meanings, as Markdown.
-
-    ``name`` stands for the whole record.
-    """
-    places: dict[type[BaseModel], list[str]] = {}
-    _collect(kind, "", places)
-    blocks = []
-    for model, paths in places.items():
-        title = ", ".join(f"`{path}`" for path in paths if path) or f"`{name}`"
-        words = " ".join((model.__doc__ or "").split()).replace("``", "`")
-        rows = [
-            f"| `{one}` | {_shown(model, one)['unit']} | {declared.description} |"
-            for one, declared in model.model_fields.items()
-        ]
-        head = ["| key | unit | meaning |", "|---|---|---|"]
-        blocks.append("\n".join([f"{title}: {words}", "", *head, *rows, ""]))
-    return "\n".join(blocks)
-
-
-def _collect(model: type[BaseModel], path: str, places: dict[type[BaseModel], list[str]]) -> None:
-    """Note where a model stands, then the models that its keys hold."""
-    places.setdefault(model, []).append(path)
-    if len(places[model]) > 1:
-        return  # its keys are known
-    for name, declared in model.model_fields.items():
-        for inner, mark in _models(declared.annotation):
-            _collect(inner, f"{path}.{name}{mark}".removeprefix("."), places)
-
-
-def _models(annotation: Any, mark: str = "") -> Iterator[tuple[type[BaseModel], str]]:
-    """Yield the models that a type holds, with the marks of lists and dictionaries."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        yield annotation, mark
-    mark += {list: "[]", dict: ".*"}.get(get_origin(annotation), "")
-    for part in get_args(annotation):
-        yield from _models(part, mark)
 
 
 class Result(ABC):

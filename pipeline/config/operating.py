@@ -283,13 +283,13 @@ def with_mechanism(
                 raise InputError(f"{fault}; leave out one of them")
         own |= found
         sources |= dict.fromkeys(found, effect)
-    tables: dict[str, Fields] = {"contact": {}, "mechanism": {}, "rings": {}, "actuation": {}}
-    for name, value in own.items():
-        table, _, field = name.partition(".")
-        tables[table][field] = value
-    actuation = replace(actuation, **tables.pop("actuation"))
-    parts = {name: replace(getattr(clutch, name), **new) for name, new in tables.items()}
-    return replace(clutch, **parts), actuation
+
+    def changed(part: str, before: Any) -> Any:
+        names = {name: name.removeprefix(f"{part}.") for name in own}
+        return replace(before, **{new: own[name] for name, new in names.items() if new != name})
+
+    parts = {one: changed(one, getattr(clutch, one)) for one in ("contact", "mechanism", "rings")}
+    return replace(clutch, **parts), changed("actuation", actuation)
 
 
 def keys_changed(effect: Effect, values: Mapping[str, float], base: Setting) -> set[str]:

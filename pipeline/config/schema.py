@@ -48,9 +48,6 @@ from dogshape.sim.units import RPM, from_si
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
-MOST_TRIALS = 10_000  #: designs of a search, which take a day to propose
-AUDIT_SHIFTS = 200  #: of a search, again in Drake
-MIX_SHIFTS = 135_000  #: of a fit, at all operating points of designs
 
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
 #: A number, or the range that it lies in, which is judged at its worst end; tags as in ``Spread``.
@@ -286,13 +283,13 @@ class SearchSection(Section):
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
     )
     sampler: Literal["surrogate", "space_filling"] = "surrogate"
-    trials: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 32
+    trials: Annotated[int, Field(ge=1, le=10_000)] = 32  # more take a day to propose
     startup: Annotated[int, Field(ge=1)] = 16
     batch: Annotated[int, Field(ge=1)] = 4
     seed: Annotated[int, Field(ge=0)] = 1
     confirm_designs: Annotated[int, Field(ge=1)] = 24
     confirm_angles: Annotated[int, Field(ge=3, le=256)] = 16
-    audit_shifts: Annotated[int, Field(ge=0)] = later(AUDIT_SHIFTS)
+    audit_shifts: Annotated[int, Field(ge=0)] = later(200)
     quantile: Annotated[float, Field(gt=0.0, lt=1.0)] = later(QUANTILE)
     limits: dict[str, float] | None = later()
     within_s: Annotated[float, Field(gt=0.0)] | None = later()
@@ -333,7 +330,7 @@ class SurrogateSection(Section):
     references: Annotated[int, Field(ge=3)] = 40
     best_references: Annotated[int, Field(ge=0)] = 20
     reference_angles: Annotated[int, Field(ge=3)] = 32
-    mix_shifts: Annotated[int, Field(ge=1)] = later(MIX_SHIFTS)
+    mix_shifts: Annotated[int, Field(ge=1)] = later(135_000)
     seed: Annotated[int, Field(ge=0)] = 1
 
 

@@ -227,18 +227,17 @@ def load_study(where: str | Path, overrides: Settings = None) -> Setup:
         data = read_toml(path)
     except OSError as error:
         raise InputError(f"{path} cannot be read: {error.strerror}; check the path") from error
-    pairs = overrides.items() if isinstance(overrides, Mapping) else map(pair_of, overrides or ())
-    return _overridden(data, pairs, f"{path}{' with --set' if overrides else ''}")
+    settings = settings_of(overrides)
+    return _overridden(data, settings, f"{path}{' with --set' if settings else ''}")
 
 
 def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
     """Build a study again with values by dotted keys, None to take a key out; InputError."""
     data = study.file.model_dump(exclude_none=True)
-    return _overridden(data, settings.items(), f"the study {study.name}")
+    return _overridden(data, settings, f"the study {study.name}")
 
 
-def _overridden(data: dict[str, Any], pairs: Iterable[tuple[str, Any]], source: str) -> Setup:
-    settings = dict(pairs)
+def _overridden(data: dict[str, Any], settings: Mapping[str, Any], source: str) -> Setup:
     for key, value in settings.items():
         override(data, key, value)
     for key in replaced_keys(settings, data.get("operating")):
@@ -265,6 +264,11 @@ def find_study(where: str | Path) -> Path:
 def bundled_studies() -> list[str]:
     """Return the names of the studies that the package brings."""
     return sorted(file.parent.name for file in bundled_root().glob("*/study.toml"))
+
+
+def settings_of(given: Settings) -> dict[str, Any]:
+    """Return settings as values by dotted keys."""
+    return dict(given.items() if isinstance(given, Mapping) else map(pair_of, given or ()))
 
 
 def pair_of(text: str) -> tuple[str, Any]:
@@ -402,6 +406,7 @@ def require_variables(study: Setup) -> None:
 #: operating point; None for all of a study's.
 Place = tuple[float | None, float | None, float | None]
 EVERYWHERE: Place = (None, None, None)
+OWN_RISE = ", or give --force-rise-s"  #: remedy for a force that the study's table lacks
 
 
 def points_of(study: Setup, place: Place, other_way: str = "") -> tuple[OperatingPoint, ...]:

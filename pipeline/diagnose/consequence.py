@@ -19,9 +19,8 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
-from dogshape.pipeline.progress import WorkCounter
 from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over
-from dogshape.pipeline.simulate.executor import kept_shifts, work_folder
+from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError, InputError
@@ -213,9 +212,7 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
         for name, effect in found.effects.items()
         if name in cause and name not in OF_STAND
     }
-    place = work_folder(folder, "so-what", given.config_hash)
-    with (
-        WorkCounter(means.progress, 2 * ANGLES * len(given.points) * len(designs)) as progress,
-        kept_shifts(place, progress, means.jobs) as executor,
-    ):
+    where, shifts = Where(means.jobs, None, folder, means.progress), 2 * ANGLES * len(given.points)
+    asked = (given.config_hash,)
+    with where.executor("so-what", asked, shifts * len(designs)) as (executor, _):
         return consequence(given, designs, values, found.effects, executor.run)

@@ -43,7 +43,6 @@ from dogshape.pipeline.simulate.design import (
     SUMMARIES,
     checks_within,
     design_of,
-    margins_within,
 )
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.store.result_records import CheckRow, check_table
@@ -297,7 +296,7 @@ def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
     ``study`` has the design as its own dog.
     """
     design, confirmed = design_of(study, {}), confirmation_of(result, row)
-    found = {check["name"]: check for check in checks_within(design, margins_within(study, design))}
+    found = {check["name"]: check for check in checks_within(study, design)}
     for check in (confirmed or {"checks": []})["checks"]:
         found[check["name"]] = found.get(check["name"], {}) | check
     for name in row["margins"].keys() - found.keys():

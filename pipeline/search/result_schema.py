@@ -1,6 +1,6 @@
 """Schema of ``result.json``: every key with its type, unit and meaning; unknown keys are refused.
 
-``docs/api/result.md`` shows the same declarations (``key_table``).
+``docs/api/result.md`` shows the same declarations (``benchmarks.figures.key_table``).
 """
 
 from __future__ import annotations

@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -139,7 +140,7 @@ class Guide:
         self.study = study
         self.space = Space(study.variables)
         self.signs = np.array([objective.sign for objective in objectives_of(study)])
-        self._exact: dict[tuple[float, ...], Array] = {}
+        self._exact = cache(lambda items: exact_losses(study, dict(items)))
 
     def allows(self, params: Params) -> bool:
         """Check whether a design passes every check that needs no simulation."""
@@ -175,10 +176,7 @@ class Guide:
 
     def exact(self, params: Sequence[Params]) -> Array:
         """Return the objectives as losses, (m, k): NaN where a simulation has to say."""
-        keys = [self.space.key(p) for p in params]
-        new = {k: p for k, p in zip(keys, params, strict=True) if k not in self._exact}
-        self._exact |= dict(zip(new, exact_losses(self.study, list(new.values())), strict=True))
-        return np.array([self._exact[key] for key in keys])
+        return np.array([self._exact(tuple(one.items())) for one in params])
 
 
 @dataclass(frozen=True)

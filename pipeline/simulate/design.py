@@ -37,7 +37,6 @@ WORST = "smallest_margin_worst"
 #: Quantities that sum up other checks: a limit on one of them is no check of its own.
 SUMMARIES = (WORST, "smallest_margin", "utilisation")
 KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
-Within = dict[str, dict[str, float]]  #: margins left within tolerances, by check and kind
 FILLING = 512  #: designs that fill the ranges
 MAX_NAMED = 3  #: failed checks that are named
 Margins = Mapping[str, float]  #: of a design's checks, by name
@@ -175,26 +174,19 @@ class Objective:
 _losses = lru_cache(maxsize=256)(margin_losses)
 
 
-def margins_within(study: Setup, design: Design) -> Within:
-    """Return each margin's worst case and root sum of squares, by check; the landing has none."""
-    if design.dog is None:
-        return {}
-    spreads = _losses(design.dog, study.limits)
-    found = {}
-    for check in design.checks:
-        if check.name in spreads:
-            spread = spreads[check.name]
-            found[check.name] = {kind: check.margin - getattr(spread, kind) for kind in KINDS}
-        elif check.rule.group == "tolerance":
-            found[check.name] = dict.fromkeys(KINDS, check.margin)
-    return found
+def margins_within(study: Setup, design: Design, kind: str = "worst_case") -> dict[str, float]:
+    """Return what is left of each margin within the tolerances, by check; the landing has none."""
+    spreads = {} if design.dog is None else _losses(design.dog, study.limits)
+    return {
+        check.name: check.margin - getattr(spreads.get(check.name), kind, 0.0)
+        for check in design.checks
+        if check.name in spreads or check.rule.group == "tolerance"
+    }
 
 
 def weakest_within(study: Setup, design: Design, kind: str = "worst_case") -> tuple[str, float]:
     """Return the check with the smallest margin within the tolerances, and that margin."""
-    left = {name: margins[kind] for name, margins in margins_within(study, design).items()}
-    name = min(left, key=lambda one: left[one])
-    return name, left[name]
+    return min(margins_within(study, design, kind).items(), key=lambda pair: pair[1])
 
 
 #: What a study can minimise or maximise, and bound by ``search.limits``.
@@ -298,20 +290,16 @@ def values_of(study: Setup, design: Design, found: dict[str, float] | None = Non
     return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
 
 
-def exact_losses(study: Setup, designs: Sequence[dict[str, float]]) -> Array:
-    """Return the objectives of designs as losses, (m, k): NaN where a simulation has to say."""
-    objectives, rows = objectives_of(study), []
+def exact_losses(study: Setup, params: dict[str, float]) -> Array:
+    """Return the objectives of a dog as losses, (k,): NaN where a simulation has to say."""
+    objectives = objectives_of(study)
     # Most follow from the dog; its checks take most of the time of a whole design.
-    checked = any(o.exact and o.name in SUMMARIES for o in objectives)
-    for params in designs:
-        try:
-            dog = None if checked else study.dog_with(params)
-        except GeometryError:
-            dog = None
-        design = design_of(study, params) if checked else Design(params, dog, (), "")
-        exact = exact_values(study, design)
-        rows.append([o.sign * exact.get(o.name, math.nan) for o in objectives])
-    return np.array(rows, dtype=float).reshape(len(designs), len(objectives))
+    if any(o.exact and o.name in SUMMARIES for o in objectives):
+        design = design_of(study, params)
+    else:
+        design = Design(params, study.dog_with(params), (), "")
+    exact = exact_values(study, design)
+    return np.array([o.sign * exact.get(o.name, math.nan) for o in objectives])
 
 
 def failing_words(margins: Sequence[Margins]) -> str:
@@ -335,8 +323,7 @@ def none_passes(study: Setup, drawn: int) -> str:
         one = design_of(study, study.named(low + row * (high - low)))
         margins = {check.name: check.margin for check in one.checks}
         if margins.pop(WORST, None) is not None:
-            within = margins_within(study.operated(one.params), one)
-            margins |= {name: left["worst_case"] for name, left in within.items()}
+            margins |= margins_within(study.operated(one.params), one)
         made += [(one, margins)] if margins else []
     if not made:
         return f"{whose} passes every check: no dog has such a shape; widen [variables]"
@@ -364,24 +351,21 @@ class ToleranceTime(Record):
     by_dimension_s: dict[str, float] = key("change by dimension", "s")
 
 
-def checks_within(design: Design, within: Within) -> list[dict[str, Any]]:
-    """Return every check as a record, with its margins ``within`` the tolerances."""
+def checks_within(study: Setup, design: Design) -> list[dict[str, Any]]:
+    """Return every check as a record, with its margins within the tolerances."""
+    within = {f"margin_{kind}": margins_within(study, design, kind) for kind in KINDS}
     return [
-        check_record(check) | {f"margin_{kind}": number_or_none(left.get(kind)) for kind in KINDS}
-        for check in design.checks
-        for left in [within.get(check.name, {})]
+        check_record(c) | {key: number_or_none(left.get(c.name)) for key, left in within.items()}
+        for c in design.checks
     ]
 
 
 def smallest_within(study: Setup, design: Design) -> dict[str, Any]:
     """Return the smallest margin and its check in the worst case, and by root sum of squares."""
-    names = ("margin_worst_case", "margin_root_sum_square", "weakest_check_worst_case")
-    if design.dog is None:
-        return dict.fromkeys(names)
-    own = study.operated(design.params)
-    (weakest, worst), (_, squares) = (weakest_within(own, design, kind) for kind in KINDS)
-    found = number_or_none(worst), number_or_none(squares), weakest
-    return dict(zip(names, found, strict=True))
+    own, known = study.operated(design.params), design.dog is not None
+    found = {kind: weakest_within(own, design, kind) if known else (None, None) for kind in KINDS}
+    margins = {f"margin_{kind}": number_or_none(margin) for kind, (_, margin) in found.items()}
+    return {**margins, "weakest_check_worst_case": found["worst_case"][0]}
 
 
 def tolerance_time(

@@ -75,14 +75,9 @@ class Shifts:
 
     def mean(self, value: Callable[[Shift], float]) -> Estimate:
         """Compute the mean over the mix of what each shift that did not fail has."""
-        weights = [found.point.weight for found in self.expectation.points]
-        return mean_over(weights, integrated(self.rows, value))
-
-
-def integrated(rows: Rows, value: Callable[[Shift], float]) -> list[list[float]]:
-    """Select the shifts of each operating point whose integration did not fail."""
-    failed = Outcome.DIVERGED.value
-    return [[value(row) for row in mine if row["outcome"] != failed] for mine in rows]
+        failed = Outcome.DIVERGED.value
+        values = [[value(row) for row in mine if row["outcome"] != failed] for mine in self.rows]
+        return mean_over([one.point.weight for one in self.expectation.points], values)
 
 
 SURELY = 2.0  #: standard errors of a difference that count for a design
@@ -307,16 +302,15 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
     """
     own, new = study.operated(params), study.dog_with(dict(params))
     settings, unsure = study.file.expectation, study.uncertainty
-    loss, found, before = 0.0, list[LifeStage](), 0.0
+    loss, found = 0.0, list[LifeStage]()
     for stage in STAGES:
         if found:
-            energy, friction = found[-1].energy_J, study.clutch.contact.dynamic_friction
-            shifts = (stage - before) * study.limits.load.shifts
-            loss += wear.loss(worn(new, loss), energy, friction, shifts)
+            friction = study.clutch.contact.dynamic_friction
+            shifts = (stage - found[-1].life) * study.limits.load.shifts
+            loss += wear.loss(worn(new, loss), found[-1].energy_J, friction, shifts)
         if wear.crest_loss is not None:
             loss = stage * wear.crest_loss
-        before, dog = stage, worn(new, loss) if loss else new
-        dog = replace(dog, edge_radius=wear.edges(new, stage))
+        dog = replace(worn(new, loss) if loss else new, edge_radius=wear.edges(new, stage))
         clutch, seed = own.clutch.with_dog(dog), settings.seed + NEW_ANGLES
         blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
         rows = executor.run(blocks)
@@ -324,7 +318,7 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
         demand = demand_over(own, dog, expectation, rows)
         checks = (*life_checks(own, new, dog), *demand_checks(demand, own.limits))
         weakest = smallest_margin(checks)
-        energies = integrated(rows, lambda row: float(row["energy_dissipated_J"]))
+        energy = ESTIMATORS["impact_energy_J"](Shifts(own, dog, checks, expectation, rows))
         row = LifeStage(
             life=stage,
             crest_loss_mm=loss / MM,
@@ -333,7 +327,7 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
             expected_shift_time_s=expectation.mean,
             standard_error_s=expectation.standard_error,
             engaged=expectation.engaged,
-            energy_J=mean_over([point.weight for point in own.points], energies).value,
+            energy_J=energy.value,
             smallest_margin=weakest.margin,
             weakest_check=weakest.name,
             margins={check.name: check.margin for check in checks},

@@ -17,7 +17,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Collection, Iterator, Sequence
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager, nullcontext, suppress
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -27,7 +27,7 @@ from joblib import Parallel, delayed, parallel_config
 from joblib.externals.loky import get_reusable_executor, process_executor
 from joblib.externals.loky.process_executor import TerminatedWorkerError
 
-from dogshape.pipeline.progress import SILENT, WorkCounter
+from dogshape.pipeline.progress import SILENT, Progress, WorkCounter
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.sim.errors import InputError, StorageError, WorkerError
 from dogshape.sim.files import writing
@@ -35,8 +35,8 @@ from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.sim.versions import engine, versions
 
-Progress = Callable[[int, int], None]  #: gets the shifts just finished, and those known before
-UNSEEN: Progress = WorkCounter(SILENT, 0).advance  #: reports no progress
+Advance = Callable[[int, int], None]  #: gets the shifts just finished, and those known before
+UNSEEN: Advance = WorkCounter(SILENT, 0).advance  #: reports no progress
 
 PATIENCE = 10.0  #: s to wait for a cluster and for its first worker
 MANY = 100  #: blocks that a cluster is sent at once
@@ -65,7 +65,7 @@ class Executor:
 
     journal: ShiftJournal
     jobs: int = 0
-    progress: Progress = UNSEEN
+    progress: Advance = UNSEEN
     cluster: str | None = None
     _counted: set[str] = field(default_factory=set, init=False, repr=False)
 
@@ -199,7 +199,7 @@ def _work_away(block: Block) -> list[Record]:
 
 
 def scratch_executor(
-    jobs: int = 0, progress: Progress = UNSEEN, cluster: str | None = None
+    jobs: int = 0, progress: Advance = UNSEEN, cluster: str | None = None
 ) -> Executor:
     """Return an executor whose journal is a temporary file, gone when the program ends."""
     connect(cluster)
@@ -267,43 +267,55 @@ def _require_same(address: str, found: Any, who: str) -> None:
 SHIFTS = Path("results") / "shifts"  #: folder of unfinished commands that have none of their own
 
 
-def work_folder(root: Path, name: str, *asked: Any) -> Path:
-    """Return the folder of a command's shifts, the same for the same question."""
-    return root / f"{name}-{content_key({'asked': asked, **engine()})[:10]}"
+@dataclass(frozen=True)
+class Where:
+    """Where shifts run, and where finished ones are kept until all of the work is done.
 
-
-@contextmanager
-def kept_shifts(
-    folder: Path, progress: WorkCounter, jobs: int = 0, cluster: str | None = None
-) -> Iterator[Executor]:
-    """Give an executor whose finished shifts stay in ``folder`` until the work is done.
-
-    A folder that cannot be written, or is in use, gets a line, and nothing is kept.
+    ``jobs`` is 0 for one worker a core, ``cluster`` the address of a Dask scheduler, ``keep`` the
+    folder in which a run that was stopped leaves its finished shifts.
     """
-    connect(cluster)
-    with ExitStack() as held:
-        try:
-            held.enter_context(writing(folder))
-        except StorageError as error:
-            reason = str(error).partition(";")[0]
-            progress.say(f"{reason}: should this run be stopped, its finished shifts are lost")
-            yield scratch_executor(jobs, progress.advance, cluster)
-            return
-        journal, left = ShiftJournal(folder / "shifts.jsonl"), 1
-        try:
-            yield Executor(journal, jobs, progress.advance, cluster)
-            journal.say_unfinished(progress.say)
-            left = 0
-        except BaseException as error:
-            journal.read_new()
-            left = len(journal.rows)
-            if left and isinstance(error, KeyboardInterrupt):
-                kept = f"{left} finished shifts are kept in {folder}"
-                progress.say(f"{kept}; the same command goes on from there")
-            raise
-        finally:
-            if not left:
-                shutil.rmtree(folder, ignore_errors=True)
-                with suppress(OSError):  # those of all commands, unless something else is there
-                    for path in (SHIFTS, SHIFTS.parent) if folder.parent == SHIFTS else ():
-                        path.rmdir()
+
+    jobs: int = 0
+    cluster: str | None = None
+    keep: str | Path | None = None
+    progress: Progress = SILENT
+
+    @contextmanager
+    def executor(
+        self, name: str, asked: Sequence[Any], shifts: int
+    ) -> Iterator[tuple[Executor, WorkCounter]]:
+        """Give what simulates the shifts of one question, and the counter that it counts into.
+
+        A folder that cannot be written, or is in use, gets a line, and nothing is kept.
+        """
+        connect(self.cluster)
+        # The same folder for the same question.
+        key = content_key({"asked": asked, **engine()})
+        folder = None if self.keep is None else Path(self.keep) / f"{name}-{key[:10]}"
+        with WorkCounter(self.progress, shifts) as counter, ExitStack() as held:
+            try:
+                held.enter_context(writing(folder) if folder else nullcontext())
+            except StorageError as error:
+                reason, folder = str(error).partition(";")[0], None
+                counter.say(f"{reason}: should this run be stopped, its finished shifts are lost")
+            if folder is None:
+                yield scratch_executor(self.jobs, counter.advance, self.cluster), counter
+                return
+            journal, left = ShiftJournal(folder / "shifts.jsonl"), 1
+            try:
+                yield Executor(journal, self.jobs, counter.advance, self.cluster), counter
+                journal.say_unfinished(counter.say)
+                left = 0
+            except BaseException as error:
+                journal.read_new()
+                left = len(journal.rows)
+                if left and isinstance(error, KeyboardInterrupt):
+                    kept = f"{left} finished shifts are kept in {folder}"
+                    counter.say(f"{kept}; the same command goes on from there")
+                raise
+            finally:
+                if not left:
+                    shutil.rmtree(folder, ignore_errors=True)
+                    with suppress(OSError):  # those of all commands, unless something is there
+                        for path in (SHIFTS, SHIFTS.parent) if folder.parent == SHIFTS else ():
+                            path.rmdir()

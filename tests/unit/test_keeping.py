@@ -15,7 +15,7 @@ from dogshape.diagnosis.settings import USUAL
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.diagnose.bank_diagnosis import Means, models_of
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.simulate.executor import Executor, kept_shifts, work_folder
+from dogshape.pipeline.simulate.executor import Executor, Where
 from dogshape.pipeline.store.folder import ShiftJournal, append
 from dogshape.sim.effects import load
 from dogshape.sim.statistics.blocks import Block, even_blocks
@@ -78,11 +78,11 @@ def test_a_folder_that_cannot_be_written_is_told(
 def test_the_same_command_twice_at_once_is_told(
     tmp_path: Path, quick: Quick, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = work_folder(tmp_path, "expect", "abc", 3)
-    with WorkCounter(ProgressBar(), 1) as progress, kept_shifts(folder, progress, 1) as first:
-        with kept_shifts(folder, progress, 1) as second:
+    where = Where(1, None, tmp_path, ProgressBar())
+    with where.executor("expect", ("abc", 3), 1) as (first, _):
+        with where.executor("expect", ("abc", 3), 1) as (second, _):
             assert second.journal.path != first.journal.path
-        assert folder.exists(), "the folder of the first is left alone"
+        assert first.journal.path.parent.exists(), "the folder of the first is left alone"
     assert "in use by another run" in " ".join(capsys.readouterr().err.split())
     assert not list(tmp_path.iterdir()), "what was there before stays"
 

@@ -11,8 +11,8 @@ import pytest
 from dogshape.check import ENGINE_ERROR, check_design
 from dogshape.expectation import EVERYWHERE, simulate_mean
 from dogshape.pipeline.config.study_file import find_study, load_study
+from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.train.training_rows import own_surrogate, stored_surrogate
-from dogshape.running import Where
 from dogshape.surrogate.query import other_physics
 from dogshape.surrogate.store import MissingError
 from tests.conftest import Call

@@ -9,9 +9,10 @@ from typing import Any
 import pytest
 from rich.console import Console
 
+from benchmarks.figures import key_table
 from dogshape.cli.options import emit
 from dogshape.pipeline.progress import WorkCounter
-from dogshape.pipeline.record import Bad, Record, Table, frame_of, key, key_table, tabulate
+from dogshape.pipeline.record import Bad, Record, Table, frame_of, key, tabulate
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.store.result_records import CheckRow, check_table
 from dogshape.sim.clutch_tables import validate
