@@ -190,7 +190,7 @@ def open_desk(
         surrogate = StudyFolder(roots[0]).surrogate
     found = own_surrogate(config, surrogate)
     for one in map(StudyFolder, roots):
-        if one.result.is_file() and not config.searches_operation:
+        if one.result.is_file() and set(config.shape_keys) == set(config.variables):
             read = one.stored_result()
             own = config.in_engine(read.get("engine", "drake")).physics_hash
             result = read if read.get("physics_hash") == own else result

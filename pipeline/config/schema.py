@@ -56,24 +56,11 @@ Ends = Annotated[
     Discriminator(lambda value: "a range" if isinstance(value, list) else "a number"),
 ]
 
-#: Least and largest value of keys that no value of ``sim`` checks.
-RANGES = {
-    "shift.timeout_s": (1e-3, 60.0),
-    "shift.retraction_s": (0.0, 60.0),
-    "shift.seated_tolerance_mm": (1e-4, 1.0),
-    "shift.rebound_mm": (0.0, 100.0),
-    "driveline.stiffness_Nm_rad": (1.0, 1e7),
-    "load.axial_vibration_m_s2": (0.0, 1e4),
-    "variables.chamfer_deg": (0.0, 60.0),
-    "variables.traction_deg": (-10.0, 60.0),
-    "variables.braking_deg": (-10.0, 60.0),
-    "variables.crest": (0.0, 1.0),
-    "variables.chamfer_back_deg": (0.0, 60.0),
-    "variables.backlash_mm": (0.0, 50.0),
-    "variables.mismatch_set_rpm": (-2000.0, 2000.0),
-    "variables.force_factor": (0.01, 100.0),
-    "variables.rise_factor": (0.1, 10.0),
-}
+
+def ranged(low: float, high: float, default: Any = None, *, late: bool = False) -> Any:
+    """Declare a key that no value of ``sim`` checks: its range, default, and if it came later."""
+    excluded = (lambda value: value == default) if late else None
+    return Field(default, exclude_if=excluded, json_schema_extra={"range": [low, high]})
 
 
 class Keys(Section):
@@ -143,10 +130,10 @@ class AlternatingSection(Section):
 class ShiftSection(Section):
     """When a shift is done or given up, what a retry costs, and how far a rebound goes."""
 
-    timeout_s: float = 1.0
-    retraction_s: float = 0.2
-    seated_tolerance_mm: float = 0.05
-    rebound_mm: float = 1.0
+    timeout_s: float = ranged(1e-3, 60.0, 1.0)
+    retraction_s: float = ranged(0.0, 60.0, 0.2)
+    seated_tolerance_mm: float = ranged(1e-4, 1.0, 0.05)
+    rebound_mm: float = ranged(0.0, 100.0, 1.0)
     alternating: AlternatingSection | None = later()
 
 
@@ -173,14 +160,14 @@ class ExpectationSection(Section):
 class DrivelineSection(Section):
     """Shafts between the clutch and the vehicle; for the torque peak only."""
 
-    stiffness_Nm_rad: float | None = None
+    stiffness_Nm_rad: float | None = ranged(1.0, 1e7)
 
 
 class LoadSection(keys_of(LoadCase, late=("coast_share", "run_out", "tilt", "pull_out_share"))):  # type: ignore[misc]
     """Load case of the strength checks (``sim.strength.load_case``)."""
 
     spectrum: list[Range] | None = later()
-    axial_vibration_m_s2: float = later(0.0)
+    axial_vibration_m_s2: float = ranged(0.0, 1e4, 0.0, late=True)
     release_by_itself: bool = later(True)
     faces_release: bool = later(True)
 
@@ -248,17 +235,17 @@ class VariablesSection(Section):
     ``rise_factor`` scale the shift force and its rise time (``pipeline.config.operating``).
     """
 
-    chamfer_deg: Range | None = None
-    traction_deg: Range | None = None
-    braking_deg: Range | None = None
+    chamfer_deg: Range | None = ranged(0.0, 60.0)
+    traction_deg: Range | None = ranged(-10.0, 60.0)
+    braking_deg: Range | None = ranged(-10.0, 60.0)
     height_mm: Range | None = None
     count: Annotated[list[int], Field(min_length=2, max_length=2)] | None = None
-    crest: Range | None = later()
-    chamfer_back_deg: Range | None = later()
-    backlash_mm: Range | None = later()
-    mismatch_set_rpm: Range | None = later()
-    force_factor: Range | None = later()
-    rise_factor: Range | None = later()
+    crest: Range | None = ranged(0.0, 1.0, late=True)
+    chamfer_back_deg: Range | None = ranged(0.0, 60.0, late=True)
+    backlash_mm: Range | None = ranged(0.0, 50.0, late=True)
+    mismatch_set_rpm: Range | None = ranged(-2000.0, 2000.0, late=True)
+    force_factor: Range | None = ranged(0.01, 100.0, late=True)
+    rise_factor: Range | None = ranged(0.1, 10.0, late=True)
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -363,15 +350,18 @@ class StudyFile(Section):
     surrogate: SurrogateSection = SurrogateSection()
 
     def require_ranges(self) -> None:
-        """Raise InputError for a value beyond ``RANGES``."""
-        for key, (low, high) in RANGES.items():
-            table, name = key.split(".")
-            given = getattr(getattr(self, table), name)
-            remedy = "narrow the range" if table == "variables" else "check the value and its unit"
-            remedy += f": {SCOPE}" if key.startswith("variables") and key.endswith("_deg") else ""
-            for value in given if isinstance(given, list) else [given]:
-                if value is not None:
-                    require_between(key, value, low, high, remedy)
+        """Raise InputError for a value beyond the range that its key declares."""
+        for table, section in self:
+            varied = section is self.variables
+            remedy = "narrow the range" if varied else "check the value and its unit"
+            for name, declared in getattr(type(section), "model_fields", {}).items():
+                given = getattr(section, name)
+                if given is None or not declared.json_schema_extra:
+                    continue
+                low, high = declared.json_schema_extra["range"]
+                more = f": {SCOPE}" if varied and name.endswith("_deg") else ""
+                for value in given if isinstance(given, list) else [given]:
+                    require_between(f"{table}.{name}", value, low, high, remedy + more)
 
 
 def keys_like(stem: str) -> list[str]:

@@ -86,11 +86,6 @@ class Setup:
         """The searched keys of the dog; the others say how it is operated."""
         return tuple(key for key in self.variables if key not in OPERATED)
 
-    @property
-    def searches_operation(self) -> bool:
-        """Whether set-point, force or rise time are searched too."""
-        return len(self.shape_keys) < len(self.variables)
-
     def operated(self, params: Mapping[str, float]) -> Setup:
         """Return the study as a design is operated: its own points, and limits that follow."""
         given = {key: params[key] for key in OPERATED if key in params}

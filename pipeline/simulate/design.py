@@ -28,7 +28,6 @@ from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
 from dogshape.sim.strength.manufacture import Spread
 from dogshape.sim.units import MM, suffix_of, to_si
-from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
 
@@ -288,18 +287,6 @@ def values_of(study: Setup, design: Design, found: dict[str, float] | None = Non
     """Return all objective values in the study's order, unknown ones infinitely bad."""
     known = {**exact_values(study, design), **(found or {})}
     return [known.get(o.name, o.sign * math.inf) for o in objectives_of(study)]
-
-
-def exact_losses(study: Setup, params: dict[str, float]) -> Array:
-    """Return the objectives of a dog as losses, (k,): NaN where a simulation has to say."""
-    objectives = objectives_of(study)
-    # Most follow from the dog; its checks take most of the time of a whole design.
-    if any(o.exact and o.name in SUMMARIES for o in objectives):
-        design = design_of(study, params)
-    else:
-        design = Design(params, study.dog_with(params), (), "")
-    exact = exact_values(study, design)
-    return np.array([o.sign * exact.get(o.name, math.nan) for o in objectives])
 
 
 def failing_words(margins: Sequence[Margins]) -> str:

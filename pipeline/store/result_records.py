@@ -167,6 +167,15 @@ class CheckRow(Record):
         "1", None, head="S", form=".2f",
     )  # fmt: skip
 
+    def cell(self, name: str) -> str:
+        """Print a value: the limit with its sense, what fails as ``Bad``."""
+        text, value = super().cell(name), getattr(self, name)
+        if name == "limit":
+            return f"{'≤' if self.at_most else '≥'} {text}"
+        if name == "passed" and not value:
+            return Bad("NO")
+        return Bad(text) if "margin" in name and (value or 0.0) < 0.0 else text
+
 
 def check_record(check: Check) -> dict[str, Any]:
     """Record a check as JSON takes it."""
@@ -187,21 +196,11 @@ def check_table(rows: Sequence[CheckRow], *names: str) -> Table:
         *("name", "value", "limit", "unit", "safety"),
         *("margin", "margin_worst_case", "margin_root_sum_square", "passed"),
     )
-    cells, looks = list[list[str]](), dict[int, str]()
+    cells, looks = list[Sequence[str]](), dict[int, str]()
     for group, title in GROUPS.items():
-        members = [row for row in rows if row.group == group]
-        if members:
+        if members := [row for row in rows if row.group == group]:
             looks[len(cells)] = "group"
-            cells.append([title])
-        for row in members:
-            line = [row.cell(name) for name in columns]
-            if "limit" in columns:
-                line[columns.index("limit")] = f"{'≤' if row.at_most else '≥'} {row.cell('limit')}"
-            for place, name in enumerate(columns):
-                found = getattr(row, name)
-                if (name == "passed" and not found) or ("margin" in name and (found or 0.0) < 0.0):
-                    line[place] = Bad("NO" if name == "passed" else line[place])
-            cells.append(line)
+            cells += [[title], *tabulate(CheckRow, members, *columns).rows]
     words = [k for k, n in enumerate(columns) if n in ("unit", "meaning", "formula", "source")]
     return Table(tabulate(CheckRow, (), *columns).heads, cells, looks, words)
 

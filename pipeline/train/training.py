@@ -262,8 +262,7 @@ def fill(study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, bar:
 
     InputError for a study that searches its operation, and for too few ``surrogate.mix_shifts``.
     """
-    if study.searches_operation:
-        others = [key for key in study.variables if key not in study.shape_keys]
+    if others := [key for key in study.variables if key not in study.shape_keys]:
         raise InputError(
             f"the study searches {', '.join(others)}, which the surrogate learns from a search "
             "alone; run 'dogshape study', which leaves one, or take them out of [variables]"
