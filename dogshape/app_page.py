@@ -165,13 +165,11 @@ def check_table(found: Checked) -> html.Table:
     for cells in table.rows:
         row = checks.get(cells[0])
         if row is None:
-            head = html.Td(cells[0], colSpan=len(table.heads))
-            body.append(html.Tr(head, className="group"))
+            body.append(html.Tr(html.Td(cells[0], colSpan=len(table.heads)), className="group"))
             continue
         exact: Row = {"data-check": row.name, "data-margin": repr(row.margin)}
         said = f"{row.meaning}\n{row.formula}\n{row.source}\nkey: {row.limit_key}"
         texts = [check_name(row.name), *cells[1:]]
         drawn = [html.Td(text, className="bad" if isinstance(text, Bad) else "") for text in texts]
-        kind = "" if row.passed else "failed"
-        body.append(html.Tr(drawn, title=said, className=kind, **exact))
+        body.append(html.Tr(drawn, title=said, className="failed" * (not row.passed), **exact))
     return html.Table([html.Thead(html.Tr(list(map(html.Th, table.heads)))), html.Tbody(body)])

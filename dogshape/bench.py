@@ -16,11 +16,10 @@ from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, tab
 from dogshape.pipeline.reports.text import time_text
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import BenchPoint
-from dogshape.running import Angles, receiver, require_angles
+from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.blocks import repeated
 from dogshape.sim.statistics.shift_records import clutch_record
-from dogshape.sim.units import DEG
 
 MIN_ANGLES = 3  #: of a comparison, of which a spread can be known
 FLIPPED = 1e-3  #: s, numerical error that the steps of the solver alone do not make
@@ -121,10 +120,7 @@ def validate(
     jobs, keep, progress : as in ``Study.expect``.
     """
     data = load_bench(bench, correct)
-    require_angles(angles)
-    chosen = data.relative_angles or ANGLES
-    if angles is not None:
-        chosen = angles if isinstance(angles, int) else tuple(angle * DEG for angle in angles)
+    chosen = (data.relative_angles or ANGLES) if angles is None else in_radians(angles)
     count = chosen if isinstance(chosen, int) else len(chosen)
     if angles is not None and count < MIN_ANGLES:
         raise InputError(

@@ -58,9 +58,6 @@ def write_data_sheet(one: NamedDesign, path: str | Path, block: Mapping[str, str
 
 #: Tables of a study file that shifts do not depend on, or that the dog itself is.
 APART = ("name", "format", "dog", "variables", "search", "surrogate", "expectation")
-PARAMETERS = (
-    "static_friction", "dynamic_friction", "stiction_velocity", "stiffness", "dissipation",
-)  # fmt: skip
 
 
 @dataclass(frozen=True, repr=False)
@@ -117,10 +114,10 @@ def compare(*names: str) -> SideBySide:
     if sets:
         found = []
         for contact in (CONTACT_SETS[name] for name in sets):
-            own = {"label": contact.name} | {key: getattr(contact, key) for key in PARAMETERS}
-            if contact.impact is not None:  # in the place of its layer
-                own |= {name: None for name, _ in IMPACT_LAYER} | {"impact": vars(contact.impact)}
-            found.append(own)
+            own = dict(vars(contact))
+            if (law := own.pop("impact")) is not None:  # in the place of its layer
+                own |= {**dict.fromkeys(dict(IMPACT_LAYER)), "impact": vars(law)}
+            found.append({"label": own.pop("name"), **own})
         return SideBySide("contact_sets", tuple(found))
     designs = [named_design(name) for name in names]
     records = [record_of(one)[0] for one in designs]

@@ -35,7 +35,7 @@ from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quanti
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
-from dogshape.running import Angles, receiver, require_angles
+from dogshape.running import Angles, in_radians, receiver
 from dogshape.sim.errors import DataError, DogshapeError, InputError, require_between
 from dogshape.sim.statistics.blocks import even_blocks, numerical_error, repeated
 from dogshape.sim.statistics.expectation import NO_TIME
@@ -44,6 +44,7 @@ from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.texts import read_table
 from dogshape.sim.units import DEG, RPM
 
+TIME = "expected_shift_time_s"
 LABELS = ("draw", "hypothesis")  #: columns of draws that are no keys
 TAILS = 0.05, 0.95  #: of the interval over draws
 MIN_ANGLES = 3  #: at an operating point of a draw, of which fewer tell no error
@@ -159,16 +160,14 @@ def simulate_mean(
     config = config.working
     clutch, settings = config.clutch, config.file.expectation
     require_makeable(clutch.dog, config.limits.manufacturing)
-    require_angles(angles)
     if place[2] is not None and place[1] is None:
         raise InputError("--force-rise-s goes with one operating point; give its speed and force")
     points = points_of(config, place, OWN_RISE)
     if precision is not None and angles is not None:
         raise InputError("--precision finds the number of angles itself; leave out --angles")
     asked = config.config_hash, *place, angles, precision
-    given = settings.angles if angles is None else angles
-    asked_at = given if isinstance(given, int) else [angle * DEG for angle in given]
-    blocks = even_blocks(clutch, points, asked_at, settings.seed, uncertainty=config.uncertainty)
+    given = in_radians(settings.angles if angles is None else angles)
+    blocks = even_blocks(clutch, points, given, settings.seed, uncertainty=config.uncertainty)
     shifts = sum(len(block.angles) for block in blocks)
     shifts += repeated(shifts)
     if precision is not None:
@@ -224,14 +223,12 @@ class DrawnExpectation(Result):
         """Give mean, interval, and the time of each draw."""
         low, high = self.interval_s
         sd = float(self.times.std(ddof=1)) if len(self.times) > 1 else 0.0
-        times = {
-            "expected_shift_time_s": float(self.times.mean()), "low_s": low, "high_s": high,
-            "sd_s": sd, "standard_error_of_one_s": self.error_s,
-        }  # fmt: skip
+        times = {TIME: float(self.times.mean()), "low_s": low, "high_s": high, "sd_s": sd}
         return {
             "engine": self.studies[0].clutch.solver.engine,
             "draws": len(self.times),
             **{key: number_or_none(time) for key, time in times.items()},
+            "standard_error_of_one_s": number_or_none(self.error_s),
             "times_s": [number_or_none(time) for time in self.times.tolist()],
         }
 
@@ -239,8 +236,7 @@ class DrawnExpectation(Result):
         """Give a row for each draw: time and standard error."""
         import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-        times = {"expected_shift_time_s": self.times, "standard_error_s": self.errors}
-        return pd.DataFrame(times)
+        return pd.DataFrame({TIME: self.times, "standard_error_s": self.errors})
 
 
 def expect_draws(

@@ -240,9 +240,8 @@ def _judge_together(study: Setup, names: Sequence[str], x: Array) -> pd.DataFram
 
 def _dogs(study: Setup, names: Sequence[str], x: Array) -> Dogs:
     """Give designs in edge units as dogs, what is not named from the study's dog."""
-    shapes = si_fields(dict(zip(names, x.T, strict=True)))
     own = {f.name: getattr(study.clutch.dog, f.name) for f in fields(Dog)}
-    return Dogs(**(own | shapes))
+    return Dogs(**(own | si_fields(dict(zip(names, x.T, strict=True)))))
 
 
 def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from dogshape.pipeline.config.study_file import OWN_RISE, Place, Setup, points_of
 from dogshape.pipeline.record import Figure, Frame, Result, Table
@@ -17,12 +17,12 @@ from dogshape.pipeline.reports.shift_page import (
     write_animation,
 )
 from dogshape.pipeline.reports.text import ENGINES, time_text
-from dogshape.running import require_angles
+from dogshape.running import in_radians
 from dogshape.sim.files import write_frame
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.statistics.blocks import engage, events_record, loads_record, shaft_record
 from dogshape.sim.strength.manufacture import require_makeable
-from dogshape.sim.units import DEG, RPM
+from dogshape.sim.units import RPM
 
 #: Largest mismatch in 1/min and force in N of the table of checked shifts (``docs/proof.md``).
 CHECKED_RPM, CHECKED_N = 1000.0, 3000.0
@@ -149,8 +149,8 @@ def simulate_shift(config: Setup, place: Place, angle_deg: float, all_dogs: bool
     require_makeable(config.clutch.dog, config.limits.manufacturing)
     clutch = replace(config.clutch, solver=replace(config.clutch.solver, all_dogs=all_dogs))
     (point,) = points_of(config, place, OWN_RISE)
-    require_angles([angle_deg])
-    result = engage(clutch, point, angle_deg * DEG)
+    (angle,) = cast("tuple[float]", in_radians([angle_deg]))
+    result = engage(clutch, point, angle)
     chaotic = result.events.slots_skipped > 0 or result.events.face_contacts > 1
-    refined = engage(clutch.refined(), point, angle_deg * DEG) if chaotic else None
+    refined = engage(clutch.refined(), point, angle) if chaotic else None
     return Shift(config, result, config.torque_peak(result), refined)

@@ -66,8 +66,7 @@ def run_study(study: Setup, how: Run) -> Record:
     with writing(folder.root):
         folder.open(study, how.resume)
         with kept(how.storage, folder):
-            search = open_search(study.working, folder, how.storage, how.resume)
-            result = _searched(search, how)
+            result = _searched(open_search(study.working, folder, how.storage, how.resume), how)
         if result["n_simulated_designs"] >= MIN_DESIGNS:
             _learn(study, folder, result, say)
         else:
@@ -120,8 +119,7 @@ def _searched(search: Search, how: Run) -> Record:
     if search.sharing is not None:
         searched = search.read()  # with what the others told meanwhile
     confirmed = searched.renew(trial for trial in state.trials if trial.confirmed)
-    rows = [row for trial in confirmed.simulated for row in trial.rows]
-    write_json(folder.rows, {"rows": rows})
+    write_json(folder.rows, {"rows": [row for trial in confirmed.simulated for row in trial.rows]})
     result = collect(searched, journals[1])
     if confirmation is not None:
         known = {trial.number: row_of(state, trial) for trial in state.trials}

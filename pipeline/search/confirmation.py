@@ -105,10 +105,9 @@ def confirm(
     state, study, found = searched, searched.study, dict[int, Simulated]()
     prototype, most = list[Simulated](), study.file.search.confirm_designs
     while trials := [t for t in state.front if not t.confirmed][: max(0, most - len(found))]:
-        line = f"confirming prototype and {len(trials)} of the front at new angles"
-        if found:
-            line = f"confirming {len(trials)} more that the new angles put on the front"
-        say(line)
+        front = f"prototype and {len(trials)} of the front at new angles"
+        more = f"{len(trials)} more that the new angles put on the front"
+        say(f"confirming {more if found else front}")
         named = {} if found else {"the prototype": study.prototype}
         named |= {f"design {trial.number}": trial.params for trial in trials}
         new = _resimulated(study, named, executors)
@@ -301,13 +300,11 @@ def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:
     both = [(result_of(mine), result_of(drake)) for mine, drake in pairs]
     same = sum(mine.outcome is drake.outcome for mine, drake in both)
     every = [(mine.shift_time, drake.shift_time) for mine, drake in both]
-    times = np.array(every, dtype=float).reshape(-1, 2)
-    times = times[np.isfinite(times).all(axis=1)]
-    apart, sizes, drakes = times[:, 0] - times[:, 1], np.zeros(1), 1.0
-    if len(times):
-        sizes, drakes = np.abs(apart) / times[:, 1], float(times[:, 1].mean())
-    deviation = float(apart.mean()) / drakes if len(times) else 0.0
-    error = float(apart.std(ddof=1)) / len(apart) ** 0.5 / drakes if len(apart) > 1 else 0.0
+    known = [times for times in every if None not in times] or [(1.0, 1.0)]
+    times = np.array(known, dtype=float)
+    apart, mean = times[:, 0] - times[:, 1], float(times[:, 1].mean())
+    sizes, deviation = np.abs(apart) / times[:, 1], float(apart.mean()) / mean
+    error = float(apart.std(ddof=1)) / len(apart) ** 0.5 / mean if len(apart) > 1 else 0.0
     expected = FLIPS * len(pairs)
     alike = len(pairs) - same <= max(1.0, expected + SURE * math.sqrt(expected))
     return EngineAgreement(

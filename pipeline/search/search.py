@@ -119,8 +119,7 @@ def _propose(search: Search) -> int | None:
         params = search.study.prototype if own else search.sampler.propose(known)
         if params is None:
             return None
-        space, marked = Space(search.study.variables), {PROTOTYPE: True} if own else {}
-        trial = space.trial(params, **marked)
+        trial = Space(search.study.variables).trial(params, **({PROTOTYPE: True} if own else {}))
         trial_id = study._storage.create_new_trial(study._study_id, trial)
     if search.sharing is not None:
         search.sharing.add(trial_id)
@@ -172,8 +171,8 @@ def _status(state: SearchState) -> str:
 def sampler_of(study: Setup) -> SurrogateSampler:
     """Make the sampler of a study; InputError where no design passes."""
     search = study.file.search
-    learns = search.sampler == "surrogate"
-    startup = max(search.startup, MIN_DESIGNS) if learns else search.trials
+    filling = search.sampler == "space_filling"
+    startup = search.trials if filling else max(search.startup, MIN_DESIGNS)
     return SurrogateSampler(Guide(study), search.seed, startup)
 
 

@@ -101,8 +101,7 @@ class SearchState:
     @cached_property
     def designs(self) -> Mapping[int, Design]:
         """Designs with all of their checks, by trial."""
-        study = self.study
-        return {t.number: design_of(study, t.params, t.measured) for t in self.trials}
+        return {t.number: design_of(self.study, t.params, t.measured) for t in self.trials}
 
     @cached_property
     def simulated(self) -> tuple[Trial, ...]:
@@ -112,8 +111,7 @@ class SearchState:
     @cached_property
     def feasible(self) -> tuple[Trial, ...]:
         """Simulated designs that pass every check and that the engines agree on."""
-        designs = self.designs
-        return tuple(t for t in self.simulated if designs[t.number].feasible and t.judged)
+        return tuple(t for t in self.simulated if self.designs[t.number].feasible and t.judged)
 
     @cached_property
     def losses(self) -> Mapping[int, Array]:

@@ -208,10 +208,8 @@ def failures(shifts: Iterable[Shift]) -> dict[str, int]:
 
 def _as_searched(study: Setup, operation: Mapping[str, float], rows: Rows) -> list[Shift]:
     """Rewrite shifts as the search sees them: operation is a variable, points are the study's."""
-    keys = [key for key in study.variables if key in OPERATED]
-    if not keys:
-        return [shift for mine in rows for shift in mine]
-    own = {key: operation.get(key, study.prototype[key]) for key in keys}
+    known = {**study.prototype, **operation}
+    own = {key: known[key] for key in study.variables if key in OPERATED}
     return [
         {**shift, "mismatch_rpm": point.mismatch / RPM, **point.profile.record, **own}
         for point, mine in zip(study.points, rows, strict=True)

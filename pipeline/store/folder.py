@@ -210,8 +210,7 @@ def comparable(file: StudyFile) -> dict[str, Any]:
 def differing(before: Any, now: Any, name: str = "") -> list[str]:
     """List the differences of two configurations, a key with both of its values each."""
     if isinstance(before, dict) and isinstance(now, dict):
-        keys = sorted({*before, *now})
-        inner = ((key, f"{name}.{key}" if name else key) for key in keys)
+        inner = ((key, f"{name}.{key}".lstrip(".")) for key in sorted({*before, *now}))
         return [one for k, n in inner for one in differing(before.get(k), now.get(k), n)]
     old, new = ("not given" if v is None else json.dumps(v, default=str) for v in (before, now))
     return [] if before == now else [f"{name} was {old} and is now {new}"]

@@ -131,7 +131,10 @@ def _just_beyond(study: Setup, design: Values) -> bool:
 
 @dataclass(frozen=True)
 class Job:
-    """A design with the number of its angles at each point, and the draw of the even ones."""
+    """A design with the number of its angles at each point, and the draw of the even ones.
+
+    Each ``index`` of a part has angles of its own: common ones err like a bias.
+    """
 
     design: Values
     angles: int
@@ -157,11 +160,6 @@ class Job:
         """Hash what tells the design's shifts from all others."""
         first = [[block.first_key, len(block.angles)] for block in self.blocks(study)]
         return content_key({"blocks": first, "halved": list(self.rounds(study)), **engine()})
-
-
-def jobs_of(designs: Sequence[Values], angles: int, seed: int) -> list[Job]:
-    """List the jobs of designs, each with angles of its own: common ones err like a bias."""
-    return [Job(design, angles, seed, index) for index, design in enumerate(designs)]
 
 
 def simulate_designs(
@@ -201,8 +199,7 @@ def _shifts(study: Setup, jobs: Sequence[Job], executor: Executor) -> list[list[
         for block, shifts in zip(blocks, found, strict=True):
             angles = halves(*_phases_and_times(shifts), count) * block.clutch.dog.pitch_angle
             nearer.append(replace(block, angles=tuple(angles.tolist())))
-        more = executor.run(nearer)
-        found = [[*before, *new] for before, new in zip(found, more, strict=True)]
+        found = [[*old, *new] for old, new in zip(found, executor.run(nearer), strict=True)]
     size = len(study.points)
     return [found[k : k + size] for k in range(0, len(found), size)]
 
@@ -281,7 +278,8 @@ def fill(study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, bar:
             executor = Executor(journal, jobs, counter.advance, cluster)
 
             def simulate(part: str, designs: Sequence[Values], angles: int, apart: int = 0) -> None:
-                some = jobs_of(designs, angles, settings.seed + apart)
+                seed = settings.seed + apart
+                some = [Job(one, angles, seed, index) for index, one in enumerate(designs)]
                 simulate_designs(working, path, part, some, executor)
 
             own = own_designs(working)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -17,10 +18,10 @@ from dogshape.pipeline.train.training import (
     LEAST_SHIFTS,
     MOST_DESIGNS,
     SLACK,
+    Job,
     angles_of,
     count_of,
     filling_designs,
-    jobs_of,
     own_designs,
     simulate_designs,
     simulated_data,
@@ -91,12 +92,12 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
     each = angles * len(study.points)
     assert each >= LEAST_SHIFTS
     assert count_of(study) == 50_000 // each
-    (job,) = jobs_of([study.prototype], angles, 3)
+    job = Job(study.prototype, angles, 3, 0)
     blocks = job.blocks(study.working)
     assert {len(block.angles) for block in blocks} == {angles // 2}
     assert sum(job.rounds(study)) == angles // 2
     assert {block.clutch.solver.engine for block in blocks} == {"planar"}
-    other = jobs_of([study.prototype] * 2, angles, 3)[1]
+    other = replace(job, index=1)
     assert not {b.angles[0] for b in blocks} & {b.angles[0] for b in other.blocks(study.working)}
 
 
@@ -112,8 +113,9 @@ def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -
 def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_path: Path) -> None:
     """Half of a design's angles are where its times jump: they say what many even ones say."""
     study, path = load_study("mq200_paper", EIGHT).working, tmp_path / "simulated.jsonl"
-    jobs = jobs_of([study.prototype, {**study.prototype, "chamfer_deg": 7.5}], 32, 1)
-    (even,) = jobs_of([study.prototype], 31, 5)  # below 32 fewer halve intervals
+    own, less = study.prototype, {**study.prototype, "chamfer_deg": 7.5}
+    jobs = [Job(own, 32, 1, 0), Job(less, 32, 1, 1)]
+    even = Job(own, 31, 5, 0)  # below 32 fewer halve intervals
     counted: list[int] = []
     executor = scratch_executor(1, lambda done, known: counted.append(done - known))
     simulate_designs(study, path, "some", jobs[:1], executor)
