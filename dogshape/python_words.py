@@ -7,15 +7,13 @@ import re
 from collections.abc import Callable
 from contextvars import ContextVar
 from functools import wraps
-from typing import ParamSpec, TypeVar
+from typing import Any, TypeVar
 
 from dogshape.sim.errors import DogshapeError, InputError
 
 #: Whether errors keep the options of the command line, which asks by the same verbs.
 KEEPS_OPTIONS: ContextVar[bool] = ContextVar("KEEPS_OPTIONS", default=False)
 
-P = ParamSpec("P")
-R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
 #: Patterns of the command line's words and what they are in Python, in this order.
@@ -39,12 +37,12 @@ WORDS = (
 )
 
 
-def in_python(verb: Callable[P, R]) -> Callable[P, R]:
+def in_python(verb: Callable[..., Any]) -> Callable[..., Any]:
     """Wrap a verb: text for a number is refused, and errors name arguments."""
     kinds = {name: str(one.annotation) for name, one in inspect.signature(verb).parameters.items()}
 
     @wraps(verb)
-    def called(*args: P.args, **kwargs: P.kwargs) -> R:
+    def called(*args: Any, **kwargs: Any) -> Any:
         try:
             for name, value in kwargs.items():
                 text = re.search(r"\b(str|Path|Any)\b", kinds.get(name, "str"))

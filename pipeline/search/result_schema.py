@@ -41,12 +41,8 @@ class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
     smallest_margin: float | None = key("smallest margin of all checks at nominal size", "1")
     weakest_check: str = key("check with the smallest margin; `geometry` if no dog has the shape")
     margins: dict[str, float] = key("margin to the limit, by check", "1")
-    expected_shift_time_s: float | None = key(
-        "mean shift time over the operating points, retries included", "s"
-    )
-    standard_errors: dict[str, float | None] = key(
-        "standard error of each objective that is an estimate, in its unit"
-    )
+    expected_shift_time_s: float | None = key("mean over operating points, retries included", "s")
+    standard_errors: dict[str, float | None] = key("of each estimated objective, in its unit")
     standard_error_s: float | None = key("standard error of the expected shift time", "s")
     points: int = key("operating points that were simulated")
     shifts: int = key("shifts that were simulated")
@@ -57,9 +53,7 @@ class DesignRow(DesignKeys):  # type: ignore[misc, valid-type]
     )
     margin_worst_case: float | None = key("smallest margin with all tolerances at worst", "1")
     weakest_check_worst_case: str | None = key("check with that margin", late=True)
-    margin_root_sum_square: float | None = key(
-        "smallest margin with tolerances added as root of the sum of squares", "1"
-    )
+    margin_root_sum_square: float | None = key("smallest margin by root sum of squares", "1")
     time_within_tolerances: ToleranceTime | None = key(
         "change of the expected shift time within tolerances; null without a surrogate"
     )
@@ -102,17 +96,10 @@ class Confirmation(Record):
     )
     best: ConfirmedDesign = key("the chosen design")
     designs: list[ConfirmedDesign] = key("all designs, in the order of the search")
-    shapes: list[OtherShape] | None = key(
-        "the chosen design with features of shape that it has not", "", None
-    )
-    left_out: list[int] = key(
-        "trials that no other beats, beyond `search.confirm_designs`: not confirmed, not on the "
-        "front"
-    )
+    shapes: list[OtherShape] | None = key("the chosen design with other features", "", None)
+    left_out: list[int] = key("undominated trials beyond `search.confirm_designs`, not confirmed")
     gain_s: float | None = key(
-        "expected shift time of the prototype less that of the chosen design; null where one has "
-        "none, or both are the same design",
-        "s",
+        "prototype's time less the chosen design's; null where one has none or both are one", "s"
     )
     gain_standard_error_s: float | None = key("standard error of `gain_s`", "s")
     gain_share: float | None = key("gain over the time of the prototype", SHARE)
@@ -144,9 +131,8 @@ class StudyRecord(Record):
         "drift of the chosen design over its life; null for a study without `[wear]`", "", None
     )
     audit: EngineAgreement | None = key(
-        "agreement of Drake on random shifts of the search; null where one engine did all",
-        *("", None),
-    )  # fmt: skip
+        "agreement of Drake on random shifts; null where one engine did all", "", None
+    )
     surrogate: Validation | None = key("validation of the surrogate; null without one")
     versions: dict[str, str] = key("versions of the programs that the result depends on")
     config_hash: str = key("hash of the study file as it was run")

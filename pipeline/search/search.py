@@ -42,7 +42,6 @@ from dogshape.sim.versions import engine
 from dogshape.surrogate.model import MIN_DESIGNS
 
 WAIT = 0.5  #: s between looks at what other machines do
-BEGUN = (TrialState.RUNNING, TrialState.COMPLETE)
 OTHER = "give the study another name or use another storage"  #: remedy
 
 AfterRound = Callable[[str, SearchState], None]  #: called with a line for people, and the state
@@ -101,7 +100,7 @@ def next_round(search: Search) -> list[FrozenTrial]:
     else:
         with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
             fail_stale_trials(search.optuna)
-    begun = len(search.trials(*BEGUN))
+    begun = len(search.trials(TrialState.RUNNING, TrialState.COMPLETE))
     size = -begun % settings.batch if ids else settings.batch
     for _ in range(begun, min(begun + size, settings.trials)):
         if (trial_id := _propose(search)) is None:

@@ -53,9 +53,7 @@ class QuantileRow(Record):
 class PointRow(Record):
     """An operating point of an expected shift time."""
 
-    mismatch_rpm: float = key(
-        "speed of ring against ring before the shift", "1/min", head="mismatch, 1/min"
-    )
+    mismatch_rpm: float = key("mismatch before the shift", "1/min", head="mismatch, 1/min")
     force_N: float = key("final shift force", "N", head="force, N", form=".1f")
     mean_s: float | None = key(
         "mean shift time, retries included; null where fewer than half of the shifts engage",
@@ -97,9 +95,7 @@ class ExpectedTime(Record):
         "mean shift time over the operating points; null where too few shifts engage", "s"
     )
     standard_error_s: float | None = key("its standard error", "s")
-    numerical_error_s: float | None = key(
-        "its numerical error by a finer integration; null where it was not computed", "s"
-    )
+    numerical_error_s: float | None = key("by finer integration; null where not computed", "s")
     engages: bool = key("whether at least half of the shifts engage at each operating point")
     engaged: float = key("least share of the shifts that engaged at a point", SHARE)
     mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s", late=True)
@@ -136,9 +132,7 @@ class CheckRow(Record):
     """A check of a design against its limit."""
 
     name: str = key("name of the check", head="check")
-    value: float | None = key(
-        "value that is checked, in `unit`; null where it is infinite", head="value"
-    )
+    value: float | None = key("checked value, in `unit`; null where infinite", head="value")
     limit: float = key("limit, in `unit`", head="limit")
     unit: str = key("unit of value and limit", head="unit")
     margin: float | None = key(
@@ -210,13 +204,9 @@ class EngineAgreement(Record):
 
     shifts: int = key("shifts that both engines simulated")
     outcome_same: int = key("shifts that end as in Drake")
-    median_deviation: float = key(
-        "median size of the deviation of a shift's time from Drake's", "1"
-    )
+    median_deviation: float = key("median size of a shift time's deviation from Drake's", "1")
     worst_deviation: float = key("largest size of that deviation", "1")
-    mean_deviation: float = key(
-        "mean time less Drake's, over Drake's; shifts that engage in both", "1"
-    )
+    mean_deviation: float = key("mean time less Drake's over Drake's, if both engage", "1")
     standard_error: float = key("standard error of `mean_deviation`", "1")
     agrees: bool = key("whether the engines agree (`docs/search.md`)")
 
@@ -237,15 +227,9 @@ class BenchPoint(Record):
     mismatch_rpm: float = key("mismatch before the shift", "1/min", head="mismatch, 1/min")
     force_N: float = key("final shift force", "N", head="force, N", form=".1f")
     bench_s: float | None = key("mean time on the bench", "s", head="bench, ms", **IN_MS)
-    simulated_s: float | None = key(
-        "mean simulated time of the shifts that engaged", "s", head="simulated, ms", **IN_MS
-    )
-    standard_error_s: float | None = key(
-        "standard error of the difference", "s", head="s.e., ms", **IN_MS
-    )
-    z: float | None = key(
-        "bench less simulated over the standard error", "1", head="z", form="+.1f"
-    )
+    simulated_s: float | None = key("mean of engaged shifts", "s", head="simulated, ms", **IN_MS)
+    standard_error_s: float | None = key("s.e. of the difference", "s", head="s.e., ms", **IN_MS)
+    z: float | None = key("bench less simulated over standard error", "1", head="z", form="+.1f")
     engaged: float = key("simulated share that engaged", SHARE, head="engaged", form=".0%")
     n: int = key("simulated shifts", head="n", form="d")
 
