@@ -70,9 +70,7 @@ class OtherShape(Record):
     """The chosen design with a feature of shape that it has not, at the same new angles."""
 
     shape: str = key("what differs")
-    expected_shift_time_s: float | None = key(
-        "mean shift time over the operating points; null where too few shifts engage", "s"
-    )
+    expected_shift_time_s: float | None = key("mean shift time; null where too few engage", "s")
     standard_error_s: float | None = key("its standard error", "s")
     feasible: bool = key("whether it passes every check")
 

@@ -72,18 +72,12 @@ class ConfirmedDesign(ExpectedTime):
     trial: int | None = key("number of the trial; in `designs` alone", "", None)
     estimates: dict[str, Estimate] = key("simulated objectives, by name")
     checks: list[CheckRow] = key("all checks, the hardest landing among them")
-    drake: EngineAgreement | None = key(
-        "agreement of Drake at some of the same angles; null where one engine did all", "", None
-    )
-    searched: Estimate | None = key(
-        "leading objective by the search, in its unit; in `designs` alone", "", None
-    )
+    drake: EngineAgreement | None = key("agreement of Drake; null where one engine ran", "", None)
+    searched: Estimate | None = key("leading objective by the search; in `designs` alone", "", None)
     errors_apart: float | None = key(
         "new angles less search, over their combined standard error; in `designs` alone", "", None
     )
-    agrees: bool | None = key(
-        "whether these are at most 3 standard errors apart; in `designs` alone", "", None
-    )
+    agrees: bool | None = key("whether `errors_apart` is at most 3; in `designs` alone", "", None)
 
 
 class Confirmation(Record):
@@ -120,16 +114,12 @@ class StudyRecord(Record):
     )
     trials: list[DesignRow] = key("all designs, by trial")
     n_simulated_designs: int = key("different designs that were simulated")
-    n_simulated_shifts: int = key(
-        "shifts behind the designs of the search and of the confirmation, of both engines"
-    )
+    n_simulated_shifts: int = key("shifts of search and confirmation, of both engines")
     failed_shifts: dict[str, int] = key(
         "shifts that failed in the solver, by reason; of a confirmation those that are kept"
     )
     confirmation: Confirmation | None = key("confirmation; null until the search has ended")
-    life: list[LifeStage] | None = key(
-        "drift of the chosen design over its life; null for a study without `[wear]`", "", None
-    )
+    life: list[LifeStage] | None = key("drift over the life; null without `[wear]`", "", None)
     audit: EngineAgreement | None = key(
         "agreement of Drake on random shifts; null where one engine did all", "", None
     )

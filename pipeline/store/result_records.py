@@ -24,8 +24,7 @@ class Shiftability(Record):
     direct: float = key("share of the shifts that enter a slot without touching a face", SHARE)
     direct_interval: list[float] = key("ends of its interval", SHARE)
     by_angle: list[list[int]] = key(
-        "shifts in equal bins of the relative angle over a pitch, from dogs facing dogs: direct, "
-        "engaged after face contact, not engaged"
+        "shifts by bin of a pitch, from dogs facing dogs: direct, after face contact, not engaged"
     )
 
     @classmethod
@@ -56,9 +55,8 @@ class PointRow(Record):
     mismatch_rpm: float = key("mismatch before the shift", "1/min", head="mismatch, 1/min")
     force_N: float = key("final shift force", "N", head="force, N", form=".1f")
     mean_s: float | None = key(
-        "mean shift time, retries included; null where fewer than half of the shifts engage",
-        *("s",), head="mean, ms", scale=1e3, form=".2f",
-    )  # fmt: skip
+        "mean with retries; null if under half engage", "s", head="mean, ms", scale=1e3, form=".2f"
+    )
     mean_engaged_s: float | None = key("mean time of the shifts that engaged", "s")
     standard_error_s: float | None = key(
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
@@ -67,9 +65,7 @@ class PointRow(Record):
     engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form=".0%")
     n: int = key("number of shifts", head="n", form="d")
     held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
-    shiftability: Shiftability | None = key(
-        "how shifts enter; null without any, absent in earlier versions", "", None
-    )
+    shiftability: Shiftability | None = key("how shifts enter; null without any", late=True)
 
     @classmethod
     def of(cls, p: PointExpectation) -> PointRow:
@@ -91,9 +87,7 @@ class PointRow(Record):
 class ExpectedTime(Record):
     """Expected shift time over operating points and relative angles."""
 
-    expected_shift_time_s: float | None = key(
-        "mean shift time over the operating points; null where too few shifts engage", "s"
-    )
+    expected_shift_time_s: float | None = key("mean shift time; null where too few engage", "s")
     standard_error_s: float | None = key("its standard error", "s")
     numerical_error_s: float | None = key("by finer integration; null where not computed", "s")
     engages: bool = key("whether at least half of the shifts engage at each operating point")
@@ -153,9 +147,8 @@ class CheckRow(Record):
         "margin with tolerances as root of the sum of squares", "1", None, head="rss", form=".0%"
     )
     ends: str | None = key(
-        "ends of ranges in the study file at which the margin is smallest; absent without ranges",
-        *("", None),
-    )  # fmt: skip
+        "ends of ranges at which the margin is smallest; absent without ranges", "", None
+    )
     safety: float | None = key(
         "safety factor, upper limit of a stress or force over its value; null for other checks",
         "1", None, head="S", form=".2f",
