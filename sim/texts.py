@@ -11,7 +11,7 @@ import codecs
 import csv
 import re
 import tomllib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -104,6 +104,17 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise InputError(f"{path} is not valid TOML: {error}; correct the line") from error
     except DataError as error:
         raise InputError(f"{path} is not valid TOML: {error}; save it as UTF-8") from error
+
+
+def place_of(tables: Any, key: str) -> tuple[Any, str]:
+    """Return the table that holds a dotted key, made where it is missing, and the last name."""
+    *names, last = key.split(".")
+    for name in names:
+        tables = tables.setdefault(name, {})
+        if not isinstance(tables, Mapping):
+            fault = f"{key} cannot be set: {name} is a value and not a table"
+            raise InputError(f"{fault}; check the key")
+    return tables, last
 
 
 def read_table(path: Path, numeric: Iterable[str], names: Iterable[str] = ()) -> TextTable:

@@ -46,7 +46,7 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
-from dogshape.sim.texts import read_toml
+from dogshape.sim.texts import place_of, read_toml
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
@@ -282,13 +282,7 @@ def pair_of(text: str) -> tuple[str, Any]:
 
 def override(data: dict[str, Any], key: str, value: Any) -> None:
     """Set a dotted key of a study file's tables; None takes it out."""
-    *tables, last = key.split(".")
-    table = data
-    for name in tables:
-        table = table.setdefault(name, {})
-        if not isinstance(table, dict):
-            wrong = f"--set {key}={value}: {name} is a value and not a table"
-            raise InputError(f"{wrong}; check the key")
+    table, last = place_of(data, key)
     if value is not None:
         table[last] = value
     elif last in table:

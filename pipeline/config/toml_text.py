@@ -14,6 +14,7 @@ import tomlkit
 from tomlkit.items import Item, Table
 
 from dogshape.sim.errors import InputError
+from dogshape.sim.texts import place_of
 
 WIDE = 86  #: characters of a line of comment
 SOURCE = "source:"
@@ -70,19 +71,14 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
     """
     document = tomlkit.parse(text)
     for key, value in values.items():
-        *tables, name = key.split(".")
-        table: Any = document
-        for one in tables:
-            table = table.setdefault(one, tomlkit.table())
-            if not isinstance(table, Mapping):
-                raise InputError(f"{key} cannot be set: {one} is a value and not a table")
+        table, name = place_of(document, key)
         there = table.get(name)
         if value is None and name not in table:
             raise InputError(f"there is no key {key} to take out; check the key, or leave it out")
         if value is None:
             table.remove(name)
         elif there != value:
-            whole = isinstance(value, Mapping) and (not tables or isinstance(there, Table))
+            whole = isinstance(value, Mapping) and ("." not in key or isinstance(there, Table))
             table[name] = tomlkit.item(dict(value)) if whole else _item(value, lines=True)
             _drop_source(table[name])
         if there != value:

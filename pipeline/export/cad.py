@@ -12,6 +12,7 @@ import io
 import itertools
 import math
 import re
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -88,8 +89,8 @@ def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
     there = corners[0].lines(1)[:1].turned(dog.pitch_angle).at(dog.inner_radius)[0]
     x, y, _ = here / math.hypot(*here[:2]) + there / math.hypot(*there[:2])
     stop = math.atan2(y, x)
-    shell = cad.Shell(_toothed_side(dog, root_radius, stop))
-    halves = _sector(dog, body, stop).split(shell, keep=cad.Keep.ALL)
+    shell = cad.Shell(_toothed_side(cad, dog, corners, stop))
+    halves = _sector(cad, dog, body, stop).split(shell, keep=cad.Keep.ALL)
     pitch = min(halves, key=lambda half: half.center().Z)
     faces = []
     for face in pitch.faces():  # but those of the cuts
@@ -101,9 +102,8 @@ def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
     return cad.Solid(cad.Shell(turned)).clean()
 
 
-def _toothed_side(dog: Dog, root_radius: float, stop: float) -> list[Any]:
+def _toothed_side(cad: Any, dog: Dog, corners: Sequence[Corner], stop: float) -> list[Any]:
     """Return the faces of one pitch, floor to floor, a little larger than the annulus."""
-    corners = dog_corners(dog, root_radius)
     level = np.array([[0.0, 0.0, -0.5 * dog.height]])
     rays = []
     # The floors reach a little beyond the cut as well.
@@ -120,11 +120,11 @@ def _toothed_side(dog: Dog, root_radius: float, stop: float) -> list[Any]:
             _Edge(line, *(line.points[0] + way * line.directions[0] for way in ways))
             for line in (lines[:1], lines[-1:])
         )
-        faces.append(_plane(dog, edges[-1], begin))
+        faces.append(_plane(cad, dog, edges[-1], begin))
         if corner.radius:
-            faces.append(_cylinder(corner, begin, end))
+            faces.append(_cylinder(cad, corner, begin, end))
         edges.append(end)
-    return [*faces, _plane(dog, edges[-1], last)]
+    return [*faces, _plane(cad, dog, edges[-1], last)]
 
 
 class _Edge(NamedTuple):
@@ -139,9 +139,8 @@ def _beyond(dog: Dog) -> tuple[float, float]:
     return dog.inner_radius - BEYOND, dog.outer_radius + BEYOND
 
 
-def _plane(dog: Dog, here: _Edge, there: _Edge) -> Any:
+def _plane(cad: Any, dog: Dog, here: _Edge, there: _Edge) -> Any:
     """Return the plane face between two edges; many points keep its ends off the annulus."""
-    cad = load_cad()
     ends = _beyond(dog)
     lines = between(here.line, there.line, ends, STEP)
     inner, outer = ([*lines.at(radius)] if len(lines.points) else [] for radius in ends)
@@ -149,9 +148,8 @@ def _plane(dog: Dog, here: _Edge, there: _Edge) -> Any:
     return cad.Face(cad.Wire.make_polygon([_mm(point) for point in points], close=True))
 
 
-def _cylinder(corner: Corner, begin: _Edge, end: _Edge) -> Any:
+def _cylinder(cad: Any, corner: Corner, begin: _Edge, end: _Edge) -> Any:
     """Return the cylinder of a corner: an arc across its axis, drawn along it."""
-    cad = load_cad()
     middle = corner.radius * corner.normals(np.array([0.5]))[0]
     along = begin.inner - corner.axis
     centre = corner.axis + (along @ corner.direction) * corner.direction
@@ -159,9 +157,8 @@ def _cylinder(corner: Corner, begin: _Edge, end: _Edge) -> Any:
     return cad.Face.extrude(arc, _mm(begin.outer - begin.inner))
 
 
-def _sector(dog: Dog, body: float, stop: float) -> Any:
+def _sector(cad: Any, dog: Dog, body: float, stop: float) -> Any:
     """Return one pitch of a plain ring that ends above the crests."""
-    cad = load_cad()
     bottom, top = -0.5 * dog.height - body, 0.5 * dog.height + 1.0 * MM
     angles = (stop - dog.pitch_angle, stop - 0.5 * dog.pitch_angle, stop)
     rims = [

@@ -60,7 +60,7 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("solver.scheme=rk4", "solver.scheme is 'rk4', which is not a scheme"),
     ("format=2", "format is 2, but this version reads format 1"),
     ("dog.count", "--set dog.count is not KEY=VALUE"),
-    ("name.x=1", "--set name.x=1: name is a value and not a table"),
+    ("name.x=1", "name.x cannot be set: name is a value and not a table"),
     ("name=", "'name' is missing"),
     ("name=a b", "name is 'a b', but it must be letters, digits"),
     ("name='x" + "x" * 200 + "'", "(203 characters), but it must be not longer than 100"),
