@@ -49,7 +49,7 @@ CALLS = {
     ),
 }
 #: Keys whose values differ between two runs or two machines.
-LEFT_OUT = {"versions", "seconds"}
+LEFT_OUT = {"versions", "seconds", "seconds_cpu"}
 
 
 def main() -> None:
