@@ -15,7 +15,7 @@ def receiver(wanted: Progress | bool) -> Progress:
     """Give what receives progress: a bar in terminal or notebook for True, nothing for False."""
     from dogshape.terminal import ProgressBar  # noqa: PLC0415  # rich, which few calls need
 
-    return wanted if isinstance(wanted, Progress) else ProgressBar() if wanted else SILENT
+    return (ProgressBar() if wanted else SILENT) if isinstance(wanted, bool) else wanted
 
 
 def in_radians(angles: int | Sequence[float]) -> int | tuple[float, ...]:
