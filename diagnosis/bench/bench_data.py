@@ -18,9 +18,9 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.corrections import Finding, corrected, parse
 from dogshape.diagnosis.bench.slips import examine, found_step, impossible, require_no_slip
 from dogshape.diagnosis.bench.stand_file import EmptyCells, Stand, load_stand
-from dogshape.diagnosis.bench.table import Sheet, bad_cell, load_sheet
-from dogshape.diagnosis.bench.traces import BenchTrace
-from dogshape.sim.errors import DataError, InputError, number
+from dogshape.diagnosis.bench.table import Sheet, load_sheet
+from dogshape.diagnosis.bench.traces import BenchTrace, bad_cell
+from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
@@ -137,6 +137,12 @@ class Bench(Stand):
         return tuple(sorted(rows, key=lambda reading: reading.row))
 
 
+def bundled_benches() -> dict[str, Path]:
+    """List the folders of the data sets that the package brings, by name."""
+    folders = sorted((bundled_root() / "bench").iterdir())
+    return {path.name: path for path in folders if path.is_dir()}
+
+
 def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
     """Read a data set, a folder or a bundled name.
 
@@ -144,23 +150,19 @@ def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:
     mistake raises DataError with file, row and column, and data that cannot be true as they stand
     with the correction that would explain them; InputError is for corrections that are wrong.
     """
-    folder, root = Path(where), bundled_root() / "bench"
-    if not folder.is_dir():
-        if folder.name != str(where) or not (root / folder).is_dir():
-            names = ", ".join(sorted(p.name for p in root.iterdir() if p.is_dir()))
-            raise DataError(
-                f"there is no data set at {where}; give a folder with bench.toml and shifts.csv, "
-                f"or one of the bundled sets ({names})"
-            )
-        folder = root / folder
+    bundled = bundled_benches()
+    folder = Path(where) if Path(where).is_dir() else bundled.get(str(where))
+    if folder is None:
+        raise DataError(
+            f"there is no data set at {where}; give a folder with bench.toml and shifts.csv, or "
+            f"one of the bundled sets ({', '.join(bundled)})"
+        )
     stand = load_stand(folder / "bench.toml")
     sheet, asked = corrected_sheet(stand, folder / "shifts.csv", corrections)
     findings = examine(stand, sheet, asked)
     require_no_slip(str(sheet.path), findings)
-    own = {
-        **vars(stand), "corrections": asked,
-        "clock_step": found_step(sheet) if stand.clock_step is None else stand.clock_step,
-    }  # fmt: skip
+    step = found_step(sheet) if stand.clock_step is None else stand.clock_step
+    own = {**vars(stand), "corrections": asked, "clock_step": step}
     cells = gather(readings_of(stand, sheet, asked))
     cells = tuple(cell.with_empty(stand.record.empty_cells) for cell in cells)
     return Bench(**own, cells=cells, warnings=findings, folder=folder)
@@ -203,7 +205,7 @@ def readings_of(stand: Stand, sheet: Sheet, asked: tuple[str, ...]) -> list[Read
         except InputError as error:
             raise DataError(f"{sheet.path}, row {row.row}: {error}") from error
         if rule := impossible(stand, row, asked):
-            raise bad_cell(sheet.path, row.row, "shift_time_s", number(row.time or 0.0), rule)
+            raise bad_cell(sheet.path, row.row, "column shift_time_s", f"{row.time:.6g}", rule)
         known = row.n, row.time, row.engaged, row.trace, row.sd, row.place
         found.append(Reading(row.row, point, *known))
     return found

@@ -101,20 +101,17 @@ def compare(
     error, by an eighth of the shifts again.
     """
     asked = angles or bench.relative_angles or ANGLES
-    given = asked if isinstance(asked, tuple) else None
-    points = [cell.point for cell in bench.cells]
-    if isinstance(asked, int):
-        blocks = even_blocks(bench.clutch, points, asked, seed)
-    else:
-        blocks = [Block(bench.clutch, point, asked) for point in points]
+    even, points = isinstance(asked, int), [cell.point for cell in bench.cells]
+    blocks = (even_blocks(bench.clutch, points, asked, seed) if isinstance(asked, int)
+              else [Block(bench.clutch, point, asked) for point in points])  # fmt: skip
     rows = run(blocks)
     added = _input_errors(bench, blocks, run) if bench.errors else [0.0] * len(blocks)
     found = []
     for cell, records, own in zip(bench.cells, rows, added, strict=True):
         results = [result_of(record) for record in records]
-        simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even=given is None)
+        simulated = expect_point(cell.point, results, bench.clutch.timeout, 0.0, even=even)
         error = simulated.sd / math.sqrt(max(1, simulated.n))
-        if given is None:
+        if even:
             sampled = max(simulated.sd, _scatter(cell)) / math.sqrt(max(1, cell.n))
             error = math.hypot(simulated.standard_error, sampled)
         error = math.hypot(max(error, 1e-6), own)
@@ -155,8 +152,8 @@ def _input_errors(bench: Bench, blocks: Sequence[Block], run: Runner) -> list[fl
                         if name == "force" else replace(p, mismatch=by * value))
                 for block, p, value in zip(blocks, points, values.tolist(), strict=True)
             ]  # fmt: skip
-            times = [[result_of(row).shift_time for row in rows] for rows in run(moved)]
-            known = [[time for time in those if time is not None] for those in times]
+            known = [[time for row in rows if (time := result_of(row).shift_time) is not None]
+                     for rows in run(moved)]  # fmt: skip
             ends.append([sum(those) / len(those) if those else np.nan for those in known])
         less, more = np.array(ends)  # s, by the logarithm of the quantity
         squares += ((more - less) / (2.0 * STEP)) ** 2 * relative

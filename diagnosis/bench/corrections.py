@@ -20,19 +20,11 @@ from dogshape.sim.units import MM, MS, RPM
 GIVEN = "given"
 ZEROS = ("from_force", "zeroed")  #: ways that move a zero and change no unit
 
-Change = Callable[[Row, Sensor], Row]
-
 
 def _scaled(one: Any, by: float, *names: str) -> Any:
     """Multiply fields of a row or a trace, where they have a value."""
     values = {name: getattr(one, name) for name in names}
     return replace(one, **{name: v * by for name, v in values.items() if v is not None})
-
-
-def _trace(change: Callable[[BenchTrace, Row, Sensor], BenchTrace]) -> Change:
-    return lambda row, sensor: (
-        row if row.trace is None else replace(row, trace=change(row.trace, row, sensor))
-    )
 
 
 def _start(trace: BenchTrace, row: Row) -> ForceStart:
@@ -64,8 +56,8 @@ def _from_force(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
     return replace(trace, time=trace.time - start.time, start_error=start.error)
 
 
-#: Corrections, in the order in which they are made.
-WAYS: dict[str, Change] = {
+#: Corrections of rows and of their traces, in the order in which they are made.
+OF_ROWS: dict[str, Callable[[Row, Sensor], Row]] = {
     "axes=swapped": lambda r, _: replace(r, mismatch=r.force, force=r.mismatch),
     "time=ms": lambda r, _: _scaled(r, MS, "time", "sd"),
     "rise=ms": lambda r, _: _scaled(r, MS, "rise"),
@@ -73,21 +65,22 @@ WAYS: dict[str, Change] = {
     "force=arm": lambda r, s: _scaled(r, _factor(s, "force"), "force"),
     "mismatch=rad_s": lambda r, _: _scaled(r, 1.0 / RPM, "mismatch"),
     "mismatch=reversed": lambda r, _: _scaled(r, -1.0, "mismatch"),
-    "displacement=m": _trace(lambda t, _, s: _scaled(t, 1.0 / MM, "displacement")),
-    "displacement=arm": _trace(
-        lambda t, _, s: _scaled(t, _factor(s, "displacement"), "displacement")
-    ),
-    "displacement=zeroed": _trace(
-        lambda t, r, _: replace(t, displacement=t.displacement - _start(t, r).displacement)
-    ),
-    "trace_time=ms": _trace(lambda t, _, s: _scaled(t, MS, "time")),
-    "trace_time=from_force": _trace(_from_force),
-    "trace_force=kN": _trace(lambda t, _, s: _scaled(t, 1e3, "force")),
-    "trace_force=arm": _trace(lambda t, _, s: _scaled(t, _factor(s, "force"), "force")),
-    "trace_force=zeroed": _trace(lambda t, r, _: replace(t, force=t.force - _start(t, r).force)),
-    "speeds=rad_s": _trace(lambda t, _, s: _scaled(t, 1.0 / RPM, "sliding_speed", "output_speed")),
-    "points=joined": lambda r, _: r,  # of all rows at once
 }
+OF_TRACES: dict[str, Callable[[BenchTrace, Row, Sensor], BenchTrace]] = {
+    "displacement=m": lambda t, _, s: _scaled(t, 1.0 / MM, "displacement"),
+    "displacement=arm": lambda t, _, s: _scaled(t, _factor(s, "displacement"), "displacement"),
+    "displacement=zeroed": lambda t, r, _: replace(
+        t, displacement=t.displacement - _start(t, r).displacement
+    ),
+    "trace_time=ms": lambda t, _, s: _scaled(t, MS, "time"),
+    "trace_time=from_force": _from_force,
+    "trace_force=kN": lambda t, _, s: _scaled(t, 1e3, "force"),
+    "trace_force=arm": lambda t, _, s: _scaled(t, _factor(s, "force"), "force"),
+    "trace_force=zeroed": lambda t, r, _: replace(t, force=t.force - _start(t, r).force),
+    "speeds=rad_s": lambda t, _, s: _scaled(t, 1.0 / RPM, "sliding_speed", "output_speed"),
+}
+JOINED = "points=joined"  #: of all rows at once, last
+WAYS = (*OF_ROWS, *OF_TRACES, JOINED)
 
 
 def contradict(one: str, other: str) -> bool:
@@ -123,11 +116,16 @@ def parse(texts: Iterable[str]) -> tuple[str, ...]:
 
 def corrected(sheet: Sheet, correction: str, sensor: Sensor) -> Sheet:
     """Make one correction in all rows of a sheet; ``given`` changes none."""
-    if correction == "points=joined":
-        return replace(sheet, rows=joined_rows(sheet.rows))
-    if change := WAYS.get(correction):
-        return replace(sheet, rows=tuple(change(row, sensor) for row in sheet.rows))
-    return sheet
+    rows = sheet.rows
+    if correction == JOINED:
+        rows = joined_rows(rows)
+    elif change := OF_ROWS.get(correction):
+        rows = tuple(change(row, sensor) for row in rows)
+    elif of_trace := OF_TRACES.get(correction):
+        rows = tuple(
+            replace(row, trace=row.trace and of_trace(row.trace, row, sensor)) for row in rows
+        )
+    return replace(sheet, rows=rows)
 
 
 @dataclass(frozen=True)

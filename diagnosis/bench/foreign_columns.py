@@ -196,19 +196,16 @@ def counts_up(column: Column) -> bool:
     return bool(max((steps == 1).mean(), (steps == -1).mean()) >= 0.6 and (steps != 0).all())
 
 
-def outcome_words(column: Column) -> dict[str, bool]:
-    """Give the words of a column of yes and no with their meaning; none where it lacks a no."""
+def _outcome(column: Column) -> str:
+    """Ask about a column of words of which one at least says no; empty for another."""
     words = {word: ANSWERS.get(word, "strange") for word in map(answer_of, column.cells)}
-    found = {word: bool(value) for word, value in words.items() if value is not None}
-    return found if False in found.values() and "strange" not in words.values() else {}
-
-
-def _outcome(head: str, words: Mapping[str, bool]) -> str:
-    option = f"--column engaged='{head}"
-    turned = ",".join(f"{word}={'no' if yes else 'yes'}" for word, yes in words.items())
+    if False not in words.values() or "strange" in words.values():
+        return ""
+    option = f"--column engaged='{column.head}"
+    turned = ",".join(f"{w}={'no' if y else 'yes'}" for w, y in words.items() if y is not None)
     return (
-        f"'{head}' holds yes and no and may be the outcome; say {option}', {option}:{turned}' "
-        f"where its yes is a failure, or --column engaged={NONE} to leave it out"
+        f"'{column.head}' holds yes and no and may be the outcome; say {option}', {option}:{turned}"
+        f"' where its yes is a failure, or --column engaged={NONE} to leave it out"
     )
 
 
@@ -240,8 +237,7 @@ def matched(
         equal = [c for c in left if own[c] > 0.0 and (loose or own[c] == best)]
         if not equal:
             missing += [quantity] if quantity.needed else []
-            asked = left if quantity.name == "engaged" else []
-            faults += [_outcome(c.head, words) for c in asked if (words := outcome_words(c))]
+            faults += list(map(_outcome, left)) if quantity.name == "engaged" else []
         elif len(equal) > 1:
             faults.append(_which(quantity.name, equal))
         elif quantity.name == "n_shifts" and counts_up(equal[0]):
@@ -254,7 +250,7 @@ def matched(
             left.remove(equal[0])
             why = "name and unit" if equal[0].unit else "name"
             found.append(Match(quantity, ((equal[0], equal[0].unit),), why))
-    return found, faults + [_missing(one, left) for one in missing]
+    return found, [*filter(None, faults), *(_missing(one, left) for one in missing)]
 
 
 def _which(name: str, equal: Sequence[Column]) -> str:
@@ -323,12 +319,10 @@ def said_match(
     if not terms:
         hint = did_you_mean(text, [c.head for c in columns])
         raise InputError(f"--column {name} is '{text}', but the file has no such column; {hint}")
-    why = [f"--column {text}"]
-    if len(terms) > 1:
-        why.append("its sign is that of the formula, positive where traction flanks meet")
-    for column, unit in terms:
-        if column.unit and unit and unit.factor != column.unit.factor:
-            why.append(f"the head says {column.unit.text}")
+    signed = ["its sign is that of the formula, positive where traction flanks meet"]
+    other = [f"the head says {column.unit.text}" for column, unit in terms
+             if column.unit and unit and unit.factor != column.unit.factor]  # fmt: skip
+    why = [f"--column {text}", *(signed if len(terms) > 1 else []), *other]
     return Match(quantity, tuple(terms), "; ".join(why), formula, option)
 
 
@@ -385,16 +379,19 @@ class TableReader:
                zip(self.table.rows, cells, wrong, strict=True) if off]  # fmt: skip
         return ", ".join(bad[:MOST]) + (f" and {len(bad) - MOST} more" if len(bad) > MOST else "")
 
-    def _record(self, match: Match, values: Values, why: str, unit: str = "") -> None:
-        numbers = [v for v in values if isinstance(v, float)]
+    def _record(self, match: Match, values: Values, why: str, unit: str = "") -> Values:
+        """Record how values were read, and return them."""
+        known = [v for v in values if v is not None]
+        numbers = [v for v in known if isinstance(v, float)]
         cells = [cell for column, _ in match.terms for cell in column.cells] if numbers else []
         signed = self.sign and any(self.sign in cell for cell in cells)
         self.report.readings.append({
             "file": str(self.table.path), "quantity": match.quantity.name, "column": match.head,
             "unit": unit or None, "decimals": NAMES[str(self.sign)] if signed else None,
-            "first": next(iter(values), None), "least": min(numbers, default=None),
+            "first": next(iter(known), None), "least": min(numbers, default=None),
             "largest": max(numbers, default=None), "why": f"{match.why}; {why}".rstrip("; "),
         })  # fmt: skip
+        return values
 
     def read(self) -> dict[str, Values]:
         """Read all quantities, None where a column does not say them or is not there.
@@ -403,10 +400,12 @@ class TableReader:
         """
         ways = {"n_shifts": self._counts, "engaged": self._answers, "timestamp": self._stamps,
                 "trace": self._texts}  # fmt: skip
-        found: dict[str, Values] = {q.name: [None] * len(self.table.rows) for q in self.quantities}
-        for name in (name for name in found if name in self.matches):
-            found[name] = ways.get(name, self._numbers)(self.matches[name])
-        return found
+        nothing: Values = [None] * len(self.table.rows)
+        return {
+            q.name: ways.get(q.name, self._numbers)(self.matches[q.name])
+            if q.name in self.matches else nothing
+            for q in self.quantities
+        }  # fmt: skip
 
     def _numbers(self, match: Match) -> Values:
         """Convert a column, or a formula of columns; None for empty cells."""
@@ -425,17 +424,15 @@ class TableReader:
         done = [float(f"{v:.15g}") if math.isfinite(v) else None for v in values]
         units = ", ".join(dict.fromkeys(unit.text for _, unit in terms if unit))
         sized = units and not all(unit for _, unit in match.terms)
-        known = [v for v in done if v is not None]
-        self._record(match, known, f"{units} by its size" if sized else "", units)
-        return done
+        return self._record(match, done, f"{units} by its size" if sized else "", units)
 
     def _term(self, match: Match, column: Column, unit: Unit | None) -> tuple[Array, Unit | None]:
         """Read a column in the project's unit, NaN where there is no number, (rows,)."""
         values, quantity = numbers_of(column.cells, self.sign), match.quantity
         empty = np.array([cell.lower() in NOTHING for cell in column.cells])
         if (bad := np.isnan(values) & ~empty).any():
-            listed = self._rows(column.cells, bad.tolist())
-            self._fault(match, f"must hold numbers, but {listed}; correct or empty the cells")
+            rows = self._rows(column.cells, bad.tolist())
+            self._fault(match, f"must hold numbers, but {rows}; correct or empty the cells")
         if empty.any() and quantity.filled:
             rows = ", ".join(map(str, np.array(self.table.rows)[empty][:MOST]))
             self._fault(match, f"is empty in row {rows}; fill the cells or remove the rows")
@@ -466,12 +463,10 @@ class TableReader:
         if any(wrong := [v is not None and (v < 1 or v % 1 > 0) for v in values]):
             bad = self._rows([v and number(v) for v in values], wrong).replace("'", "")
             self._fault(match, f"must be whole numbers of at least 1, but {bad}; correct them")
-        return [None if v is None else max(1, round(v)) for v in values]
+        return values
 
     def _texts(self, match: Match) -> Values:
-        cells = [cell or None for cell in match.terms[0][0].cells]
-        self._record(match, list(filter(None, cells)), "")
-        return cells
+        return self._record(match, [cell or None for cell in match.terms[0][0].cells], "")
 
     def _answers(self, match: Match) -> Values:
         """Read yes and no; an option such as ``gut=yes,empty=no`` goes first."""
@@ -487,9 +482,7 @@ class TableReader:
                         f"--column engaged={NONE} to leave it out")  # fmt: skip
         names = {True: "yes", False: "no", None: "not said"}
         read = ", ".join(f"{word} = {names[values.get(word)]} ({n})" for word, n in often.items())
-        done = [values.get(cell) for cell in cells]
-        self._record(match, [v for v in done if v is not None], read)
-        return done
+        return self._record(match, [values.get(cell) for cell in cells], read)
 
     def _stamps(self, match: Match) -> Values:
         """Read numbers with a unit in s, and dates as ISO 8601."""
@@ -506,8 +499,9 @@ class TableReader:
             self._fault(match, f"{error}, or say --column timestamp='{match.head}:s' for numbers "
                         f"of seconds, or --column timestamp={NONE} to leave it out")  # fmt: skip
             return [None] * len(column.cells)
-        self._record(match, list(found), way, unit.text if unit else "")
-        return [dict(zip(known, found, strict=True)).get(k) for k in range(len(column.cells))]
+        stamps = dict(zip(known, found, strict=True))
+        values = [stamps.get(k) for k in range(len(column.cells))]
+        return self._record(match, values, way, unit.text if unit else "")
 
 
 def _reason(column: Column) -> str:

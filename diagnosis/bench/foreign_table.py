@@ -143,26 +143,27 @@ def unit_named(text: str) -> Unit | None:
     return None if found is None else replace(found, text=text.strip())
 
 
-def split_head(text: str) -> tuple[str, Unit | None, str | None]:
+def split_head(text: str, below: str = "") -> tuple[str, Unit | None, str | None]:
     """Divide the head of a column into name, unit, and what stands as a unit but is none known.
 
-    A unit stands in brackets at the end (``F [kN]``), after "in" or a stroke (``F/kN``), or last
-    (``t_shift ms``).
+    A unit stands in brackets at the end (``F [kN]``), after "in" or a stroke (``F/kN``), last
+    (``t_shift ms``), or in a cell of its own ``below``.
     """
+    name, unit, strange, under = text, None, None, below.strip("[]() ")
     if found := _BRACKETS.match(text):
         name, inside, rest = found.groups()
         unit = unit_named(inside)
-        if unit is not None:
-            return f"{name} {rest}".strip(), unit, None
-        strange = inside if "[" in text and inside not in ("", "-", "1") else None
-        return f"{name} {inside if strange is None else ''} {rest}".strip(), None, strange
-    if found := _LAST.match(text):
-        name, last = found.groups()
+        strange = None if unit or "[" not in text or inside in ("", "-", "1") else inside
+        kept = "" if unit or strange else inside
+        name = " ".join(filter(None, (name, kept, rest)))
+    elif found := _LAST.match(text):
+        bare, last = found.groups()
         if "/" in last and unit_named(last) is None and unit_named(last.split("/", 1)[1]):
-            name, last = f"{name} {last.split('/', 1)[0]}", last.split("/", 1)[1]
-        if (unit := unit_named(last)) is not None:
-            return name, unit, None
-    return text, None, None
+            bare, last = f"{bare} {last.split('/', 1)[0]}", last.split("/", 1)[1]
+        unit = unit_named(last)
+        name = bare if unit else text
+    unit = unit or unit_named(under)
+    return name, unit, None if unit else strange or (under if re.search(r"\w", under) else None)
 
 
 #: Dates and clocks that are read without a statement; Python's directives, or pandas' ISO 8601.
@@ -237,15 +238,6 @@ class Column:
     unit: Unit | None
     strange: str | None = None
     cells: tuple[str, ...] = ()
-
-    @classmethod
-    def of(cls, place: int, head: str, below: str = "", cells: Cells = ()) -> Column:
-        """Read a head, with the unit that stands in a row of its own below it, if there is one."""
-        name, unit, strange = split_head(head)
-        under = below.strip("[]() ")
-        unit = unit or unit_named(under)
-        strange = None if unit else strange or (under if re.search(r"\w", under) else None)
-        return cls(place, head, name, unit, strange, tuple(cells))
 
     @cached_property
     def values(self) -> Array:
@@ -328,11 +320,11 @@ def read_foreign(path: Path, chosen: Sequence[range] = (), *, sums: bool = True)
             "columns of the head; is a decimal comma among them? save it with semicolons between "
             "cells"
         )
-    columns = [
-        Column.of(k + 1, head[k] or f"column {k + 1}", units[k], cells)
-        for k, cells in enumerate(list(zip(*(grid.cells[k] for k in kept), strict=True))[:width])
-        if head[k] or any(cells)
-    ]
+    columns = []
+    for k, cells in enumerate(list(zip(*(grid.cells[k] for k in kept), strict=True))[:width]):
+        if head[k] or any(cells):
+            name = head[k] or f"column {k + 1}"
+            columns.append(Column(k + 1, name, *split_head(name, units[k]), cells))
     return ForeignTable(
         path, tuple(columns), tuple(grid.rows[k] for k in kept), sorted(left),
         stated[1] if stated else None, separator, questions,

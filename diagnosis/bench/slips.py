@@ -204,11 +204,9 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
     if 2 * sum(row.row in lone for row, _ in copies) < max(4, len(lone)):
         copies = [one for one in copies if one[0].row not in lone]
     if copies:
-        many = f"{len(copies)} rows repeat earlier ones"
-        many = many if len(copies) > 1 else "a row is there twice"
-        looks = (
-            "a table that was copied below itself: copies make the data seem surer than they are"
-        )
+        several = len(copies) > 1
+        many = f"{len(copies)} rows repeat earlier ones" if several else "a row is there twice"
+        looks = "a table copied below itself: copies make the data seem surer than they are"
         said = f"{many}: row {copies[0][0].row} is row {copies[0][1]} again"
         yield Finding("rows", said, looks, arguable=False)
 
@@ -226,8 +224,7 @@ def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
         many = f"{near.size} rows have" if near.size > 1 else "a row has"
         found = f"{many} nearly the set values of others: {one} and {other} differ by "
         found += f"about {NEAR:.0%}"
-        looks = "measured in place of set values, each of which would be an operating point of its"
-        looks += " own, with errors of its own"
+        looks = "measured in place of set values, each an operating point with errors of its own"
         yield Finding("points", found, looks, "joined", certain=True)
 
 
@@ -248,15 +245,12 @@ def found_step(sheet: Sheet) -> float:
 def table_clock(stand: Stand, sheet: Sheet) -> Findings:
     """Find a step of the clock that nothing states, or a stated one that the times do not have."""
     single, step = _single(sheet), stand.clock_step
-    if step is None:
-        if step := found_step(sheet):
-            found = f"all {len(single)} times of single shifts are multiples of "
-            looks = "the cycle of a controller, and counts as errors.clock_step_ms of bench.toml"
-            remedy = "state that key, with 0 where the clock is finer"
-            yield Finding("clock", f"{found}{number(step / MS)} ms", looks, remedy=remedy)
-        return
-    off = [one for one in single if step and abs(one[1] / step - round(one[1] / step)) > OFF]
-    if off:
+    if step is None and (step := found_step(sheet)):
+        found = f"all {len(single)} times of single shifts are multiples of {number(step / MS)} ms"
+        looks = "the cycle of a controller, and counts as errors.clock_step_ms of bench.toml"
+        remedy = "state that key, with 0 where the clock is finer"
+        yield Finding("clock", found, looks, remedy=remedy)
+    elif step and (off := [one for one in single if abs(one[1] / step % 1.0 - 0.5) < 0.5 - OFF]):
         found = (
             f"errors.clock_step_ms is {number(step / MS)} ms, but {len(off)} of {len(single)} "
             f"times of single shifts are no multiples of it (row {off[0][0].row}: "

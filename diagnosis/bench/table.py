@@ -17,8 +17,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dogshape.diagnosis.bench.traces import BenchTrace, is_plain, read_trace
+from dogshape.diagnosis.bench.traces import BenchTrace, bad_cell, is_plain, read_trace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, number_rule
 from dogshape.sim.texts import read_table
@@ -72,15 +73,16 @@ def load_sheet(path: Path) -> Sheet:
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")
     rows, nothing = [row for row, _ in table.rows], [""] * len(table.rows)
-    cells = {name: table.column(name) if name in table.head else nothing for name in COLUMNS}
-    cells["engaged"] = [cell.lower() for cell in cells["engaged"]]
+    cells = {name: np.array(table.column(name) if name in table.head else nothing)
+             for name in COLUMNS}  # fmt: skip
+    cells["engaged"] = np.char.lower(cells["engaged"])
     values = {name: np.array([float(c) if is_plain(c) else np.nan for c in cells[name]])
               for name in NUMERIC}  # fmt: skip
     values["timestamp"] = np.array([_seconds(cell) for cell in cells["timestamp"]])
     for column, bad, rule in _faults(cells, values):
         if (wrong := np.asarray(bad, dtype=bool)).any():
             at = int(wrong.argmax())
-            raise bad_cell(path, rows[at], column, cells[column][at], rule)
+            raise bad_cell(path, rows[at], f"column {column}", cells[column][at], rule)
     found = []
     for k, row in enumerate(rows):
         numbers = [values[name][k].item() for name in NUMERIC]
@@ -98,19 +100,18 @@ def load_sheet(path: Path) -> Sheet:
 
 
 def _faults(
-    cells: Mapping[str, Sequence[str]], values: Mapping[str, Array]
+    cells: Mapping[str, NDArray[np.str_]], values: Mapping[str, Array]
 ) -> Iterator[tuple[str, Any, str]]:
     """Yield columns, marks of their wrong cells, and the rule that these break."""
     for name in NUMERIC[:-1]:
-        given = [bool(c) or name in COLUMNS[:3] for c in cells[name]]
+        given = (cells[name] != "") | (name in COLUMNS[:3])
         bad = given & ~np.isfinite(values[name]) & (name != "n_shifts")
         first = cells[name][int(bad.argmax())]
         yield name, bad, "a finite number" if is_plain(first) else number_rule(first)
     count, time, sd, stamps = (values[name] for name in NUMERIC[3:] if name != "order")
     count = np.clip(np.nan_to_num(count), 0.0, 1e300)
-    timed, spread, texts = ~np.isnan(time), ~np.isnan(sd), cells["timestamp"]
-    plain, stamped = np.array(list(map(is_plain, texts))), np.array(list(map(bool, texts)))
-    traced, engaged = np.array(list(map(bool, cells["trace"]))), np.array(cells["engaged"])
+    timed, spread, traced = ~np.isnan(time), ~np.isnan(sd), cells["trace"] != ""
+    plain, stamped = np.array(list(map(is_plain, cells["timestamp"]))), cells["timestamp"] != ""
     outside = [Path(c).is_absolute() or ".." in Path(c).parts for c in cells["trace"]]
     # So large is a spread where one shift took all the time and the others none.
     wide = spread & ~((sd >= 0.0) & (sd <= time * count**0.5))
@@ -119,8 +120,8 @@ def _faults(
          "that its time is the mean of: 1 for a single shift"),
         ("n_shifts", count > MOST,
          f"at most {MOST}: shifts that a stand has made, not a count of samples"),
-        ("engaged", [one not in ENGAGED for one in cells["engaged"]], "true, false or empty"),
-        ("engaged", timed & (engaged == "false"),
+        ("engaged", ~np.isin(cells["engaged"], [*ENGAGED]), "true, false or empty"),
+        ("engaged", timed & (cells["engaged"] == "false"),
          "true where shift_time_s has a time, or else that cell must be empty"),
         ("shift_time_sd_s", spread & ((count < 2) | ~timed),
          "empty where there is no mean of two shifts or more (n_shifts, shift_time_s)"),
@@ -133,7 +134,7 @@ def _faults(
         ("trace", outside, "a path inside the folder of the data set"),
     )  # fmt: skip
     for name in ("order", "timestamp"):
-        empty = timed & [not cell for cell in cells[name]]
+        empty = timed & (cells[name] == "")
         rule = "filled, as other rows with a time have one; fill it everywhere or nowhere"
         yield name, empty & (empty.sum() < timed.sum()), rule
 
@@ -147,13 +148,6 @@ def _seconds(text: str) -> float:
     except ValueError:
         return np.nan
     return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
-
-
-def bad_cell(path: Path, row: int, column: str, value: str, rule: str) -> DataError:
-    """Return the error of one cell of a table: file, row, column, value, rule and remedy."""
-    return DataError(
-        f"{path}, row {row}, column {column} is '{value}', but it must be {rule}; correct the cell"
-    )
 
 
 def near_groups(rows: Sequence[Row]) -> tuple[Array, np.ndarray]:

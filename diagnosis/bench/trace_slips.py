@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dogshape.diagnosis.bench.corrections import Finding, Findings, corrected
 from dogshape.diagnosis.bench.stand_file import Stand
@@ -23,7 +24,6 @@ from dogshape.diagnosis.bench.traces import (
     scatter,
     smoothed,
 )
-from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.units import MM, MS, RPM
@@ -84,17 +84,17 @@ def traced(stand: Stand, sheet: Sheet) -> list[TracedRow]:
     return [TracedRow(stand, row, row.trace) for row in sheet.rows if row.trace is not None]
 
 
-def speed_ratio(one: TracedRow) -> float | None:
+def speed_ratio(one: TracedRow) -> float:
     """Compute the relative speed at the beginning over that of the row."""
     slip = one.trace.output_speed - one.trace.sliding_speed
     first = float(np.median(slip[: max(FIRST, slip.size // 32)]))
-    return first / RPM / one.row.mismatch if one.row.mismatch else None
+    return first / RPM / (one.row.mismatch or np.nan)
 
 
-def travel_ratio(one: TracedRow) -> float | None:
+def travel_ratio(one: TracedRow) -> float:
     """Compute the largest displacement of a whole shift over the travel of the sleeve."""
     most = one.trace.displacement.max() - one.rest
-    return float(most / one.stand.clutch.dog.travel) if one.row.time and not one.short else None
+    return float(most / one.stand.clutch.dog.travel) if one.row.time and not one.short else np.nan
 
 
 def time_ratio(one: TracedRow) -> float:
@@ -105,7 +105,7 @@ def time_ratio(one: TracedRow) -> float:
     return took / (one.row.time or timeout) if took >= timeout else 1.0
 
 
-def force_ratio(one: TracedRow) -> float | None:
+def force_ratio(one: TracedRow) -> float:
     """Compute the last force over the nominal one at that time, once any delay is over.
 
     A ratio below ``KILO`` counts at any time: no delay makes it so small.
@@ -113,17 +113,17 @@ def force_ratio(one: TracedRow) -> float | None:
     try:
         profile = ForceProfile(one.row.force, one.row.rise)
     except InputError:
-        return None
+        return np.nan
     if not one.start or not (nominal := profile.at(float(one.trace.time[-1]) - one.start.time)):
-        return None
+        return np.nan
     ratio = (float(np.median(one.trace.force[-5:])) - one.start.force) / nominal
-    return ratio if ratio < KILO or one.trace.time[-1] > one.row.rise + SETTLED else None
+    return ratio if ratio < KILO or one.trace.time[-1] > one.row.rise + SETTLED else np.nan
 
 
-def median_of(ratio: Callable[[TracedRow], float | None], stand: Stand, sheet: Sheet) -> float:
-    """Compute the median of a ratio over the traces that have one, 1 without any."""
-    known = [found for one in traced(stand, sheet) if (found := ratio(one)) is not None]
-    return float(np.median(known)) if known else 1.0
+def median(values: ArrayLike, without: float = 0.0) -> float:
+    """Compute the median of the values that are no NaN; ``without`` any, that value."""
+    known = np.asarray(values)[np.isfinite(values)]
+    return float(np.median(known)) if known.size else without
 
 
 def short(values: float | list[float]) -> str:
@@ -148,12 +148,6 @@ def trace_notes(stand: Stand, sheet: Sheet) -> Findings:
         yield Finding("traces", f"{noted[0]}{more}", looks, arguable=False)
 
 
-def _median(values: Array) -> float:
-    """Return the median of the values that are numbers, zero where none is."""
-    known = values[np.isfinite(values)]
-    return float(np.median(known)) if known.size else 0.0
-
-
 def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
     """Find traces of another time zero than the table has, or of another end."""
     if not (rows := traced(stand, sheet)):
@@ -162,7 +156,7 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
     took = np.array([one.row.time or np.nan for one in rows])
     late = end - took
     # Times of the table, and the travel at which a stand ends a shift, scatter as well.
-    between, middle = CLOCK + float(np.median(least)), _median(late)
+    between, middle = CLOCK + float(np.median(least)), median(late)
     over = (start >= np.where(np.isnan(took), stand.clutch.timeout, took)) | (end <= 0.0)
     off = abs(start) > least
     # A single start that the travel does not confirm is scatter of the fit.
@@ -175,8 +169,8 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
         )
         looks, way = "the recorder's clock, or a record that begins before its trigger", None
         seen = np.isfinite(late[off]).any()
-        found += f"; {_ends(_median(late[off]))}" if seen else ""
-        if seen and abs(_median(late[off])) <= between:
+        found += f"; {_ends(median(late[off]))}" if seen else ""
+        if seen and abs(median(late[off])) <= between:
             looks = ANOTHER if stand.record.time_zero == "force" else DEAD
         elif np.isnan(start).any():
             found += f"; in {np.isnan(start).sum()} traces no rise of the force is seen at all"
@@ -184,12 +178,11 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
             way = "from_force"
         yield Finding("trace_time", found, looks, way, bool((off & over).any()))
     elif np.isnan(start).all():
-        found = "no rise of force_N stands out from its noise in the traces, so that t_s = 0 cannot"
-        found += " be compared with the start of the force"
+        found = "no rise of force_N stands out from its noise in the traces, so that it sets no t_s"
         found += f"; {_ends(middle)}" if abs(middle) > between else ""
-        looks = "a sensor that is not connected or of the opposite sign, or a force that is there "
-        yield Finding("trace_time", found, looks + "from the first sample")
-    elif abs(middle) > between > _median(abs(late - middle)) - 0.1 * abs(middle):
+        looks = "a sensor not connected or of opposite sign, or a force from the first sample on"
+        yield Finding("trace_time", found, looks)
+    elif abs(middle) > between > median(abs(late - middle)) - 0.1 * abs(middle):
         dead = stand.record.time_zero == "command" and middle < 0.0
         looks = "a dead time between command and force" if dead else ANOTHER
         yield Finding("trace_time", _ends(middle), f"{looks}, or to another travel")
@@ -245,7 +238,7 @@ class Range:
     """
 
     quantity: str
-    ratio: Callable[[TracedRow], float | None]
+    ratio: Callable[[TracedRow], float]
     low: float
     high: float
     found: str
@@ -255,9 +248,12 @@ class Range:
     arguable: bool = True
     soft: float = 1.0
 
+    def _middle(self, stand: Stand, sheet: Sheet) -> float:
+        return median([self.ratio(one) for one in traced(stand, sheet)], 1.0)
+
     def __call__(self, stand: Stand, sheet: Sheet) -> Findings:
         """Find a ratio out of the range."""
-        middle, travel = median_of(self.ratio, stand, sheet), stand.clutch.dog.travel / MM
+        middle, travel = self._middle(stand, sheet), stand.clutch.dog.travel / MM
         high = self.high * (self.soft if stand.record.displacement_at == "actuator" else 1.0)
         if self.low <= middle <= high:
             return
@@ -267,7 +263,7 @@ class Range:
                 other = corrected(sheet, correction, stand.sensor)
             except InputError:  # the stand does not say by how much
                 continue
-            if self.low <= median_of(self.ratio, stand, other) <= high:
+            if self.low <= self._middle(stand, other) <= high:
                 quantity, _, way = correction.partition("=")
                 text = looks.format(number(stand.sensor.linkage_ratio or 0.0))
                 yield Finding(quantity, found, text, way, True, self.arguable)

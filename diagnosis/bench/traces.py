@@ -33,6 +33,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import median_filter
 
 from dogshape.diagnosis.bench.foreign_table import unit_named
 from dogshape.diagnosis.terms import Array
@@ -94,8 +95,7 @@ class ForceStart:
 
 def smoothed(values: Array) -> Array:
     """Compute the median of three neighbours, (n,)."""
-    padded = np.concatenate([values[:1], values, values[-1:]])
-    return np.median([padded[:-2], padded[1:-1], padded[2:]], axis=0)
+    return median_filter(values, 3, mode="nearest")
 
 
 def scatter(values: Array) -> float:
@@ -203,7 +203,6 @@ def _fit(time: Array, force: Array, shape: Shape, low: float) -> tuple[float, fl
 TIME = "t_s"
 LEAD = "displacement_mm"  #: the channel whose times all others get
 COLUMNS = (TIME, LEAD, "force_N", "sliding_speed_rpm", "output_speed_rpm")
-SUFFIXES = (".mf4", ".mdf", ".dat")  #: of MDF files
 LEAST = 10  #: samples that a trace must have
 #: Share of the sample step within which times are equal: float32 masters differ by less.
 ALIKE = 0.1
@@ -231,9 +230,7 @@ def read_trace(path: Path) -> BenchTrace:
     """
     if not path.is_file():
         raise DataError(f"there is no trace {path}; add the file, or leave the cell trace empty")
-    suffix = path.suffix.lower()
-    read = _read_tdms if suffix == ".tdms" else _read_mdf if suffix in SUFFIXES else _read_csv
-    channels = read(path)
+    channels = READERS.get(path.suffix.lower(), _read_csv)(path)
     for name in (LEAD, *(name for name in channels if name != LEAD)):
         _require_samples(path, name, channels[name])
     lead = channels[LEAD]
@@ -286,10 +283,7 @@ def _require_samples(path: Path, name: str, channel: Channel) -> None:
     clock = f"column {TIME}" if name == LEAD else f"the time of {name}"
     for what, values in ((f"column {name}", channel.values), (clock, time)):
         for place in np.flatnonzero(~np.isfinite(values)).tolist():
-            raise DataError(
-                f"{path}, row {rows[place]}, {what} is '{values[place]}', but it must be a finite "
-                "number; correct the cell"
-            )
+            raise bad_cell(path, rows[place], what, values[place], "a finite number")
     if time.size < (least := LEAST if name == LEAD else 2):
         raise DataError(
             f"{path} has {time.size} samples of {name}, but a trace needs at least {least}; export "
@@ -301,6 +295,13 @@ def _require_samples(path: Path, name: str, channel: Channel) -> None:
             f"'{time[place - 1]:.15g}', but time must grow from sample to sample; sort the trace "
             "and leave doubled samples out"
         )
+
+
+def bad_cell(path: Path, row: int, place: str, value: object, rule: str) -> DataError:
+    """Return the error of one cell of a table: file, row, column, value, rule and remedy."""
+    return DataError(
+        f"{path}, row {row}, {place} is '{value}', but it must be {rule}; correct the cell"
+    )
 
 
 def is_plain(text: str) -> bool:
@@ -320,10 +321,7 @@ def _read_csv(path: Path) -> dict[str, Channel]:
     for name, cells in columns.items():
         for row, cell in zip(lines, cells, strict=True):
             if not is_plain(cell) and (cell or name == TIME):
-                raise DataError(
-                    f"{path}, row {row}, column {name} is '{cell}', but it must "
-                    f"be {number_rule(cell)}; correct the cell"
-                )
+                raise bad_cell(path, row, f"column {name}", cell, number_rule(cell))
     time, found = np.array(columns.pop(TIME), dtype=float), {}
     for name, cells in columns.items():
         places = [place for place, cell in enumerate(cells) if cell]
@@ -392,12 +390,10 @@ def _read_mdf(path: Path) -> dict[str, Channel]:
 def _read_tdms(path: Path) -> dict[str, Channel]:
     file = _open(path, "nptdms", "TdmsFile.read", "a TDMS")
     known = [channel.name for group in file.groups() for channel in group.channels()]
-    groups = {
-        name: _only(path, name, [group for group in file.groups() if name in group], known)
-        for name in COLUMNS[1:]
-    }
-    found, lead = {}, groups[LEAD]
-    for name, group in groups.items():
+    found, lead = {}, None
+    for name in COLUMNS[1:]:
+        group = _only(path, name, [group for group in file.groups() if name in group], known)
+        lead = lead or group  # that of the displacement, which comes first
         if (TIME in group) != (TIME in lead):
             raise DataError(
                 f"{path} has a channel {TIME} in one of the groups '{lead.name}' and "
@@ -431,3 +427,7 @@ def _waveform(path: Path, channel: Any, lead: Any) -> Series:
             f"{path} has neither a channel {TIME} nor the waveform properties wf_increment and "
             f"wf_start_offset on {channel.name}; write one of them"
         ) from error
+
+
+#: Readers of the files that are no CSV, by their suffixes.
+READERS = {".tdms": _read_tdms, **dict.fromkeys((".mf4", ".mdf", ".dat"), _read_mdf)}

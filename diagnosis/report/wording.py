@@ -113,12 +113,12 @@ def _cause(found: Diagnosis) -> str:
         return f"The gap without scatter is below {ms(found.margin_s)} with {chance(found.within)}."
     if verdict.kind == "unknown":
         return "No known effect, alone or with others, explains all of the data."
-    open_ = [(sized(n), p) for n, p in found.inclusion.items() if n not in causes and p > OPEN]
+    parts = [(sized(n), p) for n, p in found.inclusion.items() if n not in causes]
     alone = found.posterior.get(tuple(sorted(causes)), 0.0)
     rest = [("nothing more" if causes else "no effect", alone)]
     rest.append(("an unknown cause", found.posterior.get(UNKNOWN, 0.0)))
-    open_ = sorted(open_, key=lambda one: -one[1])[:MOST] + [one for one in rest if one[1] > OPEN]
-    beside = [f"{words} ({chance(p)})" for words, p in open_]
+    every = [*sorted(parts, key=lambda one: -one[1])[:MOST], *rest]
+    beside = [f"{words} ({chance(p)})" for words, p in every if p > OPEN]
     if not causes:
         return f"The cause is open. Parts and their probabilities: {listed(beside)}."
     sizes = listed([sized(name) for name in causes])

@@ -12,7 +12,14 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, require_shifts
+from dogshape.diagnosis.bench.bench_data import (
+    Bench,
+    Reading,
+    bundled_benches,
+    gather,
+    load_bench,
+    require_shifts,
+)
 from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.outcome import Field, field_of
@@ -131,8 +138,8 @@ def points_from(where: str | Path) -> Bench:
 
     Raises InputError or DataError where there is neither, or it cannot be read.
     """
-    path, root = Path(where), bundled_root() / "bench"
-    if (path / "bench.toml").is_file() or (root / str(where)).is_dir():
+    path = Path(where)
+    if (path / "bench.toml").is_file() or str(where) in bundled_benches():
         return load_bench(where)
     if path.is_file() or (path / "study.toml").is_file() or str(where) in bundled_studies():
         study = load_study(where)
@@ -141,10 +148,10 @@ def points_from(where: str | Path) -> Bench:
             name=study.name, source=f"study {where}", clutch=study.clutch, cells=gather(rows),
             record=BenchRecord(displacement_at="sleeve"),
         )  # fmt: skip
-    sets = sorted(p.name for p in root.iterdir() if p.is_dir())
+    names = ", ".join([*bundled_benches(), *bundled_studies()])
     raise InputError(
         f"there is no data set and no study at {where}: give a folder with bench.toml and "
-        f"shifts.csv, a study file, or a bundled name ({', '.join([*sets, *bundled_studies()])})"
+        f"shifts.csv, a study file, or a bundled name ({names})"
     )
 
 

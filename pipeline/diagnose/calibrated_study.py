@@ -169,9 +169,10 @@ def _chosen(found: Diagnosis, path: Path, causes: Sequence[str] | None) -> Hypot
         )
     if named:
         return there[0]
-    first = found.tests[0].name if found.tests else "more shifts"
-    remedy = f"make the next test ({first}) and diagnose again"
-    remedy = "take the study as it is" if found.verdict.kind == "none" else remedy
+    remedy = "take the study as it is"
+    if found.verdict.kind != "none":
+        first = found.tests[0].name if found.tests else "more shifts"
+        remedy = f"make the next test ({first}) and diagnose again"
     raise InputError(
         f"--write is '{path}', but the diagnosis of {found.bench.name} names no effect "
         f"({headline_of(found.verdict, found.effects)}); {remedy}"

@@ -124,7 +124,5 @@ class EffectKeys:
         if mine:
             dog = {f"dog.{DOG[f]}": getattr(after.clutch.dog, f) for f in mine}
             return {k: v if k == "dog.count" else rounded(from_si(k, v), 6) for k, v in dog.items()}
-        key, *names = f"effects.{effect.name}", *values
-        if len(names) == 1:
-            return {key: rounded(values[names[0]], 6)}
-        return {f"{key}.{name}": rounded(values[name], 6) for name in names}
+        key, alone = f"effects.{effect.name}", len(values) == 1
+        return {key if alone else f"{key}.{n}": rounded(v, 6) for n, v in values.items()}

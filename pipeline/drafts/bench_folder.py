@@ -22,7 +22,7 @@ from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.foreign_columns import NONE, SHIFTS, TRACE, Report, TableReader
 from dogshape.diagnosis.bench.foreign_table import read_foreign
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
-from dogshape.diagnosis.bench.traces import SUFFIXES
+from dogshape.diagnosis.bench.traces import READERS
 from dogshape.pipeline.config.toml_text import with_values
 from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
@@ -171,13 +171,8 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     numbers = [name for name in NUMERIC if name not in ("n_shifts", "timestamp")]
     rows[numbers] = rows[numbers].astype(float)
     rows["n_shifts"] = rows["n_shifts"].astype(float).fillna(1.0).astype(int)
-    if "n_shifts" not in reader.matches:
-        report.assumed.append(f"{path}: each row is one shift, as no column counts them")
     failed = rows["engaged"].eq(False)
-    if (late := failed & rows["shift_time_s"].notna()).any():
-        report.assumed.append(
-            f"{path}: times of shifts that did not engage are left out (row {_places(rows[late])})"
-        )
+    late = failed & rows["shift_time_s"].notna()
     rows.loc[failed, "shift_time_s"] = np.nan
     single = (rows["n_shifts"] < 2) | rows["shift_time_s"].isna()
     rows.loc[single, "shift_time_sd_s"] = np.nan
@@ -186,16 +181,17 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
             f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "
             f"the whole series; --column order={NONE} leaves it out"
         )
-    for name in sorted(reader.matches.keys() & {"order", "timestamp"}):
-        report.assumed.append(
-            f"{path}: '{reader.matches[name].head}' is the order of the shifts, so a diagnosis "
-            f"looks for a drift; --column {name}={NONE} leaves it out"
-        )
-    if silent := _silent(rows).sum():
-        report.assumed.append(
-            f"{path}: nothing is known of rows without a time ({silent}); record.empty_cells says "
-            "whether they were tried, or a column engaged of each with yes and no"
-        )
+    silent = _silent(rows).sum()
+    report.assumed += [f"{path}: {sentence}" for sentence, holds in (
+        ("each row is one shift, as no column counts them", "n_shifts" not in reader.matches),
+        (f"times of shifts that did not engage are left out (row {_places(rows[late])})",
+         late.any()),
+        *((f"'{reader.matches[name].head}' is the order of the shifts, so a diagnosis looks for a "
+           f"drift; --column {name}={NONE} leaves it out", True)
+          for name in ("order", "timestamp") if name in reader.matches),
+        (f"nothing is known of rows without a time ({silent}); record.empty_cells says whether "
+         "they were tried, or a column engaged of each with yes and no", silent),
+    ) if holds]  # fmt: skip
     return rows
 
 
@@ -217,7 +213,9 @@ def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report
         return {}
     errors: Row = {}
     both = [sign * m for m in source.mismatches for sign in (1.0, -1.0)]
-    for name, known in (("mismatch_rpm", both), ("force_N", source.forces)):
+    for name, known, key in (
+        ("mismatch_rpm", both, "mismatch_rpm"), ("force_N", source.forces, "force_percent"),
+    ):  # fmt: skip
         values = rows[name].to_numpy()
         levels = np.array(known)[abs(values[:, None] - np.array(known)).argmin(axis=1)]
         distinct, sets = set(values.tolist()), sorted(set(levels.tolist()))
@@ -229,9 +227,7 @@ def _group_set_points(rows: DataFrame, draft: BenchDraft, source: Source, report
             or all(v == float(f"{v:.2g}") or v % 5.0 == 0.0 for v in distinct)
         ):
             continue
-        key, off = "force_percent", 100.0 * share
-        if known is both:
-            key, off = "mismatch_rpm", values - levels
+        off = 100.0 * share if key == "force_percent" else values - levels
         error = f"errors.each_point.{key}"
         errors[error] = float(f"{np.sqrt((off**2).sum() / (len(rows) - len(sets))):.2g}")
         rows[name] = levels
@@ -257,15 +253,13 @@ def _mark_time_outs(rows: DataFrame, draft: BenchDraft, source: Source, report: 
                 f"{_places(rows.loc[late])})"
             )
         return
-    often = times.value_counts()
-    most = times.max()
+    often, most = times.value_counts(), times.max()
     piled = len(often) > 1 and often[most] > often.drop(most).max()
     if piled or abs(most / source.clutch.timeout - 1.0) < 1e-6:
-        row = rows["row"][times.idxmax()]
         report.faults.append(
-            f"the largest time, {number(most)} s, is there {often[most]} times (row {row}), as "
-            f"where a stand gives up; say --set timeout_s={number(most)} where these shifts did "
-            "not engage, or a longer time-out where they did"
+            f"the largest time, {number(most)} s, is there {often[most]} times (row "
+            f"{rows['row'][times.idxmax()]}), as where a stand gives up; say --set timeout_s="
+            f"{number(most)} where these shifts did not engage, or a longer time-out where they did"
         )
 
 
@@ -275,17 +269,17 @@ def _fill_rises(rows: DataFrame, draft: BenchDraft, source: Source, report: Repo
         return
     own = rows["force_N"].map(lambda force: round(source.table.rise(force), 6))
     rows.loc[lacking, "force_rise_s"] = own if draft.rise_s is None else draft.rise_s
-    low, high = (number(one) for one in rows["force_rise_s"][lacking].agg(["min", "max"]))
-    said = f"{low} s where no row says it"
-    if draft.rise_s is None:
-        least, most = min(source.table.forces), max(source.table.forces)
-        beyond = sorted({f for f in rows["force_N"][lacking] if not source.table.covers(f)})
-        far = ", ".join(map(number, beyond))
-        said = f"{low} to {high} s, by its size as in '{source.name}' ({number(least)} to "
-        said += f"{number(most)} N)"
-        said += f"; {far} N lie beyond and have the rise time of the nearest force" if far else ""
-        said += "; --rise-s says another time"
-    report.assumed.append(f"the force rises in {said}")
+    low, high, least, most = (
+        number(end(values)) for values in (rows["force_rise_s"][lacking], source.table.forces)
+        for end in (min, max)
+    )  # fmt: skip
+    beyond = sorted({f for f in rows["force_N"][lacking] if not source.table.covers(f)})
+    far = f"; {', '.join(map(number, beyond))} N lie beyond and have the rise time of the nearest "
+    report.assumed.append(
+        f"the force rises in {low} to {high} s, by its size as in '{source.name}' ({least} to "
+        f"{most} N){f'{far}force' if beyond else ''}; --rise-s says another time"
+        if draft.rise_s is None else f"the force rises in {low} s where no row says it"
+    )  # fmt: skip
 
 
 def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> str:
@@ -301,7 +295,7 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> st
         )
         return ""
     target.mkdir(exist_ok=True)
-    if path.suffix.lower() in (".tdms", *SUFFIXES):
+    if path.suffix.lower() in READERS:
         shutil.copyfile(path, target / path.name)
         return f"traces/{path.name}"
     said = {k.removeprefix(OF_TRACES): v for k, v in draft.columns.items() if OF_TRACES in k}
@@ -326,15 +320,12 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         values |= _group_set_points(rows, draft, source, report)
         _fill_rises(rows, draft, source, report)
         _mark_time_outs(rows, draft, source, report)
-        digests = [
-            (p.name, hashlib.sha256(file_of(p).read_bytes()).hexdigest()) for p in draft.tables
-        ]
-        files = ", ".join(f"{name} (SHA-256 {digest[:16]})" for name, digest in digests)
+        digests = [hashlib.sha256(file_of(path).read_bytes()) for path in draft.tables]
+        files = ", ".join(f"{path.name} (SHA-256 {one.hexdigest()[:16]})"
+                          for path, one in zip(draft.tables, digests, strict=True))  # fmt: skip
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
-    if rows["trace"].notna().any():
-        said.append("the traces' displacement and force are referred to the sleeve")
-    tables = ("dog", "sliding", "output", "contact")
-    own = [name for name in tables if not any(key.startswith(f"{name}.") for key in given)]
+    own = [name for name in ("dog", "sliding", "output", "contact")
+           if not any(key.startswith(f"{name}.") for key in given)]  # fmt: skip
     mass, of = source.clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
     signed = bool((rows["mismatch_rpm"] < 0.0).any())
     values["record.sense"] = "known" if signed else "unknown"
@@ -342,6 +333,8 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
     if signed:
         sense = "the sign of the mismatch is the project's (docs/mismatch.md), as some are negative"
     said += [sentence for sentence, holds in (
+        ("the traces' displacement and force are referred to the sleeve",
+         rows["trace"].notna().any()),
         ("the event at which the times start is unknown: --set record.time_zero=command, or force, "
          "states it", "record.time_zero" not in given),
         ("the place of the displacement sensor is unknown: --set record.displacement_at=sleeve, or "

@@ -20,7 +20,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.bench.bench_data import bundled_benches, load_bench
 from dogshape.pipeline.config.operating import OperatingSection, replaced_keys
 from dogshape.pipeline.config.schema import StudyFile
 from dogshape.pipeline.config.study_file import (
@@ -42,7 +42,6 @@ from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
 from dogshape.sim.units import MM, RPM
-from dogshape.sim.versions import bundled_root
 
 Values = dict[str, Any]  #: values by dotted key
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
@@ -163,7 +162,7 @@ def source_of(where: str) -> Source:
     path = Path(where)
     folder = path.parent if path.name == "bench.toml" else path
     here = (folder / "bench.toml").is_file()
-    if here or (path.name == where and (bundled_root() / "bench" / where).is_dir()):
+    if here or where in bundled_benches():
         bench = load_bench(folder if here else where)
         tables, contact = study_of(bench, bench.name), bench.clutch.contact
         points = tuple(cell.point for cell in bench.cells)
