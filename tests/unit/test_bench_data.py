@@ -61,7 +61,7 @@ def test_published_tables_are_complete() -> None:
         ("shift_travel_mm = 4.65", "shift_travel_mm = 5.0", "shift_travel_mm is 5 mm"),
         ("count = 15", "count = ", "not valid TOML"),
         ('time_zero = "unknown"', 'time_zero = "trigger"', "'trigger', but it must be one of"),
-        ("[dog]", '[sensor]\ndisplacement_at="sleeve"\n[dog]', "mean 'record.displacement_at'?"),
+        ("[sensor]", '[sensor]\ndisplacement_at = "sleeve"', "mean 'record.displacement_at'?"),
         ("[dog]", "errors.clock_step_ms = 101.0\n[dog]", "is 101.0, but it must be at most 100"),
     ],
 )
