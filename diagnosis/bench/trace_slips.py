@@ -178,7 +178,7 @@ def trace_clock(stand: Stand, sheet: Sheet) -> Findings:
             way = "from_force"
         yield Finding("trace_time", found, looks, way, bool((off & over).any()))
     elif np.isnan(start).all():
-        found = "no rise of force_N stands out from its noise in the traces, so that it sets no t_s"
+        found = "no rise of force_N stands out from its noise in the traces: t_s = 0 is unchecked"
         found += f"; {_ends(middle)}" if abs(middle) > between else ""
         looks = "a sensor not connected or of opposite sign, or a force from the first sample on"
         yield Finding("trace_time", found, looks)
