@@ -7,19 +7,25 @@ validator names each broken rule by a kind; ``RULES`` has its words.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeVar, get_args
+from typing import Any, ClassVar, Optional, TypeVar, get_args, get_type_hints
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
 from pydantic_core import ErrorDetails
 
-from dogshape.sim.errors import InputError, did_you_mean, meant_number, require_between
+from dogshape.sim.errors import (
+    InputError,
+    did_you_mean,
+    meant_number,
+    ranges_of,
+    require_between,
+)
 from dogshape.sim.shift.clutch import Rings
-from dogshape.sim.shift.geometry import LENGTHS, SCOPE, Dog
+from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
 from dogshape.sim.texts import listed
-from dogshape.sim.units import DEG, MM, RPM, suffix_of, to_si, unit_of
+from dogshape.sim.units import DEG, RPM, from_si, suffix_of, to_si, unit_of
 
 SHOWN = 60  #: characters of a value that a sentence shows
 NAME = "letters, digits, '_', '-' and '.' only, without blanks, beginning with no '-' or '.'"
@@ -86,21 +92,58 @@ def later(default: Any = None) -> Any:
     return Field(default=default, exclude_if=lambda value: value == default)
 
 
-class DogSection(Section):
-    """Geometry of the dogs of both rings."""
+class Keys(Section):
+    """A section of keys that make a value of ``sim``: all of it, or what differs from a set."""
 
-    count: int
-    chamfer_deg: float
-    traction_deg: float
-    braking_deg: float
-    height_mm: float
-    outer_diameter_mm: float
-    inner_diameter_mm: float
-    axial_gap_mm: float
-    edge_radius_mm: float | None = later()
-    crest: float | None = later()
-    chamfer_back_deg: float | None = later()
-    backlash_mm: float | None = later()
+    kind: ClassVar[Any]
+    named: ClassVar[Any] = None  #: gives a set by its name
+
+    def si(self, *without: str) -> dict[str, Any]:
+        """Return the values that are given as SI fields, but for the set and some keys."""
+        given = self.model_dump(exclude={"set", *without}, exclude_none=True)
+        numbers = {key: value for key, value in given.items() if isinstance(value, float)}
+        return {k: v for k, v in given.items() if k not in numbers} | si_fields(numbers)
+
+    @property
+    def value(self) -> Any:
+        """The value; InputError for mistakes."""
+        if self.named is None:
+            return self.kind(**self.si())
+        return replace(type(self).named(getattr(self, "set")), **self.si())  # noqa: B009
+
+
+def keys_of(
+    of: Any, named_by: Any = None, *, leave: Sequence[str] = (), late: Sequence[str] = (),
+    kind_of_number: Any = None,
+) -> Any:  # fmt: skip
+    """Make the base of a section from the ranges of a value of ``sim`` (``within``).
+
+    An absent key has the value's default, or None beside the ``set`` that a name gives. Fields of
+    ``leave`` have no key. Those of ``late``, and of the default None, came later (``later``).
+    ``kind_of_number`` is what keys hold where that is not a number alone.
+    """
+
+    class Base(Keys):
+        kind = of
+        named = named_by
+
+    keys: dict[str, Any] = {}
+    hints = get_type_hints(of)
+    for name, (key, *_) in ranges_of(of).items():
+        default: Any = None if named_by else getattr(of, name, None if name in late else ...)
+        hint = kind_of_number or hints[name]
+        hint = Optional[hint] if default is None else hint  # noqa: UP045  # no '|' for Annotated
+        if default not in (None, ...):
+            default = from_si(key, default)
+        if name in late or (default is None and not named_by):
+            default = later(default)
+        if name not in leave:
+            keys[key] = (hint, default)
+    return create_model(f"{of.__name__}Keys", __base__=Base, **keys)
+
+
+class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "backlash"))):  # type: ignore[misc]
+    """Geometry of the dogs of both rings."""
 
     @model_validator(mode="before")
     @classmethod
@@ -120,15 +163,11 @@ class DogSection(Section):
             raise InputError(broken_rule(name, wrong))
         try:
             per_deg = 0.25 * DEG * (data["outer_diameter_mm"] + data["inner_diameter_mm"])
-            most = LENGTHS["backlash_mm"][1] / MM / per_deg
+            most = ranges_of(Dog)["backlash"].high / per_deg
         except (KeyError, TypeError, ZeroDivisionError):  # keys that are refused in their own words
             return given
         require_between(name, angle, 0.0, abs(most), "check the angle and that it is in degrees")
         return given | {"backlash_mm": angle * per_deg}
-
-    def dog(self) -> Dog:
-        """Build the dog; what cannot be a dog raises InputError or GeometryError."""
-        return Dog(**dog_fields(self.model_dump()))
 
 
 class SlidingSection(Section):

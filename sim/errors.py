@@ -91,14 +91,20 @@ def ranges_of(kind: Any) -> dict[str, Range]:
     return {one.name: one.metadata["range"] for one in fields(kind) if "range" in one.metadata}
 
 
+def ranged_record(value: Any) -> dict[str, Any]:
+    """Return the fields of a value that have a range, by their keys in a file and in its units."""
+    kind: Any = type(value)
+    return {key: from_si(key, getattr(value, name)) for name, (key, *_) in ranges_of(kind).items()}
+
+
 def require_ranges(value: Any, section: str, remedy: str) -> None:
     """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
     kind: Any = type(value)
-    for name, (key, low, high, own) in ranges_of(kind).items():
-        given = getattr(value, name)
+    for (key, low, high, own), given in zip(
+        ranges_of(kind).values(), ranged_record(value).values(), strict=True
+    ):
         if given is not None:
-            whole = f"{section}.{key}".lstrip(".")
-            require_between(whole, from_si(key, given), low, high, own or remedy)
+            require_between(f"{section}.{key}".lstrip("."), given, low, high, own or remedy)
 
 
 def did_you_mean(name: str, valid: Iterable[str]) -> str:

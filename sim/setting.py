@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import EffectError, did_you_mean, require_between
+from dogshape.sim.errors import EffectError, did_you_mean, require_ranges, within
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.statistics.blocks import Block
 from dogshape.sim.statistics.shift_records import Record
@@ -32,15 +32,15 @@ class Setting:
 
     clutch: Clutch  #: what is simulated, at the point
     point: OperatingPoint
-    delay: float = 0.0  #: of the start of the force behind the time zero of the record, s
+    #: of the start of the force behind the time zero of the record, s
+    delay: float = within("delay_s", -10.0, 10.0, 0.0, remedy="give the delay in seconds")
     sensor: Sensor = "sleeve"  #: where the displacement is read
-    concentration: float = 0.0  #: of the relative angles; 0 is uniform
-    centre: float = 0.0  #: of these, in pitches from dogs facing dogs
+    #: of the relative angles; 0 is uniform
+    concentration: float = within("concentration", 0.0, 100.0, 0.0)
+    centre: float = within("centre", -1.0, 1.0, 0.0)  #: of these, in pitches from dogs facing dogs
 
     def __post_init__(self) -> None:
-        require_between("delay_s", self.delay, -10.0, 10.0, "give the delay in seconds")
-        require_between("concentration", self.concentration, 0.0, 100.0, "correct the value")
-        require_between("centre", self.centre, -1.0, 1.0, "give the centre in pitches")
+        require_ranges(self, "", "correct the value")
 
     def block(self, angles: Sequence[float]) -> Block:
         """Return the shifts at relative ``angles`` in rad at the start of the force.

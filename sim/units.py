@@ -45,5 +45,6 @@ def to_si(name: str, value: float) -> float:
 
 
 def from_si(name: str, value: Value) -> Value:
-    """Convert an SI ``value`` to the unit that ``name`` ends in; None stays None."""
-    return None if value is None else value / UNITS[suffix_of(name)][0]
+    """Convert an SI ``value`` to the unit that ``name`` ends in; None, and a count, stay."""
+    factor = UNITS[suffix_of(name)][0]
+    return value if value is None or factor == 1.0 else value / factor

@@ -228,7 +228,7 @@ def load_stand(path: Path) -> Stand:
 
 
 def _clutch(file: _BenchFile) -> Clutch:
-    dog = file.dog.dog()
+    dog = file.dog.value
     given: dict[str, Any] = si_fields(
         file.contact.model_dump(exclude={"friction_velocity_m_s"}, exclude_none=True)
     )

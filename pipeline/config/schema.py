@@ -7,10 +7,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
-from typing import Annotated, Any, ClassVar, Literal, Optional, get_type_hints
+from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag, create_model
+from pydantic import Discriminator, Field, Tag
 
 from dogshape.pipeline.config.operating import ActuationSection, Numbers, OperatingSection
 from dogshape.sim.clutch_tables import (
@@ -19,11 +18,12 @@ from dogshape.sim.clutch_tables import (
     OutputSection,
     Section,
     SlidingSection,
+    keys_of,
     later,
     section_in,
     si_fields,
 )
-from dogshape.sim.errors import InputError, ranges_of, require_between
+from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
     SCHEMES,
@@ -44,7 +44,7 @@ from dogshape.sim.strength.load_case import LoadCase
 from dogshape.sim.strength.manufacture import ManufacturingLimits, Tolerances
 from dogshape.sim.strength.materials import Material, material_of
 from dogshape.sim.strength.strike import Strike
-from dogshape.sim.units import RPM, from_si
+from dogshape.sim.units import RPM
 
 FORMAT = 1  #: version of the study file and of the folder that a study writes
 QUANTILE = 0.95  #: of a shift's time, for ``shift_time_quantile_s``
@@ -61,56 +61,6 @@ def ranged(low: float, high: float, default: Any = None, *, late: bool = False) 
     """Declare a key that no value of ``sim`` checks: its range, default, and if it came later."""
     excluded = (lambda value: value == default) if late else None
     return Field(default, exclude_if=excluded, json_schema_extra={"range": [low, high]})
-
-
-class Keys(Section):
-    """A section of keys that make a value of ``sim``: all of it, or what differs from a set."""
-
-    kind: ClassVar[Any]
-    named: ClassVar[Any] = None  #: gives a set by its name
-
-    def si(self, *without: str) -> dict[str, Any]:
-        """Return the values that are given as SI fields, but for the set and some keys."""
-        given = self.model_dump(exclude={"set", *without}, exclude_none=True)
-        numbers = {key: value for key, value in given.items() if isinstance(value, float)}
-        return {k: v for k, v in given.items() if k not in numbers} | si_fields(numbers)
-
-    @property
-    def value(self) -> Any:
-        """The value; InputError for mistakes."""
-        if self.named is None:
-            return self.kind(**self.si())
-        return replace(type(self).named(getattr(self, "set")), **self.si())  # noqa: B009
-
-
-def keys_of(
-    of: Any, named_by: Any = None, *, leave: Sequence[str] = (), late: Sequence[str] = (),
-    kind_of_number: Any = None,
-) -> Any:  # fmt: skip
-    """Make the base of a section from the ranges of a value of ``sim`` (``within``).
-
-    An absent key has the value's default, or None beside the ``set`` that a name gives. Fields of
-    ``leave`` have no key. Those of ``late``, and of the default None, came later (``later``).
-    ``kind_of_number`` is what keys hold where that is not a number alone.
-    """
-
-    class Base(Keys):
-        kind = of
-        named = named_by
-
-    keys: dict[str, Any] = {}
-    hints = get_type_hints(of)
-    for name, (key, *_) in ranges_of(of).items():
-        default: Any = None if named_by else getattr(of, name, None if name in late else ...)
-        hint = kind_of_number or hints[name]
-        hint = Optional[hint] if default is None else hint  # noqa: UP045  # no '|' for Annotated
-        if default not in (None, ...):
-            default = from_si(key, default)
-        if name in late or (default is None and not named_by):
-            default = later(default)
-        if name not in leave:
-            keys[key] = (hint, default)
-    return create_model(f"{of.__name__}Keys", __base__=Base, **keys)
 
 
 class ContactSection(keys_of(ContactSet, contact_set)):  # type: ignore[misc]

@@ -301,7 +301,7 @@ def build_study(file: StudyFile) -> Setup:
     file.require_ranges()
     wear_of(file)
     clutch = Clutch(
-        dog=file.dog.dog(),
+        dog=file.dog.value,
         rings=rings(file.sliding, file.output),
         contact=contact,
         timeout=shift.timeout_s,
@@ -380,7 +380,7 @@ def wear_of(file: StudyFile) -> Wear | None:
     """Build what wears the dogs; None for a study that does not say. InputError for mistakes."""
     wear: Wear | None = None if file.wear is None else file.wear.value
     if wear is not None:
-        wear.edges(file.dog.dog(), 1.0)
+        wear.edges(file.dog.value, 1.0)
     return wear
 
 

@@ -21,11 +21,20 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import InputError, refusal, require_between
+from dogshape.sim.errors import (
+    InputError,
+    ranged_record,
+    ranges_of,
+    refusal,
+    require_between,
+    require_ranges,
+    within,
+)
 
 Series = NDArray[np.float64]
 Times = TypeVar("Times", float, NDArray[np.float64])  #: one time, or (n,)
 SMALLEST_FORCE = 1.0  #: N, of a shift force and of what reaches the sleeve of it
+SMALLEST_LAG = 1e-5  #: s
 
 
 def cubic_step(share: Times, full: Times | float) -> Times:
@@ -39,30 +48,24 @@ def cubic_step(share: Times, full: Times | float) -> Times:
 class ForceProfile:
     """A shift force that rises as a cubic step; times of all methods count from its start."""
 
-    force: float  #: final one, N
-    rise: float  #: s
+    force: float = within("force_N", SMALLEST_FORCE, 1e5, remedy="correct the force")  #: final, N
+    rise: float = within("force_rise_s", 1e-4, 10.0)  #: s
     _: KW_ONLY
-    lag: float = 0.0  #: time constant through which the force comes, s
-    delay: float = 0.0  #: dead time from the command to the start of the force, s
-    loss: float = 0.0  #: constant part that never reaches the sleeve, N; the rest rises in the time
+    #: dead time from the command to the start of the force, s
+    delay: float = within("force_delay_s", 0.0, 10.0, 0.0)
+    #: constant part that never reaches the sleeve, N; the rest rises in the time
+    loss: float = within("force_loss_N", 0.0, 1e5, 0.0, remedy="give a smaller loss")
+    #: time constant through which the force comes, s; 0 or at least ``SMALLEST_LAG``
+    lag: float = within("force_lag_s", 0.0, 10.0, 0.0)
 
     def __post_init__(self) -> None:
-        limits = [
-            ("shift force", "N", self.force, SMALLEST_FORCE, 1e5, "correct the force"),
-            ("rise time of the force", "s", self.rise, 1e-4, 10.0, "give the rise time in seconds"),
-            ("lag of the force", "s", self.lag, 1e-5, 10.0, "give it in seconds"),
-        ]
-        for name, unit, value, low, high, remedy in limits if self.lag else limits[:2]:
-            if not low <= value <= high:
-                rule = f"it must lie between {low:g} and {high:g} {unit}"
-                raise InputError(refusal(name, value, unit, rule, remedy))
-        remedy = "give the dead time in seconds"
-        require_between("mechanism.delay_s", self.delay, 0.0, 10.0, remedy)
-        if not 0.0 <= self.loss <= self.force - SMALLEST_FORCE:
-            rule = (
-                f"it must leave {SMALLEST_FORCE:g} N or more of the shift force, {self.force:.6g} N"
-            )
-            raise InputError(refusal("force loss", self.loss, "N", rule, "give a smaller loss"))
+        remedy = "give it in seconds"
+        require_ranges(self, "", remedy)
+        if self.lag:
+            require_between("force_lag_s", self.lag, SMALLEST_LAG, 10.0, remedy)
+        if self.loss > self.force - SMALLEST_FORCE:
+            rule = f"it must leave {SMALLEST_FORCE:g} N or more of force_N = {self.force:.6g}"
+            raise InputError(refusal("force_loss_N", self.loss, "N", rule, "give a smaller loss"))
 
     @property
     def net_force(self) -> float:
@@ -103,9 +106,7 @@ class ForceProfile:
     @property
     def record(self) -> dict[str, float]:
         """The profile as a flat record in the edge's units."""
-        more = {"force_delay_s": self.delay, "force_loss_N": self.loss, "force_lag_s": self.lag}
-        given = {key: value for key, value in more.items() if value != 0.0}
-        return {"force_N": self.force, "force_rise_s": self.rise, **given}
+        return {key: value for key, value in ranged_record(self).items() if value != 0.0}
 
     def free_flight(self, time: Times, mass: float) -> Times:
         """Return the way in m that a free ``mass`` in kg has made at ``time`` in s."""
@@ -140,9 +141,8 @@ class ForceProfile:
 
 def recorded_profile(record: Mapping[str, float]) -> ForceProfile:
     """Build the profile that a flat record describes."""
-    lag, delay, loss = (record.get(f"force_{key}", 0.0) for key in ("lag_s", "delay_s", "loss_N"))
-    force, rise = record["force_N"], record["force_rise_s"]
-    return ForceProfile(force, rise, lag=lag, delay=delay, loss=loss)
+    keys = {name: of.key for name, of in ranges_of(ForceProfile).items()}
+    return ForceProfile(**{name: record[key] for name, key in keys.items() if key in record})
 
 
 @dataclass(frozen=True)

@@ -27,28 +27,19 @@ from operator import and_
 from typing import Literal, NamedTuple
 
 from dogshape.sim.elementwise import cos, hypot, largest, smallest, tan, where
-from dogshape.sim.errors import GeometryError, InputError, refusal
-from dogshape.sim.units import DEG, MM
+from dogshape.sim.errors import GeometryError, InputError, ranges_of, refusal, within
+from dogshape.sim.units import DEG, MM, from_si, to_si, unit_of
 
 LAND = 5e-5  #: m of every face that roundings and fillets leave
 SHARPEST = 2e-5  #: m of an edge's or root's radius; nothing made is sharper
-STEEP = math.radians(60.0)  #: no flank or chamfer is as steep
-UNDERCUT = math.radians(-10.0)  #: no flank leans farther back
 #: What no key of the dog can say; every refusal of such a key or value ends with it.
 SCOPE = (
     "the model has flanks of -10 (undercut) to 60 deg, faces that fall to one side or, with "
     "dog.crest and dog.chamfer_back_deg, to both, backlash (dog.backlash_mm), and equal dogs on "
     "both rings"
 )
-#: Plausible lengths, m: wide enough for any clutch, narrow enough to catch a wrong unit.
-LENGTHS = {
-    "height_mm": (0.2e-3, 0.1),
-    "outer_diameter_mm": (5e-3, 2.0),
-    "inner_diameter_mm": (2e-3, 2.0),
-    "axial_gap_mm": (0.0, 0.1),
-    "edge_radius_mm": (0.0, 0.01),
-    "backlash_mm": (0.0, 0.05),
-}
+CREST = "give a share of the tip, 0 for a ridge on the braking and 1 on the traction edge"
+LENGTH = "check the length and that it is in millimetres"
 
 
 Flank = Literal["traction", "braking"]
@@ -64,18 +55,25 @@ class Dog:
     undercut dogs do not pass each other, or the roundings leave nothing of faces or flanks.
     """
 
-    count: int  #: of a ring
-    chamfer: float  #: of the face, rad
-    traction: float  #: side angle of the flank, rad; negative is an undercut
-    braking: float  #: the same of the other flank
-    height: float  #: crest above root, m
-    outer_diameter: float  #: of the toothed annulus, m
-    inner_diameter: float
-    axial_gap: float  #: between the crests of the two rings before the shift, m
-    edge_radius: float = 0.0  #: of crest and edges of the tip, m; 0 is sharp
-    crest: float = 1.0  #: place of the ridge on the tip, 0 at its braking, 1 at its traction edge
-    chamfer_back: float = 0.0  #: by which the tip falls from the ridge to the traction flank, rad
-    backlash: float = 0.0  #: of the seated pair along the circumference at the mean radius, m
+    # Ranges are wide enough for any clutch, and narrow enough to catch a wrong unit.
+    count: int = within("count", 2, 1000, remedy="give a whole number")  #: of a ring
+    chamfer: float = within("chamfer_deg", 0.0, 60.0, remedy=SCOPE)  #: of the face, rad
+    #: side angle of the flank, rad; negative is an undercut
+    traction: float = within("traction_deg", -10.0, 60.0, remedy=SCOPE)
+    braking: float = within("braking_deg", -10.0, 60.0, remedy=SCOPE)  #: of the other flank
+    height: float = within("height_mm", 0.2, 100.0)  #: crest above root, m
+    outer_diameter: float = within("outer_diameter_mm", 5.0, 2000.0)  #: of the toothed annulus, m
+    inner_diameter: float = within("inner_diameter_mm", 2.0, 2000.0)
+    #: between the crests of the two rings before the shift, m
+    axial_gap: float = within("axial_gap_mm", 0.0, 100.0)
+    #: of crest and edges of the tip, m; 0 is sharp
+    edge_radius: float = within("edge_radius_mm", 0.0, 10.0, 0.0)
+    #: place of the ridge on the tip, 0 at its braking, 1 at its traction edge
+    crest: float = within("crest", 0.0, 1.0, 1.0, remedy=CREST)
+    #: by which the tip falls from the ridge to the traction flank, rad
+    chamfer_back: float = within("chamfer_back_deg", 0.0, 60.0, 0.0, remedy=SCOPE)
+    #: of the seated pair along the circumference at the mean radius, m
+    backlash: float = within("backlash_mm", 0.0, 50.0, 0.0)
 
     def __post_init__(self) -> None:
         for rule in _rules(self):
@@ -363,17 +361,14 @@ class _Rule(NamedTuple):
 
 
 def _rules(dog: Dog) -> Iterator[_Rule]:
-    whole, remedy = (dog.count % 1 == 0) & (dog.count >= 2), "give a whole number"
-    rule = "a ring has a whole number of dogs of at least 2"
-    yield _Rule(whole, InputError, "dog.count", dog.count, "", rule, remedy)
-    rule = "it must be at least {:.6g} and below 60 deg"
-    for name in ("chamfer", "chamfer_back", "traction", "braking"):
-        angle, low = getattr(dog, name), UNDERCUT if name in FLANKS else 0.0
-        kept, number = (angle >= low) & (angle < STEEP), (low / DEG,)
-        yield _Rule(kept, InputError, f"dog.{name}_deg", angle / DEG, "deg", rule, SCOPE, number)
-    kept = (dog.crest >= 0.0) & (dog.crest <= 1.0)
-    rule = "it must lie between 0, a ridge on the braking edge, and 1, on the traction edge"
-    yield _Rule(kept, InputError, "dog.crest", dog.crest, "", rule, "give a share of the tip")
+    for name, (key, low, high, own) in ranges_of(Dog).items():
+        value, unit = getattr(dog, name), unit_of(key)
+        kept = (value >= to_si(key, low)) & (value <= to_si(key, high))
+        rule, numbers = f"it must lie between {{:g}} and {{:g}} {unit}".rstrip(), (low, high)
+        shown, remedy = from_si(key, value), own or LENGTH
+        yield _Rule(kept, InputError, f"dog.{key}", shown, unit, rule, remedy, numbers)
+    rule, remedy = "a ring has a whole number of dogs", "give a whole number"
+    yield _Rule(dog.count % 1 == 0, InputError, "dog.count", dog.count, "", rule, remedy)
     for name, end, side in (("chamfer_back", 1.0, "traction"), ("chamfer", 0.0, "braking")):
         angle = getattr(dog, name)
         kept = (dog.crest != end) | (angle == 0.0)
@@ -383,12 +378,6 @@ def _rules(dog: Dog) -> Iterator[_Rule]:
     kept = (dog.crest == 0.0) | (dog.crest == 1.0) | (dog.chamfer + dog.chamfer_back > 0.0)
     rule, remedy = "a flat tip has no ridge", "give a chamfer, or leave dog.crest out"
     yield _Rule(kept, GeometryError, "dog.crest", dog.crest, "", rule, remedy)
-    rule = "it must lie between {:.6g} and {:.6g} mm"
-    remedy = "check the length and that it is in millimetres"
-    for key, (low, high) in LENGTHS.items():
-        length, ends = getattr(dog, key.removesuffix("_mm")) / MM, (low / MM, high / MM)
-        kept = (length >= ends[0]) & (length <= ends[1])
-        yield _Rule(kept, InputError, f"dog.{key}", length, "mm", rule, remedy, ends)
     inner, outer = dog.inner_diameter, dog.outer_diameter
     rule, remedy = "it must be below dog.outer_diameter_mm = {:.6g} mm", "exchange or correct them"
     key, most = "dog.inner_diameter_mm", (outer / MM,)

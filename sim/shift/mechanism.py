@@ -22,8 +22,15 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dogshape.sim.errors import InputError, ranges_of, refusal, require_ranges, within
-from dogshape.sim.units import MM, from_si
+from dogshape.sim.errors import (
+    InputError,
+    ranged_record,
+    ranges_of,
+    refusal,
+    require_ranges,
+    within,
+)
+from dogshape.sim.units import MM
 
 Number = TypeVar("Number", float, NDArray[np.float64])  #: a number or (n,)
 
@@ -191,11 +198,8 @@ class Mechanism:
     @property
     def record(self) -> dict[str, float]:
         """Values that differ from no mechanism, flat and in the edge's units."""
-        return {
-            f"mechanism_{key}": from_si(key, getattr(self, name))
-            for key, name in FIELDS.items()
-            if getattr(self, name) != getattr(NOTHING, name)
-        }
+        none = ranged_record(NOTHING)
+        return {f"mechanism_{k}": one for k, one in ranged_record(self).items() if one != none[k]}
 
 
 def positive(value: Number) -> Number:

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from dogshape.sim.errors import ranges_of
+from dogshape.sim.errors import ranged_record
 from dogshape.sim.shift.clutch import MAX_STEPS, Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import TIME_LIMIT, Outcome
 from dogshape.sim.shift.geometry import Dog
@@ -24,10 +24,6 @@ def edge_record(value: Any, keys: Iterable[str]) -> Record:
     return {key: from_si(key, getattr(value, key.removesuffix(suffix_of(key)))) for key in keys}
 
 
-_DOG_KEYS = (
-    *("chamfer_deg", "traction_deg", "braking_deg", "height_mm"),
-    *("outer_diameter_mm", "inner_diameter_mm", "axial_gap_mm"),
-)
 #: Later keys of a dog with their defaults: records of dogs that have these stay as they were.
 DEFAULTS = edge_record(Dog, ("edge_radius_mm", "crest", "chamfer_back_deg", "backlash_mm"))
 
@@ -40,19 +36,13 @@ def clutch_record(clutch: Clutch) -> Record:
     (``unfinished``).
     """
     dog, rings, contact, solver = clutch.dog, clutch.rings, clutch.contact, clutch.solver
-    parts: list[Any] = [contact, contact.impact] if contact.impact else [contact]
     return {
-        "count": dog.count,
-        **edge_record(dog, _DOG_KEYS),
-        **{k: one for k, one in edge_record(dog, DEFAULTS).items() if one != DEFAULTS[k]},
+        **{k: one for k, one in ranged_record(dog).items() if one != DEFAULTS.get(k)},
         "sliding_mass_kg": rings.mass,
         **edge_record(rings, ("sliding_inertia_kgm2", "output_inertia_kgm2", "initial_speed_rpm")),
         "contact_set": contact.name,
-        **{
-            of.key: from_si(of.key, getattr(part, name))
-            for part in parts
-            for name, of in ranges_of(part.__class__).items()
-        },
+        **ranged_record(contact),
+        **(ranged_record(contact.impact) if contact.impact else {}),
         "timeout_s": clutch.timeout,
         "seated_tolerance_mm": clutch.seated_tolerance / MM,
         "rebound_mm": clutch.rebound / MM,
