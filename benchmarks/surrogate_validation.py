@@ -15,13 +15,13 @@ import argparse
 from pathlib import Path
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.progress import SILENT
 from dogshape.pipeline.store.folder import StudyFolder
 from dogshape.pipeline.train.training import fill, simulated_data, train
 from dogshape.surrogate.dataset import Dataset
-from dogshape.surrogate.store import rank_correlation
 
 DRAWS = 1000  #: of the errors of references
 REFERENCE_ANGLES = 64  #: of each operating point of a reference
@@ -72,7 +72,7 @@ def ceiling(best: Dataset) -> float:
     unsure = float((errors**2).mean())
     true = about * max(0.0, 1.0 - unsure / float(about.var())) ** 0.5
     drawn = true + errors * rng.standard_normal((DRAWS, len(true)))
-    return float(np.mean([rank_correlation(true, one) for one in drawn]))
+    return float(np.mean([spearmanr(true, one).statistic for one in drawn]))
 
 
 def study_of(clutch: str) -> Setup:

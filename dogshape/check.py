@@ -381,7 +381,7 @@ class Strength(Checked):
                 "set": limits.material.name,
                 "source": limits.material.source,
                 "allowable_stress_MPa": limits.allowable_stress / MPA,
-                "fatigue_stress_MPa": limits.fatigue_stress / MPA,
+                "fatigue_stress_MPa": limits.endurance(limits.load.shifts) / MPA,
             },
             **({"strikes": self.strikes} if self.strikes else {}),
         }

@@ -1,4 +1,4 @@
-"""Functions of one number, or of arrays element by element.
+"""Functions of one number, or of arrays element by element, and of the order of numbers.
 
 Closed forms are written once in these and serve one design and many; ``math`` takes a tenth of the
 time of an array of one element. Annotations are those of one design.
@@ -65,6 +65,24 @@ def each(function: Callable[..., float], *values: float) -> float:
 def key(value: float) -> Hashable:
     """Return a value to compare by: an array's is made of its elements."""
     return value.tobytes() if isinstance(value, ARRAY) else value
+
+
+def bisect(
+    holds: Callable[[float], bool], low: float, high: float, *, width: float = 0.0, share: float = 0
+) -> tuple[float, float]:
+    """Bisect to where a condition that holds from ``low`` on ends: last and first place beside it.
+
+    They are ``width``, or a ``share`` of the place, apart at most, by default neighbours.
+    """
+    while low < (middle := 0.5 * (low + high)) < high and high - low > max(width, share * high):
+        low, high = (middle, high) if holds(middle) else (low, middle)
+    return low, high
+
+
+def by_weight(values: Any, weights: Any) -> tuple[Any, Any]:
+    """Sort values (n,); beside them the weights below the middle of each, of a sum of one."""
+    order = np.argsort(values, kind="stable")
+    return np.cumsum(weights[order]) - 0.5 * weights[order], values[order]
 
 
 def _hold_array(values: tuple[Any, ...]) -> bool:

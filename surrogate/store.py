@@ -112,14 +112,10 @@ def ranked(validation: Validation, surrogate: Surrogate, best: Dataset) -> Valid
     grid, mix = best.engaging, replace(best.mix, retry=0.0)
     if len(grid.x) < LEAST:
         return validation
-    rank = rank_correlation(grid.means @ mix.weights, surrogate.predict(grid.x, mix)[0])
+    from scipy.stats import spearmanr  # noqa: PLC0415  slow to load, and few verbs rank
+
+    rank = float(spearmanr(grid.means @ mix.weights, surrogate.predict(grid.x, mix)[0]).statistic)
     return validation.model_copy(update={"rank_best": rank, "n_best": len(grid.x)})
-
-
-def rank_correlation(one: Array, other: Array) -> float:
-    """Return Spearman's rank correlation of two series without ties, each (n,)."""
-    ranks, others = (np.argsort(np.argsort(values)) for values in (one, other))
-    return float(np.corrcoef(ranks, others)[0, 1])
 
 
 def _q2(residual: Array, truth: Array) -> float:

@@ -232,10 +232,10 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         _text(complex(right.real + 52.0, crest.imag + 4.0), f"{over:.2f} over", "start", "small"),
         _text(complex(right.real + 52.0, crest.imag + 18.0), "the rounding", "start", "small"),
         _dimension(edge, complex(edge.real, below), left.real - 20.0,
-                   follows("flank", dog.braking_flank_height), True),
+                   follows("flank", dog.height - dog.edge_drop), True),
     ]  # fmt: skip
     if dog.back_drop > 0.0:
-        flank = follows("flank", dog.traction_flank_height)
+        flank = follows("flank", dog.height - dog.back_drop)
         lengths.append(_dimension(back, complex(back.real, below), right.real + 14.0, flank, True))
     if dog.edge_drop > 0.0:
         drop = follows("drop", dog.edge_drop)

@@ -16,6 +16,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from dogshape.sim.elementwise import bisect
 from dogshape.sim.errors import InputError, refusal
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
@@ -291,10 +292,7 @@ def release(clutch: Clutch, profile: ForceProfile) -> Series:
     if not mechanism.has_linkage:
         if profile.at(high) < mechanism.friction:
             low = high
-        while high - low > 1e-6:
-            middle = 0.5 * (low + high)
-            short = profile.at(middle) < mechanism.friction
-            low, high = (middle, high) if short else (low, middle)
+        low, _ = bisect(lambda at: profile.at(at) < mechanism.friction, low, high, width=1e-6)
         return np.array([[0.0, low], [0.0, 0.0], [0.0, 0.0]])
     from scipy.integrate import solve_ivp  # noqa: PLC0415  slow to load, and few shifts need it
 

@@ -56,7 +56,7 @@ class Dog:
     """
 
     # Ranges are wide enough for any clutch, and narrow enough to catch a wrong unit.
-    count: int = within("count", 2, 1000, remedy="give a whole number")  #: of a ring
+    count: int = within("count", 2, 10**6, remedy="give a whole number")  #: of a ring
     chamfer: float = within("chamfer_deg", 0.0, 60.0, remedy=SCOPE)  #: of the face, rad
     #: side angle of the flank, rad; negative is an undercut
     traction: float = within("traction_deg", -10.0, 60.0, remedy=SCOPE)
@@ -244,16 +244,6 @@ class Dog:
         return (1.0 - self.crest) * half * braking - self.crest * half * traction
 
     @property
-    def braking_flank_height(self) -> float:
-        """Axial height of the braking flank, from root to the edge of the face, m."""
-        return self.height - self.edge_drop
-
-    @property
-    def traction_flank_height(self) -> float:
-        """Axial height of the traction flank, from root to the edge of the tip, m."""
-        return self.height - self.back_drop
-
-    @property
     def edge_cuts(self) -> tuple[float, float]:
         """Lengths that a rounding takes beside traction and braking edge, over its radius.
 
@@ -406,7 +396,7 @@ def _profile_rules(dog: Dog) -> Iterator[_Rule]:
     remedy, name = "use less undercut or lower dogs", "root width at the inner radius"
     yield _Rule(root > numbers[0], GeometryError, name, root, "mm", rule, remedy, numbers)
     angles = (dog.chamfer_back, dog.chamfer), (dog.traction, dog.braking)
-    low = (dog.traction_flank_height, dog.braking_flank_height)
+    low = (dog.height - dog.back_drop, dog.height - dog.edge_drop)
     half = 0.5 * dog.height
     for flank, fall, lean, height in zip(FLANKS, *angles, low, strict=True):
         kept, total = tan(fall) * tan(lean) < 1.0, (fall + lean) / DEG

@@ -23,6 +23,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from dogshape.sim.elementwise import by_weight
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.shift.conclusion import Outcome
 
@@ -279,9 +280,7 @@ def time_quantile(
     times = np.concatenate([times[sizes > 0.0] for times, sizes in points])
     sized = zip(parts, (sizes for _, sizes in points), strict=True)
     masses = np.concatenate([w * sizes[sizes > 0.0] / sizes.shape[1] for w, sizes in sized])
-    order = np.argsort(times, kind="stable")
-    times, masses = times[order], masses[order] / masses.sum()
-    places = np.cumsum(masses) - 0.5 * masses
+    places, times = by_weight(times, masses / masses.sum())
 
     def at(wanted: float) -> float:
         return float(np.interp(wanted, places, times))

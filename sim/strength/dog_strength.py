@@ -173,11 +173,6 @@ class Limits:
         """Local root stress that a few loads leave sound, over safety, Pa."""
         return self.material.endurance(STATIC_CYCLES) / self.load.safety
 
-    @property
-    def fatigue_stress(self) -> float:
-        """Local root stress that the shifts of the life leave sound, over safety, Pa."""
-        return self.endurance(self.load.shifts)
-
     def endurance(self, cycles: float) -> float:
         """Return the local root stress that ``cycles`` loads both ways leave sound, over safety."""
         load = self.load
@@ -242,7 +237,8 @@ def fatigue(dog: Dog, limits: Limits) -> tuple[float, float]:
         return root_of(dog, limits, load).tension
 
     if not case.spectrum:
-        return largest(*(tension(f, case.share_of(f)) for f in FLANKS)), limits.fatigue_stress
+        worst = largest(*(tension(flank, case.share_of(flank)) for flank in FLANKS))
+        return worst, limits.endurance(case.shifts)
     found, endurance = [], limits.endurance(ENDURANCE_CYCLES)
     for flank, sign in zip(FLANKS, (1.0, -1.0), strict=True):
         loads = [(sign * share, cycles) for share, cycles in case.spectrum if sign * share > 0.0]

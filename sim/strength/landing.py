@@ -30,6 +30,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dogshape.sim.elementwise import by_weight
 from dogshape.sim.errors import InputError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.trace import OVERLAPS
@@ -74,12 +75,8 @@ def exceeded(demands: Sequence[Demand], weights: Sequence[float], share: float) 
     """
     if not demands:
         return Demand()
-    columns, mass = [], np.array(weights) / sum(weights)
-    for column in np.array(demands).T:
-        order = np.argsort(column, kind="stable")
-        places = np.cumsum(mass[order]) - 0.5 * mass[order]
-        columns.append(float(np.interp(1.0 - share, places, column[order])))
-    return Demand(*columns)
+    mass, columns = np.array(weights) / sum(weights), np.array(demands).T
+    return Demand(*(float(np.interp(1.0 - share, *by_weight(one, mass))) for one in columns))
 
 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:

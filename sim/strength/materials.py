@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from dogshape.sim.elementwise import bisect
 from dogshape.sim.errors import require_known, require_ranges, within
 from dogshape.sim.units import MM, MPA
 
@@ -134,14 +135,10 @@ def reserve(material: Material, cycles: Sequence[float], *strengths: float) -> f
     peak = max(strengths, default=0.0)
     if peak <= 0.0:
         return math.inf
-    # Bisection: scipy.optimize takes half a second to load, which a quick check does not have.
-    low, high = 0.0, material.static_factor / peak
-    if damage(material, strengths, cycles, high) <= 1.0:
-        return high
-    while high - low > 1e-12 * high:
-        middle = 0.5 * (low + high)
-        if damage(material, strengths, cycles, middle) <= 1.0:
-            low = middle
-        else:
-            high = middle
-    return high
+
+    def sound(factor: float) -> bool:
+        return damage(material, strengths, cycles, factor) <= 1.0
+
+    # scipy.optimize takes half a second to load, which a quick check does not have.
+    high = material.static_factor / peak
+    return high if sound(high) else bisect(sound, 0.0, high, share=1e-12)[1]

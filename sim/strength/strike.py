@@ -18,6 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dogshape.sim.elementwise import bisect
 from dogshape.sim.errors import require_between, require_part, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, Flank
 from dogshape.sim.units import RPM
@@ -82,13 +83,8 @@ class Strike:
         play = self.restitution * self.backlash * rate / (away * speed) if speed > 0.0 else 0.0
         if play >= math.pi:
             return (1.0 + away) * speed
-        low, high = 0.0, math.pi
-        for _ in range(60):  # the way falls below zero, then rises through it once
-            middle = 0.5 * (low + high)
-            if middle - away * math.sin(middle) < play:
-                low = middle
-            else:
-                high = middle
+        # The way falls below zero, then rises through it once.
+        _, high = bisect(lambda turn: turn - away * math.sin(turn) < play, 0.0, math.pi)
         return (1.0 - away * math.cos(high)) * speed
 
     def _closed(self, speed: float, stiffness: float) -> float:

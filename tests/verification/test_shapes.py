@@ -63,7 +63,7 @@ SHAPES = {
     [
         *(("pitch", 10.053), ("tip_width", 3.886), ("root_width", 6.167), ("entry_play", 2.281)),
         *(("edge_drop", 0.579), ("face_width", 4.120), ("crest_overlap", 4.240)),
-        *(("braking_flank_height", 3.121), ("travel", 4.7), ("axial_length", 8.4)),
+        *(("travel", 4.7), ("axial_length", 8.4)),
     ],
 )
 def test_prototype_dimensions(prototype: Dog, dimension: str, millimetres: float) -> None:

@@ -143,7 +143,7 @@ def test_life_factor_of_case_hardened_steel() -> None:
         assert steel.life_factor(cycles) == pytest.approx(factor, rel=1e-9)
     assert steel.life_factor(1e5) == pytest.approx((3e6 / 1e5) ** 0.115, rel=3e-3)
     assert steel.endurance(3e6) == pytest.approx(860 * MPA)
-    assert Limits().fatigue_stress == pytest.approx(860 * MPA * 30**0.1144 * 0.7 / 1.2, rel=1e-3)
+    assert Limits().endurance(1e5) == pytest.approx(860 * MPA * 30**0.1144 * 0.7 / 1.2, rel=1e-3)
 
 
 def test_margin_is_the_share_of_the_limit_that_is_left() -> None:

@@ -193,7 +193,7 @@ def test_a_number_of_strikes_asks_for_fatigue_too(prototype: Dog) -> None:
         limits = Limits(strikes=(replace(CAR, strikes=strikes),))
         return named_checks(prototype, limits)["flank_strike_root"].limit
 
-    assert limit(1e5) == pytest.approx(Limits().fatigue_stress / MPA)
+    assert limit(1e5) == pytest.approx(Limits().endurance(1e5) / MPA)
     assert limit(3e6) == pytest.approx(860 * 0.7 / 1.2)
     assert limit(100.0) == pytest.approx(0.7 * limit(None))
 
