@@ -20,7 +20,7 @@ from dogshape.pipeline.reports.text import ENGINES, time_text
 from dogshape.running import in_radians
 from dogshape.sim.files import write_frame
 from dogshape.sim.shift.conclusion import Engagement
-from dogshape.sim.statistics.blocks import engage, events_record, loads_record, shaft_record
+from dogshape.sim.statistics.blocks import engage, events_record, loads_record
 from dogshape.sim.strength.manufacture import require_makeable
 from dogshape.sim.units import RPM
 
@@ -107,7 +107,7 @@ class Shift(Result):
             "phases": [{"name": p.name, "start": p.start, "end": p.end} for p in result.phases],
             "peak_axial_force_N": result.loads.peak_axial_force,
             "events": events_record(result),
-            "loads": {**loads_record(result), **shaft_record(result), "torque_peak_Nm": peak},
+            "loads": {**loads_record(result), "torque_peak_Nm": peak},
             "detail": result.detail,
             "warnings": list(self.warnings),
             "solver": {

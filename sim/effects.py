@@ -9,8 +9,8 @@ time; an offset of the mismatch counts along the nominal one.
 
 from __future__ import annotations
 
-import importlib.util
 import math
+import runpy
 from collections.abc import Callable
 from dataclasses import replace
 from operator import add, attrgetter, mul
@@ -280,12 +280,8 @@ def own_files(folder: Path) -> dict[str, Path]:
 
 
 def _own_effect(path: Path) -> Effect:
-    spec = importlib.util.spec_from_file_location(f"user_effect_{path.stem}", path)
-    if spec is None or spec.loader is None:
-        raise InputError(f"{path} cannot be read as Python; correct it or take it away")
-    module = importlib.util.module_from_spec(spec)
     try:
-        spec.loader.exec_module(module)
+        module = runpy.run_path(str(path), run_name=f"user_effect_{path.stem}")
     except Exception as error:
         remedy = "correct it or take it away"
         if isinstance(error, ModuleNotFoundError) and (error.name or "").partition(".")[0] == "sim":
@@ -293,7 +289,7 @@ def _own_effect(path: Path) -> Effect:
         raise InputError(
             f"{path} cannot be run ({type(error).__name__}: {error}); {remedy}"
         ) from error
-    effect = getattr(module, "EFFECT", None)
+    effect = module.get("EFFECT")
     if not isinstance(effect, Effect):
         raise InputError(f"{path} defines no EFFECT; define one of the type dogshape.Effect")
     if effect.name != path.stem:

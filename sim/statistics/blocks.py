@@ -142,14 +142,10 @@ _SHAFTS = ("input_torque_peak_Nm", "output_torque_peak_Nm")
 
 
 def loads_record(result: Engagement) -> Record:
-    """Return the loads of a shift as a flat record in the edge's units."""
+    """Return the loads of a shift as a flat record in the edge's units; rigid shafts have none."""
     landing = [load * MM for load in result.loads.landing_loads]
-    return {**edge_record(result.loads, _LOADS), "landing_loads_N_mm": landing}
-
-
-def shaft_record(result: Engagement) -> Record:
-    """Return the largest torques of shafts that give way, N m; nothing for rigid ones."""
-    return {k: v for k, v in edge_record(result.loads, _SHAFTS).items() if v is not None}
+    shafts = {k: v for k, v in edge_record(result.loads, _SHAFTS).items() if v is not None}
+    return {**edge_record(result.loads, _LOADS), "landing_loads_N_mm": landing, **shafts}
 
 
 def run_block(block: Block) -> Iterator[Record]:
@@ -168,7 +164,7 @@ def run_block(block: Block) -> Iterator[Record]:
         }
         if clutch.mechanism.has_linkage:
             record["actuator_time_s"] = result.actuator_time
-        record |= shaft_record(result) | events_record(result) | loads_record(result)
+        record |= events_record(result) | loads_record(result)
         record |= {"steps": result.steps, "evaluations": result.evaluations}
         if result.outcome is Outcome.DIVERGED:
             record["reason"] = result.detail

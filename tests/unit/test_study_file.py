@@ -103,7 +103,7 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("effects.sleeve_friction=-3", "effects.sleeve_friction: mechanism.friction_N is -3 N, but"),
     ("effects.actuation_delay=-0.1", "mechanism.delay_s is -0.1 s, but"),
     ("mechanism.lag_s=1e-7", "force_lag_s is 1e-07 s, but it must lie between"),
-    ("mechanism.force_loss_N=300", "it must leave 1 N or more of the shift force, 235.2 N"),
+    ("mechanism.force_loss_N=300", "it must leave 1 N or more of force_N = 235.2"),
     ("mechanism.detent_position_mm=1", "belongs to mechanism.detent_N, which is not given"),
     ({"mechanism.detent_N": 50.0, "mechanism.detent_position_mm": 2.0,
       "mechanism.detent_seat_mm": 2.0}, "must be above mechanism.detent_position_mm = 2; exchange"),

@@ -145,12 +145,12 @@ def test_flanks_take_each_other_in_with_the_backlash(prototype: Dog) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"crest": 1.2}, ("dog.crest is 1.2", "between 0, a ridge on the braking edge, and 1")),
+        ({"crest": 1.2}, ("dog.crest is 1.2", "between 0 and 1; give a share of the tip")),
         ({"chamfer_back": 0.1}, ("dog.chamfer_back_deg is 5.7", "0.5 for a ridge in the middle")),
         ({"crest": 0.0}, ("dog.chamfer_deg is 8", "dog.crest = 0", "braking edge")),
         ({"backlash": -1e-4}, ("dog.backlash_mm is -0.1 mm", "between 0 and 50 mm")),
         ({"backlash": 9e-3}, ("tip width at the inner radius is -", "less backlash")),
-        ({"traction": -11 * DEG}, ("dog.traction_deg is -11 deg", "at least -10", "undercut")),
+        ({"traction": -11 * DEG}, ("dog.traction_deg is -11 deg", "between -10 and", "undercut")),
         (
             {"traction": -5 * DEG, "braking": -5 * DEG},
             ("play at the mouth of a slot is -0.407", "use more backlash, less undercut"),
