@@ -23,7 +23,7 @@ from dogshape.sim.clutch_tables import (
     section_in,
     si_fields,
 )
-from dogshape.sim.errors import InputError, ranges_of, require_between
+from dogshape.sim.errors import InputError, require_between
 from dogshape.sim.shift.clutch import (
     PLANAR_ACCURACY,
     SCHEMES,
@@ -36,7 +36,7 @@ from dogshape.sim.shift.clutch import (
     require_engine,
     solver_for,
 )
-from dogshape.sim.shift.geometry import SCOPE, Dog
+from dogshape.sim.shift.geometry import SCOPE
 from dogshape.sim.shift.mechanism import NOTHING, Mechanism
 from dogshape.sim.statistics.uncertainty import Distribution
 from dogshape.sim.strength.landing import Wear
