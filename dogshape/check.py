@@ -82,6 +82,9 @@ class Checked(Result):
         """Give the table of checks, verdict, warnings and the force on the blocking mechanism."""
         weakest = smallest_margin(self.design.checks)
         verdict = "yes" if self.feasible else f"no ({', '.join(self.failed)})"
+        unheld = ""
+        if self.blocking_force_N > 0.0 and self.config.limits.load.separating_force_limit is None:
+            unheld = f"; not judged, give its own force: {UNJUDGED['separating_force']}"
         open_ones = ", before its landing is simulated" if self.design.not_checked else ""
         return [
             check_table(self.rows),
@@ -91,11 +94,12 @@ class Checked(Result):
             "margin: distance to the limit over the limit, at nominal size, with every tolerance "
             "at its worst, and by root sum of squares (no tolerances for the landing)",
             f"feasible: {verdict}{open_ones}",
+            *(f"{c.name}: {c.fault}; {c.remedy}" for c in self.design.checks if not c.passed),
             f"smallest margin: {weakest.margin:.1%}, {weakest.name}",
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
             *(f"warning: {note}" for note in self.notes),
-            f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N",
+            f"the blocking mechanism has to hold {self.blocking_force_N:.0f} N{unheld}",
         ]
 
     def landing_of(self, shifts: int, engine: str) -> list[str]:
@@ -183,7 +187,7 @@ class Check(Checked):
                 f"expected shift time {_interval(found)} "
                 f"({f'{source} included' if self.shifts else 'surrogate'}); single shifts "
                 f"scatter by {time_text(found.sd)}, {found.engaged:.1%} engage where fewest do",
-                *_retries(found),
+                *_retries(found, self.config, self.shifts),
             ]
             times = quantile_words([one.to_dict() for one in self.quantiles])
             lines += [f"shift time over the life: {times}"] if times else []
@@ -196,7 +200,7 @@ class Check(Checked):
         answer, expected, spread, lines = guess.answer, guess.answer.expected, guess.spread, []
         if self.shifts:
             time = answer.refusal if expected is None else _interval(expected)
-            lines = [f"surrogate {guess.path}: {time}", *_retries(expected)]
+            lines = [f"surrogate {guess.path}: {time}", *_retries(expected, self.config)]
         if self.missed:
             lines += ["warning: the surrogate misses the simulated time by more than its interval"]
         lines += [f"warning: {one}; the surrogate extrapolates" for one in answer.warnings]
@@ -242,15 +246,15 @@ def _interval(found: Expected) -> str:
     return interval_text(found.time, found.low, found.high)
 
 
-def _retries(found: Expected | None) -> list[str]:
-    """Split an interval into shifts that engage and retries, where retries count."""
+def _retries(found: Expected | None, config: Setup, shifts: int = 0) -> list[str]:
+    """Split an interval into shifts that engage and retries; bound retries that are not seen."""
     if found is None or not (found.retries or found.retries_error):
-        return []
+        return [config.unseen_failures(shifts)] if shifts else []
     bare, error = found.without_retries
     return [
-        f"without retries {time_text(bare, 1.96 * error)}, retries "
-        f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %), each of shift.timeout_s "
-        "and shift.retraction_s"
+        f"failed attempts are {found.retries / found.time:.0%} of it: without retries "
+        f"{time_text(bare, 1.96 * error)}, retries "
+        f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %); {config.retry_text}"
     ]
 
 
@@ -360,7 +364,7 @@ class Strength(Checked):
     @property
     def explained(self) -> list[str | Table]:
         """Meaning, formula, source and key of each check, and the checks that the study lacks."""
-        made = {row.name for row in self.rows}
+        made = "\n".join(row.name for row in self.rows)
         left = [(name, keys) for name, keys in UNJUDGED.items() if name not in made]
         return [
             check_table(self.rows, "name", "meaning", "formula", "source", "limit_key"),

@@ -66,9 +66,10 @@ class Expectation(Result):
         if wanted is None or share <= wanted:
             return []
         return [
-            f"precision not reached: relative standard error {share:.3g}, wanted {wanted:.3g} "
-            f"({share - wanted:.3g} more), with {max(point.n for point in self.mean.points)} "
-            "angles at each operating point; give a larger number of angles instead"
+            f"warning: precision not reached: relative standard error {share:.3g}, wanted "
+            f"{wanted:.3g} ({share - wanted:.3g} more), with "
+            f"{max(point.n for point in self.mean.points)} angles at each operating point; give a "
+            "larger number of angles instead"
         ]
 
     @property
@@ -103,9 +104,13 @@ class Expectation(Result):
             lost += f"{',' if mean.blocked else ':'} {late} short of full depth at the time-out"
         if mean.mean_engaged is not None:
             lost += f"; without their retries the mean is {in_ms(mean.mean_engaged)} ms"
+        if mean.lost and mean.engages and mean.mean_engaged is not None:
+            share = 1.0 - mean.mean_engaged / mean.mean
+            lost += f", failed attempts are {share:.0%} of the time: {self.config.retry_text}"
+        lost = lost if mean.lost else self.config.unseen_failures(mean.shifts)
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
-            return [f"{count}: {NO_TIME}", table, *self.shortfall, lost, engine]
+            return [f"{count}: {NO_TIME}", table, lost, engine, *self.shortfall]
         error = f"± {1e3 * mean.standard_error:.2f} ms (one standard error)"
         if found.standard_error_s is None:
             error = "ms (of too few shifts to say by how much it errs)"
@@ -115,8 +120,8 @@ class Expectation(Result):
         times = quantile_words([one.to_dict() for one in found.quantiles or ()])
         direct = sum(counts[0] for point in mean.points for counts in point.by_angle)
         entry = f"{direct} of {mean.shifts} shifts enter a slot without touching a face"
-        more = [*self.shortfall, *([f"shift time over the life: {times}"] if times else [])]
-        return [table, total, *more, entry, engine, *([lost] if mean.lost else [])]
+        more = [f"shift time over the life: {times}"] if times else []
+        return [table, total, *more, lost, entry, engine, *self.shortfall]
 
     def shiftability(self) -> Frame:
         """Give the shifts by entry, a row for each operating point and bin of its angles."""

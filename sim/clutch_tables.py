@@ -11,8 +11,16 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Optional, TypeVar, get_args, get_type_hints
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
-from pydantic_core import ErrorDetails
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    create_model,
+    model_validator,
+)
+from pydantic_core import ErrorDetails, PydanticCustomError
 
 from dogshape.sim.errors import (
     InputError,
@@ -87,6 +95,11 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
+def or_one(*kinds: type) -> BeforeValidator:
+    """Let one value of some kinds stand for a list of it."""
+    return BeforeValidator(lambda value: [value] if type(value) in kinds else value)
+
+
 def later(default: Any = None) -> Any:
     """Return the default of a key that came later: as such it is no part of a file's hash."""
     return Field(default=default, exclude_if=lambda value: value == default)
@@ -148,21 +161,29 @@ class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "bac
     @model_validator(mode="before")
     @classmethod
     def _lengths(cls, data: Any) -> Any:
-        """Turn ``backlash_deg`` into ``backlash_mm``, an arc at the mean radius."""
+        """Turn ``backlash_deg`` into ``backlash_mm``; a mistake joins those of other keys."""
         if not isinstance(data, dict) or "backlash_deg" not in data:
             return data
-        given, name = dict(data), "dog.backlash_deg"
+        try:
+            return cls._with_arc(dict(data))
+        except InputError as error:
+            raise PydanticCustomError("refused", "{said}", {"said": str(error)}) from error
+
+    @staticmethod
+    def _with_arc(given: dict[str, Any]) -> dict[str, Any]:
+        """Replace an angle of backlash by the arc at the mean radius; InputError for mistakes."""
+        name = "dog.backlash_deg"
         angle = given.pop("backlash_deg")
-        if "backlash_mm" in data:
+        if "backlash_mm" in given:
             raise InputError(
                 f"{name} is {angle} deg beside dog.backlash_mm = {given['backlash_mm']}, but both "
-                "are one play; --set dog.backlash_mm= takes the length out"
+                "are one play; give one of them"
             )
         if isinstance(angle, bool) or not isinstance(angle, int | float):
             wrong: Any = {"type": "float_type", "input": angle}
             raise InputError(broken_rule(name, wrong))
         try:
-            per_deg = 0.25 * DEG * (data["outer_diameter_mm"] + data["inner_diameter_mm"])
+            per_deg = 0.25 * DEG * (given["outer_diameter_mm"] + given["inner_diameter_mm"])
             most = ranges_of(Dog)["backlash"].high / per_deg
         except (KeyError, TypeError, ZeroDivisionError):  # keys that are refused in their own words
             return given
@@ -272,7 +293,8 @@ def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
     absent = [key for key in missing if not any(key in sentence for sentence in unknown)]
     broken = [e for e in errors if e["type"] not in {"extra_forbidden", "missing"}]
     said = [f"{key} is missing; add it" for key in absent]
-    return [*unknown, *said, *(broken_rule(_key(e), e) for e in broken)]
+    own = (e["msg"] if e["type"] == "refused" else broken_rule(_key(e), e) for e in broken)
+    return [*unknown, *said, *own]
 
 
 def _path(error: ErrorDetails) -> list[str]:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag
 
 from dogshape.sim import effects as registry
-from dogshape.sim.clutch_tables import MechanismSection, Section, later
+from dogshape.sim.clutch_tables import MechanismSection, Section, later, or_one
 from dogshape.sim.effect import Effect
 from dogshape.sim.errors import (
     DogshapeError,
@@ -49,12 +49,18 @@ from dogshape.sim.versions import bundled_root
 AXES = {"mismatch_rpm": "mismatch_weight", "force_N": "force_weight"}
 SAMPLES = 24  #: points that are drawn where the study does not say
 DECIMALS = {"drawn": 3, "set-point": 6}  #: of drawn speeds and forces, and of the own set-point
+#: Keys that state one quantity in two ways.
+SAME = (
+    ("dog.backlash_mm", "dog.backlash_deg"),
+    ("load.accuracy", "load.pitch_sd_um"),
+    ("wear.rate_mm3_Nm", "wear.crest_loss_mm"),
+)
 TABLE = "duty_cycles.toml"  #: beside the bundled studies
 MISMATCH, FORCE, RISE = "mismatch_set_rpm", "force_factor", "rise_factor"
 OPERATED = (MISMATCH, FORCE, RISE)  #: keys of ``[variables]`` that are none of the dog
 
-Numbers = Annotated[list[float], Field(min_length=1)]
-Weights = Annotated[list[Annotated[float, Field(gt=0.0)]], Field(min_length=1)]
+Numbers = Annotated[list[float], or_one(int, float), Field(min_length=1)]
+Weights = Annotated[list[Annotated[float, Field(gt=0.0)]], or_one(int, float), Field(min_length=1)]
 Profiles = Callable[[float], ForceProfile]  #: the force profile of a nominal force in N
 
 
@@ -130,7 +136,7 @@ class OperatingSection(Section):
     force_N: Spread | None = later()
     mismatch_weight: Weights | None = later()
     force_weight: Weights | None = later()
-    points: Annotated[list[PointSection], Field(min_length=1)] | None = later()
+    points: Annotated[list[PointSection], or_one(dict), Field(min_length=1)] | None = later()
     samples: Annotated[int, Field(ge=1, le=4096)] | None = later()
     seed: Annotated[int, Field(ge=0)] | None = later()
 
@@ -198,18 +204,25 @@ def _statement(operating: Mapping[str, Any]) -> tuple[str, list[str]]:
     return "lists of values", [*AXES, *AXES.values()]
 
 
-def replaced_keys(settings: Mapping[str, Any], table: Any) -> list[str]:
-    """List the keys of the ``table`` ``[operating]`` of a file that ``settings`` replace.
+def replaced_keys(settings: Mapping[str, Any], tables: Mapping[str, Any]) -> list[str]:
+    """List the keys of a file's ``tables`` that ``settings`` replace by saying the same otherwise.
 
     Own points, an own set, or mismatch and force together state all points; one of the two does
     not. ``settings`` are by dotted key, None takes one out.
     """
-    given = {key.removeprefix("operating."): value for key, value in settings.items()
-             if key.startswith("operating.") and value is not None}  # fmt: skip
-    whole = given.keys() & {"points", "set"} or AXES.keys() <= given.keys()
-    if not (whole and isinstance(table, Mapping)):
-        return []
-    return [f"operating.{key}" for key in table if key not in (*given, *_statement(given)[1])]
+    given = {key for key, value in settings.items() if value is not None}
+    old = [
+        key
+        for name, table in tables.items()
+        for key in (f"{name}.{one}" for one in (table if isinstance(table, Mapping) else ()))
+        if key not in given
+    ]
+    void = {other for pair in SAME for one, other in (pair, pair[::-1]) if one in given}
+    own = {key.partition(".")[2]: settings[key] for key in given if key.startswith("operating.")}
+    if own.keys() & {"points", "set"} or AXES.keys() <= own.keys():
+        stated = {f"operating.{key}" for key in _statement(own)[1]}
+        void |= {key for key in old if key.startswith("operating.")} - stated
+    return [key for key in old if key in void]
 
 
 def own_set_point(points: Sequence[OperatingPoint]) -> dict[str, float]:

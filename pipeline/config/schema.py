@@ -20,6 +20,7 @@ from dogshape.sim.clutch_tables import (
     SlidingSection,
     keys_of,
     later,
+    or_one,
     section_in,
     si_fields,
 )
@@ -216,7 +217,7 @@ class SearchSection(Section):
     At most ``confirm_designs`` designs of the front are confirmed; the result's has no others.
     """
 
-    objectives: list[str] = Field(
+    objectives: Annotated[list[str], or_one(str)] = Field(
         min_length=1, default_factory=lambda: ["expected_shift_time_s", "axial_length_mm"]
     )
     sampler: Literal["surrogate", "space_filling"] = "surrogate"

@@ -9,8 +9,9 @@ from __future__ import annotations
 import itertools
 import math
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +30,7 @@ from dogshape.pipeline.config.operating import (
 )
 from dogshape.pipeline.config.schema import FORMAT, StudyFile
 from dogshape.sim.clutch_tables import dog_fields, rings, validate
-from dogshape.sim.errors import InputError, refusal
+from dogshape.sim.errors import DogshapeError, InputError, refusal
 from dogshape.sim.shift.actuation import RiseTable
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint, Solver
 from dogshape.sim.shift.conclusion import Engagement, require_stiff_enough
@@ -46,7 +47,7 @@ from dogshape.sim.statistics.shift_records import (
 from dogshape.sim.statistics.uncertainty import FACTORS, Uncertainty, Variant
 from dogshape.sim.strength.dog_strength import Limits
 from dogshape.sim.strength.landing import Wear
-from dogshape.sim.texts import place_of, read_toml
+from dogshape.sim.texts import listed, place_of, read_toml
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
@@ -121,6 +122,22 @@ class Setup:
     def retraction(self) -> float:
         """Time to pull back before a retry, s, and the dead time of that."""
         return self.file.shift.retraction_s + self.actuation.delay
+
+    @property
+    def retry_text(self) -> str:
+        """Cost of a failed attempt, with the keys that decide it."""
+        cost = self.clutch.timeout + self.retraction
+        late = " and mechanism.delay_s" if self.actuation.delay else ""
+        return f"each costs shift.timeout_s and shift.retraction_s{late}, {cost:.4g} s"
+
+    def unseen_failures(self, shifts: int) -> str:
+        """Bound the share of attempts that fail where none of ``shifts`` did, and its cost."""
+        most = min(1.0, 3.0 / shifts)  # 95 %: 0.05 = (1 - p)^n
+        more = 1e3 * most * (self.clutch.timeout + self.retraction)
+        return (
+            f"none of {shifts} attempts failed; up to {100 * most:.2g} % may (95 %), which would "
+            f"add {more:.3g} ms: {self.retry_text}"
+        )
 
     @property
     def set_point(self) -> SetPoint:
@@ -235,7 +252,7 @@ def replace_keys(study: Setup, settings: Mapping[str, Any]) -> Setup:
 def _overridden(data: dict[str, Any], settings: Mapping[str, Any], source: str) -> Setup:
     for key, value in settings.items():
         override(data, key, value)
-    for key in replaced_keys(settings, data.get("operating")):
+    for key in replaced_keys(settings, data):
         override(data, key, None)
     return build_study(validate(StudyFile, data, source))
 
@@ -297,9 +314,8 @@ def build_study(file: StudyFile) -> Setup:
         fault = f"format is {file.format}, but this version reads format {FORMAT}"
         remedy = "convert the file or use the version that wrote it"
         raise InputError(f"{fault}; {remedy}")
+    _require_parts(file)
     contact, shift = file.contact.value, file.shift
-    file.require_ranges()
-    wear_of(file)
     clutch = Clutch(
         dog=file.dog.value,
         rings=rings(file.sliding, file.output),
@@ -322,6 +338,28 @@ def build_study(file: StudyFile) -> Setup:
     for point, factor in itertools.product(points, variables.get(FORCE, ())):
         actuation.table.profile(factor * point.profile.force, f", or narrow variables.{FORCE}")
     return Setup(file, clutch, limits, points, variables, actuation, unsure)
+
+
+def _require_parts(file: StudyFile) -> None:
+    """Raise an error with the faults of all sections, as far as these build by themselves."""
+    sections = (file.dog, file.material, file.manufacturing, file.tolerance, file.contact)
+    parts: tuple[Callable[[], Any], ...] = (
+        partial(rings, file.sliding, file.output), file.require_ranges,
+        lambda: RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s)),
+        file.operating.rows, file.load.case, *(partial(getattr, one, "value") for one in sections),
+        partial(wear_of, file), partial(getattr, file.variables, "ranges"),
+    )  # fmt: skip
+    faults = list[DogshapeError]()
+    for part in parts:
+        try:
+            part()
+        except DogshapeError as error:
+            if str(error) not in map(str, faults):  # of a dog that is not one
+                faults.append(error)
+    if len(faults) > 1:
+        raise InputError(listed(f"the study {file.name}", map(str, faults)))
+    if faults:
+        raise faults[0]
 
 
 def _uncertainty(
@@ -351,6 +389,8 @@ def _limits(file: StudyFile, clutch: Clutch, points: Sequence[OperatingPoint]) -
         more |= {n: getattr(mechanism, n) for n in ("spline_friction", "spline_radius")}
     if mechanism.spline_friction > 0.0 or not file.load.release_by_itself:
         more["pull_out_force_limit"] = min(point.profile.force for point in points)
+    if mechanism.detent > 0.0 and mechanism.detent_seat > 0.0:
+        more["separating_force_limit"] = mechanism.detent
     return Limits(
         load=file.load.case(**more),
         material=file.material.value,

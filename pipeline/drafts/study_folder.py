@@ -1,9 +1,8 @@
 """A study folder to begin with: the commented file of a source with values of one's own.
 
 A study begins as a copy of another one. Values that hold for the other clutch alone are left out,
-but for the height of the dogs, which keeps their shape (mean diameter over count), the force that
-the blocking mechanism holds (torque over mean radius), and forces with which it shifts, which are
-those of the actuator.
+but for the height of the dogs, which keeps their shape (mean diameter over count), and forces with
+which it shifts, which are those of the actuator.
 """
 
 from __future__ import annotations
@@ -12,12 +11,14 @@ import re
 import shutil
 import tempfile
 import tomllib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
+from textwrap import shorten
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import bundled_benches, load_bench
@@ -60,6 +61,8 @@ ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
 ACTUATION = {
     ACTUATOR: "forces that the actuator can have, N, with blanks between",
     "actuation.rise_s": "rise time of each of these forces, s",
+    "shift.timeout_s": "time after which the control gives up an attempt, s",
+    "shift.retraction_s": "time to pull back before the next attempt, s",
 }
 OPERATION = {
     "operating.mismatch_rpm": "mismatches at which it shifts, 1/min, with blanks between",
@@ -89,6 +92,9 @@ USE = {
     TORQUE: "rated torque at the dogs, N m",
     RADIUS: "radius of the toothing that the ring slides on, mm",
     DRAG: "drag torque on the shifted ring, N m",
+    HELD: "force of latch or detent that holds the engaged ring, N, 0 if not to be judged",
+    "load.pull_out_share": "share of the torque that is left as the ring is pulled out",
+    "load.shifts": "shifts over the life",
     MATERIAL: "material",
 }
 WORDS = ACTUATION | OPERATION | CLUTCH | USE
@@ -104,8 +110,22 @@ BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
         "driveline.stiffness_Nm_rad",
     ),
     (MASS,): (ADDED,),
-    ANY: ("strike", "load.pull_out_force_limit_N", "load.abuse_torque_Nm", "search.within_s"),
+    ANY: (HELD, "strike", "load.pull_out_force_limit_N", "load.abuse_torque_Nm", "search.within_s"),
 }  # fmt: skip
+#: Keys and tables that decide an answer, the most influential first.
+DECIDING: dict[str, tuple[str, ...]] = {
+    "the shift time": (
+        "shift.timeout_s", "shift.retraction_s", *ACTUATION, *OPERATION, "operating",
+        COUNT, "dog.backlash_mm", "dog.backlash_deg", "dog.axial_gap_mm", MASS, "mechanism",
+        "dog.chamfer_deg", "dog.chamfer_back_deg", *INERTIAS, "contact",
+    ),
+    "the checks": (
+        TORQUE, "load.application_factor", "load.coast_share", "load.pull_out_share", HELD,
+        "load.release_by_itself", "load.faces_release",
+        "load.shifts", "load.accuracy", MATERIAL, "manufacturing.root_radius_mm", "dog",
+    ),
+}  # fmt: skip
+SHOWN = 60  #: characters of a value
 #: Limits of a search in units of their own are void with any of these.
 UNITS = ("_s", "_N", "_mm", "_Nm", "_Ns", "_J")
 
@@ -268,6 +288,7 @@ def questions_of(
     for key, value, whence in (
         (RADIUS, rounded(0.5 * SPLINE * tables(DIAMETERS[1])), f"{SPLINE:g} of the inner radius"),
         (DRAG, 0.0, "none, an assumption"),
+        (HELD, 0.0, "not judged"),
     ):
         if own[key] is None and copied(key) is not None:
             own[key], sources[key] = value, whence
@@ -295,6 +316,9 @@ def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Values, str, 
     if source.taken:
         taken, whence = source.dog_values | source.taken, f"the bench data of '{source.name}'"
     given, text = {**taken, **values}, text_of(source.file)
+    for key in (*ACTUATION, *OPERATION):  # one value is a list of it
+        if key in given and key.split(".")[0] != "shift" and type(given[key]) in (int, float):
+            given[key] = [given[key]]
     follows, said = _following(text, given)
     text = with_values(text, {**given, **follows})
     inherited = _inherited(text, COMMENTED if source.taken else origin, {**given, **follows})
@@ -302,20 +326,28 @@ def _drafted(origin: str, values: Mapping[str, Any]) -> tuple[str, Values, str, 
 
 
 def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
-    """List the values that are as in the study that was copied, a sentence for each section."""
+    """List values that are as in the study that was copied: those that decide, then the others."""
     kept = {
-        section: [f"{k} = {toml_value(v)}" for k, v in table.items() if f"{section}.{k}" not in own]
+        f"{section}.{key}": value
         for section, table in tomllib.loads(text).items()
         if isinstance(table, dict) and section not in own
+        for key, value in table.items()
+        if f"{section}.{key}" not in own
     }
-    return [
-        f"[{name}] as in '{origin}': {', '.join(those)}" for name, those in kept.items() if those
-    ]
+    lines = []
+    for answer, keys in DECIDING.items():
+        found = dict.fromkeys(k for one in keys for k in kept if f"{k}.".startswith(f"{one}."))
+        texts = (f"{key} = {shorten(toml_value(kept.pop(key)), SHOWN)}" for key in found)
+        if found:
+            lines.append(f"as in '{origin}', decides {answer}: {', '.join(texts)}")
+    rest = Counter(key.partition(".")[0] for key in kept)
+    others = ", ".join(f"{count} of [{section}]" for section, count in rest.items())
+    return [*lines, f"as in '{origin}', keys of less influence: {others}"] if rest else lines
 
 
 def _doubts(study: Setup) -> list[str]:
     faults = [
-        f"your own dog fails {one.name}: {one.fault} ({one.rule.key})"
+        f"your own dog fails {one.name}: {one.fault}; {one.remedy}"
         for one in design_of(study, {}).checks
         if not one.passed
     ]
@@ -343,12 +375,9 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     changed = {key for key in ANY if old(key) != new(key)}
     changed |= {MASS} & set(given)  # also where all that moves is what the ring alone was
     found: Values = {}
-    ring = sum(map(new, DIAMETERS)) / sum(map(old, DIAMETERS))
     if changed & set(DIAMETERS):
+        ring = sum(map(new, DIAMETERS)) / sum(map(old, DIAMETERS))
         found[HEIGHT] = rounded(new(HEIGHT) * ring * old(COUNT) / new(COUNT), 3)
-    held = (new(TORQUE) or 1.0) / (old(TORQUE) or 1.0) / ring
-    if old(HELD) and held != 1.0:
-        found[HELD] = rounded(old(HELD) * held, 3)
     limits = tuple(f"search.limits.{name}" for name in old("search.limits") or ())
     void = [*BOUND.items(), (ANY, tuple(name for name in limits if name.endswith(UNITS)))]
     for by, keys in void:
@@ -361,8 +390,8 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     follows = ", ".join(f"{key} {value}" for key, value in found.items() if value is not None)
     lacks = ", ".join(key for key, value in found.items() if value is None)
     said = [f"follows from your clutch: {follows}"] if follows else []
-    left = "left out with its default instead, limits not judged; give your own"
+    left = "left out, as of the other clutch; none, or not judged, until you give your own"
     said += [f"{left}: {lacks}"] if lacks else []
-    points = replaced_keys(given, new("operating"))
-    said += [f"replaced by your operating points: {', '.join(points)}"] if points else []
-    return found | dict.fromkeys(points), said
+    replaced = replaced_keys(given, tomllib.loads(texts[1]))
+    said += [f"replaced by values of yours: {', '.join(replaced)}"] if replaced else []
+    return found | dict.fromkeys(replaced), said

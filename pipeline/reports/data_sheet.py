@@ -22,6 +22,7 @@ from dogshape.pipeline.config.study_file import (
     bundled_studies,
     find_study,
     load_study,
+    replace_keys,
 )
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import dimensioned_svg
@@ -106,8 +107,7 @@ def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -
     Raises
     ------
     InputError
-        For an unknown name, a design that is not there or was not simulated, and for settings of a
-        design with a number.
+        For an unknown name, a design that is not there, and for settings of a design with a number.
     StorageError
         For a folder with damaged files.
     """
@@ -150,12 +150,11 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
         fault = f"'{where}' has no {f'design {int(number)}' if number else 'chosen design'}"
         remedy = f"it has the designs 0 (prototype) to {max(rows, default=0)}"
         raise InputError(f"{fault}; {remedy}")
-    if row[SIMULATED] is None:
-        raise InputError(
-            f"design {row['trial']} of '{where}' failed {', '.join(row['failed'])} and was not "
-            "simulated; name one that has a time"
-        )
-    return NamedDesign(f"{where}#{row['trial']}", study, result, rows[row["trial"]])
+    name, row = f"{where}#{row['trial']}", rows[row["trial"]]
+    if row[SIMULATED] is None and confirmation_of(result, row) is None:
+        own = replace_keys(study, {f"dog.{key}": row[key] for key in study.shape_keys})
+        return NamedDesign(name, own.operated(row))
+    return NamedDesign(name, study, result, row)
 
 
 def design_record(

@@ -84,7 +84,7 @@ def open_storage(folder: StudyFolder, url: str | None) -> BaseStorage:
     """Open the storage of a study; StorageError where it cannot be opened."""
     if url is None:
         return _journal(folder.trials)
-    address = _address(url)
+    address = address_of(url)
     settings: dict[str, Any] = {"poolclass": NullPool, "connect_args": KEEPALIVE}
     try:
         # One run at a time makes the tables, which the server refuses to two at once.
@@ -121,7 +121,8 @@ def _journal(path: Path) -> BaseStorage:
         ) from error
 
 
-def _address(url: str) -> URL:
+def address_of(url: str) -> URL:
+    """Read the address of a database; StorageError for one that no study is kept in."""
     try:
         address = make_url(url.replace("postgres://", "postgresql://", 1))
     except ArgumentError as error:
@@ -146,7 +147,7 @@ def kept(url: str | None, folder: StudyFolder) -> Iterator[None]:
         error.filename = error.filename or str(folder.trials)
         raise
     except (SQLAlchemyError, StorageInternalError) as error:
-        where = "its file" if url is None else _address(url)
+        where = "its file" if url is None else address_of(url)
         remedy = f"finished shifts are kept in {folder.root}, and --resume goes on when it is back"
         raise StorageError(f"the storage {where} was lost ({_reason(error)}); {remedy}") from error
 

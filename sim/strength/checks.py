@@ -78,6 +78,13 @@ class Check:
         return min(max(over, 0.0) / under, 1e3) if under > 0.0 else 1e3
 
     @property
+    def remedy(self) -> str:
+        """What raises the margin: dimensions and settings, or the limit."""
+        by = self.name.removesuffix("_traction").removesuffix("_braking")
+        known = REMEDIES.get(by) or REMEDIES.get(self.rule.group)
+        return f"{known}, or change {self.rule.key}" if known else f"change {self.rule.key}"
+
+    @property
     def fault(self) -> str:
         """Value and limit in words, for a check that fails."""
         value, limit = (f"{one:.4g} {self.unit}".strip() for one in (self.value, self.limit))
@@ -114,6 +121,29 @@ def worse(one: Check, other: Check) -> Check:
     return Check(one.rule, value, limit, where(first, one.ends, other.ends))
 
 
+_NARROW = "use fewer or lower dogs or smaller side angles"
+_LOW_FLANK = "use a smaller chamfer, more dogs or a higher dog"
+_SIDE = "use larger side angles, or where the actuator pulls load.release_by_itself = false"
+#: Dimensions and settings that raise the margin of a check, by its name or group.
+REMEDIES: dict[str, str] = {
+    **dict.fromkeys(("tip_width", "slot_width", "cutter_reach", "tip_core"), _NARROW),
+    **dict.fromkeys(("flank_height", "chamfer_share"), _LOW_FLANK),
+    "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
+    "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
+    "module": "use fewer dogs or a larger diameter",
+    "chamfer_release": "use a larger chamfer, or for flat tips load.faces_release = false",
+    **{f"{flank}_release": _SIDE for flank in FLANKS},
+    "separating_force": "use smaller side angles",
+    "pull_out_force": "use larger side angles, or less torque left then (load.pull_out_share), or "
+    "less mechanism.spline_friction",
+    "engagement": "use less mismatch, more backlash or fewer dogs",
+    "load": "use a wider or larger ring, finer load.accuracy or larger root fillets",
+    "flank_pressure": "use higher or more dogs, a wider or larger ring or finer load.accuracy",
+    "rim": "use a thicker ring behind the roots",
+    "impact": "use less shift force or moving mass, a wider ring or a larger dog.edge_radius_mm",
+    "contact_ratio": "use a higher dog, a smaller chamfer or smaller tolerances",
+    "clearance": "use a larger dog.axial_gap_mm or smaller tolerances",
+}
 _STATIC = "Jasny et al. 2019, with the static coefficient"
 _STRIKE = "two-mass impact coupled through the shafts (Rao); limit: "
 #: Name (of both flanks at once), unit, key of the limit, whether it is an upper one; then meaning,
@@ -164,10 +194,10 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "axial force that the {flank} flank puts on the blocking mechanism",
          "K_A T/r tan(side angle - rho) - min(mu_t, mu) K_A T/r_t + m a, rho = arctan mu of the "
          "low dynamic coefficient, mu_t and r_t of the spline, T of coast on the braking flank",
-         "Jasny et al. 2019; limit: the prototype's own force and 15 % (assumption)"),
+         "Jasny et al. 2019; limit: what latch or detent hold (in mq200 an assumption)"),
         ("pull_out_force", "N", "load.pull_out_force_limit_N", True,
-         "axial force that pulls the ring out under the torque that is left then, the worse flank; "
-         "below 0 it comes by itself",
+         "axial force that pulls the ring out under load.pull_out_share of the torque, the worse "
+         "flank; a negative one pushes it out",
          "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
          "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest shift "
          "force of the operating points"),

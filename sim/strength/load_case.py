@@ -142,7 +142,7 @@ class LoadCase:
     reversal: float = within("reversal", 0.1, 1.0, 0.7)
     friction_release: float = within("friction_release", 0.0, 1.0, 0.12)
     friction_hold: float = within("friction_hold", 0.0, 1.0, 0.05)
-    separating_force_limit: float = within("separating_force_limit_N", 1.0, 1e6, 5000.0)
+    separating_force_limit: float | None = within("separating_force_limit_N", 1.0, 1e6, None)
     vibration_force: float = 0.0  #: inertia of the ring in gearbox vibration, N
     coast_share: float = within("coast_share", 0.0, 1.0, 1.0)
     pull_out_force_limit: float | None = within("pull_out_force_limit_N", 1.0, 1e6, None)

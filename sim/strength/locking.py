@@ -63,16 +63,16 @@ def face_angle(dog: Dog) -> float:
 
 
 def locking_checks(dog: Dog, load: LoadCase) -> tuple[Check, ...]:
-    """Return the checks of release and holding, and of pulling out where that has a limit."""
+    """Return the checks of release, and of holding and pulling out where these have a limit."""
     rows = []
     if load.faces_release:
         rows.append(("chamfer_release", face_angle(dog), math.atan(load.friction_release)))
     if load.release_by_itself:
         least = release_angle(dog, load)
         rows += [(f"{flank}_release", side_angle(dog, flank), least) for flank in FLANKS]
-    for flank in FLANKS:
-        force = separating_force(dog, load, flank)
-        rows.append((f"separating_force_{flank}", force, load.separating_force_limit))
+    if (held := load.separating_force_limit) is not None:
+        forces = ((flank, separating_force(dog, load, flank)) for flank in FLANKS)
+        rows += [(f"separating_force_{flank}", force, held) for flank, force in forces]
     if load.pull_out_force_limit is not None:
         pull = largest(*(pull_out_force(dog, load, flank) for flank in FLANKS))
         rows.append(("pull_out_force", pull, load.pull_out_force_limit))

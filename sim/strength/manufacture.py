@@ -36,17 +36,8 @@ class ManufacturingLimits:
         require_ranges(self, "manufacturing", "correct the limit")
 
 
-_NARROW = "use fewer or lower dogs or smaller side angles"
-_LOW_FLANK = "use a smaller chamfer, more dogs or a higher dog"
-#: What helps a shape that breaks a rule that it must keep to be made at all.
-_REMEDIES = {
-    **dict.fromkeys(("tip_width", "slot_width", "cutter_reach"), _NARROW),
-    **dict.fromkeys(("flank_height", "chamfer_share"), _LOW_FLANK),
-    "root_radius": "use a smaller radius, fewer dogs, or a smaller chamfer",
-    "edge_clearance": "use a larger dog.edge_radius_mm, or smaller root fillets",
-    "module": "use fewer dogs or a larger diameter",
-}
-MAKEABLE = tuple(_REMEDIES)  #: checks that a dog must pass to be made at all
+#: Checks that a dog must pass to be made at all.
+MAKEABLE = tuple(n for n, rule in RULES.items() if rule.group == "make" and n != "tip_core")
 
 
 def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, ...]:
@@ -73,9 +64,7 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
     """Raise GeometryError with the first rule that the dog breaks."""
     for check in manufacturing_checks(dog, limits):
         if not check.passed:
-            raise GeometryError(
-                f"{check.fault} to be made; {_REMEDIES[check.name]}, or change {check.rule.key}."
-            )
+            raise GeometryError(f"{check.fault} to be made; {check.remedy}.")
 
 
 ANGLE, SHARE = "give an angle in degrees", "give a share of the height"

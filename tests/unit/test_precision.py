@@ -95,7 +95,7 @@ def test_a_precision_out_of_reach_is_told(study: Setup) -> None:
     assert {p.n for p in found.points} == {MOST}
     share = found.standard_error / found.mean
     result = results.Expectation(study, found, 0.0001)
-    (line,) = (part for part in result.to_parts() if str(part).startswith("precision not reached"))
+    (line,) = (part for part in result.to_parts() if str(part).startswith("warning: precision not"))
     assert f"error {share:.3g}, wanted 0.0001 ({share - 0.0001:.3g} more), with {MOST}" in str(line)
     assert result.to_dict()["precision"] == {"wanted": 0.0001, "reached": share}
     assert not results.Expectation(study, found, 0.1).shortfall

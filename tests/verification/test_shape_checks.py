@@ -17,7 +17,11 @@ from dogshape.sim.strength.manufacture import Tolerances, losses, moved, toleran
 from dogshape.sim.units import DEG, MM
 from tests.conftest import dog_of, named_checks
 
-LIMITS = Limits(load=LoadCase(release_by_itself=False, pull_out_force_limit=500.0))
+LIMITS = Limits(
+    load=LoadCase(
+        release_by_itself=False, pull_out_force_limit=500.0, separating_force_limit=5000.0
+    )
+)
 
 
 @pytest.fixture

@@ -106,7 +106,9 @@ def expect(
     if draws is None:
         given = ds.Study(study, settings)
         _plausible(given, listed if isinstance(listed, tuple) else ())
-        show(given.expect(**point, angles=listed, **kept(jobs)), json)
+        found = given.expect(**point, angles=listed, **kept(jobs))
+        warn(one.removeprefix("warning: ") for one in found.shortfall if json)
+        show(found, json)
         return
     if any(other is not None for other in point.values()):
         raise InputError(
