@@ -36,7 +36,7 @@ def main() -> None:
 
     def run(blocks: Sequence[Block]) -> list[list[Record]]:
         keys.extend(map(series_key, blocks))
-        return shifts_of(blocks, means)
+        return shifts_of(blocks, means, [])
 
     for name in SETS:
         bench = load_bench(name)

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from dogshape.expectation import losses
 from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
 from dogshape.pipeline.record import Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_words, time_text
@@ -94,7 +95,7 @@ class Checked(Result):
             "margin: distance to the limit over the limit, at nominal size, with every tolerance "
             "at its worst, and by root sum of squares (no tolerances for the landing)",
             f"feasible: {verdict}{open_ones}",
-            *(f"{c.name}: {c.fault}; {c.remedy}" for c in self.design.checks if not c.passed),
+            *(f"{one.name}: {one.fault}; {one.remedy}" for one in self.design.faults),
             f"smallest margin: {weakest.margin:.1%}, {weakest.name}",
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
@@ -307,7 +308,8 @@ def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
     """Give a simulated time with its interval, the engine's error in it, or why there is none."""
     if not found.engages:
         few = f"{found.engaged:.0%} where fewest do"
-        return None, f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
+        count = f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
+        return None, f"{count}; {losses(found)}"
     share, n, sd = np.array([(p.timed, p.n, p.sd) for p in found.points]).T
     weights = mix.weights * mix.retry
     unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2

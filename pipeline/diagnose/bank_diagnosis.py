@@ -82,11 +82,12 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
     """Build the predictions of a data set, by the place where displacement may be read."""
-    return build_models(bench, effects, means.settings, lambda blocks: shifts_of(blocks, means))
+    told: list[str] = []
+    return build_models(bench, effects, means.settings, lambda some: shifts_of(some, means, told))
 
 
-def shifts_of(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
-    """Read the shifts of a bank; simulate what no file has, and keep it."""
+def shifts_of(blocks: Sequence[Block], means: Means, told: list[str]) -> list[list[Record]]:
+    """Read the shifts of a bank; simulate what no file has, and keep it; ``told`` has the notes."""
     store = BankStore((brought(TIMES), means.bank / TIMES))
     if not store.missing(blocks):
         return store.times(blocks, lambda _: [])
@@ -95,10 +96,11 @@ def shifts_of(blocks: Sequence[Block], means: Means) -> list[list[Record]]:
         lacking = store.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
-        means.progress.say(
+        told.append(f"{left} more shifts" if told else (
             f"the bank of this clutch lacks {left} shifts; they are simulated once and kept in "
             f"{means.bank} for this and later diagnoses"
-        )
+        ))  # fmt: skip
+        means.progress.say(told[-1])
         with (
             WorkCounter(means.progress, left) as progress,
             progress.kept_in(means.bank, "the same command goes on from there"),

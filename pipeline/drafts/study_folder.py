@@ -348,8 +348,7 @@ def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
 def _doubts(study: Setup) -> list[str]:
     faults = [
         f"your own dog fails {one.name}: {one.fault}; {one.remedy}"
-        for one in design_of(study, {}).checks
-        if not one.passed
+        for one in design_of(study, {}).faults
     ]
     outside = [
         f"variables.{key} is [{low:g}, {high:g}], which does not hold your own {own:g}: no search "

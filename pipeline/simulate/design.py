@@ -81,6 +81,11 @@ class Design:
         return [check.name for check in self.checks if not check.passed]
 
     @property
+    def faults(self) -> list[Check]:
+        """Checks that fail, but for those that sum up others."""
+        return [check for check in self.checks if not (check.passed or check.rule.summary)]
+
+    @property
     def not_checked(self) -> list[str]:
         """Names of the checks that a simulation would add."""
         known = {check.name for check in self.checks}

@@ -136,7 +136,8 @@ REMEDIES: dict[str, str] = {
     "separating_force": "use smaller side angles",
     "pull_out_force": "use larger side angles, or less torque left then (load.pull_out_share), or "
     "less mechanism.spline_friction",
-    "engagement": "use less mismatch, more backlash or fewer dogs",
+    "engagement": "use a larger chamfer where faces hold each other, less mismatch or more "
+    "backlash where dogs skip",
     "load": "use a wider or larger ring, finer load.accuracy or larger root fillets",
     "flank_pressure": "use higher or more dogs, a wider or larger ring or finer load.accuracy",
     "rim": "use a thicker ring behind the roots",
@@ -197,8 +198,9 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "Jasny et al. 2019; limit: what latch or detent hold (in mq200 an assumption)"),
         ("pull_out_force", "N", "load.pull_out_force_limit_N", True,
          "axial force that pulls the ring out under load.pull_out_share of the torque, the worse "
-         "flank; a negative one pushes it out",
-         "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static",
+         "flank",
+         "mu_t T/r_t - T/r tan(side angle - rho), mu_t and r_t of the spline, rho static; a flank "
+         "with a negative one pushes the ring out",
          "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest shift "
          "force of the operating points"),
     ),

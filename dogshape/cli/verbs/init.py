@@ -58,6 +58,7 @@ def study(
     Example: dogshape init study --out my_clutch --set dog.count=20 --set dog.height_mm=3.2
     """
     from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
+    from dogshape.pipeline.config.toml_text import toml_value  # noqa: PLC0415
     from dogshape.pipeline.drafts import study_folder  # noqa: PLC0415
 
     study_folder.require_free(out, force)
@@ -68,13 +69,12 @@ def study(
         f"wrote {found['file']} from {found['from']}: {found['dogs']} dogs, "
         f"{found['operating_points']} operating points",
         *(
-            f"set {key} = {value}" if value is not None else f"left out {key}"
+            f"set {key} = {toml_value(value)}" if value is not None else f"left out {key}"
             for key, value in found["set"].items()
         ),
         *_remarks(found),
         f"next: look through {found['file']}, then",
-        f"  dogshape strength {found['folder']} --no-simulation",
-        f"  dogshape study {found['folder']}",
+        *(f"  dogshape {verb} {found['folder']}" for verb in ("check", "expect", "study")),
     ]
     emit(found, json, lambda: lines)
 
