@@ -11,24 +11,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar, Optional, TypeVar, get_args, get_type_hints
 
-from pydantic import (
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    create_model,
-    model_validator,
-)
-from pydantic_core import ErrorDetails, PydanticCustomError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, create_model, model_validator
+from pydantic_core import ErrorDetails
 
-from dogshape.sim.errors import (
-    InputError,
-    did_you_mean,
-    meant_number,
-    ranges_of,
-    require_between,
-)
+from dogshape.sim.errors import InputError, did_you_mean, meant_number, ranges_of, refusal
 from dogshape.sim.shift.clutch import Rings
 from dogshape.sim.shift.geometry import SCOPE, Dog
 from dogshape.sim.shift.mechanism import FIELDS, NOTHING, SPLINE, Mechanism
@@ -95,11 +81,6 @@ class Section(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-def or_one(*kinds: type) -> BeforeValidator:
-    """Let one value of some kinds stand for a list of it."""
-    return BeforeValidator(lambda value: [value] if type(value) in kinds else value)
-
-
 def later(default: Any = None) -> Any:
     """Return the default of a key that came later: as such it is no part of a file's hash."""
     return Field(default=default, exclude_if=lambda value: value == default)
@@ -161,33 +142,27 @@ class DogSection(keys_of(Dog, late=("edge_radius", "crest", "chamfer_back", "bac
     @model_validator(mode="before")
     @classmethod
     def _lengths(cls, data: Any) -> Any:
-        """Turn ``backlash_deg`` into ``backlash_mm``; a mistake joins those of other keys."""
+        """Turn ``backlash_deg`` into ``backlash_mm``; its faults join those of other keys."""
         if not isinstance(data, dict) or "backlash_deg" not in data:
             return data
-        try:
-            return cls._with_arc(dict(data))
-        except InputError as error:
-            raise PydanticCustomError("refused", "{said}", {"said": str(error)}) from error
-
-    @staticmethod
-    def _with_arc(given: dict[str, Any]) -> dict[str, Any]:
-        """Replace an angle of backlash by the arc at the mean radius; InputError for mistakes."""
-        name = "dog.backlash_deg"
+        given, name = dict(data), "dog.backlash_deg"
         angle = given.pop("backlash_deg")
-        if "backlash_mm" in given:
-            raise InputError(
+        if "backlash_mm" in data:
+            raise ValueError(
                 f"{name} is {angle} deg beside dog.backlash_mm = {given['backlash_mm']}, but both "
                 "are one play; give one of them"
             )
         if isinstance(angle, bool) or not isinstance(angle, int | float):
             wrong: Any = {"type": "float_type", "input": angle}
-            raise InputError(broken_rule(name, wrong))
+            raise ValueError(broken_rule(name, wrong))
         try:
-            per_deg = 0.25 * DEG * (given["outer_diameter_mm"] + given["inner_diameter_mm"])
+            per_deg = 0.25 * DEG * (data["outer_diameter_mm"] + data["inner_diameter_mm"])
             most = ranges_of(Dog)["backlash"].high / per_deg
         except (KeyError, TypeError, ZeroDivisionError):  # keys that are refused in their own words
             return given
-        require_between(name, angle, 0.0, abs(most), "check the angle and that it is in degrees")
+        if not 0.0 <= angle <= abs(most):
+            rule = f"it must lie between 0 and {abs(most):.6g} deg"
+            raise ValueError(refusal(name, angle, "deg", rule, "check the angle and its unit"))
         return given | {"backlash_mm": angle * per_deg}
 
 
@@ -293,8 +268,8 @@ def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
     absent = [key for key in missing if not any(key in sentence for sentence in unknown)]
     broken = [e for e in errors if e["type"] not in {"extra_forbidden", "missing"}]
     said = [f"{key} is missing; add it" for key in absent]
-    own = (e["msg"] if e["type"] == "refused" else broken_rule(_key(e), e) for e in broken)
-    return [*unknown, *said, *own]
+    own = (e.get("ctx", {}).get("error") or broken_rule(_key(e), e) for e in broken)
+    return [*unknown, *said, *map(str, own)]
 
 
 def _path(error: ErrorDetails) -> list[str]:

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from dogshape.pipeline.config.operating import ActuationSection, Numbers, OperatingSection
+from dogshape.pipeline.config.operating import ActuationSection, Numbers, OperatingSection, or_one
 from dogshape.sim.clutch_tables import (
     DogSection,
     MechanismSection,
@@ -20,7 +20,6 @@ from dogshape.sim.clutch_tables import (
     SlidingSection,
     keys_of,
     later,
-    or_one,
     section_in,
     si_fields,
 )
