@@ -341,25 +341,24 @@ def build_study(file: StudyFile) -> Setup:
 
 
 def _require_parts(file: StudyFile) -> None:
-    """Raise an error with the faults of all sections, as far as these build by themselves."""
+    """Raise the faults of all sections at once, as far as these build by themselves."""
+    faults = dict[str, DogshapeError]()  # each once: what wears has a dog too
     sections = (file.dog, file.material, file.manufacturing, file.tolerance, file.contact)
     parts: tuple[Callable[[], Any], ...] = (
         partial(rings, file.sliding, file.output), file.require_ranges,
-        lambda: RiseTable(tuple(file.actuation.force_N), tuple(file.actuation.rise_s)),
+        partial(RiseTable, tuple(file.actuation.force_N), tuple(file.actuation.rise_s)),
         file.operating.rows, file.load.case, *(partial(getattr, one, "value") for one in sections),
         partial(wear_of, file), partial(getattr, file.variables, "ranges"),
     )  # fmt: skip
-    faults = list[DogshapeError]()
     for part in parts:
         try:
             part()
         except DogshapeError as error:
-            if str(error) not in map(str, faults):  # of a dog that is not one
-                faults.append(error)
+            faults[str(error)] = error
     if len(faults) > 1:
-        raise InputError(listed(f"the study {file.name}", map(str, faults)))
-    if faults:
-        raise faults[0]
+        raise InputError(listed(f"the study {file.name}", faults))
+    for fault in faults.values():
+        raise fault
 
 
 def _uncertainty(

@@ -113,6 +113,14 @@ def test_margins_at_worst_case_tolerances_have_the_check_behind_them() -> None:
     assert "smallest_margin_worst" not in [item["weakest_check"] for item in items]
 
 
+def test_a_prototype_that_the_search_did_not_simulate_has_the_time_of_the_confirmation() -> None:
+    own, chosen = ds.compare("mq200#0", "mq200").items
+    confirmed = kept_result("mq200")["confirmation"]["prototype"]
+    assert own["expected_shift_time_s"] == confirmed["expected_shift_time_s"]
+    assert (own["passes"], own["weakest_check"]) == (False, "pull_out_force")
+    assert chosen["difference_s"] == pytest.approx(-chosen["gain_s"])
+
+
 def test_keys_of_the_study_files_that_differ_are_rows(tmp_path: Path) -> None:
     found = ds.compare("mq200_paper", "mq200")
     assert "mechanism.spline_friction" in repr(found)
