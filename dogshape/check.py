@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dogshape.expectation import losses
 from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
 from dogshape.pipeline.record import Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_words, time_text
@@ -309,7 +308,7 @@ def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
     if not found.engages:
         few = f"{found.engaged:.0%} where fewest do"
         count = f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
-        return None, f"{count}; {losses(found)}"
+        return None, f"{count}; {found.losses}"
     share, n, sd = np.array([(p.timed, p.n, p.sd) for p in found.points]).T
     weights = mix.weights * mix.retry
     unsure = weights * np.sqrt(share * (1.0 - share) / n) / share**2

@@ -95,7 +95,7 @@ class Expectation(Result):
         found, mean = self.record, self.mean
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
         table = tabulate(PointRow, found.points)
-        lost = losses(mean)
+        lost = mean.losses
         if mean.mean_engaged is not None:
             lost += f"; without their retries the mean is {in_ms(mean.mean_engaged)} ms"
         if mean.lost and mean.engages and mean.mean_engaged is not None:
@@ -150,20 +150,6 @@ class Expectation(Result):
     def to_frame(self) -> Frame:
         """Give a row for each operating point: mean, standard error, spread, share engaged."""
         return frame_of(self.record.points).drop(columns="shiftability")
-
-
-def losses(mean: Mean) -> str:
-    """Count the shifts that did not engage by their cause, with what frees those that are held."""
-    words = f"{mean.lost} of {mean.shifts} shifts did not engage"
-    late, freed = mean.lost - mean.blocked, sum(point.freed for point in mean.points)
-    if mean.blocked:
-        words += f": {mean.blocked} held dog on dog by friction"
-        words += f" ({freed} of these freed by the alternating set-point)" if freed else ""
-    if late:
-        words += f"{',' if mean.blocked else ':'} {late} short of full depth at the time-out"
-    if mean.engages or not mean.blocked:
-        return words
-    return f"{words}; a larger chamfer, mismatch or sliding.inertia_kgm2 frees those held"
 
 
 def simulate_mean(

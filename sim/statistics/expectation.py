@@ -148,6 +148,20 @@ class Expectation:
         return self.mean if self.engages else None
 
     @property
+    def losses(self) -> str:
+        """Count the shifts that did not engage by cause, with what frees those that are held."""
+        words = f"{self.lost} of {self.shifts} shifts did not engage"
+        late, freed = self.lost - self.blocked, sum(point.freed for point in self.points)
+        if self.blocked:
+            words += f": {self.blocked} held dog on dog by friction"
+            words += f" ({freed} of these freed by the alternating set-point)" if freed else ""
+        if late:
+            words += f"{',' if self.blocked else ':'} {late} short of full depth at the time-out"
+        if self.engages or not self.blocked:
+            return words
+        return f"{words}; a larger chamfer, mismatch or sliding.inertia_kgm2 frees those held"
+
+    @property
     def mean_engaged(self) -> float | None:
         """Weighted mean without retries, s; None where at some operating point none engaged.
 
