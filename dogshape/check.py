@@ -69,8 +69,10 @@ class Checked(Result):
 
     @property
     def worst_case(self) -> str:
-        """Smallest margin at worst-case tolerances, with its check."""
-        name, worst = weakest_within(self.config, self.design)
+        """Smallest margin at worst-case tolerances, the landing at nominal size, with its check."""
+        weakest = smallest_margin(self.design.checks)
+        (name, worst), own = weakest_within(self.config, self.design), weakest.margin
+        worst, name = min((worst, name), (own, weakest.name))
         return "no dog" if math.isinf(worst) else f"{worst:.1%}, {name}"
 
     @property
@@ -92,7 +94,7 @@ class Checked(Result):
             "S: safety factor, upper limit of a stress or force over its value, at nominal size, "
             "beyond the factors of [load] that the limit contains",
             "margin: distance to the limit over the limit, at nominal size, with every tolerance "
-            "at its worst, and by root sum of squares (no tolerances for the landing)",
+            "at its worst, and by root sum of squares (landing and times: nominal size alone)",
             f"feasible: {verdict}{open_ones}",
             *(f"{one.name}: {one.fault}; {one.remedy}" for one in self.design.faults),
             f"smallest margin: {weakest.margin:.1%}, {weakest.name}",

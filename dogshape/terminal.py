@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from rich import progress as rich_progress
@@ -29,17 +29,38 @@ def terminal(*, stderr: bool = False, width: int | None = None) -> Console:
 def print_parts(console: Console, parts: Iterable[str | Table]) -> None:
     """Print sentences, and tables with words to the left, numbers to the right, groups in bold."""
     for part in parts:
-        console.print(part if isinstance(part, str) else _drawn(part))
+        for one in [part] if isinstance(part, str) else _drawn(part, console.width):
+            console.print(one)
 
 
-def _drawn(table: Table) -> RichTable:
-    drawn = RichTable(box=None, pad_edge=False, header_style="bold", show_header=any(table.heads))
+def _drawn(table: Table, width: int) -> Iterator[RichTable]:
+    """Lay a table out in ``width`` characters: words whole, columns too many below the others."""
+    facts, least, most = not any(table.heads), list[int](), list[int]()
+    texts = [facts or place == 0 or place in table.words for place in range(len(table.heads))]
     for place, head in enumerate(table.heads):
-        words = place == 0 or place in table.words or not any(table.heads)
-        drawn.add_column(head, justify="left" if words else "right", overflow="fold")
-    for place, row in enumerate(table.rows):
-        drawn.add_row(*row, style="bold" if table.looks.get(place) == "group" else None)
-    return drawn
+        lines = [line for row in table.rows for cell in row[place : place + 1]
+                 for line in cell.split("\n")]  # fmt: skip
+        whole = " ".join(lines).split() if texts[place] else lines
+        least.append(max(map(len, (*head.split(), *whole)), default=0))
+        most.append(max(map(len, (head, *lines))))
+    columns = [0]
+    for place in range(1, len(least) + 1):
+        spare = width + 2 - sum(least[k] + 2 for k in columns)
+        if place < len(least) and least[place] + 2 <= spare:
+            columns.append(place)
+            continue
+        drawn = RichTable(box=None, pad_edge=False, header_style="bold", show_header=not facts)
+        for left, k in enumerate(sorted(columns, key=lambda k: most[k] - least[k])):
+            more = max(0, min(most[k] - least[k], spare // (len(columns) - left)))
+            least[k], spare = least[k] + more, spare - more
+        for k in columns:
+            justify: Any = "left" if texts[k] else "right"
+            drawn.add_column(table.heads[k], justify=justify, overflow="fold", width=least[k])
+        for number, row in enumerate(table.rows):
+            style = "bold" if table.looks.get(number) == "group" else None
+            drawn.add_row(*(row[k] for k in columns if k < len(row)), style=style)
+        yield drawn
+        columns = [0, place]
 
 
 class ProgressBar(Progress):

@@ -25,7 +25,7 @@ window.faults = [];
 addEventListener("error", event => faults.push(event.message));
 console.error = (...words) => faults.push(words.join(" "));
 """
-#: What a page shows: errors, loads, overflow, figures, and words that those cut off.
+#: What a page shows: errors, loads, overflow, figures, and words and curves that those cut off.
 STATE = """(() => {
   const figures = [...document.querySelectorAll(".js-plotly-plot")], cut = [];
   for (const figure of figures) {
@@ -36,6 +36,14 @@ STATE = """(() => {
           || box.top < frame.top - 2 || box.bottom > frame.bottom + 2))
         cut.push(figure.id + ": " + text.textContent);
     }
+    for (const {plot, xaxis, yaxis} of Object.values(figure._fullLayout._plots))
+      for (const mark of plot.node().querySelectorAll(".errorbar path, .js-line")) {
+        const box = mark.getBoundingClientRect();
+        const left = frame.left + xaxis._offset, top = frame.top + yaxis._offset;
+        if (box.left < left - 2 || box.right > left + xaxis._length + 2
+            || box.top < top - 2 || box.bottom > top + yaxis._length + 2)
+          cut.push(figure.id + ": " + mark.getAttribute("class"));
+      }
   }
   const root = document.documentElement;
   return {

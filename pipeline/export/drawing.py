@@ -18,7 +18,7 @@ from dogshape.sim.units import DEG, MM
 WIDTH, HEIGHT = 980.0, 592.0  #: of the dimensioned section, px
 HEAD = 8.0  #: length of an arrow head, px
 LETTER = 7.2  #: width of a character, px; close enough for a background
-REACH = 0.775  #: of the dimensioned section either side of the dog, in pitches
+REACH = 0.775  #: least reach of the dimensioned section either side of the dog, in pitches
 STYLE = """
 .drawing .part{fill:#dbe5f0;stroke:#1b2733;stroke-width:1.6}
 .drawing .thin{fill:none;stroke:#55626f;stroke-width:.9}
@@ -86,7 +86,7 @@ def _dimension(a: complex, b: complex, at: float, content: str, upright: bool = 
     """Draw a dimension from ``a`` to ``b`` with its extension lines.
 
     The dimension line is level at height ``at``, or ``upright`` at that x. Where it is too short
-    for two arrow heads, they stand outside.
+    for two arrow heads, they stand outside, as an upright text does that is longer.
     """
     ends = [complex(at, p.imag) if upright else complex(p.real, at) for p in (a, b)]
     first, last = sorted(ends, key=lambda p: (p.real, p.imag))
@@ -96,7 +96,7 @@ def _dimension(a: complex, b: complex, at: float, content: str, upright: bool = 
     strokes += [_line(first - out, last + out), _arrow(first, first - out if tight else last)]
     strokes.append(_arrow(last, last + out if tight else first))
     middle = 0.5 * (first + last)
-    if upright and tight:
+    if upright and (tight or abs(last - first) < LETTER * len(content)):
         strokes.append(_text(first - out - 5.0j, content))
     elif upright:
         strokes.append(_text(middle - 6.0, content, turn=-90.0))
@@ -185,7 +185,8 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
 
     ``limits`` brings root radius, tolerances and material.
     """
-    scale = min(0.62 * WIDTH / (2.0 * REACH * dog.pitch), 0.33 * HEIGHT / dog.height)
+    reach = max(REACH * dog.pitch, 1.03 * dog.pitch - 0.5 * dog.root_width)  # the pitch is in it
+    scale = min(0.62 * WIDTH / (2.0 * reach), 0.33 * HEIGHT / dog.height)
     radius, half = limits.root_radius, 0.5 * dog.height
     top_radius = tip_radius(dog, radius)
 
@@ -200,13 +201,14 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         return f"{length / MM:.2f}{within(name)}"
 
     def slope(name: str, words: str) -> str:
-        return f"{words} {getattr(dog, name) / DEG:.2f}°{within(name, DEG, '°')}"
+        angle = f"{getattr(dog, name) / DEG:.2f}".replace("-", "\N{MINUS SIGN}")
+        return f"{words} {angle}°{within(name, DEG, '°')}"
 
     # The dog with the slots beside it and the ends of its neighbours.
     profile = [at(x + i * dog.pitch, z) for i in (-2, -1, 0, 1, 2) for x, z in section(dog)]
     corners = [at(x, z) for x, z in section(dog)]
     radii = [r * scale for r in 5 * [radius, *(len(corners) - 2) * [top_radius], radius]]
-    left, right = at(-REACH * dog.pitch, 0.0), at(REACH * dog.pitch, 0.0)
+    left, right = at(-reach, 0.0), at(reach, 0.0)
     low = at(0.0, -half).imag + 84.0
     ends = " L".join(_at(complex(p.real, low)) for p in (profile[-1], profile[0]))
     part = _path(f"{_rounded(profile, radii[1:-1])} L{ends} Z", "part")
@@ -227,27 +229,26 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         _dimension(tip_b, tip_t, crest.imag - 42.0, follows("tip", dog.tip_width)),
         _dimension(root_b, root_t, below + 36.0, follows("root", dog.root_width)),
         _dimension(root_t - pitch, root_t, below + 68.0, follows("pitch", dog.pitch, 3)),
-        _dimension(crest, complex(crest.real, below), right.real + 40.0,
-                   "h " + size("height", dog.height), True),
-        _text(complex(right.real + 52.0, crest.imag + 4.0), f"{over:.2f} over", "start", "small"),
-        _text(complex(right.real + 52.0, crest.imag + 18.0), "the rounding", "start", "small"),
-        _dimension(edge, complex(edge.real, below), left.real - 20.0,
-                   follows("flank", dog.height - dog.edge_drop), True),
+        _dimension(crest, root_t, right.real + 40.0, "h " + size("height", dog.height), True),
+        _text(complex(right.real + 52.0, below + 4.0), f"{over:.2f} over", "start", "small"),
+        _text(complex(right.real + 52.0, below + 18.0), "the rounding", "start", "small"),
+        _dimension(edge, root_b, left.real - 20.0, follows("flank", dog.height - dog.edge_drop),
+                   True),
     ]  # fmt: skip
     if dog.back_drop > 0.0:
         flank = follows("flank", dog.height - dog.back_drop)
-        lengths.append(_dimension(back, complex(back.real, below), right.real + 14.0, flank, True))
+        lengths.append(_dimension(back, root_t, right.real + 14.0, flank, True))
     if dog.edge_drop > 0.0:
         drop = follows("drop", dog.edge_drop)
         lengths.append(_dimension(crest, edge, left.real - 54.0, drop, True))
 
     # Middle of the fillet's arc: out of the corner along its bisector.
-    opening = 0.25 * math.pi + 0.5 * dog.braking
-    fillet = root_b - cmath.rect(radius * scale * (1.0 / math.sin(opening) - 1.0), opening)
+    opening = 0.25 * math.pi + 0.5 * dog.traction
+    fillet = root_t + cmath.rect(radius * scale * (1.0 / math.sin(opening) - 1.0), -opening)
     edges = f"roots and tip edges R {size('root_radius', radius)}"
     if dog.edge_radius > 0.0:
         edges = f"roots R {size('root_radius', radius)}, tip edges R {dog.edge_radius / MM:.2f}"
-    top, reach = crest.imag - 96.0, 0.72 * dog.height * scale
+    top, deep = crest.imag - 96.0, 0.72 * dog.height * scale
     share = 0.55 * dog.tip_width * scale
     lean_t, lean_b = (sorted((-90.0, -90.0 + lean / DEG)) for lean in (dog.traction, -dog.braking))
     falls = [
@@ -258,11 +259,11 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
     angles = [
         *(_angle(crest, ends, share, slope(name, words), complex(0.5 * WIDTH + x, top))
           for name, ends, words, x, there in falls if there),
-        _angle(back, (lean_t[0], lean_t[1]), reach, slope("traction", "traction flank \u03b2"),
+        _angle(back, (lean_t[0], lean_t[1]), deep, slope("traction", "traction flank \u03b2"),
                complex(tip_t.real + 70.0, top + (34.0 if dog.crest < 1.0 else 0.0))),
-        _angle(edge, (lean_b[0], lean_b[1]), 0.8 * reach, slope("braking", "braking flank \u03b3"),
+        _angle(edge, (lean_b[0], lean_b[1]), 0.8 * deep, slope("braking", "braking flank \u03b3"),
                complex(edge.real - 110.0, top + 34.0)),
-        _leader(fillet, complex(left.real + 60.0, low + 24.0), edges, "end"),
+        _leader(fillet, complex(right.real - 100.0, low + 24.0), edges),
     ]  # fmt: skip
     material, wide = limits.material, "dog and slot are equally wide"
     if dog.backlash > 0.0:

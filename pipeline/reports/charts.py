@@ -14,7 +14,7 @@ import plotly.graph_objects as go
 import plotly.io as pio
 from plotly.subplots import make_subplots
 
-from dogshape.pipeline.reports.designs import MARGIN, Row, design_name, goals_of, of_kinds
+from dogshape.pipeline.reports.designs import MARGIN, Goal, Row, design_name, goals_of, of_kinds
 from dogshape.pipeline.reports.text import PLACE, axis, check_name, minus, place_name
 from dogshape.pipeline.simulate.design import SIMULATED
 
@@ -107,8 +107,8 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
             )  # fmt: skip
     named.sort(key=lead.shown)
     x, y = ([goal.shown(row) for row in named] for goal in (lead, second))
-    figure.update_xaxes(title=lead.title, range=_window(x))
-    figure.update_yaxes(title=second.title, range=_window(y))
+    figure.update_xaxes(title=lead.title, range=_window(lead, named))
+    figure.update_yaxes(title=second.title, range=_window(second, named))
     px = [PAPER[0] * one / ((max(x) - min(x)) or 1.0) / 1.4 for one in x]
     py = [-PAPER[1] * one / ((max(y) - min(y)) or 1.0) / 1.4 for one in y]
     taken = [complex(*place) for place in zip(px, py, strict=True)]
@@ -127,12 +127,14 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
     return styled(figure, 480)
 
 
-def _window(values: Sequence[float]) -> tuple[float, float] | None:
-    """Return a range that shows ``values`` with room on either side; None without any."""
-    if not values:
+def _window(goal: Goal, rows: Sequence[Row]) -> tuple[float, float] | None:
+    """Return a range that shows rows and their bars with room on either side; None without any."""
+    if not rows:
         return None
-    room = 0.2 * (max(values) - min(values)) or 0.1 * abs(max(values)) or 1.0
-    return min(values) - room, max(values) + room
+    low = min(goal.shown(row) - 1.96 * goal.error(row) for row in rows)
+    high = max(goal.shown(row) + 1.96 * goal.error(row) for row in rows)
+    room = 0.2 * (high - low) or 0.1 * abs(high) or 1.0
+    return low - room, high + room
 
 
 def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) -> go.Figure:
@@ -183,7 +185,7 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1}
     hover = "%{y}, %{x}: %{z:.0f} %<extra></extra>"
     for place, (rows, count) in enumerate(sides.values(), start=1):
-        ordered = sorted(rows, key=lambda row: [row[key] for key in PLACE])
+        ordered = sorted(rows, key=lambda row: (row["force_N"], row["mismatch_rpm"]))
         pushes = [f"{row[PLACE[1]]:.3g}" if grid else "" for row in ordered]
         names = [minus(f"{row[PLACE[0]]:.4g}") if grid else place_name(*(row[k] for k in PLACE))
                  for row in ordered]  # fmt: skip
@@ -213,7 +215,7 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     bar = {"title": {"text": "shifts, %", "side": "right"}, "thickness": 14}
     shades = {"colorscale": [[0, "#eef3f9"], [1, BLUE]], "cmin": 0, "cmax": 100}
     figure.update_layout(coloraxis={**shades, "colorbar": bar})
-    figure.update_yaxes(type="category", automargin=True)
+    figure.update_yaxes(type="category", automargin=True, autorange="reversed")
     return styled(figure, 80 + len(sides) * (65 + 24 * lines))
 
 

@@ -26,7 +26,7 @@ from dogshape.pipeline.config.study_file import (
 )
 from dogshape.pipeline.config.toml_text import toml_value
 from dogshape.pipeline.export.drawing import dimensioned_svg
-from dogshape.pipeline.record import Table, number_or_none
+from dogshape.pipeline.record import Bad, Table, number_or_none
 from dogshape.pipeline.reports.designs import Row, confirmation_of, engaged_shifts, margins_of
 from dogshape.pipeline.reports.report import Report
 from dogshape.pipeline.reports.text import (
@@ -269,9 +269,14 @@ def words_of(one: Row) -> dict[str, str]:
         place = place_name(*(point[part] for part in PLACE))
         return f"{ms_with_error(point[key], point['standard_error_s'], sign)} at {place}"
 
-    worst, surface = one["margin_worst_case"], check_name(one["locking_surface"])
-    engaged = one["engaged"]
+    worst = one["margin_worst_case"], one["weakest_check_worst_case"]
+    surface, engaged = check_name(one["locking_surface"]), one["engaged"]
+    if worst[0] is not None:  # what has no tolerances counts at nominal size
+        worst = min(worst, (one["smallest_margin"], one["weakest_check"]))
+    failed = [name for name, margin in one["margins"].items() if (margin or 0.0) < 0.0]
+    failed = [name for name in failed if name not in SUMMARIES] or failed
     return {
+        "feasible": "yes" if one["passes"] else Bad(f"no: {', '.join(map(check_name, failed))}"),
         "expected shift time, ms": time,
         "gain over the prototype, ms": ms_with_error(one["gain_s"], one["gain_standard_error_s"]),
         "worst point less prototype, ms":
@@ -280,8 +285,8 @@ def words_of(one: Row) -> dict[str, str]:
         "engage at the first try, least": "-" if engaged is None else percent(engaged),
         "smallest margin, nominal size":
             margin_cell(one["weakest_check"], one["smallest_margin"]),
-        "at worst-case tolerances":
-            "no dog" if worst is None else margin_cell(one["weakest_check_worst_case"], worst),
+        "at worst-case tolerances, landing nominal":
+            "no dog" if worst[0] is None else margin_cell(worst[1], worst[0]),
         "locks above friction":
             f"{one['locking_friction']:.3f} ({surface.removesuffix(' release')})" if surface
             else "-",
@@ -319,6 +324,9 @@ def write_sheet(
     own = [check for check in checks if check["name"] not in SUMMARIES]
     own.sort(key=lambda check: list(GROUPS).index(check["group"]))
     dimensions, origin = _dimensions(study), provenance_of(one.study, one.result)
+    if one.result is not None:
+        again = f"dogshape export {shlex.quote(one.label)} --sheet sheet.html"
+        origin = {"command": again, "searched by": origin.pop("command"), **origin}
     if path.suffix.lower() == ".json":
         known = {key: text or None for key, text in title.items()}
         given = {"name": one.title, "time": time, **known, **record}
@@ -366,6 +374,10 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
     """
     load, contact = study.file.load, study.clutch.contact
     simulated, used, own = "as by 'dogshape check'", versions(), ""
+    verb, file = "export --sheet sheet.html", "its study file"
+    if result is not None:
+        verb, file = "study", "study.json"
+    command = command_of(study, verb) or f"dogshape {verb} FILE; {study.name} is in {file}"
     if result is not None:
         c, used = result["confirmation"], result["versions"]
         simulated = f"{result['n_simulated_designs']} designs, {result['n_simulated_shifts']} "
@@ -376,7 +388,7 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
     if (law := contact.impact) is not None:
         normal = f"IMPACT with {law.stiffness:.3g} N/m^1.5 and {law.damping:.3g} N s/m"
     facts = {
-        "command": command_of(study) or f"dogshape study FILE; {study.name} is in study.json",
+        "command": command,
         "simulated": simulated,
         "operating points": study.operating_text,
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
@@ -389,8 +401,8 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
     return {name: words for name, words in facts.items() if words}
 
 
-def command_of(study: Setup) -> str | None:
-    """Compose the command that runs a study like this one; None unless ``--set`` leads to it.
+def command_of(study: Setup, verb: str) -> str | None:
+    """Compose the command of a verb for a study like this; None unless ``--set`` leads to it.
 
     Checked by the hash of the configuration.
     """
@@ -403,7 +415,7 @@ def command_of(study: Setup) -> str | None:
             return None
     except DogshapeError:
         return None
-    return f"dogshape study {study.name}" + "".join(f" --set {shlex.quote(o)}" for o in overrides)
+    return f"dogshape {verb} {study.name}" + "".join(f" --set {shlex.quote(o)}" for o in overrides)
 
 
 def flat_keys(record: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

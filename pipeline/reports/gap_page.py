@@ -18,7 +18,7 @@ from dogshape.pipeline.diagnose.consequence import Consequence
 from dogshape.pipeline.record import Record, Table, frame_of, key, number_or_none
 from dogshape.pipeline.reports.charts import times_by_point
 from dogshape.pipeline.reports.report import Report
-from dogshape.pipeline.reports.text import ENGINES, axis
+from dogshape.pipeline.reports.text import ENGINES, axis, place_name
 from dogshape.sim.files import write_whole
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import engine
@@ -200,10 +200,16 @@ def _facts(found: Diagnosis) -> dict[str, str]:
     """List the facts on data set, record and run."""
     bench, record = found.bench, found.to_dict()["record"]
     shifts, timeless = sum(cell.n for cell in bench.cells), sum(not c.n for c in bench.cells)
+    lost = [
+        f"{cell.failed} of {cell.failed + cell.engaged} at "
+        + place_name(cell.point.mismatch / RPM, cell.point.profile.force)
+        for cell in bench.cells if cell.failed
+    ]  # fmt: skip
     given = {
         "data set": f"{bench.name}; {bench.source}",
         "operating points": f"{len(bench.cells)}, {timeless} of them without a time; {shifts} "
         "timed shifts",
+        "shifts that did not engage": "; ".join(lost) or "none",
         "record": "; ".join(f"{k}: {v}".replace("_", " ") for k, v in record.items()),
         "corrections": ", ".join(bench.corrections),
         "suspicious values": "; ".join(

@@ -28,14 +28,16 @@ from dogshape.sim import kernel
 from dogshape.sim.files import write_whole
 from dogshape.sim.shift.conclusion import Engagement, Outcome
 from dogshape.sim.shift.mesh import dog_solid
-from dogshape.sim.shift.trace import Trace, crests_cross
+from dogshape.sim.shift.trace import Phase, Trace, crests_cross
 from dogshape.sim.statistics.blocks import events_record, loads_record
 from dogshape.sim.units import DEG, MM, MS, RPM
 
 SAMPLES = 6000  #: most points of a series on a page; longer ones are thinned
-FORCE_CEILING = 4.0  #: end of the force axis over the largest shift force; impacts are far above
-#: Colours of the phases, others are grey.
-TONES = {"free fly": "#c3ccd5", "face contact": "#eba394", "entry": "#ecd06f", "seating": "#9fd0b0"}
+#: Colours of the phases.
+TONES = {
+    "dead time": "#d7dde3", "free fly": "#c3ccd5", "face contact": "#eba394", "entry": "#ecd06f",
+    "seating": "#9fd0b0",
+}  # fmt: skip
 #: Curves by column: panel from above, and look. A contact force is the mean of the step before.
 CURVES: dict[str, tuple[int, dict[str, Any]]] = {
     "displacement_mm": (1, {"color": BLUE}),
@@ -98,8 +100,8 @@ def write_animation(
         # Steps can be far below a microsecond; nine digits of a second keep them apart.
         "series": _series(result).round(9).to_dict("list"),
         "phases": [
-            {"name": phase_title(p.name), "start": p.start, "end": p.end, "tone": _tone(p.name)}
-            for p in result.phases if p.end > p.start
+            {"name": phase_title(p.name), "start": p.start, "end": p.end, "tone": TONES[p.name]}
+            for p in _taken(result)
         ],
         "pitch": dog.pitch / MM,
         "height": dog.height / MM,
@@ -131,8 +133,9 @@ def write_animation(
     )  # fmt: skip
 
 
-def _tone(phase: str) -> str:
-    return TONES.get(phase, "#d7dde3")
+def _taken(result: Engagement) -> list[Phase]:
+    """Select the phases that took time: without a touch of faces there is no face contact."""
+    return [phase for phase in result.phases if phase.end > phase.start]
 
 
 def curves(result: Engagement) -> go.Figure:
@@ -146,12 +149,11 @@ def curves(result: Engagement) -> go.Figure:
             x=time, y=series[name], mode="lines", line={"width": 2, **line}, name=title,
             hoverinfo="none", row=row, col=1,
         )  # fmt: skip
-    for phase in result.phases:
-        if phase.end > phase.start:
-            figure.add_vrect(
-                phase.start / MS, phase.end / MS, fillcolor=_tone(phase.name), opacity=0.25,
-                line_width=0, layer="below",
-            )  # fmt: skip
+    for phase in _taken(result):
+        figure.add_vrect(
+            phase.start / MS, phase.end / MS, fillcolor=TONES[phase.name], opacity=0.25,
+            line_width=0, layer="below",
+        )  # fmt: skip
     for text, level, where in (
         ("crests meet", result.clutch.dog.axial_gap, "top left"),
         ("engaged", result.clutch.shift_travel, "bottom left"),
@@ -162,8 +164,7 @@ def curves(result: Engagement) -> go.Figure:
         )  # fmt: skip
     for row, unit in enumerate(("mm", "1/min", "N"), start=1):
         figure.update_yaxes(title={"text": unit, "standoff": 8}, nticks=5, row=row)
-    ceiling = FORCE_CEILING * max(1.0, float(result.trace.shift_force.max()))
-    figure.update_yaxes(range=[0.0, ceiling], row=3)
+    figure.update_yaxes(rangemode="tozero", row=3)
     figure.update_xaxes(range=[0.0, float(time.iloc[-1])])
     figure.update_xaxes(ticksuffix=" ms", row=3)
     styled(figure, 380).update_layout(font_size=12, hovermode="x")
@@ -171,8 +172,8 @@ def curves(result: Engagement) -> go.Figure:
 
 
 def phase_table(result: Engagement) -> Table:
-    """Tabulate the phases of a shift, ms."""
-    spans = [(p.name, (p.start, p.end, p.end - p.start)) for p in result.phases]
+    """Tabulate the phases of a shift that took time, ms."""
+    spans = [(p.name, (p.start, p.end, p.end - p.start)) for p in _taken(result)]
     rows = [(phase_title(name), *map(in_ms, times)) for name, times in spans]
     return Table(("phase", "start, ms", "end, ms", "length, ms"), rows)
 

@@ -74,7 +74,11 @@ END = 0.01  #: share of a search range within which a value lies at its end
 LANDING = "_impact"  #: end of the names of the checks of a landing
 TIME = "expected shift time, ms"
 #: Columns of the alternatives, of the words of a record.
-COLUMNS = ("smallest margin, nominal size", "at worst-case tolerances", "locks above friction")
+COLUMNS = (
+    "smallest margin, nominal size",
+    "at worst-case tolerances, landing nominal",
+    "locks above friction",
+)
 SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys
 Pair = tuple[float, float]
 

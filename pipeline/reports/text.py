@@ -32,11 +32,14 @@ LABELS = {
 
 PLACE = ("mismatch_rpm", "force_N")  #: keys of an operating point
 ENGINES = {"drake": "Drake", "planar": "the compiled engine"}  #: words for each engine
-#: Checks whose key is no name.
+#: Checks, events and loads whose key is no name.
 CHECKS = {
-    "smallest_margin_worst": "smallest margin at worst-case tolerances",
+    "smallest_margin_worst": "smallest margin at worst-case tolerances, landing left out",
     "slower_than_reference_s": "time lost on the reference",
     "engagement": "engagement in half of the shifts of each operating point",
+    "face_contacts": "touches of face on face",
+    "strike_mismatch_rpm": "mismatch taken by the hardest strike",
+    "residual_mismatch_rpm": "mismatch when the flanks close",
 }
 
 

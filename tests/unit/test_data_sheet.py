@@ -35,7 +35,7 @@ def test_a_design_of_a_result_has_its_page(dogshape: Call, folder: StudyFolder) 
     for words in (
         f"mq200_paper, design {TRIAL}", WHY, f"{RESULT['front'][1]['chamfer_deg']:.2f} deg",
         "± 0.25 deg", f"{1e3 * CONFIRMED['expected_shift_time_s']:.1f} ± ", "traction release",
-        content_key(RESULT), "16MnCr5", "drake 1.51",
+        content_key(RESULT), "16MnCr5", "drake 1.51", f"#{TRIAL}&#39; --sheet", "yes</td>",
     ):  # fmt: skip
         assert words in page
     path = ds.load_result(folder.root).data_sheet(TRIAL, "sheet.json", WHY)
@@ -60,7 +60,9 @@ def test_a_typed_design_is_simulated_as_by_check(dogshape: Call) -> None:
     assert {check["name"]: check["margin"] for check in sheet["checks"]}.items() <= {
         check.name: check.margin for check in found.design.checks
     }.items()
-    assert sheet["provenance"]["command"] == "dogshape study mq200 --set dog.chamfer_deg=12.0"
+    assert sheet["provenance"]["command"] == (
+        "dogshape export --sheet sheet.html mq200 --set dog.chamfer_deg=12.0"
+    )
 
 
 def test_the_title_block_says_who_decided_and_why(dogshape: Call, folder: StudyFolder) -> None:

@@ -168,13 +168,13 @@ def test_a_page_shows_an_uncertain_shift_as_it_was_drawn(study: Setup) -> None:
 )
 def test_command_runs_the_same_study_again(changes: list[str]) -> None:
     study = load_study("mq200_paper", changes)
-    command = command_of(study)
+    command = command_of(study, "study")
     assert command is not None
     assert command.startswith("dogshape study mq200_paper")
     overrides = [word for word in shlex.split(command)[3:] if word != "--set"]
     assert load_study("mq200_paper", overrides).config_hash == study.config_hash
     file = study.file.model_copy(update={"name": "elsewhere"})
-    assert command_of(replace(study, file=file)) is None
+    assert command_of(replace(study, file=file), "study") is None
 
 
 def test_effects_are_of_the_surrogate_as_it_is_now(

@@ -65,6 +65,8 @@
   curves.on?.("plotly_relayout", draw);
   curves.on?.("plotly_click", event => { run(false); go(event.points[0].x / 1e3); });
   addEventListener("resize", () => { Section.fit(); draw(); });
+  for (const [event, width] of [["beforeprint", 700], ["afterprint", null]])
+    addEventListener(event, () => { Plotly.relayout(curves, {width, autosize: !width}); draw(); });
   // "shift.html#t=40" opens at 40 ms.
   go(+(/[#&]t=([\d.]+)/.exec(location.hash)?.[1] ?? 0) / 1e3);
 })();
