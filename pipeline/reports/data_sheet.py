@@ -376,10 +376,8 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
     simulated, used, own = "as by 'dogshape check'", versions(), ""
     verb, file = "export --sheet sheet.html", "its study file"
     if result is not None:
-        verb, file = "study", "study.json"
-    command = command_of(study, verb) or f"dogshape {verb} FILE; {study.name} is in {file}"
-    if result is not None:
         c, used = result["confirmation"], result["versions"]
+        verb, file = "study", "study.json"
         simulated = f"{result['n_simulated_designs']} designs, {result['n_simulated_shifts']} "
         simulated += f"shifts by {ENGINES[result['engine']]}"
         simulated += f", confirmed at {c['angles']} new angles of each operating point" if c else ""
@@ -388,7 +386,7 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
     if (law := contact.impact) is not None:
         normal = f"IMPACT with {law.stiffness:.3g} N/m^1.5 and {law.damping:.3g} N s/m"
     facts = {
-        "command": command,
+        "command": command_of(study, verb) or f"dogshape {verb} FILE; {study.name} is in {file}",
         "simulated": simulated,
         "operating points": study.operating_text,
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",

@@ -51,7 +51,7 @@ CURVES: dict[str, tuple[int, dict[str, Any]]] = {
 
 def trace_frame(trace: Trace) -> pd.DataFrame:
     """Tabulate the time series of a shift, columns as in bench traces."""
-    series = {
+    return pd.DataFrame({
         "t_s": trace.time,
         "displacement_mm": trace.displacement / MM,
         "force_N": trace.shift_force,
@@ -59,8 +59,7 @@ def trace_frame(trace: Trace) -> pd.DataFrame:
         "output_speed_rpm": trace.output_speed / RPM,
         "relative_angle_deg": trace.relative_angle / DEG,
         "contact_force_N": trace.contact_force,
-    }
-    return pd.DataFrame(series)
+    })  # fmt: skip
 
 
 def _series(result: Engagement) -> pd.DataFrame:
