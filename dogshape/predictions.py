@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,11 @@ from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Place, Setup, points_of
 from dogshape.pipeline.record import Result, Table
 from dogshape.pipeline.reports.text import time_text
-from dogshape.pipeline.simulate.design import Design, design_of, limits_of
+from dogshape.pipeline.simulate.design import Design, design_of, dogs_of, limits_of
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
-from dogshape.sim.clutch_tables import DogSection, si_fields
+from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.errors import DogshapeError, InputError, number_rule
 from dogshape.sim.files import write_frame
-from dogshape.sim.shift.geometry import Dog, Dogs
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
@@ -193,7 +192,7 @@ def verdicts(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
     alike = np.zeros(len(x), dtype=bool)
     with np.errstate(all="ignore"):  # of shapes that cannot be
         if judged_together(study, names):
-            alike |= _dogs(study, names, x).possible
+            alike |= dogs_of(study, names, x).possible
         places = np.flatnonzero(alike)
         chunks = (places[k : k + CHUNK] for k in range(0, len(places), CHUNK))
         found = [_judge_together(study, names, x[some]).set_index(some) for some in chunks]
@@ -227,7 +226,7 @@ def _unmade(broken: Iterable[str]) -> str:
 
 
 def _judge_together(study: Setup, names: Sequence[str], x: Array) -> pd.DataFrame:
-    checks = strength_checks(_dogs(study, names, x), study.limits)
+    checks = strength_checks(dogs_of(study, names, x), study.limits)
     margins = pd.DataFrame({c.name: np.broadcast_to(c.margin, len(x)) for c in checks})
     smallest, broken = margins.min(axis=1), margins[[n for n in margins if n in MAKEABLE]] < 0.0
     reason = np.full(len(x), "", dtype=object)
@@ -236,12 +235,6 @@ def _judge_together(study: Setup, names: Sequence[str], x: Array) -> pd.DataFram
     columns = {"feasible": smallest >= 0.0, "smallest_margin": smallest}
     worst = margins.idxmin(axis=1)
     return pd.DataFrame({"real": True, **columns, "worst_check": worst, "reason": reason})
-
-
-def _dogs(study: Setup, names: Sequence[str], x: Array) -> Dogs:
-    """Give designs in edge units as dogs, what is not named from the study's dog."""
-    own = {f.name: getattr(study.clutch.dog, f.name) for f in fields(Dog)}
-    return Dogs(**(own | si_fields(dict(zip(names, x.T, strict=True)))))
 
 
 def _require_columns(table: TextTable, variables: tuple[str, ...]) -> None:

@@ -35,7 +35,7 @@ from dogshape.pipeline.simulate.design import (
     objectives_of,
     simulated_limits,
     values_of,
-    worth_simulating,
+    which_pass,
 )
 from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import InputError
@@ -58,6 +58,7 @@ LANDING_SPREAD = 0.2
 #: Checks that a process over designs predicts: of the worst of them.
 LANDING = {*(rule.name for rule in LANDING_RULES), ENGAGEMENT.name}
 NEAR = 0.08  #: of the range, standard deviation of a draw near a design
+TOGETHER = 4  #: draws for each candidate that is wanted, which are checked together
 TRIES = 200  #: draws for a candidate before the allowed space counts as empty
 OUTLYING = 1.5  #: ranges of the quartiles above the upper one where outliers begin (Tukey 1977)
 BEYOND = 1.1  #: the hypervolume's reference point, of the range of values: their worst still count
@@ -146,10 +147,6 @@ class Guide:
         # Most follow from the dog; its checks take most of the time of a whole design.
         self._checked = any(o.exact and o.name in SUMMARIES for o in objectives_of(study))
         self._exact = cache(self._losses)
-
-    def allows(self, params: Params) -> bool:
-        """Check whether a design passes every check that needs no simulation."""
-        return worth_simulating(self.study, params)
 
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
@@ -260,13 +257,19 @@ class Pool:
     ) -> list[Params]:
         """Draw allowed designs: of the whole space, or near some."""
         found: list[Params] = []
-        for _ in range(TRIES * size):
-            centre = None if near is None else near[int(rng.integers(len(near)))]
-            params = self._guide.space.draw(rng, centre)
-            if self._guide.allows(params):
+        for _ in range(TRIES // TOGETHER):
+            drawn = []
+            for _ in range(TOGETHER * size):
+                centre = None if near is None else near[int(rng.integers(len(near)))]
+                params = self._guide.space.draw(rng, centre)
+                drawn.append((params, rng.bit_generator.state))
+            fit = which_pass(self._guide.study, [params for params, _ in drawn])
+            for place in np.flatnonzero(fit)[: size - len(found)]:
+                params, after = drawn[place]
                 found.append(params)
-                if len(found) == size:
-                    break
+            if len(found) == size:
+                rng.bit_generator.state = after  # as if nothing had been drawn beyond the last one
+                break
         if not found:
             raise InputError(none_passes(self._guide.study, TRIES * size))
         return found

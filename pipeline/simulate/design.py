@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from functools import lru_cache, reduce
+from operator import and_
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,10 @@ import numpy as np
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Record, key, number_or_none
 from dogshape.pipeline.store.result_records import check_record
+from dogshape.sim.clutch_tables import si_fields
+from dogshape.sim.elementwise import largest, smallest
 from dogshape.sim.errors import GeometryError, InputError, refusal, require_known
-from dogshape.sim.shift.geometry import FLANKS, Dog
+from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.uncertainty import sobol_shares
 from dogshape.sim.strength.checks import Check, Rule, feasible
@@ -28,6 +31,7 @@ from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
 from dogshape.sim.strength.manufacture import Spread
 from dogshape.sim.units import MM, suffix_of, to_si
+from dogshape.surrogate.covariance import Array, Mask
 from dogshape.surrogate.dataset import Mix
 from dogshape.surrogate.model import Surrogate
 
@@ -138,6 +142,40 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
     return design_of(study, params).feasible
 
 
+def dogs_of(study: Setup, names: Sequence[str], x: Array) -> Dogs:
+    """Give designs (n, d) in edge units as dogs, what is not named from the study's dog."""
+    own = {f.name: getattr(study.clutch.dog, f.name) for f in fields(Dog)}
+    return Dogs(**(own | si_fields(dict(zip(names, x.T, strict=True)))))
+
+
+def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
+    """Mark the designs that are ``worth_simulating``, (n,): together where limits are alike.
+
+    At worst-case tolerances the checks of one design take as long as those of a hundred.
+    """
+    names, limits = [*study.variables], [one for one in limits_of(study) if one[0].exact]
+    if study.searches_operation or any(one.name == "utilisation" for one, _ in limits):
+        return np.array([worth_simulating(study, params) for params in designs])
+    x = np.array([[one[name] for name in names] for one in designs], dtype=float)
+    left = np.arange(len(x))
+
+    def limited(dogs: Dogs) -> Iterator[Check]:
+        bare = Design({}, dogs, strength_checks(dogs, study.limits), "")
+        return (Check(one.rule, one.exact(study, bare, dogs), end) for one, end in limits)
+
+    def passing(checks: Iterable[Check]) -> bool:
+        return reduce(and_, (check.margin >= 0.0 for check in checks), True)
+
+    for kept in (
+        lambda dogs: dogs.possible,
+        lambda dogs: passing(strength_checks(dogs, study.limits)),
+        lambda dogs: passing(limited(dogs)),
+    ):
+        with np.errstate(all="ignore"):  # of shapes that cannot be
+            left = left[np.broadcast_to(kept(dogs_of(study, names, x[left])), len(left))]
+    return np.isin(np.arange(len(x)), left)
+
+
 @dataclass(frozen=True)
 class Objective:
     """Something to minimise, or to maximise: label and unit for reports.
@@ -212,15 +250,16 @@ OBJECTIVES = {
         Objective("smallest_margin", "smallest margin", "", maximise=True, least=-math.inf,
                   most=1.0),
         Objective(WORST, "smallest margin at worst-case tolerances", "",
-                  lambda study, design, _dog: weakest_within(study, design)[1],
+                  lambda study, design, _dog: smallest(
+                      *(left["worst_case"] for left in margins_within(study, design).values())),
                   maximise=True, least=-math.inf, most=1.0),
         Objective("axial_length_mm", "axial length, root to root", "mm",
                   lambda _study, _design, dog: dog.axial_length / MM),
         Objective("backlash_mm", "backlash at the mean radius", "mm",
                   lambda _study, _design, dog: dog.backlash / MM, least=-math.inf),
         Objective("separating_force_N", "axial separating force", "N",
-                  lambda study, _design, dog: max(
-                      separating_force(dog, study.limits.load, flank) for flank in FLANKS),
+                  lambda study, _design, dog: largest(
+                      *(separating_force(dog, study.limits.load, flank) for flank in FLANKS)),
                   least=-math.inf),
         Objective("utilisation", "utilisation of the most loaded check", "",
                   lambda _study, design, _dog: max(check.utilisation for check in design.checks)),

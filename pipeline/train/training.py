@@ -23,7 +23,7 @@ from scipy.stats import qmc
 
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
-from dogshape.pipeline.simulate.design import none_passes, worth_simulating
+from dogshape.pipeline.simulate.design import none_passes, which_pass
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import (
     ShiftJournal,
@@ -94,14 +94,16 @@ def first_designs(study: Setup, count: int, apart: int = 0, *, border: bool = Tr
 
 def _sobol_designs(study: Setup, seed: int, beyond: bool = False) -> Iterator[Values]:
     sequence = qmc.Sobol(len(study.variables), seed=seed)
-    wanted = _just_beyond if beyond else worth_simulating
     seen: set[tuple[float, ...]] = set()
     missed = 0
     while missed < DRAWS:
-        for unit in sequence.random(256):
-            design = _design(study, unit)
+        designs = [_design(study, unit) for unit in sequence.random(256)]
+        fit = (
+            (_just_beyond(study, one) for one in designs) if beyond else which_pass(study, designs)
+        )
+        for design, wanted in zip(designs, fit, strict=True):
             missed += 1
-            if tuple(design.values()) not in seen and wanted(study, design):
+            if wanted and tuple(design.values()) not in seen:
                 missed = 0
                 seen.add(tuple(design.values()))
                 yield design

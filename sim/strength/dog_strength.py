@@ -20,6 +20,8 @@ from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial, reduce
 from typing import NamedTuple
 
+import numpy as np
+
 from dogshape.sim.elementwise import each, hypot, largest, log, smallest, sqrt, tan, where
 from dogshape.sim.errors import require_between
 from dogshape.sim.shift.geometry import FLANKS, Dog, Flank, flank_contact, side_angle
@@ -294,8 +296,12 @@ def margin_losses(dog: Dog, limits: Limits) -> dict[str, Spread]:
     """
 
     def margins(shape: Dog, root_radius: float) -> dict[str, float]:
-        case = limits.with_root_radius(root_radius)
-        return {check.name: check.margin for group in _GROUPS[:-1] for check in group(shape, case)}
+        found: dict[str, float] = {}
+        for radius in np.unique(root_radius).tolist():  # limits have one; of ``Dogs`` there are few
+            case, here = limits.with_root_radius(radius), root_radius == radius
+            for check in (check for group in _GROUPS[:-1] for check in group(shape, case)):
+                found[check.name] = where(here, check.margin, found.get(check.name, math.inf))
+        return found
 
     return losses(dog, limits.root_radius, limits.tolerances, margins)
 

@@ -1,0 +1,287 @@
+"""Cost of search, fit and bank against their size, workers, and a study of a million shifts.
+
+    python -m benchmarks.scale [--quick]
+
+Costs are CPU times of this process and its workers. Each table has the slope of the cost in the
+size, in logarithms: 1 is proportional. Shifts are simulated by the compiled engine, the prototype
+of ``mq200`` and designs beside it at its operating points. Storage, sampler, fit and bank are
+measured with synthetic results: records of real inputs with a time that is a formula, so that
+nothing but what is measured takes time. So are the million shifts, which the journal's own writer
+writes. ``--quick`` leaves out the largest sizes. One process but for the workers; takes ten
+minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import math
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import psutil
+from optuna.trial import TrialState
+
+from dogshape.diagnosis.bench.bench_data import load_bench
+from dogshape.diagnosis.prediction.model import build_models
+from dogshape.pipeline.config.study_file import Setup, load_study
+from dogshape.pipeline.diagnose.bank_diagnosis import Means
+from dogshape.pipeline.search.sampler import Space
+from dogshape.pipeline.search.search import next_round, open_search, run
+from dogshape.pipeline.search.state import SIMULATION, simulation_record
+from dogshape.pipeline.simulate.design import design_of, values_of
+from dogshape.pipeline.simulate.evaluation import design_blocks, evaluate
+from dogshape.pipeline.simulate.executor import Executor, end_workers, scratch_executor
+from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, append
+from dogshape.pipeline.train.training import first_designs
+from dogshape.pipeline.train.training_rows import with_rows
+from dogshape.sim.effects import load
+from dogshape.sim.statistics.blocks import Block, run_block
+from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.units import DEG
+from dogshape.surrogate.model import fit
+from dogshape.surrogate.process import Effort
+
+MILLION = 1_000_000
+WRITTEN = 64  #: synthetic shifts that are written at once, as the angles of a block
+Params = dict[str, float]
+
+
+def cpu() -> float:
+    """Return the CPU time of this process and its workers, s."""
+    own = psutil.Process()
+    every = [own.cpu_times(), *(child.cpu_times() for child in own.children(recursive=True))]
+    ended = own.cpu_times().children_user + own.cpu_times().children_system
+    return float(ended + sum(one.user + one.system for one in every))
+
+
+def study_of(*settings: str) -> Setup:
+    """Return the default study in the compiled engine."""
+    return load_study("mq200", settings).working
+
+
+def print_table(title: str, sizes: Sequence[int], cost: Callable[[int], float], unit: str) -> None:
+    """Print the cost of each size in s, and the slope between the least and the largest."""
+    spent = [cost(size) for size in sizes]
+    slope = math.log(spent[-1] / spent[0]) / math.log(sizes[-1] / sizes[0])
+    print(f"\n{title}; slope {slope:.2f}")
+    print(f"{unit:>10s}" + "".join(f"{size:>10d}" for size in sizes))
+    print("    CPU, s" + "".join(f"{one:>10.3f}" for one in spent), flush=True)
+
+
+def thinned(study: Setup, count: int) -> Setup:
+    """Return the study at so many operating points: every n-th, or all of them repeatedly."""
+    own = study.points
+    return replace(study, points=tuple(own[k * len(own) // count % len(own)] for k in range(count)))
+
+
+def simulating(study: Setup, designs: Sequence[Params], angles: int) -> float:
+    """Measure the simulation of designs, s."""
+    begin = cpu()
+    evaluate(study, designs, scratch_executor(1), angles, 1)
+    return cpu() - begin
+
+
+@dataclass
+class Synthetic(Executor):
+    """Stands for workers: real inputs, and a time that is a formula of design and angle."""
+
+    result: Record = field(default_factory=dict)
+
+    def run(self, blocks: Sequence[Block]) -> list[list[Record]]:
+        """Give the records of every block at once."""
+        return [self._rows(block) for block in blocks]
+
+    def _rows(self, block: Block) -> list[Record]:
+        dog, speed = block.clutch.dog, abs(block.point.mismatch)
+        lean = (dog.chamfer - 10.0 * DEG) ** 2 + (dog.traction - 12.0 * DEG) ** 2
+        time = 0.03 + 8.0 * dog.height + lean + 0.2 / (3.0 + speed) + 1e-3 * dog.count
+        turns = np.array(block.angles) / dog.pitch_angle % 1.0
+        return [
+            {**self.result, **given, "shift_time_s": time * (0.8 + 0.4 * turn)}
+            for given, turn in zip(block.inputs, turns.tolist(), strict=True)
+        ]
+
+
+def synthetic(study: Setup) -> Synthetic:
+    """Return an executor of synthetic results, whose other figures are those of a real shift."""
+    block = design_blocks(study, study.prototype, 1, 1)[10]
+    return Synthetic(scratch_executor(1).journal, result=next(run_block(block)))
+
+
+def searching(trials: int) -> float:
+    """Measure a search without the simulation of its designs, s."""
+    study = study_of(f"search.trials={trials}", "expectation.angles=4")
+    stand_in = synthetic(study)
+    with TemporaryDirectory() as place:
+        begin, search = cpu(), open_search(study, StudyFolder(Path(place)), None, False)
+        run(search, stand_in, lambda *_: None)
+        return cpu() - begin
+
+
+def fitting(designs: int) -> float:
+    """Measure the fit of a surrogate to so many designs, s."""
+    study = study_of("expectation.angles=4")
+    found = evaluate(study, first_designs(study, designs), synthetic(study), 4, 1)
+    data = with_rows(study, np.concatenate([one.rows for one in found]))
+    begin = cpu()
+    fit(data, Effort(seed=1))
+    return cpu() - begin
+
+
+def banking(points: int) -> float:
+    """Measure the bank of a bench with so many operating points without its shifts, s."""
+    bench, means = load_bench("mq200_adams"), Means()
+    cells = tuple(bench.cells[k % len(bench.cells)] for k in range(points))
+    bench = replace(bench, clutch=bench.clutch.with_engine("planar"), cells=cells)
+    stand_in = synthetic(study_of())
+    begin = cpu()
+    build_models(bench, load(None), means.settings, stand_in.run)
+    return cpu() - begin
+
+
+@contextmanager
+def dask_workers(count: int) -> Iterator[str]:
+    """Start a Dask cluster of so many worker processes on this machine; give its address."""
+    from distributed import LocalCluster  # noqa: PLC0415  an extra
+
+    with LocalCluster(count, threads_per_worker=1, dashboard_address=None) as cluster:  # type: ignore[no-untyped-call]
+        yield cluster.scheduler_address
+
+
+def print_workers(count: int, angles: int) -> None:
+    """Print the cost of a shift and the rate by 1 and 2 workers, and by Dask with 1 and 2.
+
+    The rate by CPU is what idle cores would give: a core for each worker, or two where there are
+    processes beside them.
+    """
+    study = study_of()
+    designs = first_designs(study, count)
+    where = f"{len(study.points)} operating points, {angles} angles"
+    print(f"\nworkers, {count} designs at {where}")
+    print("workers    shifts   CPU of a shift, ms   shifts/s   shifts/s by CPU", flush=True)
+    for cluster, jobs in ((False, 1), (False, 2), (True, 1), (True, 2)):
+        with dask_workers(jobs) if cluster else nullcontext() as address:
+            executor = scratch_executor(jobs, cluster=address)
+            evaluate(study, designs, executor, 2, 1)  # workers have loaded their code
+            begin, clock = cpu(), time.monotonic()
+            found = evaluate(study, designs, executor, angles, 2)
+            clock, spent = time.monotonic() - clock, cpu() - begin
+            end_workers()
+        shifts = sum(one.shifts for one in found)
+        cores = 2 if cluster or jobs > 1 else 1
+        print(
+            f"{'Dask ' if cluster else '':>5s}{jobs:2d} {shifts:11d} {1e3 * spent / shifts:20.3f} "
+            f"{shifts / clock:10.0f} {cores * shifts / spent:17.0f}",
+            flush=True,
+        )
+
+
+def written(path: Path, shifts: int) -> None:
+    """Write a journal of synthetic shifts by its own writer, and print size and cost."""
+    study, begin = study_of(), cpu()
+    (record,) = synthetic(study).run([design_blocks(study, study.prototype, 1, 1)[0]])[0]
+    for start in range(0, shifts, WRITTEN):
+        keys = range(start, min(start + WRITTEN, shifts))
+        append(path, *({**record, "key": f"{key:020x}"} for key in keys))
+    print(f"journal: {path.stat().st_size / 1e9:.2f} GB, written in {cpu() - begin:.0f} s of CPU")
+
+
+def stored(folder: StudyFolder, study: Setup, designs: int) -> None:
+    """Write a search of so many finished designs, synthetic ones, as its storage keeps them."""
+    search, stand_in = open_search(study, folder, None, False), synthetic(study)
+    chosen = [study.prototype, *first_designs(study, designs - 1)]
+    for params, found in zip(chosen, evaluate(study, chosen, stand_in, 4, 1), strict=True):
+        design = design_of(study, params, found.measured)
+        trial = Space(study.variables).trial(params, **{SIMULATION: simulation_record(found)})
+        trial.state = TrialState.COMPLETE
+        values = {name: one.value for name, one in found.estimates.items()}
+        trial.values = list(values_of(study, design, values))
+        search.optuna.add_trial(trial)
+    print(f"search: {designs} designs, {folder.trials.stat().st_size / 1e6:.0f} MB of trials")
+
+
+def print_peak(label: str, begin: float, clock: float) -> None:
+    """Print CPU, time on the clock and largest memory of this process."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
+    print(f"{label:<44s} {cpu() - begin:8.2f} {time.monotonic() - clock:8.2f} {peak:8.2f}")
+
+
+def resumed(what: str, root: Path) -> None:
+    """Measure in a process of its own how a stopped run goes on."""
+    study, folder = study_of(f"search.trials={MILLION}"), StudyFolder(root)
+    begin, clock = cpu(), time.monotonic()
+    if what == "nothing":
+        print_peak("before", begin, clock)
+    elif what == "journal":
+        journal = ShiftJournal(folder.running)
+        print_peak(f"journal of {len(journal.rows)} shifts, opened", begin, clock)
+        keys = list(journal.rows)[: 4 * 64 * len(study.points)]
+        begin, clock = cpu(), time.monotonic()
+        times = [journal.rows[key]["shift_time_s"] for key in keys]
+        print_peak(f"{len(times)} of them read", begin, clock)
+        begin, clock = cpu(), time.monotonic()
+        journal.drop(set(keys))
+        print_peak("the same removed", begin, clock)
+    else:
+        search = open_search(study, folder, None, True)
+        state = search.read()
+        front = state.front
+        print_peak(f"search of {len(state.trials)} designs, front of {len(front)}", begin, clock)
+        begin, clock = cpu(), time.monotonic()
+        print_peak(f"{len(next_round(search))} designs proposed", begin, clock)
+
+
+def print_million(shifts: int) -> None:
+    """Print what a study of so many shifts takes on disk, in memory and to go on."""
+    study = study_of(f"search.trials={MILLION}")
+    with TemporaryDirectory() as place:
+        folder = StudyFolder(Path(place))
+        print(f"\n{shifts} synthetic shifts")
+        written(folder.running, shifts)
+        stored(folder, study, shifts // (len(study.points) * study.file.expectation.angles))
+        print(
+            "                                               CPU, s     s     peak, GB", flush=True
+        )
+        for what in ("nothing", "journal", "search"):
+            call = [sys.executable, "-m", "benchmarks.scale", "--resumed", what, place]
+            print(subprocess.run(call, check=True, capture_output=True, text=True).stdout, end="")
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--resumed", nargs=2, metavar=("WHAT", "FOLDER"), help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.resumed:
+        resumed(given.resumed[0], Path(given.resumed[1]))
+        return
+    upto, study = (3 if given.quick else 4), study_of()
+    designs = first_designs(study, 16)
+    simulating(study, designs[:2], 2)  # compiled before it is timed
+    for title, sizes, cost, unit in (
+        ("simulation of 4 designs, 8 angles", (7, 14, 28, 56),
+         lambda n: simulating(thinned(study, n), designs[:4], 8), "points"),
+        ("simulation at 28 points, 8 angles", (2, 4, 8, 16),
+         lambda n: simulating(study, designs[:n], 8), "designs"),
+        ("simulation of 4 designs at 28 points", (4, 8, 16, 32),
+         lambda n: simulating(study, designs[:4], n), "angles"),
+        ("search without simulation", (32, 64, 128, 256), searching, "designs"),
+        ("fit of the surrogate", (50, 100, 200, 400), fitting, "designs"),
+        ("bank without simulation", (7, 14, 28, 56), banking, "points"),
+    ):  # fmt: skip
+        print_table(title, sizes[:upto], cost, unit)
+    print_workers(4 if given.quick else 8, 16)
+    print_million(MILLION // (10 if given.quick else 1))
+
+
+if __name__ == "__main__":
+    main()
