@@ -8,11 +8,18 @@ even angles from a random start: 3 x 2 x designs x 7 x 8 shifts in each engine, 
 published set is Drake's ``cenic`` at its default accuracy.
 Where both differ by more than a percent, up to ``--causes`` shifts drawn at random are simulated
 again, one change at a time: finer steps of Drake, of the compiled engine, of both.
-One process; takes a quarter of an hour.
+One process; takes a quarter of an hour, with both parts below.
+
+    python -m benchmarks.engines --mujoco N
+
+MuJoCo at equal error: both engines with steps from coarse to fine, *N* angles of the prototype at
+the paper's points from 25 1/min up, shift by shift in turn, with one coefficient of friction. The
+error of a setting is the median of single shifts against the finest setting of its own engine.
+MuJoCo's contact stays the same while its step shrinks. Needs the extra ``blind``.
 
     python -m benchmarks.engines --batch N
 
-The cost of a shift in a search instead: the prototype of ``mq200`` at its operating points with
+The cost of a shift in a search: the prototype of ``mq200`` at its operating points with
 draws, *N* angles each, every block by the compiled engine and then its first shift in Drake.
 """
 
@@ -22,22 +29,34 @@ import argparse
 import math
 import time
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.common import paper_study
+from benchmarks.work_precision import Setting, mujoco_shift, rows_of, run
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.evaluation import design_blocks, evaluate
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.sim import kernel
 from dogshape.sim.errors import DogshapeError
-from dogshape.sim.shift.clutch import CONTACT_SETS, Clutch, OperatingPoint, Rings, solver_for
+from dogshape.sim.shift import conclusion
+from dogshape.sim.shift.clutch import (
+    CONTACT_SETS,
+    PLANAR_ACCURACY,
+    Clutch,
+    OperatingPoint,
+    Rings,
+    solver_for,
+)
 from dogshape.sim.shift.conclusion import Engagement
 from dogshape.sim.shift.geometry import Dog
+from dogshape.sim.shift.planar import PlanarClutch
 from dogshape.sim.statistics.blocks import engage, run_block
 from dogshape.sim.units import DEG, RPM
+from dogshape.validation.second_engine import FINE, EngineSettings
 
 ANGLES = 8
 SPEEDS = (5.0, 10.0, 25.0, 50.0, 100.0, 149.0, 249.0)
@@ -256,6 +275,38 @@ def print_batch(angles: int) -> None:
     print(f"Drake over records {spent['Drake'] / spent['records']:.1f}")
 
 
+def print_equal_error(angles: int) -> None:
+    """Print cost and error of both engines by step, and MuJoCo's cost at equal error."""
+    clutch = paper_study().clutch
+    one = replace(clutch.contact, static_friction=clutch.contact.dynamic_friction)
+    clutch = replace(clutch, contact=one).with_engine("planar")
+    made = []
+    for accuracy, step in ((1e-7, 1e-4), (1e-6, 1e-3), (1e-5, 1e-3), (1e-4, 1e-3), (1e-3, 1e-3)):
+        finer = replace(clutch.solver, accuracy=accuracy, max_step=step)
+        shift = partial(compiled_time, PlanarClutch(replace(clutch, solver=finer)))
+        made.append(Setting("compiled", f"{accuracy:.0e} m/s", shift))
+    for step in (1e-6, 2e-6, 4e-6, 8e-6, 1.6e-5, 3.2e-5):
+        shift = mujoco_shift(clutch, EngineSettings(step, FINE.damping))
+        made.append(Setting("MuJoCo", f"{step * 1e6:.3g} us", shift))
+    rows = rows_of(run(made, angles))
+    print("\nsteps coarse to fine          CPU ms  error of a shift, median   of the mean   lost")
+    for r in rows:
+        print(f"{r['family']:10s} {r['label']:>12s} {r['cpu_ms']:12.2f} {r['median']:24.4f}% "
+              f"{r['mean']:12.4f}% {r['lost']:6d}")  # fmt: skip
+    own = next(r for r in rows if r["label"] == f"{PLANAR_ACCURACY:.0e} m/s")
+    theirs = sorted((r["median"], r["cpu_ms"]) for r in rows if r["family"] == "MuJoCo")[1:]
+    errors, costs = np.log(theirs).T
+    cost = math.exp(np.interp(math.log(own["median"]), errors, costs))
+    least = " at least" if own["median"] < theirs[0][0] else ""
+    print(f"MuJoCo over compiled engine at an error of {own['median']:.4f} %: "
+          f"{cost:.1f} ms, {cost / own['cpu_ms']:.0f} times{least}")  # fmt: skip
+
+
+def compiled_time(engine: PlanarClutch, point: OperatingPoint, angle: float) -> float | None:
+    """Simulate a shift in the compiled engine; its time, s."""
+    return conclusion.engage(engine, point, angle).shift_time
+
+
 def main() -> None:
     """Simulate and print."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -263,12 +314,16 @@ def main() -> None:
     parser.add_argument("--designs", type=int, default=9)
     parser.add_argument("--causes", type=int, default=100)
     parser.add_argument("--batch", type=int, metavar="ANGLES")
+    parser.add_argument("--mujoco", type=int, metavar="ANGLES")
     given = parser.parse_args()
-    if given.batch:
-        print_batch(given.batch)
-        return
     study = paper_study()
     engage(study.clutch.with_engine("planar"), study.points[0], 0.1)  # compiled before it is timed
+    if given.batch or given.mujoco:
+        if given.batch:
+            print_batch(given.batch)
+        if given.mujoco:
+            print_equal_error(given.mujoco)
+        return
     groups = sampled(given.seed, given.designs)
     print(f"seed {given.seed}, {given.designs} designs of each clutch and contact set, "
           f"{ANGLES} angles; median of the bias's size")  # fmt: skip
@@ -280,6 +335,9 @@ def main() -> None:
     pairs = [pair for *_, group, _ in groups for pair in group]
     print_events(pairs)
     print_causes(pairs, given.causes, given.seed)
+    print()
+    print_batch(12)
+    print_equal_error(3)
 
 
 if __name__ == "__main__":

@@ -55,7 +55,8 @@ def _drake(clutch: Clutch) -> Shift:
     return lambda point, angle: engage(plant, point, angle).shift_time
 
 
-def _mujoco(clutch: Clutch, settings: EngineSettings) -> Shift:
+def mujoco_shift(clutch: Clutch, settings: EngineSettings) -> Shift:
+    """Prepare MuJoCo for a clutch; what gives the time of a shift, s."""
     engine = SecondEngine(clutch, settings)
     return lambda point, angle: engine.engage(point, angle).time
 
@@ -92,15 +93,16 @@ def second_settings(clutch: Clutch) -> list[Setting]:
     """Return MuJoCo by step and damping of its contact, the finest first."""
     pairs = ((2e-6, 5e4), (5e-6, 2.5e4), (1e-5, 2.5e4), (2e-5, 1.25e4), (4e-5, 1.25e4))
     return [
-        Setting("MuJoCo", f"{step * 1e6:.3g} us", _mujoco(clutch, EngineSettings(step, damping)))
+        Setting(
+            "MuJoCo", f"{step * 1e6:.3g} us", mujoco_shift(clutch, EngineSettings(step, damping))
+        )
         for step, damping in pairs
     ]
 
 
-def run(angles: int) -> list[Setting]:
+def run(made: list[Setting], angles: int) -> list[Setting]:
     """Simulate all settings, interleaved."""
     study = paper_study()
-    made = settings_of(study.clutch)
     points = [p for p in study.points if p.mismatch >= 24.0 * RPM]
     for index, point in enumerate(points):
         for angle in angles_of(study.clutch, angles, index):
@@ -117,7 +119,7 @@ def rows_of(made: list[Setting]) -> list[dict[str, Any]]:
     rows = []
     for setting in made:
         family = setting.family
-        reference = references["MuJoCo" if family == "MuJoCo" else "Drake rk3"]
+        reference = references["Drake rk3" if family.startswith("Drake") else family]
         times = np.array(setting.times)
         both = np.isfinite(times) & np.isfinite(reference)
         single = np.abs(times[both] / reference[both] - 1.0)
@@ -140,7 +142,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--angles", type=int, default=3)
     given = parser.parse_args()
-    rows = rows_of(run(given.angles))
+    rows = rows_of(run(settings_of(paper_study().clutch), given.angles))
     unit = next(r["cpu_ms"] for r in rows if (r["family"], r["label"]) == ("Drake rk3", "3e-04"))
     print("CPU of a shift and error against the converged value; ratio to the default")
     print(f"{'family':<26}{'setting':>9}{'CPU, ms':>9}{'ratio':>7}", end="")

@@ -40,7 +40,7 @@ from dogshape.pipeline.simulate.design import (
 from dogshape.pipeline.train.training_rows import with_rows
 from dogshape.sim.errors import InputError
 from dogshape.sim.strength.landing import LANDING_RULES
-from dogshape.surrogate.covariance import Array, Term, first_parameters
+from dogshape.surrogate.covariance import Array, Mask, Term, first_parameters
 from dogshape.surrogate.model import Surrogate, fit
 from dogshape.surrogate.process import Effort, Process, draw_jointly, fit_process
 
@@ -147,6 +147,10 @@ class Guide:
         # Most follow from the dog; its checks take most of the time of a whole design.
         self._checked = any(o.exact and o.name in SUMMARIES for o in objectives_of(study))
         self._exact = cache(self._losses)
+
+    def allowed(self, params: Sequence[Params]) -> Mask:
+        """Mark designs that pass every check that needs no simulation, (m,)."""
+        return which_pass(self.study, params)
 
     def predict(self, trials: Trials) -> Prediction:
         """Fit surrogate and processes to trials; InputError where too few were simulated."""
@@ -263,7 +267,7 @@ class Pool:
                 centre = None if near is None else near[int(rng.integers(len(near)))]
                 params = self._guide.space.draw(rng, centre)
                 drawn.append((params, rng.bit_generator.state))
-            fit = which_pass(self._guide.study, [params for params, _ in drawn])
+            fit = self._guide.allowed([params for params, _ in drawn])
             for place in np.flatnonzero(fit)[: size - len(found)]:
                 params, after = drawn[place]
                 found.append(params)

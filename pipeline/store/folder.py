@@ -15,6 +15,7 @@ import json
 import os
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import Any
@@ -27,6 +28,8 @@ from dogshape.sim.errors import StorageError
 from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 from dogshape.sim.versions import versions
+
+READ = 2**22  #: bytes of a journal that are read at once
 
 
 class ShiftJournal:
@@ -75,15 +78,23 @@ class ShiftJournal:
 
 def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Iterator[Record]:
     """Yield the whole lines of a file; StorageError for one that ``require`` raises at."""
-    content = path.read_bytes() if path.exists() else b""
-    for number, line in enumerate(content[: content.rfind(b"\n") + 1].splitlines(), start=1):
-        try:
-            row = json.loads(line)
-            require(row)
-        except (ValueError, KeyError, TypeError) as error:
-            remedy = "remove the line or start the study in another folder"
-            raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error
-        yield row
+    number = 0
+    with path.open("rb") if path.exists() else BytesIO() as file:
+        while chunk := file.readlines(READ):
+            lines = [line for line in chunk if line.endswith(b"\n")]
+            try:  # of lines that are read together the keys are in memory once
+                rows = json.loads(b"[%b]" % b",".join(lines))
+            except ValueError:
+                rows = []
+            for place, line in enumerate(lines):
+                number += 1
+                try:
+                    row = rows[place] if len(rows) == len(lines) else json.loads(line)
+                    require(row)
+                except (ValueError, KeyError, TypeError) as error:
+                    remedy = "remove the line or start the study in another folder"
+                    raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error
+                yield row
 
 
 def append(path: Path, *rows: Record) -> None:

@@ -92,7 +92,7 @@ class Dog:
         """Whether there is such a dog; there is, but for some of ``Dogs``."""
         return True
 
-    @property
+    @cached_property
     def mean_radius(self) -> float:
         """Mean radius of the annulus, m."""
         return 0.25 * (self.outer_diameter + self.inner_diameter)
@@ -107,12 +107,12 @@ class Dog:
         """Outer radius of the annulus, m."""
         return 0.5 * self.outer_diameter
 
-    @property
+    @cached_property
     def radial_width(self) -> float:
         """Length of a dog along the radius, m."""
         return self.outer_radius - self.inner_radius
 
-    @property
+    @cached_property
     def pitch_angle(self) -> float:
         """Angle from one dog to the next, rad."""
         return 2.0 * math.pi / self.count
@@ -122,12 +122,12 @@ class Dog:
         """Pitch along the circumference at the mean radius, m."""
         return self.pitch_angle * self.mean_radius
 
-    @property
+    @cached_property
     def backlash_angle(self) -> float:
         """Play of the seated pair, rad."""
         return self.backlash / self.mean_radius
 
-    @property
+    @cached_property
     def lean(self) -> float:
         """Sum of the tangents of both side angles."""
         return self.tangents[1] + self.tangents[2]
@@ -159,7 +159,7 @@ class Dog:
         middle = 0.5 * (self.pitch_angle - self.backlash_angle) * radius
         return middle + 0.5 * self.height * self.lean
 
-    @property
+    @cached_property
     def tip_width(self) -> float:
         """Width at crest height at the mean radius, m."""
         return self.tip_width_at(self.mean_radius)
@@ -189,12 +189,12 @@ class Dog:
         drop = largest(*self.drops_at(inner))
         return self.backlash_angle * inner + (self.height - 2.0 * drop) * self.lean
 
-    @property
+    @cached_property
     def edge_drop(self) -> float:
         """Depth of the braking edge below the ridge at the mean radius, m."""
         return self.drops_at(self.mean_radius)[1]
 
-    @property
+    @cached_property
     def back_drop(self) -> float:
         """Depth of the traction edge below the ridge at the mean radius, m."""
         return self.drops_at(self.mean_radius)[0]
@@ -212,17 +212,17 @@ class Dog:
             self.crest * tip * slope / (1.0 - slope * braking),
         )
 
-    @property
+    @cached_property
     def face_width(self) -> float:
         """Width of the face, ridge to braking edge, along the circumference at mean radius, m."""
         return self.crest * self.tip_width + self.edge_drop * self.tangents[2]
 
-    @property
+    @cached_property
     def back_width(self) -> float:
         """Width of the back, ridge to traction edge, along the circumference at mean radius, m."""
         return (1.0 - self.crest) * self.tip_width + self.back_drop * self.tangents[1]
 
-    @property
+    @cached_property
     def crest_overlap(self) -> float:
         """Overlap of two faces at dogs facing dogs, ridge to ridge at the mean radius, m.
 

@@ -41,8 +41,8 @@ class Told:
     def __init__(self, **variables: tuple[float, float]) -> None:
         self.space = Space(variables or {"a": (0.0, 1.0), "b": (0.0, 1.0)})
 
-    def allows(self, params: Params) -> bool:
-        return True
+    def allowed(self, params: Sequence[Params]) -> Array:
+        return np.ones(len(params))
 
     def predict(self, trials: Sequence[FrozenTrial]) -> Told:
         return self
