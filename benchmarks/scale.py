@@ -27,7 +27,7 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import psutil
-from optuna.trial import TrialState
+from optuna.trial import create_trial
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
@@ -50,6 +50,7 @@ from dogshape.surrogate.model import fit
 from dogshape.surrogate.process import Effort
 
 MILLION = 1_000_000
+MOST = "search.trials=10000"  #: as many designs as a study may have
 WRITTEN = 64  #: synthetic shifts that are written at once, as the angles of a block
 Params = dict[str, float]
 
@@ -200,10 +201,12 @@ def stored(folder: StudyFolder, study: Setup, designs: int) -> None:
     chosen = [study.prototype, *first_designs(study, designs - 1)]
     for params, found in zip(chosen, evaluate(study, chosen, stand_in, 4, 1), strict=True):
         design = design_of(study, params, found.measured)
-        trial = Space(study.variables).trial(params, **{SIMULATION: simulation_record(found)})
-        trial.state = TrialState.COMPLETE
+        begun = Space(study.variables).trial(params)
         values = {name: one.value for name, one in found.estimates.items()}
-        trial.values = list(values_of(study, design, values))
+        trial = create_trial(
+            values=values_of(study, design, values), params=begun.params,
+            distributions=begun.distributions, user_attrs={SIMULATION: simulation_record(found)},
+        )  # fmt: skip
         search.optuna.add_trial(trial)
     print(f"search: {designs} designs, {folder.trials.stat().st_size / 1e6:.0f} MB of trials")
 
@@ -216,7 +219,7 @@ def print_peak(label: str, begin: float, clock: float) -> None:
 
 def resumed(what: str, root: Path) -> None:
     """Measure in a process of its own how a stopped run goes on."""
-    study, folder = study_of(f"search.trials={MILLION}"), StudyFolder(root)
+    study, folder = study_of(MOST), StudyFolder(root)
     begin, clock = cpu(), time.monotonic()
     if what == "nothing":
         print_peak("before", begin, clock)
@@ -241,7 +244,7 @@ def resumed(what: str, root: Path) -> None:
 
 def print_million(shifts: int) -> None:
     """Print what a study of so many shifts takes on disk, in memory and to go on."""
-    study = study_of(f"search.trials={MILLION}")
+    study = study_of(MOST)
     with TemporaryDirectory() as place:
         folder = StudyFolder(Path(place))
         print(f"\n{shifts} synthetic shifts")
