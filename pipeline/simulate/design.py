@@ -154,7 +154,8 @@ def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
     At worst-case tolerances the checks of one design take as long as those of a hundred.
     """
     names, limits = [*study.variables], [one for one in limits_of(study) if one[0].exact]
-    if study.searches_operation or any(one.name == "utilisation" for one, _ in limits):
+    alone = study.shape_keys != tuple(names) or any(o.name == "utilisation" for o, _ in limits)
+    if alone:
         return np.array([worth_simulating(study, params) for params in designs])
     x = np.array([[one[name] for name in names] for one in designs], dtype=float)
     left = np.arange(len(x))
@@ -250,8 +251,7 @@ OBJECTIVES = {
         Objective("smallest_margin", "smallest margin", "", maximise=True, least=-math.inf,
                   most=1.0),
         Objective(WORST, "smallest margin at worst-case tolerances", "",
-                  lambda study, design, _dog: smallest(
-                      *(left["worst_case"] for left in margins_within(study, design).values())),
+                  lambda study, design, _dog: smallest(*margins_within(study, design).values()),
                   maximise=True, least=-math.inf, most=1.0),
         Objective("axial_length_mm", "axial length, root to root", "mm",
                   lambda _study, _design, dog: dog.axial_length / MM),

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dogshape.sim.elementwise import each, key, largest, smallest, where
+from dogshape.sim.elementwise import key, largest, smallest, where
 from dogshape.sim.errors import DogshapeError, GeometryError, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, SHARPEST, Dog, flank_contact, root_radius_room
 from dogshape.sim.strength.checks import RULES, Check, checks_of
@@ -119,7 +119,7 @@ class Spread:
     @property
     def root_sum_square(self) -> float:
         """Root of the sum of the squares of all effects."""
-        return each(math.hypot, *self.by_dimension.values())
+        return math.hypot(*self.by_dimension.values())
 
 
 SIDES = (-1.0, 1.0)
