@@ -153,7 +153,7 @@ def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
 
     At worst-case tolerances the checks of one design take as long as those of a hundred.
     """
-    names, limits = [*study.variables], [one for one in limits_of(study) if one[0].exact]
+    names, limits = [*study.variables], limits_of(study)
     alone = study.shape_keys != tuple(names) or any(o.name == "utilisation" for o, _ in limits)
     if alone:
         return np.array([worth_simulating(study, params) for params in designs])
@@ -162,7 +162,8 @@ def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
 
     def limited(dogs: Dogs) -> Iterator[Check]:
         bare = Design({}, dogs, strength_checks(dogs, study.limits), "")
-        return (Check(one.rule, one.exact(study, bare, dogs), end) for one, end in limits)
+        given = [(one.rule, one.exact, end) for one, end in limits]
+        return (Check(rule, exact(study, bare, dogs), end) for rule, exact, end in given if exact)
 
     def passing(checks: Iterable[Check]) -> bool:
         return reduce(and_, (check.margin >= 0.0 for check in checks), True)
