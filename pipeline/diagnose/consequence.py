@@ -19,15 +19,15 @@ from dogshape.diagnosis.diagnosis import Diagnosis
 from dogshape.diagnosis.terms import REVERSED, UNKNOWN
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
-from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over
+from dogshape.pipeline.simulate.evaluation import NEW_ANGLES, demand_over, expectation_of
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.sim.effect import Effect, Values
 from dogshape.sim.errors import DataError, InputError
 from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Runner, even_block
-from dogshape.sim.statistics.expectation import Expectation, expect, expect_point
-from dogshape.sim.statistics.shift_records import Record, result_of
+from dogshape.sim.statistics.expectation import Expectation
+from dogshape.sim.statistics.shift_records import Record
 from dogshape.sim.strength.checks import Check
 from dogshape.sim.strength.landing import demand_checks
 from dogshape.sim.versions import bundled_root
@@ -182,13 +182,13 @@ def _timed(
     study: Setup, settings: Sequence[Setting], rows: Sequence[Sequence[Record]]
 ) -> tuple[Expectation, Check]:
     """Compute a design's expected time, and the check of its landings that has the least margin."""
-    points = []
-    for setting, mine in zip(settings, rows, strict=True):
-        shifts = [replace(result_of(row), shift_time=setting.time_of(row)) for row in mine]
-        freed, timeout = study.set_point.freed(shifts), setting.clutch.timeout
-        points.append(expect_point(setting.point, freed, timeout, study.retraction))
-    found = expect(points)
-    demand = demand_over(study, settings[0].clutch.dog, found, rows)
+    timed = [
+        [row | {"shift_time_s": setting.time_of(row)} for row in mine]
+        for setting, mine in zip(settings, rows, strict=True)
+    ]
+    own = replace(study, clutch=settings[0].clutch)
+    found = expectation_of(own, [setting.point for setting in settings], timed)
+    demand = demand_over(study, own.clutch.dog, found, rows)
     return found, min(demand_checks(demand, study.limits), key=lambda one: one.margin)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 
 import numpy as np
 import plotly.graph_objects as go
@@ -44,6 +45,7 @@ PAPER = (620.0, 290.0)  #: width and height of the front on paper, px
 ROOM = 23.0  #: between numbers and marks of the front, px
 #: Leaders to the numbers of designs, the shortest first; px, y downwards.
 LEADERS = [cmath.rect(r, math.radians(a)) for r in (24, 44, 64, 84) for a in (130, 95, 165)]
+BY_PLACE = itemgetter(*reversed(PLACE))  #: order of operating points, by force
 BESIDE = 3  #: panels of effects side by side
 ENTRIES = ("first try", "direct entry")
 ENTRY_NOTE = (
@@ -143,8 +145,8 @@ def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) ->
     ``sides`` are up to three by their names, each with the keys of mean and standard error in the
     records of the operating points, both s or None.
     """
-    rows = sorted(rows, key=lambda row: (row["force_N"], row["mismatch_rpm"]), reverse=True)
-    names = [place_name(row["mismatch_rpm"], row["force_N"]) for row in rows]
+    rows = sorted(rows, key=BY_PLACE, reverse=True)
+    names = [place_name(row) for row in rows]
     figure = go.Figure()
     for (side, (mean, error)), mark in zip(sides.items(), SIDES, strict=False):
         known = [(name, row) for name, row in zip(names, rows, strict=True)
@@ -185,10 +187,9 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1}
     hover = "%{y}, %{x}: %{z:.0f} %<extra></extra>"
     for place, (rows, count) in enumerate(sides.values(), start=1):
-        ordered = sorted(rows, key=lambda row: (row["force_N"], row["mismatch_rpm"]))
+        ordered = sorted(rows, key=BY_PLACE)
         pushes = [f"{row[PLACE[1]]:.3g}" if grid else "" for row in ordered]
-        names = [minus(f"{row[PLACE[0]]:.4g}") if grid else place_name(*(row[k] for k in PLACE))
-                 for row in ordered]  # fmt: skip
+        names = [minus(f"{r[PLACE[0]]:.4g}") if grid else place_name(r) for r in ordered]
         for column, entry in enumerate(shown, start=1):
             share = [row["engaged"] if entry == ENTRIES[0] else row["shiftability"]["direct"]
                      for row in ordered]  # fmt: skip

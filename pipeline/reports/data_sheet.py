@@ -211,9 +211,8 @@ def searched_record(study: Setup, result: Row, row: Row) -> Row:
         if known[SIMULATED] is not None:
             slow = max(confirmed["points"], key=lambda p: p["mean_s"])
             found["slowest_point"] = {k: slow[k] for k in (*PLACE, "mean_s", "standard_error_s")}
-        if known[SIMULATED] is not None and own[SIMULATED] is not None and not row["prototype"]:
-            loss, error = difference(own, confirmed) or (0.0, 0.0)
-            found |= {"gain_s": -loss, "gain_standard_error_s": error}
+        if (loss := difference(own, confirmed)) and not row["prototype"]:
+            found |= {"gain_s": -loss[0], "gain_standard_error_s": loss[1]}
             found["worst_against_prototype"] = max(
                 point_differences(own, confirmed), key=lambda one: float(one["difference_s"])
             )
@@ -266,8 +265,8 @@ def words_of(one: Row) -> dict[str, str]:
     def at_point(point: Row | None, key: str, sign: str = "") -> str:
         if point is None:
             return "-"
-        place = place_name(*(point[part] for part in PLACE))
-        return f"{ms_with_error(point[key], point['standard_error_s'], sign)} at {place}"
+        time = ms_with_error(point[key], point["standard_error_s"], sign)
+        return f"{time} at {place_name(point)}"
 
     worst = one["margin_worst_case"], one["weakest_check_worst_case"]
     surface, engaged = check_name(one["locking_surface"]), one["engaged"]

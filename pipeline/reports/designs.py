@@ -51,9 +51,9 @@ class Goal(Objective):
         """Return the standard error of a row in the unit that is shown; zero if exact."""
         return self.factor * float(row["standard_errors"].get(self.name) or 0.0)
 
-    def estimate(self, confirmed: Row) -> tuple[float, float]:
-        """Return a simulated objective at the new angles, and its error, as shown."""
-        found = confirmed["estimates"][self.name]
+    def estimate(self, estimates: Row) -> tuple[float, float]:
+        """Return its estimate at the new angles, or a gain in it, and the error, as shown."""
+        found = estimates[self.name]
         return self.factor * found["value"], self.factor * (found["standard_error"] or 0.0)
 
     def pair(self, shown: float, error: float = 0.0) -> str:

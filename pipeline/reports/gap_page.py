@@ -201,10 +201,10 @@ def _facts(found: Diagnosis) -> dict[str, str]:
     bench, record = found.bench, found.to_dict()["record"]
     shifts, timeless = sum(cell.n for cell in bench.cells), sum(not c.n for c in bench.cells)
     lost = [
-        f"{cell.failed} of {cell.failed + cell.engaged} at "
-        + place_name(cell.point.mismatch / RPM, cell.point.profile.force)
-        for cell in bench.cells if cell.failed
-    ]  # fmt: skip
+        f"{one.failed} of {one.failed + one.engaged} at {place_name(one.to_dict())}"
+        for one in cells_of(found)
+        if one.failed
+    ]
     given = {
         "data set": f"{bench.name}; {bench.source}",
         "operating points": f"{len(bench.cells)}, {timeless} of them without a time; {shifts} "

@@ -155,15 +155,13 @@ def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
     c, best = result["confirmation"], result["best"]
     if not c or best is None or best["prototype"]:
         return []
-    own, timed = c["prototype"], None not in (c["prototype"][SIMULATED], c["best"][SIMULATED])
-    gains = {
-        goal: (goal.factor * one["value"], goal.factor * (one["standard_error"] or 0.0))
-        for goal in goals_of(result, SIMULATED) if (one := c["gains"].get(goal.name))
-    }  # fmt: skip
+    timed = None not in (c[side][SIMULATED] for side in SIDES)
+    before, after = (c[side]["estimates"] for side in SIDES)
     return [
-        (goal, goal.estimate(own), goal.estimate(c["best"]), gain)
-        for goal, gain in gains.items() if timed or goal.unit != "ms"
-    ]  # fmt: skip
+        (goal, goal.estimate(before), goal.estimate(after), goal.estimate(c["gains"]))
+        for goal in goals_of(result, SIMULATED)
+        if goal.name in c["gains"] and (timed or goal.unit != "ms")
+    ]
 
 
 def summary_tables(study: Setup, result: Row) -> list[Table]:
@@ -203,7 +201,7 @@ def alternatives_table(study: Setup, result: Row) -> Table:
             "prototype" if one["prototype"] else str(trial),
             *(f"{row[name]:.4g}" for name in study.variables), words[TIME],
             *("-" if row.get(goal.name) is None
-              else goal.pair(*goal.estimate({"estimates": repeated})) if goal.name in repeated
+              else goal.pair(*goal.estimate(repeated)) if goal.name in repeated
               else goal.pair(goal.shown(row), goal.error(row)) for goal in goals),
             ms_with_error(worst["difference_s"], worst["standard_error_s"], "+"),
             *(words[column] for column in COLUMNS),
@@ -264,7 +262,7 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         words += minus(f" ({100 * gain / abs(before):.0f} %)") if before else ""
         words += " (not clear)" if abs(gain) < 2.0 * error else ""
         yield f"gain in the {goal.label}", Bad(words) if gain < 0.0 else words
-    if None not in (c["best"][SIMULATED], c["prototype"][SIMULATED]):
+    if difference(c["prototype"], c["best"]):
         found = point_differences(c["prototype"], c["best"])
         most = max(found, key=lambda one: float(one["difference_s"]))
         slower = [one for one in found if one["difference_s"] > 0.0]
@@ -273,8 +271,7 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         words = f"{len(slower)} of {len(found)}"
         if slower:
             loss = ms_with_error(most["difference_s"], most["standard_error_s"])
-            at = place_name(most["mismatch_rpm"], most["force_N"])
-            words += f" ({len(clear)} clearly), most by {loss} ms at {at}"
+            words += f" ({len(clear)} clearly), most by {loss} ms at {place_name(most)}"
         yield "operating points slower than the prototype", Bad(words) if clear else words
     (own, n), (other, m) = (engaged_shifts(c[key]) for key in ("best", "prototype"))
     words = f"{own} of {n} shifts; prototype {other} of {m}"
@@ -290,10 +287,8 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
         if min(best[name] - low, high - best[name]) <= (name != "count") * END * (high - low)
     ]
     for other in c.get("shapes") or ():
-        less, own = other["expected_shift_time_s"], c["best"]["expected_shift_time_s"]
-        if None not in (less, own):
-            error = math.hypot(other["standard_error_s"], c["best"]["standard_error_s"])
-            words = f"{ms_with_error(less - own, error, '+')} ms"
+        if less := difference(c["best"], other):
+            words = f"{ms_with_error(*less, '+')} ms"
             words += "" if other["feasible"] else ", but fails a check"
             yield f"with {other['shape']}", words
     if ends:

@@ -80,9 +80,9 @@ def margin_cell(name: str, margin: float | None) -> str:
     return Bad(text) if margin < 0.0 else text
 
 
-def place_name(mismatch_rpm: float, force_N: float) -> str:
-    """Name an operating point by mismatch and force."""
-    return minus(f"{mismatch_rpm:.4g} 1/min, {force_N:.4g} N")
+def place_name(point: Mapping[str, Any]) -> str:
+    """Name the operating point of a record by mismatch and force."""
+    return minus("{mismatch_rpm:.4g} 1/min, {force_N:.4g} N".format(**point))
 
 
 def check_name(name: str) -> str:
