@@ -188,13 +188,12 @@ def open_desk(
     roots = [Path(folder)] if folder else [bundled_root() / study.name, default_out(config)]
     if surrogate is None and folder is not None and StudyFolder(roots[0]).surrogate.is_file():
         surrogate = StudyFolder(roots[0]).surrogate
-    found = own_surrogate(config, surrogate)
+    stored, path = own_surrogate(config, surrogate) or (None, None)
     for one in map(StudyFolder, roots):
         if one.result.is_file() and set(config.shape_keys) == set(config.variables):
             read = one.stored_result()
             own = config.in_engine(read.get("engine", "drake")).physics_hash
             result = read if read.get("physics_hash") == own else result
-    stored, path = found or (None, None)
     return Desk(study, command or study.name, stored, path, result)
 
 
@@ -320,8 +319,7 @@ def link_files(desk: Desk, asked: Row, why: str | None) -> Answer:
     """Link the files of a design, and give the command that checks it."""
     query = urlencode({**asked["texts"], "why": why or ""})
     sets = "".join(f" --set {shlex.quote(one)}" for one in desk.changes(asked["texts"]))
-    point = _point(**asked).items()
-    at = "".join(f" --{key.replace('_', '-')} {value:.12g}" for key, value in point)
+    at = "".join(f" --{k.replace('_', '-')} {v:.12g}" for k, v in _point(**asked).items())
     links = {name: f"/file/{name}?{query}" for name in FILES}
     *files, shift = (html.A(FILES[n][1], href=link, target="_blank") for n, link in links.items())
     command = f"dogshape check {desk.command}{sets}{at}"

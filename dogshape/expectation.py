@@ -95,13 +95,11 @@ class Expectation(Result):
         found, mean = self.record, self.mean
         engine = f"simulated by {ENGINES[self.config.clutch.solver.engine]}"
         table = tabulate(PointRow, found.points)
-        lost = mean.losses
-        if mean.mean_engaged is not None:
-            lost += f"; without their retries the mean is {in_ms(mean.mean_engaged)} ms"
-        if mean.lost and mean.engages and mean.mean_engaged is not None:
-            share = 1.0 - mean.mean_engaged / mean.mean
-            lost += f", failed attempts are {share:.0%} of the time: {self.config.retry_text}"
-        lost = lost if mean.lost else self.config.unseen_failures(mean.shifts)
+        lost = mean.losses if mean.lost else self.config.unseen_failures(mean.shifts)
+        if mean.lost and (bare := mean.mean_engaged) is not None:
+            lost += f"; without their retries the mean is {in_ms(bare)} ms"
+            share = f"{1.0 - bare / mean.mean:.0%} of the time: {self.config.retry_text}"
+            lost += f", failed attempts are {share}" if mean.engages else ""
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"
             return [f"{count}: {NO_TIME}", table, lost, engine, *self.shortfall]

@@ -24,10 +24,12 @@ from dogshape.diagnosis.bench.foreign_table import read_foreign
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
 from dogshape.diagnosis.bench.traces import READERS
 from dogshape.pipeline.config.toml_text import with_values
+from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, rounded
 from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
 from dogshape.sim.errors import DataError, DogshapeError, InputError, number
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.texts import file_of, text_of
+from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 
 Row = dict[str, Any]  #: a table of a TOML file
@@ -314,8 +316,16 @@ def _copy_trace(row: Any, draft: BenchDraft, report: Report, folder: Path) -> st
 
 def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, report: Report) -> Row:
     """Collect the values of ``bench.toml``, and group and complete the rows by them."""
-    values: Row = {"name": out.resolve().name, **source.bench_values, "source": "not measured yet"}
-    given, said = dict(draft.values), report.assumed
+    clutch, given, said = source.clutch, dict(draft.values), report.assumed
+    values: Row = {
+        "name": out.resolve().name,
+        "timeout_s": clutch.timeout,
+        "shift_travel_mm": rounded(clutch.shift_travel / MM),
+        **source.dog_values,
+        "sliding.initial_speed_rpm": rounded(clutch.rings.initial_speed / RPM),
+        **{f"contact.{key}": getattr(clutch.contact, name) for name, key in OWN_CONTACT.items()},
+        "source": "not measured yet",
+    }
     if draft.tables:
         values |= _group_set_points(rows, draft, source, report)
         _fill_rises(rows, draft, source, report)
@@ -326,7 +336,7 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         given["source"] = "; ".join(filter(None, (given.get("source"), files)))
     own = [name for name in ("dog", "sliding", "output", "contact")
            if not any(key.startswith(f"{name}.") for key in given)]  # fmt: skip
-    mass, of = source.clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
+    mass, of = clutch.mechanism.added_mass, f"of the [mechanism] of '{source.name}'"
     signed = bool((rows["mismatch_rpm"] < 0.0).any())
     values["record.sense"] = "known" if signed else "unknown"
     sense = "the sense of the mismatch is not known (record.sense); a diagnosis weighs both"
@@ -342,7 +352,7 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         (f"[{'], ['.join(own)}] are those of '{source.name}': check bench.toml", own),
         (f"{mass:g} kg {of} move with the ring", mass),
         (f"{of} friction, drag and linkage are left for the diagnosis",
-         replace(source.clutch.mechanism, added_mass=0.0) != NOTHING),
+         replace(clutch.mechanism, added_mass=0.0) != NOTHING),
         (f"the stand gives up after {number(values['timeout_s'])} s", "timeout_s" not in given),
         (sense, "record.sense" not in given),
     ) if holds]  # fmt: skip

@@ -32,7 +32,7 @@ from dogshape.pipeline.config.study_file import (
     load_study,
 )
 from dogshape.pipeline.config.toml_text import sources_of, toml_value, with_values
-from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, clutch_tables, rounded, study_of
+from dogshape.pipeline.diagnose.study_keys import clutch_tables, rounded, study_of
 from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.plausibility import notes_of
 from dogshape.sim.clutch_tables import validate
@@ -42,7 +42,7 @@ from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.mechanism import SPLINE
 from dogshape.sim.strength.materials import MATERIALS
 from dogshape.sim.texts import text_of
-from dogshape.sim.units import MM, RPM
+from dogshape.sim.units import RPM
 
 Values = dict[str, Any]  #: values by dotted key
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
@@ -160,18 +160,6 @@ class Source:
         tables, rings = clutch_tables(self.clutch), self.clutch.rings
         tables["sliding"]["mass_kg"] = rounded(rings.mass + self.clutch.mechanism.added_mass)
         return {f"{name}.{key}": v for name, table in tables.items() for key, v in table.items()}
-
-    @property
-    def bench_values(self) -> Values:
-        """Values of ``bench.toml`` by dotted key."""
-        contact = self.clutch.contact
-        return {
-            "timeout_s": self.clutch.timeout,
-            "shift_travel_mm": rounded(self.clutch.shift_travel / MM),
-            **self.dog_values,
-            "sliding.initial_speed_rpm": rounded(self.clutch.rings.initial_speed / RPM),
-            **{f"contact.{key}": getattr(contact, name) for name, key in OWN_CONTACT.items()},
-        }
 
 
 def source_of(where: str) -> Source:
