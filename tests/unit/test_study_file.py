@@ -21,6 +21,8 @@ DRAWN = "operating.mismatch_rpm={distribution="
 FORCE = "operating.force_N={distribution="
 FRICTION = "uncertain.friction_factor={distribution="
 POINT = "{mismatch_rpm=5, force_N=300"
+STRIKE = ["strike.ring_inertia_kgm2=5e-4", "strike.input_stiffness_Nm_rad=15e3"]
+SHAFT = ["mechanism.ring_inertia_kgm2=5e-4", "mechanism.input_stiffness_Nm_rad=15000"]
 MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("dog.heigth_mm=3", "'dog.heigth_mm' is not a known key; did you mean 'dog.height_mm'?"),
     ("chamfer_deg=9", "'chamfer_deg' is not a known key; did you mean 'dog.chamfer_deg'?"),
@@ -54,7 +56,27 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("load.friction_hold=0.2", "load.friction_hold is 0.2, but it must not exceed"),
     ("load.spectrum=[[1.0]]", "load.spectrum.0 is [1.0], but it must be a list of at least 2"),
     ("strike.ring_inertia_kgm2=1", "'strike.input_stiffness_Nm_rad' is missing; add it"),
+    ([*STRIKE, "strike.wheel_inertia_kgm2=0.01"], "go together"),
+    ([*STRIKE, "strike.ring_inertia_kgm2=0.02"], "it is a part of sliding.inertia_kgm2 = 0.01"),
+    ([*STRIKE, "strike.strikes=0"], "strike.strikes is 0"),
+    ([*STRIKE, "strike.ring_inertia_kgm2=[1e-4]"], "must be a list of at least 2 values"),
+    ([*STRIKE, "strike.ring_inertia_kgm2=[1e-4,0.02]"], "it is a part of sliding.inertia_kgm2"),
+    ("load.accuracy=14", "load.accuracy is 14, but it must lie between 1 and 11"),
+    ("load.pitch_sd_um=-1", "load.pitch_sd_um is -1 um"),
+    ("load.dog_stiffness_N_um=0", "load.dog_stiffness_N_um is 0 N/um"),
+    (["load.accuracy=6", "load.pitch_sd_um=3"], "leave out one"),
+    ("load.tilt_mrad=-1", "load.tilt_mrad is -1 mrad, but"),
+    ("load.run_out_um=2000", "load.run_out_um is 2000 um"),
+    ("load.pull_out_force_limit_N=0", "load.pull_out_force_limit_N is 0 N"),
+    ("manufacturing.rim_mm=0", "manufacturing.rim_mm is 0 mm"),
+    ("contact.stiffness_Pa_m=1e10", "contact.stiffness_Pa_m is 1e+10 Pa/m"),
     ("material.set=16MnCr", "which is not a material set; did you mean '16MnCr5'?"),
+    ("wear.edge_radius_mm=0.001", "wear.edge_radius_mm is 0.001 mm"),
+    ("wear={rate_mm3_Nm=1e-6, crest_loss_mm=0.1}", "give one and not both"),
+    ("wear={}", "give one and not both"),
+    ("wear.rate_mm3_Nm=1.0", "wear.rate_mm3_Nm is 1 mm3/(N m), but it must lie"),
+    ("wear.crest_loss_mm=-1", "wear.crest_loss_mm is -1 mm"),
+    ("wear.crest_los_mm=1", "did you mean 'wear.crest_loss_mm'"),
     ("wear.crest_loss_mm=9", "wear.crest_loss_mm is 9 mm, but it must lie between 0 and 2 mm"),
     ("solver.scheme=rk4", "solver.scheme is 'rk4', which is not a scheme"),
     ("format=2", "format is 2, but this version reads format 1"),
@@ -101,6 +123,10 @@ MISTAKES: list[tuple[str | list[str] | dict[str, Any], str]] = [
     ("effects.actuation_delay=-0.1", "mechanism.delay_s is -0.1 s, but"),
     ("mechanism.lag_s=1e-7", "force_lag_s is 1e-07 s, but it must lie between"),
     ("mechanism.force_loss_N=300", "it must leave 1 N or more of force_N = 235.2"),
+    (SHAFT[:1], "mechanism.ring_inertia_kgm2 needs mechanism.input_stiffness_Nm_rad"),
+    (SHAFT[1:], "belongs to mechanism.ring_inertia_kgm2"),
+    ("mechanism.spline_backlash_deg=0.2", "belongs to mechanism.ring_inertia_kgm2"),
+    (["mechanism.ring_inertia_kgm2=0.02", SHAFT[1]], "part of sliding.inertia_kgm2 = 0.01"),
     ("mechanism.detent_position_mm=1", "belongs to mechanism.detent_N, which is not given"),
     ({"mechanism.detent_N": 50.0, "mechanism.detent_position_mm": 2.0,
       "mechanism.detent_seat_mm": 2.0}, "must be above mechanism.detent_position_mm = 2; exchange"),
@@ -147,6 +173,7 @@ def test_paper_study_is_the_prototype_at_the_published_points() -> None:
     assert len(study.points) == 28
     assert {round(p.mismatch / RPM) for p in study.points} == {5, 10, 25, 50, 100, 149, 249}
     assert study.clutch.shift_travel == pytest.approx(4.65e-3)
+    assert "wear" not in study.file.model_dump()
 
 
 def test_a_ridge_and_backlash_are_keys_and_variables_of_the_dog() -> None:

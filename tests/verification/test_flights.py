@@ -190,15 +190,7 @@ def test_marks_behind_the_first_touch_are_uncertain(plain: Setting) -> None:
 
 FLIGHTS = Flights(EFFECTS, settings())
 NOTHING = np.zeros((1, 0))
-RIVALS = (
-    "actuation_delay",
-    "actuation_lag",
-    "force_scale",
-    "linkage_compliance",
-    "moving_mass",
-    "sleeve_friction",
-    "viscous_damping",
-)
+RIVALS = ("actuation_delay", *(n for n in MOVING if n not in ("detent_force", "free_play")))
 TRUTHS: dict[str, Mapping[str, float]] = {
     "actuation_delay": {"delay_s": 0.02},
     "actuation_lag": {"lag_s": 0.02},

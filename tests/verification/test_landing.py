@@ -163,24 +163,6 @@ def test_a_life_is_that_of_three_dogs() -> None:
     assert rows[-1].margins["contact_ratio"] < rows[0].margins["contact_ratio"]
 
 
-@pytest.mark.parametrize(
-    ("more", "sentence"),
-    [
-        ("wear.edge_radius_mm=0.001", "wear.edge_radius_mm is 0.001 mm"),
-        ("wear={rate_mm3_Nm=1e-6, crest_loss_mm=0.1}", "give one and not both"),
-        ("wear={}", "give one and not both"),
-        ("wear.rate_mm3_Nm=1.0", "wear.rate_mm3_Nm is 1 mm3/(N m), but it must lie"),
-        ("wear.crest_loss_mm=-1", "wear.crest_loss_mm is -1 mm"),
-        ("wear.crest_los_mm=1", "did you mean 'wear.crest_loss_mm'"),
-    ],
-)
-def test_wear_that_is_none_is_refused(more: str, sentence: str) -> None:
-    with pytest.raises(InputError) as refused:
-        load_study("mq200_paper", [more])
-    assert sentence in str(refused.value)
-    assert "wear" not in load_study("mq200_paper").file.model_dump()
-
-
 def test_equal_shares_of_the_life_take_equal_areas_from_an_edge() -> None:
     """The square of a rounding's radius grows evenly; friction has to work for a rate."""
     dog, wear = replace(DOG, edge_radius=0.1 * MM), Wear(edge_radius=0.3 * MM)

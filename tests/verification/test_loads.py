@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from itertools import product
 
 import pytest
 from scipy.optimize import brentq
 
 from dogshape.pipeline.config.study_file import load_study
-from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import FLANKS, Dog
 from dogshape.sim.strength.dog_strength import Limits, fatigue, root_load, root_of
 from dogshape.sim.strength.load_case import LoadCase
@@ -57,16 +57,10 @@ def test_a_flank_lets_go_where_the_pull_vanishes(prototype: Dog) -> None:
 def test_a_spline_holds_with_the_lower_coefficient(prototype: Dog) -> None:
     """852 N less at 300 N m, 17.6 mm and 0.05, the holding coefficient, below the spline's 0.1."""
     plain = LoadCase()
-    for flank in ("traction", "braking"):
-        less = separating_force(prototype, plain, flank) - separating_force(
-            prototype, SPLINE, flank
-        )
-        assert less == pytest.approx(0.05 * 300 / 17.6e-3, rel=1e-12)
-        slippery = replace(SPLINE, spline_friction=0.01)
-        less = separating_force(prototype, plain, flank) - separating_force(
-            prototype, slippery, flank
-        )
-        assert less == pytest.approx(0.01 * 300 / 17.6e-3, rel=1e-12)
+    slippery = replace(SPLINE, spline_friction=0.01)
+    for flank, (load, friction) in product(FLANKS, ((SPLINE, 0.05), (slippery, 0.01))):
+        before, after = (separating_force(prototype, one, flank) for one in (plain, load))
+        assert before - after == pytest.approx(friction * 300 / 17.6e-3, rel=1e-12)
 
 
 @pytest.mark.parametrize("share", [1.0, 0.6, 0.3])
@@ -92,8 +86,6 @@ def test_the_actuator_pulls_with_the_smallest_shift_force_unless_the_study_says(
     assert load.spline_radius == pytest.approx(0.8 * 22e-3)
     said = load_study("mq200_paper", [given, "load.pull_out_force_limit_N=1200"]).limits.load
     assert said.pull_out_force_limit == 1200.0
-    with pytest.raises(InputError, match=r"load.pull_out_force_limit_N is 0 N"):
-        load_study("mq200_paper", ["load.pull_out_force_limit_N=0"])
 
 
 @pytest.mark.parametrize(
@@ -111,8 +103,6 @@ def test_a_thin_rim_raises_the_stress_of_the_root(
     assert thin["rim"].margin == pytest.approx(ratio / 0.5 - 1.0)
     assert "rim" not in plain
     assert load_study("mq200_paper", ["manufacturing.rim_mm=3"]).limits.manufacturing.rim == 3e-3
-    with pytest.raises(InputError, match=r"manufacturing.rim_mm is 0 mm"):
-        load_study("mq200_paper", ["manufacturing.rim_mm=0"])
 
 
 STEEL = MATERIALS["16MnCr5"]

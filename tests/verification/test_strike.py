@@ -14,7 +14,6 @@ from scipy.optimize import brentq
 
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.simulate.plausibility import notes_of
-from dogshape.sim.errors import InputError
 from dogshape.sim.shift.geometry import Dog, flank_contact
 from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.strength.dog_strength import (
@@ -209,27 +208,15 @@ def test_each_sign_of_the_mismatch_strikes_its_own_flank(prototype: Dog) -> None
     assert checks["flank_strike_root"].value == 0.0
 
 
-KEYS = ["strike.ring_inertia_kgm2=5e-4", "strike.input_stiffness_Nm_rad=15e3"]
-
-
 def test_keys_of_the_strike() -> None:
-    plain, study = load_study("mq200_paper"), load_study("mq200_paper", KEYS)
+    keys = ["strike.ring_inertia_kgm2=5e-4", "strike.input_stiffness_Nm_rad=15e3"]
+    plain, study = load_study("mq200_paper"), load_study("mq200_paper", keys)
     assert plain.limits.strikes == ()
     assert study.physics_hash == plain.physics_hash
     (strike,) = study.limits.strikes
     assert strike.speed("traction") == pytest.approx(SPEED)
     assert strike.wheel_inertia == strike.output_inertia == 0.6048
     assert notes_of(study) == notes_of(plain)
-    for wrong, words in (
-        (KEYS[:1], "'strike.input_stiffness_Nm_rad' is missing"),
-        ([*KEYS, "strike.wheel_inertia_kgm2=0.01"], "go together"),
-        ([*KEYS, "strike.ring_inertia_kgm2=0.02"], r"it is a part of sliding.inertia_kgm2 = 0.01"),
-        ([*KEYS, "strike.strikes=0"], "strike.strikes is 0"),
-        ([*KEYS, "strike.ring_inertia_kgm2=[1e-4]"], "must be a list of at least 2 values"),
-        ([*KEYS, "strike.ring_inertia_kgm2=[1e-4,0.02]"], "it is a part of sliding.inertia_kgm2"),
-    ):
-        with pytest.raises(InputError, match=words):
-            load_study("mq200_paper", wrong)
 
 
 def test_a_range_is_judged_at_its_worst_end() -> None:
@@ -387,16 +374,6 @@ def test_keys_of_accuracy() -> None:
     assert study.limits.load.dog_stiffness == pytest.approx(120e6)
     assert study.physics_hash == plain.physics_hash
     assert load_study("mq200_paper", ["load.accuracy=6"]).limits.load.accuracy == 6
-    for wrong, words in (
-        (["load.accuracy=14"], "load.accuracy is 14, but it must lie between 1 and 11"),
-        (["load.pitch_sd_um=-1"], "load.pitch_sd_um is -1 um"),
-        (["load.dog_stiffness_N_um=0"], "load.dog_stiffness_N_um is 0 N/um"),
-        (["load.accuracy=6", "load.pitch_sd_um=3"], "leave out one"),
-        (["load.tilt_mrad=-1"], "load.tilt_mrad is -1 mrad, but"),
-        (["load.run_out_um=2000"], "load.run_out_um is 2000 um"),
-    ):
-        with pytest.raises(InputError, match=words):
-            load_study("mq200_paper", wrong)
 
 
 @pytest.mark.parametrize("count", [6, 30])
