@@ -12,7 +12,6 @@ import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench, setting_of
 from dogshape.diagnosis.bench.comparison import PointGap
-from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.fit import Interval
 from dogshape.diagnosis.inference.static_readings import facts_of
@@ -23,7 +22,7 @@ from dogshape.diagnosis.settings import USUAL, Settings
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Array, Hypothesis
 from dogshape.sim.effects import load
 from dogshape.sim.setting import Setting
-from tests.made_up import few_cells, made_up, mean_time
+from tests.made_up import RECORD, few_cells, made_up, mean_time
 
 EFFECTS = load()
 STAND = load_bench("mq200_stand")
@@ -183,10 +182,7 @@ def simulated_bench(cause: Mapping[str, Mapping[str, float]], seed: int = 1) -> 
         time = mean_time(setting.clutch, setting.point) + setting.delay
         off = float(generator.normal(0.0, 0.002))
         rows.append(Reading(k + 2, cell.point, 20, time + off, engaged=True))
-    record = BenchRecord(
-        time_zero="command", displacement_at="sleeve", empty_cells="not_made", sense="known"
-    )
-    return replace(bench, cells=gather(rows), record=record)
+    return replace(bench, cells=gather(rows), record=RECORD)
 
 
 def simulated_diagnosis(

@@ -89,6 +89,10 @@ def pitches(count: int) -> np.ndarray:
     return (np.arange(count) + 0.5) / count
 
 
+#: A record that leaves nothing open.
+RECORD = BenchRecord(
+    time_zero="command", displacement_at="sleeve", empty_cells="not_made", sense="known"
+)
 #: Effects whose shift times are of closed form here.
 KNOWN = ("actuation_delay", "actuation_lag", "force_scale", "mismatch_speed", "moving_mass")
 
@@ -97,13 +101,8 @@ def small_model() -> tuple[Bench, Model]:
     """Build the model of six operating points with the effects of ``KNOWN``, and its bench."""
     bench = load_bench("mq200_adams")
     cells = [cell for cell in bench.cells if cell.n]
-    bench = replace(
-        bench,
-        record=BenchRecord(
-            time_zero="command", displacement_at="sleeve", empty_cells="not_made", sense="known"
-        ),
-        cells=tuple(cells[k] for k in (1, 6, 11, 12, 19, 22)),
-    )
+    cells = [cells[k] for k in (1, 6, 11, 12, 19, 22)]
+    bench = replace(bench, record=RECORD, cells=tuple(cells))
     effects = load(None)
     models = build_models(bench, {name: effects[name] for name in KNOWN}, USUAL, made_up)
     return bench, models["sleeve"]

@@ -17,10 +17,10 @@ from dogshape.sim.effects import load
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
+from tests.conftest import RISE
 
 Array = NDArray[np.float64]
 
-FORCES = {235.2: 0.251, 315.5: 0.2026, 469.0: 0.1766, 641.5: 0.12614}
 SPEEDS = (5.0, 10.0, 25.0, 50.0, 100.0, 149.0, 249.0)
 EFFECTS = load()
 CLUTCH = load_bench("mq200_adams").clutch
@@ -52,10 +52,10 @@ def times_of(values: Mapping[str, Array], point: OperatingPoint, shares: Array) 
     return _get(values, "delay_s") + late + flight + excess * blocked * np.minimum(wait, 0.4)
 
 
-def points_of(forces: Sequence[float] = tuple(FORCES)) -> tuple[OperatingPoint, ...]:
+def points_of(forces: Sequence[float] = tuple(RISE)) -> tuple[OperatingPoint, ...]:
     """Return operating points at all speeds and some forces."""
     return tuple(
-        OperatingPoint(speed * RPM, ForceProfile(force, FORCES[force]))
+        OperatingPoint(speed * RPM, ForceProfile(force, RISE[force]))
         for speed in SPEEDS
         for force in forces
     )

@@ -13,8 +13,6 @@ import pytest
 from nbclient import NotebookClient
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
-
-
 README = EXAMPLES.parent / "README.md"
 
 

@@ -11,13 +11,8 @@ import pytest
 from dogshape.pipeline.config.study_file import VARIABLES, Setup, bundled_studies, load_study
 from dogshape.pipeline.search.confirmation import new_angles
 from dogshape.pipeline.search.result_schema import StudyRecord
+from dogshape.pipeline.simulate import evaluation
 from dogshape.pipeline.simulate.design import design_of
-from dogshape.pipeline.simulate.evaluation import (
-    NEW_ANGLES,
-    design_blocks,
-    evaluate,
-    expectation_of,
-)
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train.training_rows import stored_surrogate, study_mix
 from dogshape.sim.clutch_tables import validate
@@ -63,11 +58,11 @@ def test_kept_times_are_simulated_again(kept: Kept) -> None:
     study, result, row = kept
     points = result["confirmation"]["best"]["points"]
     place = min(range(len(points)), key=lambda k: points[k]["sd_s"] / points[k]["mean_s"])
-    seed = study.file.expectation.seed + NEW_ANGLES
+    seed = study.file.expectation.seed + evaluation.NEW_ANGLES
     params = {key: row[key] for key in study.variables}
-    block = design_blocks(study.working, params, new_angles(study.working), seed)[place]
+    block = evaluation.design_blocks(study.working, params, new_angles(study.working), seed)[place]
     rows = scratch_executor(1).run([block])
-    mean = expectation_of(study.working, [block.point], rows).mean
+    mean = evaluation.expectation_of(study.working, [block.point], rows).mean
     assert mean == pytest.approx(points[place]["mean_s"], rel=1e-4)
 
 
@@ -81,7 +76,7 @@ def test_best_design_beats_the_prototype_by_many_standard_errors() -> None:
     design = design_of(study, best_design)
     assert design.feasible
     assert design.dog is not None
-    both = evaluate(study, [{}, best_design], scratch_executor(), 6, seed=20_000)
+    both = evaluation.evaluate(study, [{}, best_design], scratch_executor(), 6, seed=20_000)
     prototype, best = (found.expectation for found in both)
     gain = prototype.mean - best.mean
     assert prototype.engaged == best.engaged == 1.0

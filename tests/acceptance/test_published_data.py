@@ -20,8 +20,6 @@ from dogshape.sim.units import DEG, MM, RPM
 ALL_CELLS = 0.14
 #: Largest deviation of one cell in standard errors of ten angles, or else its share.
 ONE_CELL_SHARE = 0.26
-
-
 #: Root-mean-square deviation over all angles, by the contact: 8.1 and 4.4 % in docs/proof.md, and
 #: what other angles add, 1 to 2 %.
 ALL_ANGLES = {"adams2019": 0.10, "adams_impact": 0.065}

@@ -12,7 +12,7 @@ import pytest
 
 import dogshape as ds
 from dogshape.app import Desk, build_app, open_desk, start_server
-from tests.browser import Chromium
+from tests.browser import FAULTS, Chromium
 from tests.conftest import Call, sets
 from tests.server import command_of, started
 
@@ -44,8 +44,7 @@ def page(desk: Desk, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chrom
     try:
         with Chromium(tmp_path_factory.mktemp("profile")) as browser:
             browser.call("Page.enable")
-            watch = "window.faults = []; console.error = (...words) => faults.push(words.join(' '))"
-            browser.call("Page.addScriptToEvaluateOnNewDocument", source=watch)
+            browser.call("Page.addScriptToEvaluateOnNewDocument", source=FAULTS)
             browser.call("Page.navigate", url=f"http://127.0.0.1:{server.port}/")
             browser.wait(SIMULATED, 120)
             yield browser

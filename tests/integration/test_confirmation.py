@@ -93,13 +93,6 @@ def _front(rows: list[Found], without: int | None = None) -> list[int]:
     return sorted(kept, key=lambda number: values[number][0])
 
 
-def _dominating(rows: list[Found]) -> Found:
-    """The first design of the front that alone dominates others."""
-    whole = _front(rows)
-    number = next(one for one in whole if len(_front(rows, one)) >= len(whole))
-    return next(row for row in rows if row["trial"] == number)
-
-
 def _chamfer(row: Found) -> float:
     return round(row["chamfer_deg"], 6)
 
@@ -127,8 +120,11 @@ def test_the_whole_front_is_confirmed_and_has_the_values_of_the_new_angles(
 def test_designs_that_were_lucky_or_fail_later_leave_the_front(searched: Searched) -> None:
     """A design that a withdrawn one dominated is confirmed; trials stay those of the search."""
     plain = searched()
-    first = _dominating(plain["trials"])
-    number, beaten = first["trial"], _front(plain["trials"], first["trial"])
+    whole = _front(plain["trials"])
+    # The first of the front that alone dominates others.
+    number = next(one for one in whole if len(_front(plain["trials"], one)) >= len(whole))
+    first = next(row for row in plain["trials"] if row["trial"] == number)
+    beaten = _front(plain["trials"], number)
     late, fails = searched(lucky={_chamfer(first)}), searched(hard={_chamfer(first)})
     for result in (late, fails):
         assert result["trials"] == plain["trials"]

@@ -182,14 +182,11 @@ def test_the_record_has_the_contract(found: ds.Diagnosis) -> None:
     assert {"name", "why"} <= record["next_test"].keys()
 
 
-def test_a_record_keeps_its_settings_and_they_decide() -> None:
+def test_a_record_keeps_its_settings_and_they_decide(found: ds.Diagnosis) -> None:
     """A limit that nothing reaches names nothing."""
-    bench = simulated_bench({"actuation_delay": {"delay_s": 0.08}})
-    usual = simulated_diagnosis(bench)
-    assert (usual.verdict.kind, usual.verdict.causes) == ("effect", ("actuation_delay",))
     other = replace(USUAL, named=1.0, part=1.0)
-    never = simulated_diagnosis(bench, other)
+    never = simulated_diagnosis(simulated_bench(CAUSE), other)
     assert (never.verdict.kind, never.verdict.causes) == ("ambiguous", ())
     kept = json.loads(json.dumps(never.to_dict(), allow_nan=False))["settings"]
     assert kept == json.loads(json.dumps(asdict(other)))
-    assert (kept["named"], usual.to_dict()["settings"]["named"]) == (1.0, 0.8)
+    assert (kept["named"], found.to_dict()["settings"]["named"]) == (1.0, 0.8)

@@ -36,8 +36,8 @@ from dogshape.sim.statistics.shift_records import Record
 from tests.made_up import Quick, few_cells, made_up
 
 EFFECTS = load()
-BENCH = few_cells(load_bench("mq200_adams"), [(10, 235.2), (50, 469.0)])
-SETTINGS = settings_of(BENCH, "sleeve")
+POINTS = [(10, 235.2), (50, 469.0)]
+BENCH = few_cells(load_bench("mq200_adams"), POINTS)
 
 
 def _simulated(
@@ -106,7 +106,8 @@ def test_all_levels_share_the_angles_of_their_point_and_span_the_range() -> None
     shared = np.take_along_axis(found.angles, found.common, axis=1)
     pitch = BENCH.clutch.dog.pitch_angle
     assert np.diff(shared) == pytest.approx(pitch / ANGLES)
-    values = [level.values[0] for level in levels_of(EFFECTS["moving_mass"], SETTINGS)]
+    settings = settings_of(BENCH, "sleeve")
+    values = [level.values[0] for level in levels_of(EFFECTS["moving_mass"], settings)]
     (mass,) = EFFECTS["moving_mass"].parameters
     assert (values[0], values[-1]) == pytest.approx((mass.low, mass.high))
     assert len(values) == ALONG
@@ -124,14 +125,6 @@ def test_the_bundled_bank_has_every_series_of_the_compiled_engine(name: str, pla
 
 
 FEW = {name: EFFECTS[name] for name in ("moving_mass", "sleeve_friction")}
-POINTS = [(10, 235.2), (50, 469.0)]
-
-
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> Quick:
-    shifts = Quick()
-    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", shifts)
-    return shifts
 
 
 def _bench(points: int = 1, timeout: float = 1.1) -> Bench:

@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from dogshape.diagnosis.bench.bench_data import Reading, gather, load_bench
-from dogshape.diagnosis.bench.stand_file import EmptyCells
+from dogshape.diagnosis.bench.bench_data import Bench, Reading, gather, load_bench
+from dogshape.diagnosis.bench.stand_file import EmptyCells, Measured, TestTerms
 from dogshape.diagnosis.diagnosis import Diagnosis
+from dogshape.diagnosis.inference.static_readings import measured_facts
+from dogshape.diagnosis.next_test import require_terms
 from dogshape.diagnosis.report.wording import chance, summary
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import ForceProfile
@@ -20,7 +22,7 @@ from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set
 from tests.conftest import Said
-from tests.diagnosed import simulated_bench, simulated_diagnosis
+from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 
 
 @pytest.fixture
@@ -139,6 +141,48 @@ def times(planar: Path, *values: float, n: int = 1) -> None:
     (planar / "shifts.csv").write_text(HEAD + rows)
 
 
+def _stated(planar: Path, text: str) -> Bench:
+    """Read a set with results and terms of bench tests."""
+    state(planar, text)
+    bench = load_bench(planar)
+    require_terms(bench, EFFECTS)
+    measured_facts(bench, EFFECTS)
+    return bench
+
+
+DRAG = '[[measured]]\neffect = "drag_torque"\nvalue = 2.2\nstandard_error = 0.1'
+TERMS = '[[tests]]\nname = "{}"\n{}\n'
+MENU = {"more shifts", *(effect.test.name for effect in EFFECTS.values())}
+
+
+def test_results_and_terms_of_bench_tests_are_keys_of_the_data_set(planar: Path) -> None:
+    bench = _stated(planar, f"{DRAG}\n{TERMS.format('traces', 'possible = false')}")
+    assert bench.measured == (Measured(effect="drag_torque", value=2.2, standard_error=0.1),)
+    assert bench.tests == (TestTerms(name="traces", hours=None, possible=False),)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (DRAG.replace("drag_torque", "drag_torqe"), "did you mean 'drag_torque'"),
+        (DRAG.replace("= 0.1", "= 0.0"), "must be above 0"),
+        (DRAG.replace("value", 'parameter = "drag"\nvalue'), "must be one of: drag_Nm"),
+        (DRAG.replace("drag_torque", "detent_force"), "must be one of: detent_N, position_mm"),
+        (DRAG.replace("drag_torque", "reversed_mismatch"), "none to measure"),
+        (DRAG.replace("drag_torque", "contact_friction"), "is left out, but must be one of"),
+        (TERMS.format("more shift", ""), "which is not a bench test; did you mean 'more shifts'"),
+        (TERMS.format("traces", "hours = -1.0"), "tests.0.hours is -1.0, but it must be above 0"),
+        (
+            "".join(TERMS.format(name, "possible = false") for name in MENU),
+            "leaves no bench test that is possible",
+        ),
+    ],
+)
+def test_wrong_results_and_terms_are_sentences(planar: Path, text: str, words: str) -> None:
+    with pytest.raises(DogshapeError, match=words):
+        _stated(planar, text)
+
+
 @pytest.mark.parametrize(
     ("reading", "failed", "unknown"), [("not_made", 2, 0), ("failed", 12, 0), ("unknown", 2, 10)]
 )
@@ -187,8 +231,6 @@ def test_failures_that_nothing_explains_decide_nothing() -> None:
 
 
 CYCLES = (0.12, 0.17, 0.09, 0.11, 0.21)
-
-
 FINER = (0.121, 0.174, 0.093, 0.112, 0.215)
 
 

@@ -32,7 +32,6 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.conclusion import engage
 from dogshape.sim.shift.plant import ClutchPlant
-from dogshape.sim.shift.trace import Trace
 from dogshape.sim.units import MM, RPM
 from tests.benches import good_set
 from tests.conftest import needed
@@ -49,14 +48,9 @@ def setting() -> Setting:
 
 
 @pytest.fixture(scope="module")
-def shift(setting: Setting) -> Trace:
-    """A simulated shift there that waits for its slot."""
-    return engage(ClutchPlant(setting.clutch), setting.point, 0.05).trace
-
-
-@pytest.fixture(scope="module")
-def drawn(setting: Setting, shift: Trace) -> Drawn:
-    """Sample the shift again and again, its start anywhere within a step."""
+def drawn(setting: Setting) -> Drawn:
+    """Sample a shift that waits for its slot again and again, its start anywhere within a step."""
+    shift = engage(ClutchPlant(setting.clutch), setting.point, 0.05).trace
 
     def draw(step: float, noise: float, count: int) -> list[BenchTrace]:
         rng = np.random.default_rng(3)
@@ -227,8 +221,6 @@ APART = {
     "at ten times the rate": (some(step=1e-4, count=601), (0, 60), 0),
     "at another rate and start": (some(late=3.3e-3, step=2.7e-3, count=21), (4, 57), 7),
 }
-
-
 WRITERS: dict[str, tuple[str, Callable[..., None], str]] = {
     "wf_start_time": ("x.tdms", write_tdms, "nptdms"),
     "wf_start_offset": ("x.tdms", write_tdms, "nptdms"),

@@ -186,11 +186,6 @@ def test_draws_of_a_dead_time_move_the_mean_by_themselves(tmp_path: Path) -> Non
     assert spread.interval_s[0] < low < high < spread.interval_s[1]
 
 
-@pytest.fixture(scope="module")
-def study() -> Setup:
-    return load_study("mq200_paper")
-
-
 def _run(blocks: Sequence[Block]) -> list[list[Record]]:
     """Time is the height, and with added mass a tenth of a second for each degree of chamfer."""
     return [[_row(block)] * len(block.angles) for block in blocks]
@@ -205,15 +200,11 @@ def _row(block: Block) -> Record:
     return {**times, **entry, "landing_loads_N_mm": loads}
 
 
-def _designs(study: Setup) -> dict[str, dict[str, float]]:
+def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     flat = {**study.prototype, "height_mm": 3.0, "chamfer_deg": 9.0}
     blunt = {**study.prototype, "height_mm": 3.2, "chamfer_deg": 6.0}
-    return {"prototype": dict(study.prototype), "flat": flat, "blunt": blunt}
-
-
-def test_an_effect_that_turns_the_order_has_its_price(study: Setup) -> None:
     low = {**study.prototype, "height_mm": 3.0, "chamfer_deg": 5.0}
-    designs = {**_designs(study), "low": low}
+    designs = {"prototype": dict(study.prototype), "flat": flat, "blunt": blunt, "low": low}
     found = consequence(study, designs, {"moving_mass": {"added_mass_kg": 1.0}}, EFFECTS, _run)
     # Low dogs are the fastest, but land too hard.
     assert min(found.candidates, key=lambda one: one.with_effect.mean).name == "low"

@@ -12,13 +12,10 @@ import pytest
 from dogshape.pipeline.config.study_file import load_study
 from dogshape.pipeline.export.drawing import dimensioned_svg
 from dogshape.sim.strength.checks import GROUPS
-from tests.conftest import Call
+from tests.conftest import Call, sets
 
 #: One operating point and three angles.
-QUICK = [
-    "--set", "operating.mismatch_rpm=[50]", "--set", "operating.force_N=[469.0]",
-    "--set", "expectation.angles=3",
-]  # fmt: skip
+QUICK = sets(["operating.mismatch_rpm=[50]", "operating.force_N=[469.0]", "expectation.angles=3"])
 
 
 def test_strength_checks_everything(dogshape: Call) -> None:

@@ -24,8 +24,6 @@ from dogshape.sim.statistics.shift_records import clutch_record
 from tests.conftest import Said
 
 EFFECTS = load()
-
-NAMES = sorted(EFFECTS)
 #: Of the paper's study at its first operating point, without any mechanism.
 PHYSICS, FIRST = "d9069ea6093eea848d23", "3d538982a61536408d1f"
 
@@ -52,7 +50,7 @@ def test_neutral_values_change_nothing(effect: Effect, setting: Setting) -> None
     assert effect.apply(setting, _values(effect)) != setting
 
 
-@pytest.mark.parametrize(("one", "two"), list(combinations(NAMES, 2)))
+@pytest.mark.parametrize(("one", "two"), list(combinations(sorted(EFFECTS), 2)))
 def test_effects_compose_in_either_order(setting: Setting, one: str, two: str) -> None:
     first, second = EFFECTS[one], EFFECTS[two]
     there = second.apply(first.apply(setting, _values(first)), _values(second))

@@ -7,6 +7,7 @@ import os
 import stat
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -16,6 +17,11 @@ from dogshape.sim.files import write_whole
 from tests.conftest import Call
 
 ROW = {"outcome": "engaged", "shift_time_s": 0.1, "landing_loads_N_mm": [0.0]}
+
+
+def failing(number: int) -> Mock:
+    """Make a call of the system that fails."""
+    return Mock(side_effect=OSError(number, os.strerror(number)))
 
 
 class Disk:
@@ -70,11 +76,7 @@ def test_a_file_that_cannot_be_forced_to_the_disk_leaves_the_old_one(
 ) -> None:
     path = tmp_path / "kept"
     write_whole(path, "old")
-
-    def full(_: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    monkeypatch.setattr("os.fsync", full)
+    monkeypatch.setattr("os.fsync", failing(errno.ENOSPC))
     with pytest.raises(OSError, match="No space left on device") as refused:
         write_whole(path, "new")
     assert refused.value.filename == str(path)
@@ -95,11 +97,7 @@ def test_a_shift_counts_as_finished_once_it_is_on_the_disk(
     append(path, {**row, "key": "b"})
     journal.add([{**row, "key": "b"}])
     assert disk.calls[3:] == disk.calls[:3]
-
-    def broken(_: int) -> None:
-        raise OSError(errno.EIO, os.strerror(errno.EIO))
-
-    monkeypatch.setattr("os.fsync", broken)
+    monkeypatch.setattr("os.fsync", failing(errno.EIO))
     with pytest.raises(StorageError, match=r"shifts\.jsonl cannot be written \(Input/output error"):
         journal.add([{**row, "key": "c"}])
     assert set(journal.rows) == {"a", "b"}
@@ -120,11 +118,7 @@ def test_a_journal_is_read_without_a_right_to_write(
 ) -> None:
     path = tmp_path / "shifts.jsonl"
     append(path, {"key": "a", **ROW})
-
-    def refused(*_: object) -> int:
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    monkeypatch.setattr("dogshape.pipeline.store.folder.os.open", refused)
+    monkeypatch.setattr("dogshape.pipeline.store.folder.os.open", failing(errno.EROFS))
     assert set(ShiftJournal(path).rows) == {"a"}
 
 
@@ -170,11 +164,7 @@ def test_a_target_is_tried_before_the_work(
     arguments: list[str],
 ) -> None:  # fmt: skip
     (tmp_path / "there").write_text("a file where a folder should be")
-
-    def worked(*_: Any, **__: Any) -> None:
-        raise AssertionError("the work began")
-
-    monkeypatch.setattr(f"dogshape.{module}", worked)
+    monkeypatch.setattr(f"dogshape.{module}", Mock(side_effect=AssertionError("the work began")))
     said = dogshape(*arguments)
     assert arguments[-2] in said.sentence
     assert arguments[-1] in said.sentence

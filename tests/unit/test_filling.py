@@ -13,19 +13,8 @@ import pytest
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.simulate.design import design_of, worth_simulating
 from dogshape.pipeline.simulate.executor import scratch_executor
-from dogshape.pipeline.train.training import (
-    LEAST_ANGLES,
-    LEAST_SHIFTS,
-    MOST_DESIGNS,
-    SLACK,
-    Job,
-    angles_of,
-    count_of,
-    filling_designs,
-    own_designs,
-    simulate_designs,
-    simulated_data,
-)
+from dogshape.pipeline.train import training
+from dogshape.pipeline.train.training import Job, count_of, own_designs, simulated_data
 from dogshape.sim.errors import InputError
 from dogshape.surrogate.dataset import COLUMNS, rows_of
 
@@ -34,13 +23,13 @@ EIGHT = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0], "operating.force_N
 
 
 def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Setup) -> None:
-    designs = list(islice(filling_designs(small_study, 1), 30))
-    assert designs[:12] == list(islice(filling_designs(small_study, 1), 12))
+    designs = list(islice(training.filling_designs(small_study, 1), 30))
+    assert designs[:12] == list(islice(training.filling_designs(small_study, 1), 12))
     inside = [worth_simulating(small_study, design) for design in designs]
     assert inside == [index % 3 != 2 for index in range(30)]
     for design in designs[2::3]:
         checks = design_of(small_study, design).checks
-        assert -SLACK <= min(check.margin for check in checks) < 0.0
+        assert -training.SLACK <= min(check.margin for check in checks) < 0.0
         assert all(c.passed for c in checks if c.name.endswith("_release"))
     for key, (low, high) in small_study.variables.items():
         values = [design[key] for design in designs]
@@ -88,9 +77,9 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
     settings: dict[str, object], angles: int
 ) -> None:
     study = load_study("mq200_paper", {**settings, "surrogate.mix_shifts": 50_000})
-    assert angles_of(study) == angles >= LEAST_ANGLES
+    assert training.angles_of(study) == angles >= training.LEAST_ANGLES
     each = angles * len(study.points)
-    assert each >= LEAST_SHIFTS
+    assert each >= training.LEAST_SHIFTS
     assert count_of(study) == 50_000 // each
     job = Job(study.prototype, angles, 3, 0)
     blocks = job.blocks(study.working)
@@ -103,7 +92,7 @@ def test_a_design_has_enough_angles_at_each_point_and_shifts_in_all(
 
 def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -> None:
     many = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": 10**7})
-    assert count_of(many) == MOST_DESIGNS
+    assert count_of(many) == training.MOST_DESIGNS
     for shifts in (1, 15 * 128 - 1):
         few = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": shifts})
         with pytest.raises(InputError, match=rf"mix_shifts = {shifts} .* give 1920 or more"):
@@ -118,14 +107,14 @@ def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_pat
     even = Job(own, 31, 5, 0)  # below 32 fewer halve intervals
     counted: list[int] = []
     executor = scratch_executor(1, lambda done, known: counted.append(done - known))
-    simulate_designs(study, path, "some", jobs[:1], executor)
-    simulate_designs(study, path, "some", jobs, executor)
+    training.simulate_designs(study, path, "some", jobs[:1], executor)
+    training.simulate_designs(study, path, "some", jobs, executor)
     assert sum(counted) == 2 * 8 * 32
     first = simulated_data(study, path, "some").grid
     assert first.x.shape == (2, 5)
     assert (first.shifts == 32).all()
     assert (first.engaged <= 32).all()
-    simulate_designs(study, path, "other", [even], executor)
+    training.simulate_designs(study, path, "other", [even], executor)
     other = simulated_data(study, path, "other").grid
     error = np.hypot(first.errors[1], other.errors[0])
     assert (np.abs(first.means[1] - other.means[0]) < 4.0 * error).all()

@@ -30,13 +30,6 @@ EXPECT, PRECISE = (*POINT, "--angles", 6), (*POINT, "--precision", 0.2)
 VALIDATE = ("validate", "mq200_adams", "--angles", 3, "--jobs", 1)
 
 
-@pytest.fixture
-def quick(monkeypatch: pytest.MonkeyPatch) -> Quick:
-    shifts = Quick()
-    monkeypatch.setattr("dogshape.pipeline.simulate.executor.run_block", shifts)
-    return shifts
-
-
 def _line(said: Said) -> str:
     """Return standard error without the console's breaks."""
     return " ".join(said.err.split())

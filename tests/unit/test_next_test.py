@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,15 +11,12 @@ import pytest
 from scipy.integrate import quad
 from scipy.stats import norm
 
-from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.bench.flight_marks import FORCES, SIZE, WAYS
 from dogshape.diagnosis.bench.stand_file import Measured, TestTerms
 from dogshape.diagnosis.inference.outcome import SETUP, SHIFT, TRACING, NextTest, Outcome, smoothed
-from dogshape.diagnosis.next_test import MORE, TRACED, choose, imitator_odds, require_terms, settle
+from dogshape.diagnosis.next_test import MORE, TRACED, choose, imitator_odds, settle
 from dogshape.diagnosis.terms import NONE, UNKNOWN, Hypothesis
-from dogshape.sim.errors import DogshapeError
 from dogshape.sim.shift.actuation import ForceProfile
-from tests.benches import good_set
 from tests.fits import BENCH, CELLS, POINTS, SETTINGS, UNTRACED, Array, diagnosis_of, fit_of
 from tests.toy import EFFECTS
 
@@ -169,24 +165,18 @@ def test_the_direct_test_of_a_named_cause_leads_where_it_costs_least(
     assert (choose(diagnosis)[0].name == FORCE) == leads
 
 
-@dataclass(frozen=True)
-class _Reading:
-    key: str
-    value: str
-    probability: float
-    posterior: dict[Hypothesis, float]
-    verdict: Any
-
-
 def test_a_question_about_the_record_settles_by_its_answers() -> None:
     """Times start with the command (0.6: a delay) or the force (0.4: three effects, so open)."""
     three = (*DRAG, *LAG, *FRICTION)  # never named, however probable
     command, force = {DELAY: 0.9, DRAG: 0.1}, {DELAY: 0.0, three: 0.9, UNKNOWN: 0.1}
     answers = (("command", 0.6, command, "effect"), ("force", 0.4, force, "ambiguous"))
     readings = tuple(
-        _Reading("time_zero", value, p, after, SimpleNamespace(kind=kind))
+        SimpleNamespace(
+            key="time_zero", value=value, probability=p, posterior=after,
+            verdict=SimpleNamespace(kind=kind),
+        )
         for value, p, after, kind in answers
-    )
+    )  # fmt: skip
     diagnosis = _open(readings=readings)
     (test,) = (t for t in choose(diagnosis) if t.kind == "record")
     assert (test.settles, test.misleads) == pytest.approx((0.54, 0.06))
@@ -209,31 +199,6 @@ def test_the_menu_has_the_hours_of_the_stand_and_no_test_that_is_made_or_impossi
     assert FORCE not in {t.name for t in choose(_open(bench=replace(BENCH, measured=measured)))}
     shifts = replace(BENCH, tests=(TestTerms(name="more shifts", possible=False),))
     assert {test.kind for test in choose(_open(bench=shifts))} == {"direct"}
-
-
-def test_terms_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Path) -> None:
-    folder = good_set(tmp_path, traces=False)
-    head = folder / "bench.toml"
-    text = head.read_text()
-
-    def reads(terms: str) -> object:
-        head.write_text(text + f"\n[[tests]]\n{terms}\n")
-        bench = load_bench(folder)
-        require_terms(bench, EFFECTS)
-        return bench.tests
-
-    assert reads('name = "traces"\npossible = false') == (
-        TestTerms(name="traces", hours=None, possible=False),
-    )
-    every = {"more shifts", *(effect.test.name for effect in EFFECTS.values())}
-    none = "\n[[tests]]\n".join(f'name = "{name}"\npossible = false' for name in every)
-    for given, words in (
-        ('name = "more shift"', "which is not a bench test; did you mean 'more shifts'"),
-        ('name = "traces"\nhours = -1.0', "tests.0.hours is -1.0, but it must be above 0"),
-        (none, "leaves no bench test that is possible"),
-    ):
-        with pytest.raises(DogshapeError, match=words):
-            reads(given)
 
 
 MASS: Hypothesis = ("moving_mass",)

@@ -102,12 +102,9 @@ def test_what_is_to_be_maximised_turns_its_sign_once() -> None:
     assert Guide(study).exact([study.prototype]) == pytest.approx(np.array([[np.inf, 8.4]]))
 
 
-SETS = read_toml(bundled_root() / TABLE)
-
-
 def test_sets_name_their_points() -> None:
     """Every bundled set serves the bundled studies; that of the paper is the study's grid."""
-    for name, table in SETS.items():
+    for name, table in read_toml(bundled_root() / TABLE).items():
         assert _points(_listed(f"set='{name}'")) == [pytest.approx(row) for row in table["rows"]]
     grid, named = load_study("mq200_paper"), _listed("set='paper'")
     assert named.points == grid.points

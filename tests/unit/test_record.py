@@ -102,10 +102,7 @@ def test_a_report_is_built_of_sections(tmp_path: Path) -> None:
     assert text.index("wrong") < text.index("<nav>") < text.index("a caption")
 
 
-NAMES = ("stand [v2] :smile:", "a[red]b", "[/red] x")
-
-
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", ["stand [v2] :smile:", "a[red]b", "[/red] x"])
 def test_names_are_printed_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
     table = Table(("case", f"head {name}"), [(f"cell {name}", "1")])
     emit({}, False, lambda: [table, f"report: {name}/report.html", f"wrote {name}"])

@@ -180,12 +180,9 @@ def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
     assert logs[0] > logs[1] + 10.0
 
 
-DELAY = {"actuation_delay": {"delay_s": 0.08}}
-
-
 def _with(counts: Sequence[int]) -> Bench:
     """Make so many shifts with a delay at each point; 0 leaves a point out."""
-    bench = simulated_bench(DELAY)
+    bench = simulated_bench({"actuation_delay": {"delay_s": 0.08}})
     cells = zip(bench.cells, counts, strict=True)
     rows = [replace(r, n=n) for cell, n in cells for r in cell.readings if n]
     return replace(bench, cells=gather(rows))

@@ -9,15 +9,8 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.inference.outcome import (
-    LOT,
-    RIVALS,
-    TRUTHS,
-    VISITS,
-    Field,
-    shift_plan,
-    visits,
-)
+from dogshape.diagnosis.inference import outcome
+from dogshape.diagnosis.inference.outcome import Field, shift_plan, visits
 from dogshape.diagnosis.terms import NONE
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from tests.conftest import Call
@@ -25,8 +18,8 @@ from tests.fits import POINTS, Array, field_at
 from tests.toy import EFFECTS
 
 LONGEST = EFFECTS["actuation_delay"].parameters[0].high  #: dead time of the range, s
-DELAYS = LONGEST * (np.arange(TRUTHS) + 0.5) / TRUTHS
-STEP = LONGEST / RIVALS  #: s, between rivals
+DELAYS = LONGEST * (np.arange(outcome.TRUTHS) + 0.5) / outcome.TRUTHS
+STEP = LONGEST / outcome.RIVALS  #: s, between rivals
 
 
 def test_the_distance_of_a_dead_time_is_that_of_its_mean() -> None:
@@ -101,7 +94,7 @@ def test_the_reference_scatters_least_and_a_limit_of_points_is_kept() -> None:
     plan = shift_plan(field, 60, most=3)
     assert field.baseline.sd[0, plan.reference] == field.baseline.sd[0].min()
     assert sum(n > 0 for n in plan.shifts) <= 3
-    assert plan.shifts[plan.reference] >= VISITS * LOT
+    assert plan.shifts[plan.reference] >= outcome.VISITS * outcome.LOT
     assert plan.hours == pytest.approx(0.5 * len(plan.order) + 0.02 * 60)
     assert field.hypotheses == (NONE, ("actuation_delay",), ("moving_mass",))
 

@@ -35,10 +35,8 @@ from tests.conftest import Point, dog_of
 from tests.verification.crests import DESIGNS, Crests, crests_of, time_on_crests
 from tests.verification.ridges import WIDER, ridges_of, rounded, share_held
 
-RADII = (0.02 * MM, 0.1 * MM, 0.3 * MM)
 
-
-@pytest.mark.parametrize("radius", RADII)
+@pytest.mark.parametrize("radius", [0.02 * MM, 0.1 * MM, 0.3 * MM])
 def test_planes_of_an_edge_touch_its_cylinder_and_stand_out_by_a_micrometre(
     prototype: Dog, radius: float
 ) -> None:
@@ -195,12 +193,6 @@ def test_edges_must_clear_the_fillets(prototype: Dog) -> None:
         require_makeable(replace(prototype, edge_radius=0.2 * MM), limits)
 
 
-@pytest.fixture(scope="module")
-def lean(clutch: Clutch) -> Clutch:
-    """A chamfer of 12.5 degrees, which slides from rest up to a friction of 0.22."""
-    return clutch.with_dog(dog_of(clutch.dog, DESIGNS["lean"]))
-
-
 def _landed(clutch: Clutch, point: OperatingPoint, overlap: float) -> Engagement:
     dog = clutch.dog
     return engage(clutch, point, (overlap - dog.crest_overlap) / dog.mean_radius)
@@ -217,8 +209,9 @@ def test_nothing_pushes_across_the_axis_where_crests_cross(chamfer: float, tract
     assert ratios[1:] == pytest.approx(-math.tan(chamfer * DEG), rel=0.05)
 
 
-def test_crests_that_cross_hang_where_the_chamfer_would_slide(lean: Clutch, point: Point) -> None:
+def test_crests_that_cross_hang_where_the_chamfer_would_slide(clutch: Clutch, point: Point) -> None:
     """Depth and place as the closed form has them; beside the crossing the faces slide."""
+    lean = clutch.with_dog(dog_of(clutch.dog, DESIGNS["lean"]))
     assert math.tan(lean.dog.chamfer) > 1.5 * lean.contact.static_friction
     crests = crests_of(lean)
     hung = _landed(lean, point(0.0, 235.2), 0.4 * crests.width)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,8 +23,6 @@ from dogshape.diagnosis.inference.static_readings import (
     measured_facts,
 )
 from dogshape.diagnosis.terms import NONE, UNKNOWN
-from dogshape.sim.errors import DogshapeError
-from tests.benches import good_set
 from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 from tests.fits import SETTING, space_of
 
@@ -75,31 +72,6 @@ def test_what_is_measured_is_a_fact_of_the_record_and_no_advice() -> None:
     direct = [one for one in found.tests if one.kind == "direct"]
     assert direct
     assert not any(one.effects == DELAY for one in direct)
-
-
-def test_results_are_keys_of_the_data_set_and_mistakes_are_sentences(tmp_path: Path) -> None:
-    folder = good_set(tmp_path, traces=False)
-    head = folder / "bench.toml"
-    text = head.read_text()
-
-    def reads(result: str) -> tuple[Measured, ...]:
-        head.write_text(text + f"\n[[measured]]\n{result}\n")
-        bench = load_bench(folder)
-        measured_facts(bench, EFFECTS)
-        return bench.measured
-
-    drag = 'effect = "drag_torque"\nvalue = 2.2\nstandard_error = 0.1'
-    assert reads(drag) == (Measured(effect="drag_torque", value=2.2, standard_error=0.1),)
-    for given, words in (
-        (drag.replace("drag_torque", "drag_torqe"), "did you mean 'drag_torque'"),
-        (drag.replace("= 0.1", "= 0.0"), "must be above 0"),
-        (drag.replace("value", 'parameter = "drag"\nvalue'), "must be one of: drag_Nm"),
-        (drag.replace("drag_torque", "detent_force"), "must be one of: detent_N, position_mm"),
-        (drag.replace("drag_torque", "reversed_mismatch"), "none to measure"),
-        (drag.replace("drag_torque", "contact_friction"), "is left out, but must be one of"),
-    ):
-        with pytest.raises(DogshapeError, match=words):
-            reads(given)
 
 
 STAND = load_bench("mq200_stand")

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from dogshape.diagnosis.bench.bench_data import Bench, load_bench
-from dogshape.diagnosis.bench.stand_file import BenchRecord
 from dogshape.diagnosis.diagnosis import Diagnosis, diagnose
 from dogshape.diagnosis.inference.ranking import hypotheses_of, log_prior
 from dogshape.diagnosis.prediction.model import Model, build_models
@@ -22,7 +21,7 @@ from dogshape.sim.setting import Setting
 from dogshape.sim.statistics.blocks import Block, run_block
 from dogshape.sim.statistics.shift_records import Record
 from tests.diagnosed import simulated_bench
-from tests.made_up import few_cells, made_up, mean_time
+from tests.made_up import RECORD, few_cells, made_up, mean_time
 
 EFFECTS = load()
 NAMES = ("actuation_delay", "moving_mass", "relative_angle", REVERSED, "sleeve_friction")
@@ -53,10 +52,7 @@ def _signed(blocks: Sequence[Block]) -> list[list[Record]]:
 
 
 def _with_sense(bench: Bench, sense: Sense) -> Bench:
-    record = BenchRecord(
-        time_zero="command", displacement_at="sleeve", empty_cells="not_made", sense=sense
-    )
-    return replace(bench, record=record)
+    return replace(bench, record=RECORD.model_copy(update={"sense": sense}))
 
 
 def _model(sense: Sense, run: object = _signed) -> Model:

@@ -201,7 +201,6 @@ def test_keys_of_shafts() -> None:
 
 STIFFNESS = 320.0  #: N m/rad
 CHOSEN = (10.6325, 6.8912, 24.4977, 2.48494, 31)  #: by an earlier search
-
 Series = NDArray[np.float64]
 
 
@@ -212,11 +211,6 @@ def _trace(clutch: Clutch, time: Series, torque: Series, mismatch: float = 0.0) 
     force = np.concatenate([[0.0], torque]) / clutch.dog.mean_radius
     left = mismatch - taken / clutch.rings.reduced_inertia
     return Trace(**{**series, "time": time, "tangential_force": force, "output_speed": left})
-
-
-def strike_torque(mismatch: float, stiffness: float, inertia: float) -> float:
-    """Return the torque in N m with which a driveline takes up a mismatch in one strike."""
-    return mismatch * math.sqrt(stiffness * inertia)
 
 
 def test_response_is_that_of_the_motion_under_any_torque(clutch: Clutch) -> None:
@@ -249,7 +243,7 @@ def test_mismatch_that_a_strike_takes_before_the_flanks_close_counts(
     hard = clutch.with_dog(dog_of(clutch.dog, CHOSEN))
     result = engage(hard, point(249, 469.0), 0.55 * hard.dog.pitch_angle)
     peak = torque_peak(hard, result.trace, STIFFNESS)
-    all_of_it = strike_torque(249 * RPM, STIFFNESS, hard.rings.reduced_inertia)
+    all_of_it = 249 * RPM * math.sqrt(STIFFNESS * hard.rings.reduced_inertia)
     assert all_of_it == pytest.approx(46.26, abs=0.01)
     assert result.loads.residual_mismatch is not None
     assert abs(result.loads.residual_mismatch) < 0.2 * 249 * RPM

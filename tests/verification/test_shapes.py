@@ -222,8 +222,6 @@ ROOFS = {
     "nearly flat": (0.6, 0.02, 0.01, 12.0, 22.0, 0.0),
 }
 ALL = {**ROOFS, **SHAPES}
-
-
 #: Chamfer, traction, braking in deg, height in mm, dogs: the prototype and corners of the range.
 PLAIN = [(8, 12, 22, 3.7, 15), (2, 4, 5, 1.6, 6), (6, 29, 29, 5.5, 10), (15, 7, 25, 2.0, 34)]
 

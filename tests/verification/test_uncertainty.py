@@ -23,8 +23,6 @@ from dogshape.sim.units import RPM
 
 Array = NDArray[np.float64]
 TIMEOUT, RETRACTION = 1.0, 0.2
-
-
 LOG = np.log(1.5) ** 2  #: square of sigma of a lognormal with a factor of 1.5
 MOMENTS: list[tuple[dict[str, Any], float, float]] = [
     ({"distribution": "uniform", "low": -20.0, "high": 40.0}, 10.0, 60.0 / 12**0.5),
