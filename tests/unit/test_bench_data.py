@@ -57,7 +57,7 @@ def test_published_tables_are_complete() -> None:
         ("0.251,10", "0.251,", "column n_shifts is '', but it must be a whole number"),
         ("mismatch_rpm", "mismatch_rmp", "row 1: 'mismatch_rmp' is not a known column"),
         ("shift_time_s,", "shift_time_s,Force_N,", "'Force_N' is not a known column; did you"),
-        ("5,235.2", "5,-235.2", "shift force is -235.2 N"),
+        ("5,235.2", "5,-235.2", "force_N is -235.2 N"),
         ("count = 15", "cuont = 15", "'dog.cuont' is not a known key; did you mean 'dog.count'?"),
         ("timeout_s = 1.0", "timeout_s = -1.0", "timeout_s is -1 s"),
         ("shift_travel_mm = 4.65", "shift_travel_mm = 5.0", "shift_travel_mm is 5 mm"),
