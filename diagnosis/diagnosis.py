@@ -296,8 +296,7 @@ def _conclude(
     log, posterior, within = float(logsumexp(logs)), dict[Hypothesis, float](), 0.0
     for (one, mine), part in zip(parts, np.exp(np.array(logs) - log).tolist(), strict=True):
         evidence = _mixed(mine, settings)
-        margin = one.likelihood.bench.margin
-        within += part * within_margin(one.likelihood, one.fits, evidence, margin)
+        within += part * within_margin(one.likelihood, one.fits, evidence)
         for h, p in seen_apart(one.shares, evidence).items():
             posterior[h] = posterior.get(h, 0.0) + part * p
     posterior = dict(sorted(posterior.items(), key=lambda item: -item[1]))
@@ -319,10 +318,8 @@ def _answers(
     def more(hypothesis: Hypothesis, shares: Array) -> Array:
         space = model.space(hypothesis)
         values = space.values(shares)
-        found = log_density(facts, space, values)
-        if seen.flights:
-            found = found + log_flights(seen.flights, flights, space.hypothesis, values)
-        return found
+        marks = log_flights(seen.flights, flights, space.hypothesis, values)
+        return log_density(facts, space, values) + marks
 
     beside = sum(log_unknown(fact, model.effects) for fact in facts)
     beside += log_unknown_flights(seen.flights, flights)
@@ -366,9 +363,8 @@ def _mixed(answers: Sequence[_Answer], settings: Settings) -> dict[Hypothesis, f
     """Mix the probabilities over meanings of the record; the prior keeps the floor."""
     whole, priors = logsumexp([one.log for one in answers]), answers[0].ranking.log_prior
     found = dict.fromkeys((h for one in answers for h in one.logs), 0.0)
-    for one in answers:
-        for h, log in one.logs.items():
-            found[h] += float(np.exp(log - whole))
+    for h, log in (item for one in answers for item in one.logs.items()):
+        found[h] += float(np.exp(log - whole))
     prior = {h: float(np.exp(priors.get(h, -np.inf))) for h in found}
     floor = settings.floor / sum(prior.values())
     mixed = {h: (1.0 - settings.floor) * p + floor * prior[h] for h, p in found.items()}

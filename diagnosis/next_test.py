@@ -336,11 +336,9 @@ def _flown(diagnosis: Diagnosis, profile: ForceProfile) -> Outcome:
     still, way = marks(NONE, np.zeros((1, 0)), profile), np.arange(SIZE) < len(WAYS)
     parts = {}
     for hypothesis, (fit, rows) in _plausible(diagnosis).items():
-        acting = tuple(effect.name for effect in fit.space.effects)
-        found = marks(acting, fit.values[rows], profile)
+        found = marks(fit.space.hypothesis, fit.values[rows], profile)
         times, errors = np.broadcast_to(found.times, (rows.size, SIZE)), wider * _errors(found)
-        nominal = np.where(way, times, still.times)
-        both = [smoothed(one, errors) for one in (times, nominal)]
+        both = [smoothed(one, errors) for one in (times, np.where(way, times, still.times))]
         share, mean, whole = (np.concatenate(part) for part in zip(*both, strict=True))
         parts[hypothesis] = 0.5 * share, mean, whole
     # Unknown: the baseline's marks, or those of displacement, or all, moved by offsets.

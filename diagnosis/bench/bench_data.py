@@ -72,8 +72,7 @@ class Cell:
     @property
     def times(self) -> NDArray[np.float64]:
         """Times of single shifts, s, (k,); those within means are not among them."""
-        single = [r.time for r in self.readings if r.n == 1 and r.time is not None]
-        return np.array(single, dtype=float)
+        return np.array([r.time for r in self.readings if r.n == 1 and r.time is not None])
 
     @property
     def engaged(self) -> int:
@@ -139,8 +138,7 @@ class Bench(Stand):
 
 def bundled_benches() -> dict[str, Path]:
     """List the folders of the data sets that the package brings, by name."""
-    folders = sorted((bundled_root() / "bench").iterdir())
-    return {path.name: path for path in folders if path.is_dir()}
+    return {p.name: p for p in sorted((bundled_root() / "bench").iterdir()) if p.is_dir()}
 
 
 def load_bench(where: str | Path, corrections: Iterable[str] = ()) -> Bench:

@@ -116,8 +116,7 @@ def compare(
             error = math.hypot(simulated.standard_error, sampled)
         error = math.hypot(max(error, 1e-6), own)
         found.append(PointGap(cell, simulated.mean_engaged, error, simulated.engaged, simulated.n))
-    repeated = numerical_error(blocks, rows, run) if checked else None
-    return Comparison(bench, tuple(found), repeated)
+    return Comparison(bench, tuple(found), numerical_error(blocks, rows, run) if checked else None)
 
 
 def _scatter(cell: Cell) -> float:

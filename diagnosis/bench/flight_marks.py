@@ -141,8 +141,7 @@ def _fitted(time: Array, values: Array, level: float, noise: float) -> Array:
     matrix = np.vander(inside, degree + 1)
     found = np.asarray(np.linalg.lstsq(matrix, values, rcond=None)[0], dtype=np.float64)
     left = values - matrix @ found
-    spare = max(1, time.size - degree - 1)
-    sigma = max(noise, float(np.sqrt((left**2).sum() / spare)))
+    sigma = max(noise, float(np.sqrt((left**2).sum() / max(1, time.size - degree - 1))))
     roots, edge = np.roots([*found[:-1], found[-1] - level]), 0.5 / max(1, time.size - 1)
     rising = (abs(roots.imag) < 1e-9) & (np.polyval(np.polyder(found), roots.real) > 0.0)
     within = (roots.real >= inside[0] - edge) & (roots.real <= inside[-1] + edge)

@@ -360,8 +360,7 @@ class TableReader:
         faults = [text for place, text in table.questions if place not in read] + faults
         cells = {c.head: c.cells for c in used if not is_dated(c.cells)}
         try:
-            stated = decimal or table.stated
-            self.sign = decimal_sign(cells, table.rows, stated, table.separator)
+            self.sign = decimal_sign(cells, table.rows, decimal or table.stated, table.separator)
         except DataError as error:
             faults.append(str(error))
         file = str(table.path)
@@ -400,10 +399,9 @@ class TableReader:
         """
         ways = {"n_shifts": self._counts, "engaged": self._answers, "timestamp": self._stamps,
                 "trace": self._texts}  # fmt: skip
-        nothing: Values = [None] * len(self.table.rows)
         return {
             q.name: ways.get(q.name, self._numbers)(self.matches[q.name])
-            if q.name in self.matches else nothing
+            if q.name in self.matches else [None] * len(self.table.rows)
             for q in self.quantities
         }  # fmt: skip
 

@@ -154,8 +154,7 @@ def split_head(text: str, below: str = "") -> tuple[str, Unit | None, str | None
         name, inside, rest = found.groups()
         unit = unit_named(inside)
         strange = None if unit or "[" not in text or inside in ("", "-", "1") else inside
-        kept = "" if unit or strange else inside
-        name = " ".join(filter(None, (name, kept, rest)))
+        name = " ".join(filter(None, (name, "" if unit or strange else inside, rest)))
     elif found := _LAST.match(text):
         bare, last = found.groups()
         if "/" in last and unit_named(last) is None and unit_named(last.split("/", 1)[1]):
@@ -280,8 +279,7 @@ class _Grid:
         below = np.flatnonzero(self.data[k + 1 : k + 3])
         if not below.size or self.numeric[k].any() or self.comment[k]:
             return False
-        count = self.filled[k].sum()
-        return bool(count >= max(2, 0.6 * self.filled[k + 1 + below[0]].sum()))
+        return bool(self.filled[k].sum() >= max(2, 0.6 * self.filled[k + 1 + below[0]].sum()))
 
 
 def read_foreign(path: Path, chosen: Sequence[range] = (), *, sums: bool = True) -> ForeignTable:
@@ -336,8 +334,7 @@ def _divided(
 ) -> tuple[list[str], list[str], list[int], Reasons]:
     """Divide rows into names, units, rows below them, and rows left out with their reasons."""
     asked = [any(n in those for those in chosen) for n in grid.rows]
-    start = asked.index(True) if any(asked) else len(asked)
-    heads = [k for k in range(start) if grid.is_head(k)]
+    heads = [k for k in range([*asked, True].index(True)) if grid.is_head(k)]
     above = heads[-1 if chosen else 0] if heads else -1
     first = above + 1 + int(np.argmax(grid.data[above + 1 :]))
     names, units, used = _head(grid, first)
@@ -382,8 +379,7 @@ def _head(grid: _Grid, first: int) -> tuple[list[str], list[str], list[int]]:
 def _are_units(row: Cells, above: Cells) -> bool:
     known = [bool(unit_named(cell.strip("[]() "))) for cell in row]
     words = any(c.strip("[]()-1 ") and not unit for c, unit in zip(row, known, strict=True))
-    again = sum(bool(unit_named(cell)) for cell in above)
-    return again < sum(known) and (sum(known) >= 2 or not words)
+    return sum(map(bool, map(unit_named, above))) < sum(known) and (sum(known) >= 2 or not words)
 
 
 def _summaries(grid: _Grid, body: list[int], questions: Reasons) -> Reasons:

@@ -98,10 +98,9 @@ def _too_early(stand: Stand, row: Row, share: float = SURE) -> bool:
 
 def _share_impossible(stand: Stand, sheet: Sheet) -> float:
     """Compute the number of rows that cannot be true over that of times."""
-    limit = stand.clutch.timeout
     count = sum(
         np.isinf(_free_flight(stand, row)) or _too_early(stand, row)
-        or (row.time is not None and not 0.0 <= row.time <= limit) for row in sheet.rows
+        or not 0.0 <= (row.time or 0.0) <= stand.clutch.timeout for row in sheet.rows
     )  # fmt: skip
     return float(count / max(1, _column(sheet, "time").size, 1))
 
@@ -204,8 +203,7 @@ def repeated_rows(_: Stand, sheet: Sheet) -> Findings:
     if 2 * sum(row.row in lone for row, _ in copies) < max(4, len(lone)):
         copies = [one for one in copies if one[0].row not in lone]
     if copies:
-        several = len(copies) > 1
-        many = f"{len(copies)} rows repeat earlier ones" if several else "a row is there twice"
+        many = f"{len(copies)} rows repeat earlier ones" if copies[1:] else "a row is there twice"
         looks = "a table copied below itself: copies make the data seem surer than they are"
         said = f"{many}: row {copies[0][0].row} is row {copies[0][1]} again"
         yield Finding("rows", said, looks, arguable=False)

@@ -85,8 +85,7 @@ def load_sheet(path: Path) -> Sheet:
             raise bad_cell(path, rows[at], f"column {column}", cells[column][at], rule)
     found = []
     for k, row in enumerate(rows):
-        numbers = [values[name][k].item() for name in NUMERIC]
-        known: list[Any] = [None if np.isnan(value) else value for value in numbers]
+        known: list[Any] = [None if np.isnan(v := values[n][k]) else v.item() for n in NUMERIC]
         mismatch, force, rise, n, time, sd, order, stamp = known
         engaged = True if time is not None else ENGAGED[cells["engaged"][k]]
         name, place = cells["trace"][k], stamp if order is None else order
@@ -94,8 +93,9 @@ def load_sheet(path: Path) -> Sheet:
             trace = read_trace(path.parent / name) if name else None
         except DataError as error:
             raise DataError(f"{path}, row {row}, column trace: {error}") from error
-        one = Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
-        found.append(one)
+        found.append(
+            Row(row, mismatch, force, rise, int(n), time, engaged, trace, sd, place, stamp)
+        )
     return Sheet(path, tuple(found))
 
 

@@ -102,8 +102,7 @@ def scatter(values: Array) -> float:
     """Estimate the standard deviation of the noise of samples from their third differences."""
     if values.size < 8:
         return 0.0
-    rough = float(np.median(abs(np.diff(values, 3))))
-    return 1.48 * rough / float(np.sqrt(20.0))
+    return 1.48 * float(np.median(abs(np.diff(values, 3)))) / float(np.sqrt(20.0))
 
 
 @lru_cache(maxsize=512)
@@ -191,8 +190,7 @@ def _fit(time: Array, force: Array, shape: Shape, low: float) -> tuple[float, fl
     start, near = float(starts[place]), 1e-4
     matrix = columns(np.array([start, start - near, start + near]))
     found, left = solved(matrix[:1])
-    slope = (matrix[2] - matrix[1]) @ found[0] / (2.0 * near)
-    whole = np.column_stack([matrix[0], slope])
+    whole = np.column_stack([matrix[0], (matrix[2] - matrix[1]) @ found[0] / (2.0 * near)])
     squares, size = max(float(left[0]), 1e-300), time.size
     inverse = np.linalg.pinv(whole.T @ whole)[-1, -1]
     error = float(np.sqrt(squares / max(1, size - whole.shape[1]) * max(0.0, inverse)))
@@ -373,8 +371,7 @@ def _read_mdf(path: Path) -> dict[str, Channel]:
     found = {}
     with _open(path, "asammdf", "MDF", "an MDF") as file:
         for name in COLUMNS[1:]:
-            places = file.channels_db.get(name, ())
-            group, index = _only(path, name, places, file.channels_db)
+            group, index = _only(path, name, file.channels_db.get(name, ()), file.channels_db)
             signal = file.get(name, group=group, index=index).validate()
             unit = unit_named(signal.unit or "")
             if unit is not None and unit.factor != 1.0:

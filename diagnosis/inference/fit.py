@@ -327,10 +327,8 @@ def held_out(likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: 
     mean, sd, gaps, chance = left_out(likelihood, leading)
     means, sds = np.full((2, likelihood.model.cells), np.nan)
     means[some], sds[some] = mean, sd
-    other, left = None, None
-    if rival is not None:
-        other, left = rival.hypothesis, _rms(left_out(likelihood, rival)[2])
-    return HeldOut(_rms(baseline[some]), _rms(gaps), chance, other, left, means, sds)
+    other = (rival.hypothesis, _rms(left_out(likelihood, rival)[2])) if rival else (None, None)
+    return HeldOut(_rms(baseline[some]), _rms(gaps), chance, *other, means, sds)
 
 
 def left_out(likelihood: Likelihood, one: Fit) -> tuple[Array, Array, Array, float]:
@@ -343,9 +341,8 @@ def left_out(likelihood: Likelihood, one: Fit) -> tuple[Array, Array, Array, flo
     p = one.predicted.only(rows)
     found = likelihood.terms(p)
     columns = likelihood.all_columns(p, one.amplitude[rows])[:, likelihood.having]
-    size = found.residual.shape[1]
-    covariance = columns @ columns.swapaxes(1, 2) + found.variance[..., None] * np.eye(size)
-    inverse = np.linalg.inv(covariance)
+    own = found.variance[..., None] * np.eye(found.residual.shape[1])
+    inverse = np.linalg.inv(columns @ columns.swapaxes(1, 2) + own)
     diagonal = np.diagonal(inverse, axis1=1, axis2=2)
     gap = (inverse @ found.residual[..., None])[..., 0] / diagonal
     log = 0.5 * gap**2 * diagonal - 0.5 * np.log(diagonal)

@@ -50,8 +50,7 @@ def log_prior(hypothesis: Hypothesis, model: Model, settings: Settings, reversed
         return math.log(settings.unlisted)
     odds = {n: settings.prior(n) / (1.0 - settings.prior(n)) for n in model.effects}
     # Elementary symmetric sums: all sets of at most so many effects have probability 1 together.
-    sums = np.zeros(settings.most + 1)
-    sums[0] = 1.0
+    sums = np.eye(1, settings.most + 1)[0]
     for value in odds.values():
         sums[1:] = sums[1:] + value * sums[:-1]
     log = math.log1p(-settings.unlisted) - math.log(float(sums.sum()))
@@ -158,8 +157,7 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
         search.refine(0, thirds)
         search.refine(1, thirds)
     search.refine(2)
-    unknown = log_prior(UNKNOWN, likelihood.model, likelihood.settings, 0.0)
-    priors = {**search.priors, UNKNOWN: unknown}
+    priors = {**search.priors, UNKNOWN: search.prior(UNKNOWN)}
     return Ranking(likelihood, search.samples, priors, _unlisted(search) + beside)
 
 

@@ -60,10 +60,8 @@ def log_density(facts: Sequence[Fact], space: Space, values: Array) -> Array:
     own = [(e.name, p.name) for e in space.effects for p in e.parameters]
     found = np.zeros(len(values))
     for fact in facts:
-        column = np.full(len(values), fact.neutral)
-        if (fact.effect, fact.parameter) in own:
-            column = values[:, own.index((fact.effect, fact.parameter))]
-        found += fact.log_density(column)
+        key, column = (fact.effect, fact.parameter), np.full(len(values), fact.neutral)
+        found += fact.log_density(values[:, own.index(key)] if key in own else column)
     return found
 
 
@@ -72,8 +70,7 @@ def log_unknown(fact: Fact, effects: Mapping[str, Effect]) -> float:
     effect = effects.get(fact.effect) or registry.load()[fact.effect]
     (parameter,) = (p for p in effect.parameters if p.name == fact.parameter)
     values = [fact.neutral, *(parameter.at((k + 0.5) / ANY) for k in range(ANY))]
-    weights = [0.5, *[0.5 / ANY] * ANY]
-    return float(logsumexp(fact.log_density(np.array(values)), b=weights))
+    return float(logsumexp(fact.log_density(np.array(values)), b=[0.5, *[0.5 / ANY] * ANY]))
 
 
 def facts_of(bench: Bench) -> tuple[Fact, ...]:

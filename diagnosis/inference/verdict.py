@@ -13,7 +13,6 @@ from typing import Literal
 
 import numpy as np
 
-from dogshape.diagnosis.bench.stand_file import Margin
 from dogshape.diagnosis.inference.fit import Fit
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
 from dogshape.diagnosis.prediction.model import Predicted
@@ -46,10 +45,7 @@ def inclusion(posterior: Mapping[Hypothesis, float]) -> dict[str, float]:
 
 
 def within_margin(
-    likelihood: Likelihood,
-    fits: Mapping[Hypothesis, Fit],
-    raw: Mapping[Hypothesis, float],
-    margin: Margin,
+    likelihood: Likelihood, fits: Mapping[Hypothesis, Fit], raw: Mapping[Hypothesis, float]
 ) -> float:
     """Compute the probability that the gap is below its margin.
 
@@ -59,7 +55,7 @@ def within_margin(
     plain, found = likelihood.late_mean(base)[0], 0.0
     for h, one in fits.items():
         moved = likelihood.late_mean(one.predicted) + one.offset - one.nuisance
-        gaps = (moved - plain) / margin.of(plain)
+        gaps = (moved - plain) / likelihood.bench.margin.of(plain)
         engaged = (one.predicted.engaged - base.engaged) / likelihood.settings.engaged_margin
         over = (gaps[:, some] ** 2 + engaged[:, some] ** 2).mean(axis=1)
         found += raw.get(h, 0.0) * float((over < 1.0).mean())
@@ -129,8 +125,7 @@ def unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> P
     for name, replaced in itertools.product(forward(one.hypothesis), (False, True)):
         if replaced and name not in ALIKE:
             continue
-        more = {ALIKE[name]} if replaced else set()
-        other = tuple(sorted({*one.hypothesis} - {name} | more))
+        other = tuple(sorted({*one.hypothesis} - {name} | ({ALIKE[name]} if replaced else set())))
         if other not in known:
             continue
         parts = [np.zeros((rows.size, 0))]
@@ -140,8 +135,7 @@ def unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> P
             else:  # the mass of the linkage is that of the ring
                 mass = one.values[rows][:, one.space.columns(name)][:, -1]
                 parts.append(np.array([[effect.parameters[0].share(value)] for value in mass]))
-        theirs = likelihood.model.predict(other, np.hstack(parts))
-        distances.append(apart(likelihood, mine, theirs))
+        distances.append(apart(likelihood, mine, likelihood.model.predict(other, np.hstack(parts))))
         options.append(other)
     where = np.nanargmin(distances, axis=0)
     found = {h: float((where == k).mean()) for k, h in enumerate(options, start=1)}

@@ -91,11 +91,10 @@ class Likelihood:
         parts = [np.zeros((self.model.cells, 0))]
         for name, effect in self.model.nuisances.items():
             (only,) = effect.parameters
-            factors = (
-                only.neutral_of(self.model.setting) * self.settings.nuisance[name] ** QUANTILES
-            )
-            values = np.clip(factors, only.low, only.high)[:, None]
-            changes = self.model.changes(name, values).moments[..., 0] / len(QUANTILES) ** 0.5
+            factors = self.settings.nuisance[name] ** QUANTILES
+            values = np.clip(only.neutral_of(self.model.setting) * factors, only.low, only.high)
+            moments = self.model.changes(name, values[:, None]).moments
+            changes = moments[..., 0] / len(QUANTILES) ** 0.5
             _, sizes, directions = np.linalg.svd(changes, full_matrices=False)
             parts.append((sizes[:2, None] * directions[:2]).T)
         return np.hstack(parts)
@@ -105,8 +104,7 @@ class Likelihood:
         """Changes of ln time with ln force and with mismatch in rad/s, (C,) each."""
         ends = np.array([1.0 - STEP, 1.0 + STEP])
         force = self.model.changes("force_scale", ends[:, None]).moments
-        offset_factor = np.stack([np.zeros(2), ends], axis=1)
-        speed = self.model.changes("mismatch_speed", offset_factor).moments
+        speed = self.model.changes("mismatch_speed", np.stack([0.0 * ends, ends], axis=1)).moments
         slopes = [(one[1, :, 0] - one[0, :, 0]) / (2.0 * STEP) for one in (force, speed)]
         slip = np.maximum(abs(self.seen.mismatch), RPM) * np.sign(self.seen.mismatch + 1e-12)
         return slopes[0], slopes[1] / slip
@@ -385,10 +383,8 @@ class _Options:
 def _fitted(residual: Array, variance: Array, columns: Array) -> tuple[Array, Array]:
     """Fit errors in common to residuals: values and their variance, (m, c) each."""
     scaled = (columns / variance[..., None]).swapaxes(1, 2)
-    inverse = np.linalg.inv(np.eye(columns.shape[2]) + scaled @ columns)
-    along = columns @ inverse
-    pulled = scaled @ residual[..., None]
-    return (along @ pulled)[..., 0], (along * columns).sum(axis=2)
+    along = columns @ np.linalg.inv(np.eye(columns.shape[2]) + scaled @ columns)
+    return (along @ (scaled @ residual[..., None]))[..., 0], (along * columns).sum(axis=2)
 
 
 def _integrated(

@@ -317,8 +317,7 @@ def log_flights(
         constant = gammaln((FREEDOM + size) / 2.0) - gammaln(FREEDOM / 2.0)
         constant = constant - 0.5 * size * np.log(FREEDOM * np.pi)
         both += constant - 0.5 * spread - 0.5 * (FREEDOM + size) * np.log1p(distance / FREEDOM)
-    whole: Array = np.logaddexp(*both) - np.log(2.0)
-    return whole
+    return np.asarray(np.logaddexp(*both) - np.log(2.0))
 
 
 def flight_scores(

@@ -169,7 +169,8 @@ class Model:
     @cached_property
     def shape(self) -> Array:
         """Excess kurtosis of timely shifts of the baseline, (C,)."""
-        times = timely(self.simulated.baseline, self.far)
+        base = self.simulated.baseline
+        times = np.where(np.isfinite(base) & ~late_times(base, self.far), base, np.nan)
         parts = times - np.nanmean(times, axis=1, keepdims=True)
         second, fourth = (np.nan_to_num(np.nanmean(parts**k, axis=1)) for k in (2, 4))
         return np.clip(fourth / np.maximum(second, LEAST_SD**2) ** 2 - 3.0, -1.5, 12.0)
@@ -383,9 +384,8 @@ def build_models(
     bench: Bench, effects: Mapping[str, Effect], settings: Settings, run: Runner
 ) -> dict[str, Model]:
     """Build the models of a data set, by the place where the displacement may be read."""
-    places: tuple[Sensor, ...] = ("sleeve", "actuator")
-    if bench.record.displacement_at != "unknown":
-        places = (bench.record.displacement_at,)
+    known = bench.record.displacement_at
+    places: tuple[Sensor, ...] = ("sleeve", "actuator") if known == "unknown" else (known,)
     found: dict[str, Model] = {}
     for place in places:
         plain = settings_of(bench, place)
@@ -395,8 +395,8 @@ def build_models(
         turned = None
         if wide.pop(REVERSED, None) is not None:
             other = [one.with_point(mismatch=0.0 - one.point.mismatch) for one in plain]
-            known = bench.record.sense == "known"
-            mine = {n: e for n, e in wide.items() if not known or reads_only(e, extremes(plain))}
+            every = bench.record.sense != "known"
+            mine = {n: e for n, e in wide.items() if every or reads_only(e, extremes(plain))}
             turned = Model(mine, simulate(mine, other, run), {}, settings.law)
         levels = simulate({**wide, **nuisances}, plain, run)
         if bench.record.time_zero == "force":
@@ -459,11 +459,6 @@ def _quantiles(times: Array, shares: Sequence[float]) -> list[Array]:
         low, high = (np.take_along_axis(ordered, k[..., None], -1)[..., 0] for k in ends)
         found.append(np.asarray(low + (share * last - below) * (high - low)))
     return found
-
-
-def timely(times: Array, least: Array) -> Array:
-    """Replace late shifts and those that did not engage by NaN."""
-    return np.where(np.isfinite(times) & ~late_times(times, least), times, np.nan)
 
 
 def _scaled(x: Array, nodes: Array) -> Array:

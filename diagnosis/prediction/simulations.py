@@ -97,8 +97,7 @@ def with_wide_range(effect: Effect, setting: Setting) -> Effect:
         for upper, part in itertools.product((True, False), (1.0, 0.6, 0.3)):
             (now,) = (p for p in effect.parameters if p.name == name)
             wider = now.widened(WIDER * part, upper=upper)
-            neutral = now.neutral_of(setting)
-            if wider == now or (not upper and neutral <= now.low):
+            if wider == now or (not upper and now.neutral_of(setting) <= now.low):
                 continue
             end = wider.high if upper else wider.low
             if effect.possible(setting, {**effect.neutral(setting), name: end}):
@@ -194,8 +193,6 @@ def read_times(setting: Setting, rows: Sequence[Record]) -> Array:
     return np.where(failed, np.nan, times)
 
 
-Ticks = list[int | None]
-
 TICK = 1e-5  #: s, in which times are kept
 LATE = -1  #: stands for a shift that did not engage
 FORMAT = 2
@@ -272,9 +269,8 @@ def _kept(rows: Sequence[Record]) -> Record:
 
 
 def _rows(kept: Record) -> list[Record]:
-    times: Ticks = kept["t"]
     found: list[Record] = []
-    for pair in zip(times, kept.get("actuator", times), strict=True):
+    for pair in zip(kept["t"], kept.get("actuator", kept["t"]), strict=True):
         sleeve, actuator = (None if t in (None, LATE) else t * TICK for t in pair)
         outcome = Outcome.TIMED_OUT if sleeve is None else Outcome.ENGAGED
         outcome = Outcome.DIVERGED if pair[0] is None else outcome

@@ -133,12 +133,11 @@ def _refuted(found: Diagnosis) -> str:
     """State the parts of the gap that readings at rest explain, where these are next to nothing."""
     said, whole = [], found.held_out.baseline
     for fact in found.facts:
-        if fact.effect in found.effects and fact.effect not in found.verdict.causes:
-            part = explained(fact, found.model, found.seen)
-            if part < EXPLAINED * whole:
-                size = amount(fact.parameter, fact.value, digits=2)
-                effect = found.effects[fact.effect].plain
-                said.append(f"{effect} ({size}) explains {max(0.0, 1e3 * part):.0f} ms")
+        rival = fact.effect in found.effects and fact.effect not in found.verdict.causes
+        if rival and (part := explained(fact, found.model, found.seen)) < EXPLAINED * whole:
+            size = amount(fact.parameter, fact.value, digits=2)
+            effect = found.effects[fact.effect].plain
+            said.append(f"{effect} ({size}) explains {max(0.0, 1e3 * part):.0f} ms")
     return f"Alone and as read at rest, {listed(said)} of {1e3 * whole:.0f} ms." if said else ""
 
 

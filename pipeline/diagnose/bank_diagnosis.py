@@ -105,8 +105,7 @@ def shifts_of(blocks: Sequence[Block], means: Means, told: list[str]) -> list[li
             WorkCounter(means.progress, left) as progress,
             progress.kept_in(means.bank, "the same command goes on from there"),
         ):
-            executor = Executor(journal, means.jobs, progress.advance)
-            rows = store.times(blocks, executor.run)
+            rows = store.times(blocks, Executor(journal, means.jobs, progress.advance).run)
         journal.say_unfinished(means.progress.say)
         with suppress(StorageError):  # the file of banks has them
             journal.drop({key for block in lacking for key in block.keys})

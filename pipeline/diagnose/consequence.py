@@ -198,8 +198,7 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
     Effects have the means of their parameters; those ``OF_STAND`` do not count. Unfinished
     simulations stay in ``folder``. Raises InputError where no effect is probable.
     """
-    known = (h for h in found.posterior if h != UNKNOWN and set(h) - OF_STAND)
-    cause = next(known, None)
+    cause = next((h for h in found.posterior if h != UNKNOWN and set(h) - OF_STAND), None)
     if cause is None or found.posterior[cause] < LEAST:
         raise InputError(
             f"--study is '{study}', but the diagnosis of {found.bench.name} has no effect above "
@@ -213,6 +212,5 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
         if name in cause and name not in OF_STAND
     }
     where, shifts = Where(means.jobs, None, folder, means.progress), 2 * ANGLES * len(given.points)
-    asked = (given.config_hash,)
-    with where.executor("so-what", asked, shifts * len(designs)) as (executor, _):
+    with where.executor("so-what", (given.config_hash,), shifts * len(designs)) as (executor, _):
         return consequence(given, designs, values, found.effects, executor.run)

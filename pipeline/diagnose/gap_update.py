@@ -74,8 +74,7 @@ def keep_data(bench: Bench, folder: Path, effects: Path | None) -> None:
     traces = [r.trace.path.relative_to(bench.folder) for r in bench.readings if r.trace is not None]
     for name in (Path("bench.toml"), Path("shifts.csv"), *traces):
         _copy(bench.folder / name, fresh / name)
-    where = None if effects is None else str(effects.resolve())
-    Asked(bench.corrections, where).write(fresh)
+    Asked(bench.corrections, effects and str(effects.resolve())).write(fresh)
     settle_data(folder)
 
 
@@ -117,8 +116,7 @@ def joined(folder: Path, new: Path, asked: Asked) -> tuple[Bench, Sheet]:
     stand = load_stand(data / "bench.toml")
     sheet, corrections = corrected_sheet(stand, new, asked.corrections)
     held, _ = corrected_sheet(stand, data / "shifts.csv", asked.corrections)
-    both = replace(sheet, rows=(*held.rows, *sheet.rows))
-    for one in (sheet, both):
+    for one in (sheet, replace(sheet, rows=(*held.rows, *sheet.rows))):
         remedy = "write them as the data set of the diagnosis has them"
         require_no_slip(str(new), examine(stand, one, corrections), remedy)
     readings_of(stand, sheet, corrections)
