@@ -144,7 +144,7 @@ class _BenchFile(Section):
     timeout_s: float
     shift_travel_mm: float
     relative_angles_deg: Annotated[list[float], Field(min_length=2)] | None = None
-    corrections: tuple[str, ...] = ()
+    corrections: list[str] = Field(default_factory=list)
     margin_percent: Annotated[float, Field(ge=0.0, le=100.0)] = 5.0
     margin_ms: Annotated[float, Field(ge=0.0, le=1e3)] = 2.0
     dog: DogSection
@@ -153,9 +153,9 @@ class _BenchFile(Section):
     contact: _Contact
     record: BenchRecord = BenchRecord()
     sensor: Sensor = Sensor()
-    actuator_calibration: tuple[Calibration, ...] = ()
-    tests: tuple[TestTerms, ...] = ()
-    measured: tuple[Measured, ...] = ()
+    actuator_calibration: list[Calibration] = Field(default_factory=list)
+    tests: list[TestTerms] = Field(default_factory=list)
+    measured: list[Measured] = Field(default_factory=list)
     errors: NominalErrors = NominalErrors()
 
 
@@ -214,11 +214,12 @@ def load_stand(path: Path) -> Stand:
     file = validate(_BenchFile, data, str(path))
     angles, step = file.relative_angles_deg, file.errors.clock_step_ms
     own: Any = {n: getattr(file, n) for n in Stand.__dataclass_fields__ if hasattr(file, n)}
+    own |= {n: tuple(value) for n, value in own.items() if isinstance(value, list)}
     return Stand(
         **own,
         clutch=_clutch(file),
         relative_angles=tuple(a * DEG for a in angles) if angles else None,
-        calibration=file.actuator_calibration,
+        calibration=tuple(file.actuator_calibration),
         margin=Margin(0.01 * file.margin_percent, 1e-3 * file.margin_ms),
         clock_step=None if step is None else MS * step,
     )

@@ -89,9 +89,8 @@ class Consequence:
         chosen, best = self.chosen, self.best
         cost = f"{self.regret * 1e3:.1f} ± {self.standard_error * 1e3:.1f} ms"
         more = f"; the chosen {chosen.name} costs {cost}" if chosen.landing.passed else ""
-        said = f"With the cause {best.name} is best{more}."
-        if chosen is best:
-            said = f"The chosen design stays the best ({chosen.name})."
+        moved = f"With the cause {best.name} is best{more}."
+        said = f"The chosen design stays the best ({best.name})." if chosen is best else moved
         fail = [one.name for one in self.candidates if not one.landing.passed]
         return f"{said} Landings with the cause overload {', '.join(fail)}." if fail else said
 
