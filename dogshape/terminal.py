@@ -66,8 +66,8 @@ def _drawn(table: Table, width: int) -> Iterator[RichTable]:
 class ProgressBar(Progress):
     """Bar and sentences of long work: cleared at the end, in a notebook counts that stay in a cell.
 
-    The time left follows from the mean rate since the start: proposals between
-    shifts count, and a total that changes does not reset it, as it resets rich's own rate.
+    The time left follows from the mean rate since the start, from a hundredth of the work on:
+    proposals between shifts count, and a total that changes does not reset it, as rich's own.
     """
 
     def __init__(self) -> None:
@@ -97,7 +97,7 @@ class ProgressBar(Progress):
         (task,) = self._bar.tasks
         total = f"at most {count.total}" if count.at_most else f"{count.total}"
         words, new = f"{count.done} of {total} {count.unit}", count.done - count.known
-        if new and not count.ended:
+        if new > 0.01 * count.total and not count.ended:
             left = (task.elapsed or 0.0) / new * (count.total - count.done) / 60.0
             words += f", {left:.0f} min left" if left < 120.0 else f", {left / 60.0:.1f} h left"
         moved = new > self._moved and not self._console.is_terminal

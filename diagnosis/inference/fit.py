@@ -327,8 +327,10 @@ def held_out(likelihood: Likelihood, leading: Fit, rival: Fit | None, baseline: 
     mean, sd, gaps, chance = left_out(likelihood, leading)
     means, sds = np.full((2, likelihood.model.cells), np.nan)
     means[some], sds[some] = mean, sd
-    other = (rival.hypothesis, _rms(left_out(likelihood, rival)[2])) if rival else (None, None)
-    return HeldOut(_rms(baseline[some]), _rms(gaps), chance, *other, means, sds)
+    other, left = None, None
+    if rival is not None:
+        other, left = rival.hypothesis, _rms(left_out(likelihood, rival)[2])
+    return HeldOut(_rms(baseline[some]), _rms(gaps), chance, other, left, means, sds)
 
 
 def left_out(likelihood: Likelihood, one: Fit) -> tuple[Array, Array, Array, float]:

@@ -214,9 +214,8 @@ class Field:
         used, base = np.flatnonzero(shifts > 0), self.baseline
         n = shifts[used]
         variance = base.sd[0, used] ** 2 / n + self.error[used] ** 2
-        root = np.linalg.inv(
-            np.linalg.cholesky(np.diag(variance) + self.common[np.ix_(used, used)])
-        )
+        covariance = np.diag(variance) + self.common[np.ix_(used, used)]
+        root = np.linalg.inv(np.linalg.cholesky(covariance))
         share = np.clip(base.engaged[0, used], EDGE, 1.0 - EDGE)
         engaged = np.sqrt(share * (1.0 - share) / n + EDGE**2)
         # One shift has no spread.

@@ -269,8 +269,9 @@ def _kept(rows: Sequence[Record]) -> Record:
 
 
 def _rows(kept: Record) -> list[Record]:
+    times: list[int | None] = kept["t"]
     found: list[Record] = []
-    for pair in zip(kept["t"], kept.get("actuator", kept["t"]), strict=True):
+    for pair in zip(times, kept.get("actuator", times), strict=True):
         sleeve, actuator = (None if t in (None, LATE) else t * TICK for t in pair)
         outcome = Outcome.TIMED_OUT if sleeve is None else Outcome.ENGAGED
         outcome = Outcome.DIVERGED if pair[0] is None else outcome

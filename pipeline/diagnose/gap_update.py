@@ -74,7 +74,8 @@ def keep_data(bench: Bench, folder: Path, effects: Path | None) -> None:
     traces = [r.trace.path.relative_to(bench.folder) for r in bench.readings if r.trace is not None]
     for name in (Path("bench.toml"), Path("shifts.csv"), *traces):
         _copy(bench.folder / name, fresh / name)
-    Asked(bench.corrections, effects and str(effects.resolve())).write(fresh)
+    where = None if effects is None else str(effects.resolve())
+    Asked(bench.corrections, where).write(fresh)
     settle_data(folder)
 
 
