@@ -7,7 +7,7 @@
 # make bank simulates the bank that the package brings for the published data sets, with the
 # flights of traces (ten minutes).
 # make studies runs all bundled studies and keeps their results in studies/ (half an hour).
-# make samplers compares samplers (half an hour).
+# make samplers compares samplers (a quarter of an hour).
 # make evidence runs the slow tests and writes the tables of docs/evidence again (an hour).
 # make blind makes, diagnoses and scores data whose effect is withheld (half an hour on two cores);
 # stopped, it goes on.
@@ -98,7 +98,7 @@ studies: $(VENV)/ready
 	  cp results/$$name/result.json results/$$name/designs.csv studies/$$name/ || exit 1; done
 	$(call print_tables,contact_sets gearbox_loads)
 
-# Samplers compared, with torch, which nothing else wants (half an hour).
+# Samplers compared, with torch, which nothing else wants (a quarter of an hour).
 samplers: $(VENV)/ready
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[gp]"
 	$(call print_tables,samplers)

@@ -373,6 +373,15 @@ def engines() -> str:
     return markdown(head, rows)
 
 
+def samplers() -> str:
+    """Write the share of the front that each sampler finds, by processor time."""
+    rows = []
+    for name in ("TPE", "NSGA-II", "GPSampler", "quasi-random", "own"):
+        shares = numbers("samplers", "share of", f"{name} ")[:9]
+        rows.append((name, *(f"{one:.3f}" for one in shares[::3]), f"{shares[7]:.3f}"))
+    return markdown(("sampler", "0.2 min", "0.4 min", "0.8 min", "least of five"), rows)
+
+
 def validation() -> str:
     """Write the figures of the bundled surrogate."""
     v = validated()
@@ -395,6 +404,7 @@ TABLES: dict[str, Callable[[], str | None]] = {
     "blind field": field_table.passage,
     "adams": adams,
     "engines": engines,
+    "samplers": samplers,
     "validation": validation,
     "constants": constants.table,
     "keys": lambda: key_table(StudyRecord, "result.json"),
