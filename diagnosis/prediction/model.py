@@ -169,8 +169,7 @@ class Model:
     @cached_property
     def shape(self) -> Array:
         """Excess kurtosis of timely shifts of the baseline, (C,)."""
-        base = self.simulated.baseline
-        times = np.where(np.isfinite(base) & ~late_times(base, self.far), base, np.nan)
+        times = timely(self.simulated.baseline, self.far)
         parts = times - np.nanmean(times, axis=1, keepdims=True)
         second, fourth = (np.nan_to_num(np.nanmean(parts**k, axis=1)) for k in (2, 4))
         return np.clip(fourth / np.maximum(second, LEAST_SD**2) ** 2 - 3.0, -1.5, 12.0)
@@ -459,6 +458,11 @@ def _quantiles(times: Array, shares: Sequence[float]) -> list[Array]:
         low, high = (np.take_along_axis(ordered, k[..., None], -1)[..., 0] for k in ends)
         found.append(np.asarray(low + (share * last - below) * (high - low)))
     return found
+
+
+def timely(times: Array, least: Array) -> Array:
+    """Replace late shifts and those that did not engage by NaN."""
+    return np.where(np.isfinite(times) & ~late_times(times, least), times, np.nan)
 
 
 def _scaled(x: Array, nodes: Array) -> Array:
