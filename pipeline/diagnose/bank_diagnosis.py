@@ -82,12 +82,12 @@ def diagnosed(bench: Bench, means: Means) -> Diagnosis:
 
 def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict[str, Model]:
     """Build the predictions of a data set, by the place where displacement may be read."""
-    told: list[str] = []
-    return build_models(bench, effects, means.settings, lambda some: shifts_of(some, means, told))
+    notes: list[str] = []
+    return build_models(bench, effects, means.settings, lambda some: shifts_of(some, means, notes))
 
 
-def shifts_of(blocks: Sequence[Block], means: Means, told: list[str]) -> list[list[Record]]:
-    """Read the shifts of a bank; simulate what no file has, and keep it; ``told`` has the notes."""
+def shifts_of(blocks: Sequence[Block], means: Means, notes: list[str]) -> list[list[Record]]:
+    """Read the shifts of a bank; simulate what no file has, and keep it; ``notes`` has what was said before."""
     store = BankStore((brought(TIMES), means.bank / TIMES))
     if not store.missing(blocks):
         return store.times(blocks, lambda _: [])
@@ -96,11 +96,11 @@ def shifts_of(blocks: Sequence[Block], means: Means, told: list[str]) -> list[li
         lacking = store.missing(blocks)
         journal = ShiftJournal(means.bank / SHIFTS)
         left = sum(len(block.angles) for block in lacking)
-        told.append(f"{left} more shifts" if told else (
+        notes.append(f"{left} more shifts" if notes else (
             f"the bank of this clutch lacks {left} shifts; they are simulated once and kept in "
             f"{means.bank} for this and later diagnoses"
         ))  # fmt: skip
-        means.progress.say(told[-1])
+        means.progress.say(notes[-1])
         with (
             WorkCounter(means.progress, left) as progress,
             progress.kept_in(means.bank, "the same command goes on from there"),

@@ -79,7 +79,7 @@ class Check:
 
     @property
     def remedy(self) -> str:
-        """What raises the margin: dimensions and settings, or the limit."""
+        """Dimensions and settings that raise the margin, or the limit."""
         by = self.name.removesuffix("_traction").removesuffix("_braking")
         known = REMEDIES.get(by) or REMEDIES.get(self.rule.group)
         return f"{known}, or change {self.rule.key}" if known else f"change {self.rule.key}"
