@@ -87,7 +87,7 @@ def models_of(bench: Bench, effects: Mapping[str, Effect], means: Means) -> dict
 
 
 def shifts_of(blocks: Sequence[Block], means: Means, notes: list[str]) -> list[list[Record]]:
-    """Read the shifts of a bank; simulate what no file has, and keep it; ``notes`` has what was said before."""
+    """Read the shifts of a bank; simulate and keep what no file has; ``notes`` were said before."""
     store = BankStore((brought(TIMES), means.bank / TIMES))
     if not store.missing(blocks):
         return store.times(blocks, lambda _: [])
