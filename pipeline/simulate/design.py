@@ -219,7 +219,7 @@ _losses = lru_cache(maxsize=256)(margin_losses)
 
 
 def margins_within(study: Setup, design: Design, kind: str = "worst_case") -> dict[str, float]:
-    """Return what is left of each margin within the tolerances, by check; the landing has none."""
+    """Compute each check's margin within the tolerances; the landing has none."""
     spreads = {} if design.dog is None else _losses(design.dog, study.limits)
     return {
         check.name: check.margin - getattr(spreads.get(check.name), kind, 0.0)
