@@ -86,7 +86,7 @@ Pair = tuple[float, float]
 def publish(folder: StudyFolder, say: Say) -> Path:
     """Make what the report lacks, then write it; return its path.
 
-    Effects from the surrogate take a minute, the page of a shift half a second each.
+    Effects from the surrogate take some ten seconds, the page of a shift half a second.
     """
     study, result = folder.stored_study(), folder.stored_result()
     require_targets({"the report": folder.report})

@@ -21,12 +21,13 @@ from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, in_ms
-from dogshape.pipeline.simulate.design import WORST, design_of
+from dogshape.pipeline.simulate.design import WORST, Design, dogs_of, limits_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import filling_designs
 from dogshape.sim.errors import DogshapeError, StorageError
+from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import RULES, Check
-from dogshape.sim.strength.dog_strength import margin_losses
+from dogshape.sim.strength.dog_strength import margin_losses, strength_checks
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range, require_same_physics
@@ -47,7 +48,7 @@ TOLERANCES = "tolerances at their worst"  #: row of all tolerances together, in 
 
 
 def learn_effects(folder: StudyFolder, say: Say) -> None:
-    """Store effects and prices of the folder's surrogate unless they are there (a minute).
+    """Store effects and prices of the folder's surrogate unless they are there.
 
     A folder without a surrogate has none; a surrogate that cannot be used is said.
     """
@@ -60,7 +61,7 @@ def learn_effects(folder: StudyFolder, say: Say) -> None:
     except DogshapeError as error:
         say(f"no effects in the report: {error}")
         return
-    say("what each variable does and each limit costs, from the surrogate (a minute)")
+    say("what each variable does and each limit costs, from the surrogate")
     found = {"effects": _effects_record(study, surrogate), "prices": prices(study, surrogate)}
     write_json(folder.effects, {"surrogate": _identity(folder), **found})
 
@@ -104,8 +105,8 @@ def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
     times in s with a tenth less of the limit, the limit as it is, a tenth more of it, and
     ``without_s`` it; None where no design passes. Limits that are zero have no price.
     """
-    checks = _checks(study, study.prototype)
-    if not checks or not study.variables:
+    checks = _checks(study, study.clutch.dog)
+    if not study.variables:
         return []
     limits = [(c.name, c.rule.key, c.unit, c.limit, c.rule.at_most) for c in checks]
     limits.append((TOLERANCES, "[tolerance]", "%", 100.0, True))
@@ -159,31 +160,47 @@ def prices_table(rows: list[Row]) -> Table:
     return Table((*heads, "without it, ms", "price"), cells, looks, note=note)
 
 
-def _checks(study: Setup, params: dict[str, float]) -> tuple[Check, ...]:
-    """Work out the checks of a design that need no simulation; none of what is no dog."""
-    try:
-        checks = design_of(study, params).checks
-    except DogshapeError:
-        return ()
-    return tuple(check for check in checks if check.name != WORST)
+def _checks(study: Setup, dog: Dog) -> tuple[Check, ...]:
+    """Work out the checks of a dog, or of ``Dogs``, that need no simulation, but for the worst."""
+    bare = Design({}, dog, strength_checks(dog, study.limits), "")
+    own = ((o.rule, o.exact, end) for o, end in limits_of(study) if o.name != WORST)
+    checks = (Check(rule, exact(study, bare, dog), end) for rule, exact, end in own if exact)
+    return (*bare.checks, *checks)
 
 
-def _margins(study: Setup, designs: Array, count: int) -> tuple[Array, Array]:
+def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:
     """Compute margins of exact designs, and what tolerances take of them; of no dog none."""
-    rows, losses = np.full((len(designs), count), -np.inf), np.zeros((len(designs), count))
+    names = [check.name for check in _checks(study, study.clutch.dog)]
+    rows = np.full((len(designs), len(names)), -np.inf)
+    losses, shape = np.zeros(rows.shape), study.shape_keys
     worst = WORST in (study.file.search.limits or {})
-    exact = replace(study.limits, tolerances=study.limits.tolerances.without_sizes())
-    bare = replace(study, limits=exact)
-    for place, row in enumerate(designs.tolist()):
-        params = study.named(row)
-        if not (checks := _checks(bare, params)):
-            continue
-        rows[place] = [check.margin for check in checks]
-        if (rows[place] < 0.0).sum() <= 1:
-            losses[place] = rows[place] - [check.margin for check in _checks(study, params)]
-            if worst:
-                lost = margin_losses(study.dog_with(params), study.limits)
-                losses[place] += [lost[c.name].worst_case if c.name in lost else 0 for c in checks]
+    of_shape = np.array([name in shape for name in study.variables])
+
+    def dogs_at(places: Array) -> Dog:
+        if len(places) == 1:  # numbers take half the time of arrays of one
+            return study.dog_with(study.named(designs[places[0]]))
+        return dogs_of(study, shape, designs[places][:, of_shape])
+
+    def stacked(own: Setup, places: Array) -> Array:
+        margins = [check.margin for check in _checks(own, dogs_at(places))]
+        return np.array([np.broadcast_to(one, len(places)) for one in margins]).T
+
+    with np.errstate(all="ignore"):  # of shapes that cannot be
+        possible = dogs_of(study, shape, designs[:, of_shape]).possible
+        groups: dict[tuple[float, ...], list[int]] = {}  # operated alike, with limits alike
+        for place in np.flatnonzero(np.broadcast_to(possible, len(designs))).tolist():
+            groups.setdefault(tuple(designs[place, ~of_shape].tolist()), []).append(place)
+        for group in groups.values():
+            places, own = np.array(group), study.operated(study.named(designs[group[0]]))
+            bare = replace(own.limits, tolerances=own.limits.tolerances.without_sizes())
+            rows[places] = stacked(replace(own, limits=bare), places)
+            # What breaks two limits can be the best under none of the cases.
+            places = places[(rows[places] < 0.0).sum(axis=1) <= 1]
+            if places.size:
+                losses[places] = rows[places] - stacked(own, places)
+                lost = margin_losses(dogs_at(places), own.limits) if worst else {}
+                for k, name in enumerate(names):
+                    losses[places, k] += lost[name].worst_case if name in lost else 0.0
     return rows, losses
 
 
@@ -201,7 +218,7 @@ def _best_times(
     def pooled(shares: Array) -> tuple[Array, ...]:
         designs = bounds[:, 0] + np.clip(shares, 0.0, 1.0) * np.ptp(bounds, axis=1)
         designs = np.where(whole, np.rint(designs), designs)
-        margins, losses = _margins(study, designs, len(cases[0][0]))
+        margins, losses = _margins(study, designs)
         # What breaks two limits or one by far can be the best under none of the cases.
         near = (margins < 0.0).sum(axis=1) <= 1
         found = times.predict(designs[near])[0] if near.any() else np.zeros(0)
