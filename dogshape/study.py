@@ -145,7 +145,7 @@ class Study:
         report: bool = True,
         progress: Progress | bool = False,
     ) -> StudyResult:
-        """Search for the best shape, or go on with a search; the report takes half a minute or more.
+        """Search for the best shape, or go on with a search; the report takes half a minute.
 
         InputError or StorageError for an unknown objective, a study without variables, a folder or
         storage that holds another study, or one that is not to be resumed. EngineError where the

@@ -220,7 +220,7 @@ def study(
 ) -> None:
     """Search for the best shape, then write the report.
 
-    The report takes half a minute or more for its effects and animations; --no-report leaves it out.
+    The report takes half a minute for its effects and animations; --no-report leaves it out.
 
     Example: dogshape study mq200 --out results/mq200 --trials 48
     """
