@@ -87,6 +87,7 @@ def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     classes = [
         (overlap - lost, w * (1.0 / math.sqrt(limits.load.landing(dog, w))))
         for overlap, w in zip(OVERLAPS, landing, strict=True)
+        if w > 0.0
     ]
     flats = [(flat, load) for flat, load in classes if flat >= LAND]
     face = max((load / flat for flat, load in flats), default=0.0)
