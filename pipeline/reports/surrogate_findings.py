@@ -108,7 +108,7 @@ def prices(study: Setup, times: Surrogate, seed: int = 1) -> list[Row]:
     checks = _checks(study, study.clutch.dog)
     if not study.variables:
         return []
-    limits = [(c.name, c.rule.key, c.unit, c.limit, c.rule.at_most) for c in checks]
+    limits = [(c.name, c.rule.key, c.rule.unit, c.limit, c.rule.at_most) for c in checks]
     limits.append((TOLERANCES, "[tolerance]", "%", 100.0, True))
     rows = [Row(zip(("name", "key", "unit", "limit", "at_most"), o, strict=True)) for o in limits]
     # A case is the margin that each check needs, and the factor on what tolerances take of it.

@@ -61,11 +61,6 @@ class Check:
         return self.rule.name
 
     @property
-    def unit(self) -> str:
-        """Unit of value and limit."""
-        return self.rule.unit
-
-    @property
     def margin(self) -> float:
         """Distance to the limit over the limit; negative when the check fails."""
         left = self.limit - self.value if self.rule.at_most else self.value - self.limit
@@ -87,7 +82,7 @@ class Check:
     @property
     def fault(self) -> str:
         """Value and limit in words, for a check that fails."""
-        value, limit = (f"{one:.4g} {self.unit}".strip() for one in (self.value, self.limit))
+        value, limit = (f"{one:.4g} {self.rule.unit}".strip() for one in (self.value, self.limit))
         bound = "at most" if self.rule.at_most else "at least"
         at = f" at {self.ends}" if self.ends else ""
         return f"{self.rule.meaning} is {value}{at}, but it must be {bound} {limit}"

@@ -324,10 +324,8 @@ def _load_checks(dog: Dog, limits: Limits) -> tuple[Check, ...]:
         rows.append((f"flank_pressure_{flank}", pressure, limits.material.allowable_pressure))
     static = limits.static_root_stress
     rows += [(f"root_bending_{flank}", root.tension, static) for flank, root in roots.items()]
-    shear, equivalent = (
-        largest(*(getattr(root, name) for root in roots.values()))
-        for name in ("shear", "equivalent")
-    )
+    shear = largest(*(root.shear for root in roots.values()))
+    equivalent = largest(*(root.equivalent for root in roots.values()))
     rows += [
         ("shear_stress", shear, allowable / math.sqrt(3.0)),
         ("equivalent_stress", equivalent, allowable),

@@ -98,9 +98,8 @@ def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
 
 def demand_checks(demand: Demand, limits: Limits) -> tuple[Check, ...]:
     """Return the checks of a landing, or of what a share of landings exceeds."""
-    material = limits.material
-    bears = (material.case_yield / limits.load.safety, limits.allowable_stress)
-    limiting = (*bears, material.edge_pressure)
+    face, edge = limits.material.case_yield / limits.load.safety, limits.material.edge_pressure
+    limiting = (face, limits.allowable_stress, edge)
     names = (rule.name for rule in LANDING_RULES)
     return checks_of(zip(names, demand, limiting, strict=True))
 

@@ -132,15 +132,13 @@ def moved(dog: Dog, root_radius: float, deviations: Mapping[str, float]) -> tupl
     Raises GeometryError where that is no dog. A chamfer or length stops at zero, the root radius at
     ``SHARPEST``; a face or play that the dog does not have stays away.
     """
-    off: dict[str, Any] = {}
-    for name, deviation in deviations.items():
-        if name != "root_radius":
-            value = getattr(dog, name)
-            there = value + deviation
-            if name not in ("traction", "braking"):
-                there = where(_has(dog, name), largest(0.0, there), value)
-            off[name] = there
-    radius = largest(SHARPEST, root_radius + deviations.get("root_radius", 0.0))
+    off: dict[str, Any] = dict(deviations)
+    radius = largest(SHARPEST, root_radius + off.pop("root_radius", 0.0))
+    for name, deviation in off.items():
+        value = getattr(dog, name)
+        off[name] = value + deviation
+        if name not in ("traction", "braking"):
+            off[name] = where(_has(dog, name), largest(0.0, off[name]), value)
     return replace(dog, **off), radius
 
 
@@ -201,9 +199,7 @@ def tolerance_checks(
     short = seated / dog.height
     left = [contact[flank] - short - spread.worst_case for flank, spread in spreads.items()]
     gap = dog.axial_gap - tolerances.axial_gap - 2.0 * tolerances.height
-    return checks_of(
-        (
-            ("contact_ratio", largest(smallest(*left), -1.0), tolerances.contact_ratio),
-            ("clearance", gap, tolerances.clearance),
-        )
-    )
+    return checks_of([
+        ("contact_ratio", largest(smallest(*left), -1.0), tolerances.contact_ratio),
+        ("clearance", gap, tolerances.clearance),
+    ])  # fmt: skip
