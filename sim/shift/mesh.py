@@ -219,11 +219,11 @@ def body(dog: Dog, skin: dict[str, Plane], apex: Vertices) -> tuple[Vertices, li
     # a chain of vertices from end to end along which the faces beside it meet below it.
     spans, chains, start = list[tuple[int, int]](), list[Face](), 1
     for edge in edges:
-        spans.append((start, start + len(edge.planes)))
-        axis, start = len(points), start + len(edge.planes) + 1
-        points += _axis(edge, ends, dog.edge_radius) if edge.planes else []
-        own = tuple(range(axis, axis + 4)) if edge.planes else _line(spans[-1][0])
-        chains.append(own)
+        end, axis = start + len(edge.planes), len(points)
+        spans.append((start, end))
+        points += _axis(edge, ends) if edge.planes else []
+        chains.append(tuple(range(axis, axis + 4)) if edge.planes else (2 * end, 2 * end + 1))
+        start = end + 1
     strips = [(a[1], b[0]) for a, b in pairwise(spans)]
     cells: list[Face] = []
     left: list[Face] = [_strip(*s) for s in ((0, 1), *strips, (last - 1, last), (last, 0))]
@@ -253,10 +253,6 @@ def _joined(faces: Sequence[Face], top: int) -> list[Face]:
     """Join faces to a vertex as tetrahedra; those that sharp edges make a line have none."""
     distinct = [tuple(dict.fromkeys(face)) for face in faces]
     return [(*three, top) for face in distinct for three in triangulated(face)]
-
-
-def _line(line: int) -> Face:
-    return 2 * line, 2 * line + 1
 
 
 def _strip(line: int, other: int) -> Face:
@@ -319,13 +315,13 @@ def _hip(
     return hips if hips[1][0] - hips[0][0] > SHORTEST * dog.radial_width else []
 
 
-def _axis(edge: Corner, ends: Sequence[Plane], radius: float) -> list[Vertices]:
+def _axis(edge: Corner, ends: Sequence[Plane]) -> list[Vertices]:
     """Return four points of an edge's axis: at the inner end, one radius within, so at the outer.
 
     Those within are as far from the skin as the axis is below it.
     """
     inner, outer = ends
-    stops = (inner, inner.moved(-radius), outer.moved(-radius), outer)
+    stops = (inner, inner.moved(-edge.radius), outer.moved(-edge.radius), outer)
     ways = [(p.offset - p.normal @ edge.axis) / (p.normal @ edge.direction) for p in stops]
     return [edge.axis + way * edge.direction for way in ways]
 
@@ -451,9 +447,8 @@ def pressure_apex(dog: Dog) -> tuple[Vertices, float]:
     what the contact can resolve.
     """
     planes = dog_planes(dog)
-    flanks, faces = [planes["traction"], planes["braking"]], [planes["face"]]
-    if dog.has_back:
-        faces.append(planes["back"])
+    flanks = [planes["traction"], planes["braking"]]
+    faces = [planes[name] for name in ("face", "back") if name in planes]
     found = [equally_deep([face, *flanks], dog.mean_radius) for face in faces]
     beyond = [faces[-1 - k].depth(apex) - depth for k, (apex, depth) in enumerate(found)]
     return found[int(np.argmax(beyond))]

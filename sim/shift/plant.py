@@ -77,14 +77,12 @@ class _Forces(LeafSystem):  # type: ignore[misc]
                 self.shapes = self.DeclareAbstractInputPort("shapes", Value[geo.QueryObject]())
             else:
                 self.contact = self.DeclareVectorInputPort("contact", BasicVector(places))
-        size = BasicVector(len(self._joints))
-        self.DeclareVectorOutputPort("forces", size, self._calculate)
+        self.DeclareVectorOutputPort("forces", BasicVector(len(self._joints)), self._calculate)
 
     def _calculate(self, context: Context, output: BasicVector) -> None:
         state = self.state.Eval(context)[self._order].tolist()
         push = drive = float(self.push.Eval(context)[0])
-        mechanism, share = self._mechanism, self._share
-        way, speed = state[1], state[4]
+        mechanism, share, way, speed = self._mechanism, self._share, state[1], state[4]
         torque = 0.0  # of the contact on one modelled sliding dog, where the spline asks for it
         if self.shapes is not None:
             surfaces = self.shapes.Eval(context).ComputeContactSurfaces(
@@ -191,8 +189,7 @@ class ClutchPlant:
         if clutch.mechanism.has_forces:
             self._add_forces(builder)
         else:
-            port = self.plant.get_actuation_input_port()
-            builder.Connect(self._force.get_output_port(), port)
+            builder.Connect(self._force.get_output_port(), self.plant.get_actuation_input_port())
         self.diagram = builder.Build()
         self.simulator = Simulator(self.diagram)
         self.context = self.simulator.get_mutable_context()
@@ -298,11 +295,10 @@ class ClutchPlant:
         )
         if shaft is not None:
             plant.AddJointActuator("output_torque", joint)
-        surface = ring_of(clutch.dog, rigid_dog(clutch.dog))
         properties = geo.ProximityProperties()
         geo.AddRigidHydroelasticProperties(properties)
         self._add_contact(properties)
-        shape = _in_memory(to_obj(surface), ".obj")
+        shape = _in_memory(to_obj(ring_of(clutch.dog, rigid_dog(clutch.dog))), ".obj")
         plant.RegisterCollisionGeometry(body, RigidTransform(), shape, "output_dogs", properties)
 
     def _add_stop(self, carriage: tree.RigidBody) -> None:
@@ -314,7 +310,6 @@ class ClutchPlant:
         """
         dog, plant = self.clutch.dog, self.plant
         side, thick = 10e-3, 5e-3
-        behind = 10.0 * dog.height
         faces = dog.count * dog.tip_width * dog.radial_width / self.share
         plate, fixed = geo.ProximityProperties(), geo.ProximityProperties()
         modulus = self.clutch.contact.stiffness * faces / side**2 * (0.5 * thick)
@@ -322,7 +317,7 @@ class ClutchPlant:
         geo.AddRigidHydroelasticProperties(side, fixed)
         for one in (plate, fixed):
             geo.AddContactMaterial(dissipation=100.0, friction=CoulombFriction(), properties=one)
-        middle = behind + 0.5 * thick
+        middle = 10.0 * dog.height + 0.5 * thick  # behind the dogs
         far = middle + thick + self.clutch.rebound
         shape, wall = geo.Box(side, side, thick), geo.Box(2 * side, 2 * side, thick)
         rings = [plant.GetBodyByName(name) for name in ("output_ring", "sliding_ring")]
@@ -351,7 +346,6 @@ class ClutchPlant:
         inertia = (clutch.rings.sliding_inertia if shaft is None else shaft.near) / self.share
         carriage = plant.AddRigidBody("carriage", _ring_inertia(mass, inertia))
         body = plant.AddRigidBody("sliding_ring", _ring_inertia(mass, inertia))
-        start = RigidTransform([0.0, 0.0, clutch.dog.travel])
         damping = clutch.mechanism.damping / self.share
         world, frame = plant.world_frame(), carriage.body_frame()
         joint = plant.AddJoint(tree.PrismaticJoint(SHIFT, world, frame, -AXIS, damping=damping))
@@ -361,17 +355,16 @@ class ClutchPlant:
         plant.AddJointActuator("shift_force", joint)
         if clutch.mechanism.has_forces:
             plant.AddJointActuator("drag_torque", turning)
-        one = compliant_dog(clutch.dog)
         properties = geo.ProximityProperties()
         modulus = clutch.contact.stiffness * pressure_apex(clutch.dog)[1]
         geo.AddCompliantHydroelasticProperties(1.0, modulus, properties)
         self._add_contact(properties)
-        turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start.translation())
-        count = clutch.dog.count if clutch.solver.all_dogs else 1
-        for index in range(count):
+        start = [0.0, 0.0, clutch.dog.travel]
+        turned_over = RigidTransform(RotationMatrix.MakeXRotation(np.pi), start)
+        shape = _in_memory(to_vtk(compliant_dog(clutch.dog)), ".vtk")
+        for index in range(clutch.dog.count // self.share):
             turn = RotationMatrix.MakeZRotation(index * clutch.dog.pitch_angle)
             pose = turned_over @ RigidTransform(turn, [0.0, 0.0, 0.0])
-            shape = _in_memory(to_vtk(one), ".vtk")
             plant.RegisterCollisionGeometry(body, pose, shape, f"dog_{index}", properties)
         return carriage
 
