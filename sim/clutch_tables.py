@@ -265,11 +265,10 @@ def _faults(model: type[BaseModel], errors: list[ErrorDetails]) -> list[str]:
     unknown = [_unknown(model, e) for e in errors if e["type"] == "extra_forbidden"]
     # A misspelt key is also a missing one; the spelling is the better hint.
     missing = [f"'{_key(e)}'" for e in errors if e["type"] == "missing"]
-    absent = [key for key in missing if not any(key in sentence for sentence in unknown)]
+    absent = [f"{key} is missing; add it" for key in missing if key not in " ".join(unknown)]
     broken = [e for e in errors if e["type"] not in {"extra_forbidden", "missing"}]
-    said = [f"{key} is missing; add it" for key in absent]
     own = (e.get("ctx", {}).get("error") or broken_rule(_key(e), e) for e in broken)
-    return [*unknown, *said, *map(str, own)]
+    return [*unknown, *absent, *map(str, own)]
 
 
 def _path(error: ErrorDetails) -> list[str]:
@@ -296,16 +295,13 @@ def _unknown(model: type[BaseModel], error: ErrorDetails) -> str:
         return f"'{_key(error)}' is not a known key: {SCOPE}; leave it out"
     stem = "".join(f"{part}." for part in path[:-1])
     valid = [stem + name for name in _keys(model, path[:-1])]
-    whole = [f"{name}.{key}" for name in _keys(model, []) for key in _keys(model, [name])]
-    meant = [name for name in whole if name.rpartition(".")[2] == path[-1]]
+    meant = [f"{n}.{path[-1]}" for n in _keys(model, []) if path[-1] in _keys(model, [n])]
     hint = f"did you mean '{meant[0]}'?" if meant else did_you_mean(_key(error), valid)
     return f"'{_key(error)}' is not a known key; {hint}"
 
 
 def _keys(model: type[BaseModel], path: list[str]) -> list[str]:
-    for name in path:
-        if name.isdecimal():
-            continue  # the place in a list
+    for name in (part for part in path if not part.isdecimal()):  # numbers are places in lists
         field = model.model_fields.get(name)
         section = section_in(field.annotation) if field else None
         if section is None:

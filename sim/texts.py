@@ -53,17 +53,12 @@ class TextTable:
             only = f"its first line is '{self.head[0]}'"
             raise DataError(f"{self.path} {NO_TABLE}: {only}; {SAVE}")
         unknown = {} if own is None else dict.fromkeys(n for n in self.head if n not in own)
-        hints = {name: did_you_mean(name, own or ()) for name in unknown}
-        faults = [f"'{name}' is not a known column; {hint}" for name, hint in hints.items()]
+        faults = [f"'{n}' is not a known column; {did_you_mean(n, own or ())}" for n in unknown]
         others = [name for name in self.head if name not in needed]
         instead = f" (in the file: {', '.join(others)})" if others and own is None else ""
         # A misspelt column is also a missing one; the spelling is the better hint.
-        absent = [name for name in needed if name not in self.head]
-        faults += [
-            f"the column '{name}' is missing; add it{instead}"
-            for name in absent
-            if not any(f"'{name}'" in hint for hint in hints.values())
-        ]
+        absent = [n for n in needed if n not in self.head and f"'{n}'" not in " ".join(faults)]
+        faults += [f"the column '{name}' is missing; add it{instead}" for name in absent]
         looked_at = needed if own is None else self.head
         twice = sorted({name for name in looked_at if self.head.count(name) > 1})
         faults += [f"the column '{name}' is there twice; keep one" for name in twice]
@@ -85,13 +80,12 @@ def text_of(path: Path) -> str:
     Raises DataError for what is no text, OSError where the file cannot be read.
     """
     raw = path.read_bytes()
+    wide = raw.startswith(_WIDE)
     try:
-        if raw.startswith(_WIDE):
-            return raw.decode("utf-16")
-        return raw.decode("utf-8-sig")
+        return raw.decode("utf-16" if wide else "utf-8-sig")
     except UnicodeDecodeError as error:
         # Western Windows saves "CSV" so; bytes that no text has give away anything else.
-        if raw.startswith(_WIDE) or not _BINARY.isdisjoint(raw):
+        if wide or not _BINARY.isdisjoint(raw):
             raise DataError("it is no text") from error
         return raw.decode("cp1252", errors="replace")
 
@@ -230,8 +224,6 @@ def _with_points(
             f"{path} has numbers with a comma ('{comma[1]}', row {comma[0]}) and with a point "
             f"('{point[1]}', row {point[0]}), which can be read in two ways; save it with one"
         )
-    if comma is None:
-        return rows
     for _, row in rows:
         for place in places:
             if _COMMA.fullmatch(row[place]):
