@@ -152,8 +152,7 @@ def outline(dog: Dog, dogs: int) -> list[tuple[float, float]]:
 def open_section_svg(dog: Dog, other: Dog, name: str = "the design begun with") -> str:
     """Draw both rings before the shift, dogs over slots, to scale; ``other`` is dashed below."""
     width, height = 860.0, 250.0
-    gap = dog.axial_gap / MM
-    tall = max(dog.height, other.height) / MM
+    gap, tall = dog.axial_gap / MM, max(dog.height, other.height) / MM
     scale = min(width / (4.3 * other.pitch / MM), (height - 70.0) / (2.0 * tall + gap))
     face = 0.5 * (height + gap * scale)  # of the output ring's crests
 

@@ -116,8 +116,7 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
     taken = [complex(*place) for place in zip(px, py, strict=True)]
     for row, here in zip(named, tuple(taken), strict=True):
         # A leader points where no design of the front can be, if there is room.
-        signs = lead.sign, second.sign
-        ways = [complex(signs[0] * way.real, signs[1] * way.imag) for way in LEADERS]
+        ways = [complex(lead.sign * way.real, second.sign * way.imag) for way in LEADERS]
         room = [min(abs(here + way - other) for other in taken) for way in ways]
         way = next((w for w, r in zip(ways, room, strict=True) if r > ROOM), ways[-1])
         if not row["prototype"]:

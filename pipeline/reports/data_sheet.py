@@ -54,7 +54,7 @@ from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.statistics.shift_records import content_key
 from dogshape.sim.strength.checks import GROUPS
 from dogshape.sim.strength.locking import locking_friction
-from dogshape.sim.units import MM, suffix_of, to_si, unit_of
+from dogshape.sim.units import MM, from_si, suffix_of, unit_of
 from dogshape.sim.versions import bundled_root, versions
 
 GENERAL = "ISO 2768-f"  #: tolerance of a dimension that the study gives none for
@@ -355,14 +355,12 @@ def _dimensions(study: Setup) -> list[Row]:
     """List the dimensions that are given with their tolerances; others follow from them."""
     dog, limits, rows = study.clutch.dog, study.limits, list[Row]()
     for key in (*DogSection.model_fields, "root_radius_mm"):
-        name, size = key.removesuffix(suffix_of(key)), to_si(key, 1.0)
+        name = key.removesuffix(suffix_of(key))
         value = limits.root_radius if name == "root_radius" else getattr(dog, name)
-        tolerance = limits.tolerances.dimensions.get(name)
         if value not in (0.0, getattr(Dog, name, 0.0)):
-            rows.append({
-                "key": key, "value": value / size if unit_of(key) else value, "unit": unit_of(key),
-                "tolerance": None if tolerance is None else tolerance / size,
-            })  # fmt: skip
+            tolerance = from_si(key, limits.tolerances.dimensions.get(name))
+            rows.append({"key": key, "value": from_si(key, value), "unit": unit_of(key),
+                         "tolerance": tolerance})  # fmt: skip
     return rows
 
 

@@ -7,14 +7,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from dogshape.pipeline.config.schema import QUANTILE
+from dogshape.pipeline.record import Frame
 from dogshape.pipeline.reports.text import check_name, minus, percent, with_error
 from dogshape.pipeline.simulate.design import OBJECTIVES, SIMULATED, Objective
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 Row = dict[str, Any]  #: a part of result.json, whose schema is ``pipeline.search.result_schema``
 Rows = Sequence[Row]
@@ -118,10 +116,9 @@ def failed_words(confirmed: Row) -> str:
     return ", ".join(f"{check_name(c['name'])} ({percent(c['margin'])})" for c in failed)
 
 
-def failed_at_new_angles(result: Row) -> list[Row]:
-    """Select the designs that fail a check when re-simulated at new angles, in search order."""
-    rows = {row["trial"]: row for row in result["trials"]}
-    return [rows[trial] for trial, one in confirmed_designs(result).items() if failed_words(one)]
+def failed_at_new_angles(result: Row) -> list[int]:
+    """Number the designs that fail a check when re-simulated at new angles, in search order."""
+    return [trial for trial, one in confirmed_designs(result).items() if failed_words(one)]
 
 
 def of_kinds(result: Row) -> dict[str, list[Row]]:
@@ -130,7 +127,7 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
     Confirmed ones have the values of their confirmation.
     """
     front = {row["trial"]: row for row in result["front"]}
-    failed = {row["trial"] for row in failed_at_new_angles(result)}
+    failed = failed_at_new_angles(result)
     kinds = ("dominated", "fails when simulated", "front", "chosen", "prototype")
     found: dict[str, list[Row]] = {name: [] for name in kinds}
     for row in result["trials"]:
@@ -152,16 +149,15 @@ def designs_shown(result: Row) -> list[Row]:
     """
     rows = {row["trial"]: row for row in result["trials"]}
     own = [row for row in result["trials"] if row["prototype"]]
-    every = (*own, *result["front"], *failed_at_new_angles(result))
-    return [rows[trial] for trial in dict.fromkeys(row["trial"] for row in every)]
+    first = [row["trial"] for row in (*own, *result["front"])]
+    return [rows[trial] for trial in dict.fromkeys([*first, *failed_at_new_angles(result)])]
 
 
-def designs_frame(result: Row, names: Sequence[str], rows: Rows | None = None) -> pd.DataFrame:
+def designs_frame(result: Row, names: Sequence[str], rows: Rows | None = None) -> Frame:
     """Tabulate designs of a search with all that is known of them, a row each; by default all."""
     import pandas as pd  # noqa: PLC0415  # half a second that the command line does not need
 
-    both = result["front"], failed_at_new_angles(result)
-    front, failed = ({row["trial"] for row in some} for some in both)
+    front, failed = {row["trial"] for row in result["front"]}, failed_at_new_angles(result)
     best = (result["best"] or {}).get("trial")
     apart = (*names, "trial", "prototype", "failed")
     table = []

@@ -243,8 +243,8 @@ def facts_of(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
 def _confirmation_facts(result: Row) -> Iterator[tuple[str, str]]:
     """List the facts of the other designs that were confirmed, or not."""
     best, confirmed = result["best"], confirmed_designs(result)
-    failed = [row["trial"] for row in failed_at_new_angles(result)]
-    if out := [f"{n}: {failed_words(confirmed[n])}" for n in failed if n != best["trial"]]:
+    failed = [trial for trial in failed_at_new_angles(result) if trial != best["trial"]]
+    if out := [f"{trial}: {failed_words(confirmed[trial])}" for trial in failed]:
         yield "designs out, failed at the new angles", "; ".join(out)
     for trial, one in confirmed.items():
         if one.get("agrees") is False:

@@ -137,7 +137,7 @@ def test_designs_that_were_lucky_or_fail_later_leave_the_front(searched: Searche
     errors = one["searched"]["standard_error"] ** 2 + one["standard_error_s"] ** 2
     assert one["errors_apart"] == pytest.approx(off / errors**0.5)
     assert one["agrees"] == (abs(one["errors_apart"]) <= 3.0)
-    assert [row["trial"] for row in failed_at_new_angles(fails)] == [number]
+    assert failed_at_new_angles(fails) == [number]
     frame = designs_frame(fails, ["chamfer_deg"]).set_index("trial")
     assert frame.index[frame["failed_at_fresh_angles"]].tolist() == [number]
     every = searched(hard={_chamfer(row) for row in plain["trials"]})
