@@ -199,13 +199,12 @@ def open_desk(
 
 def build_app(desk: Desk) -> Dash:
     """Build the page of a desk with its callbacks and files."""
-    config, front = desk.study.config, None
+    config = desk.study.config
     app = Dash(
         __name__, title=f"{config.name}: live", update_title="", assets_folder=str(TEMPLATES),
         assets_ignore=r"^(?!report(_app)?\.css$)",
     )  # fmt: skip
-    if desk.result is not None:
-        front = front_figure(desk.result, list(config.variables))
+    front = None if desk.result is None else front_figure(desk.result, list(config.variables))
     app.layout = page.layout(config, desk.numbers, front)
     app.server.config["TRUSTED_HOSTS"] = [HOST, "localhost"]
     _connect_fields(app, desk)

@@ -4,22 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from dash import dcc, html
 
 from dogshape.check import Check, Checked
 from dogshape.pipeline.config.study_file import Setup
-from dogshape.pipeline.record import Bad
+from dogshape.pipeline.record import Bad, Figure
 from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, label, minus, percent, time_text
 from dogshape.pipeline.store.result_records import check_table as record_table
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.units import unit_of
 from dogshape.surrogate.model import Expected
-
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
 
 Children = list[Any]
 
@@ -61,7 +58,7 @@ def number_field(one: Number) -> html.Div:
     ], className="number")  # fmt: skip
 
 
-def layout(config: Setup, numbers: Sequence[Number], front: go.Figure | None) -> html.Div:
+def layout(config: Setup, numbers: Sequence[Number], front: Figure | None) -> html.Div:
     """Lay out the page of a study with what it knows."""
     name, still = config.name, cast(Any, {"displayModeBar": False})
     fields = {group: [number_field(n) for n in numbers if n.group == group]

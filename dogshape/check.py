@@ -368,10 +368,9 @@ class Strength(Checked):
     def explained(self) -> list[str | Table]:
         """Meaning, formula, source and key of each check, and the checks that the study lacks."""
         made = "\n".join(row.name for row in self.rows)
-        left = [(name, keys) for name, keys in UNJUDGED.items() if name not in made]
         return [
             check_table(self.rows, "name", "meaning", "formula", "source", "limit_key"),
-            *(f"not judged: {name}; give {keys}" for name, keys in left),
+            *(f"not judged: {n}; give {keys}" for n, keys in UNJUDGED.items() if n not in made),
         ]
 
     def to_dict(self) -> dict[str, Any]:

@@ -67,7 +67,6 @@ app = typer.Typer(
     cls=_Verbs,
     name="dogshape",
     help="Simulate, search and check the shape of the dogs of a dog clutch.",
-    no_args_is_help=True,
     **PLAIN,
 )
 app.add_typer(init.init)

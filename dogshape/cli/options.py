@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
     Parts = Callable[[], Sequence[str | Table]]
 
-#: Plain text for people and programs alike.
+#: Plain text for people and programs alike; without arguments the help.
 PLAIN: dict[str, Any] = {
     "add_completion": False, "rich_markup_mode": None, "pretty_exceptions_enable": False,
+    "no_args_is_help": True,
 }  # fmt: skip
 
 

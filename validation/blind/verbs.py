@@ -24,7 +24,6 @@ Parts = Sequence[str | Table]
 blind = typer.Typer(
     name="blind",
     help="Cases whose effect is withheld: make them, diagnose them, open the key and score.",
-    no_args_is_help=True,
     **PLAIN,
 )
 

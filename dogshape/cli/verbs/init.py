@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 init = typer.Typer(
     name="init",
     help="Begin a study or a bench of your own: a folder with commented files.",
-    no_args_is_help=True,
     **PLAIN,
 )
 

@@ -368,14 +368,13 @@ def app(
 
     Example: dogshape app mq200_paper --set load.torque_Nm=150
     """
-    from dogshape.pipeline.config.study_file import pair_of  # noqa: PLC0415
+    from dogshape.pipeline.config.study_file import settings_of  # noqa: PLC0415
     from dogshape.pipeline.store.folder import StudyFolder  # noqa: PLC0415
 
     stored, folder = StudyFolder(Path(study)), None
     if stored.manifest.is_file():
         folder = stored.root
-        given = ds.Study.from_config(stored.stored_study())
-        given = given.replace_keys(dict(map(pair_of, set_ or ())))
+        given = ds.Study.from_config(stored.stored_study()).replace_keys(settings_of(set_))
     else:
         given = ds.Study(study, set_)
     ds.serve_app(
