@@ -129,8 +129,7 @@ class Desk:
         study = self.changed(texts)
         dog, limits = study.config.clutch.dog, study.config.limits
         if name == "shift.html":
-            angle = _number(ANGLE, texts)
-            study.shift(**_point(texts, "one"), angle_deg=angle).report(path)
+            study.shift(**_point(texts, "one"), angle_deg=_number(ANGLE, texts)).report(path)
         elif name == "sheet.html":
             study.data_sheet(path, why)
         elif name == "dog.svg":

@@ -168,11 +168,9 @@ def diagnose(
             where = f"written to {gap_page.publish(found, folder)}"
             gap_update.keep_data(given, folder, means.effects)
         if study is not None:
-            verdict = headline_of(found.verdict, found.effects)
-            listener.say(
-                f"{verdict}. The report is {where}; next: simulation of the study's designs"
-            )
-            price = price_of(found, study, means, folder or Path(bank))
+            words = f"The report is {where}; next: simulation of the study's designs"
+            listener.say(f"{headline_of(found.verdict, found.effects)}. {words}")
+            price = price_of(found, study, means, folder or means.bank)
             if folder is not None:
                 gap_page.publish(found, folder, price)
     return Diagnosis(found, price, folder)

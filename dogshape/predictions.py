@@ -139,15 +139,14 @@ def predict_designs(
     mix = study_mix(config, points_of(config, place))
     model = stored_surrogate(config, surrogate)[0].surrogate
     target = None if out is None else Path(out)
-    source = file_of(Path(designs)).resolve() if isinstance(designs, str | Path) else None
-    if target is not None and target.resolve() == source:
-        raise InputError(f"--out is {target}, the table that is read; name another file")
     variables = model.data.variables
     if isinstance(designs, pd.DataFrame):  # whose rows count from 1
         rows = enumerate(designs.itertuples(index=False, name=None), start=1)
         cells = tuple((number, tuple(map(str, row))) for number, row in rows)
         table = TextTable(Path("designs"), tuple(map(str, designs.columns)), cells)
     else:
+        if target is not None and target.resolve() == file_of(Path(designs)).resolve():
+            raise InputError(f"--out is {target}, the table that is read; name another file")
         try:
             table = read_table(Path(designs), variables)
         except FileNotFoundError:

@@ -216,8 +216,7 @@ class Study:
         """
         from dogshape.predictions import predict_designs  # noqa: PLC0415
 
-        place = mismatch_rpm, force_N, None
-        return predict_designs(self.config, designs, out, place, surrogate)
+        return predict_designs(self.config, designs, out, (mismatch_rpm, force_N, None), surrogate)
 
     def strength(
         self,

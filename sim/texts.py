@@ -21,7 +21,7 @@ from dogshape.sim.errors import DataError, InputError, did_you_mean
 
 SAVE = "save it as CSV (UTF-8)"  #: remedy, as spreadsheets name it
 NO_TABLE = "is not a table of comma separated values"
-SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs"}
+SEPARATORS = (",", ";", "\t")
 _COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 _POINT = re.compile(r"[+-]?\d*\.\d+([eE][+-]?\d+)?")
 _WIDE = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -50,8 +50,7 @@ class TextTable:
         """
         needed, own = tuple(needed), None if known is None else tuple(known)
         if len(self.head) == 1 < len(needed):
-            only = f"its first line is '{self.head[0]}'"
-            raise DataError(f"{self.path} {NO_TABLE}: {only}; {SAVE}")
+            raise DataError(f"{self.path} {NO_TABLE}: its first line is '{self.head[0]}'; {SAVE}")
         unknown = {} if own is None else dict.fromkeys(n for n in self.head if n not in own)
         faults = [f"'{n}' is not a known column; {did_you_mean(n, own or ())}" for n in unknown]
         others = [name for name in self.head if name not in needed]

@@ -66,7 +66,6 @@ class _Verbs(TyperGroup):
 app = typer.Typer(
     cls=_Verbs,
     name="dogshape",
-    help="Simulate, search and check the shape of the dogs of a dog clutch.",
     **PLAIN,
 )
 app.add_typer(init.init)

@@ -23,7 +23,7 @@ from dogshape.sim.errors import InputError
 from dogshape.sim.files import naming
 from dogshape.sim.part import between, dog_corners, require_body, require_room
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.shift.mesh import Corner, Lines, Vertices
+from dogshape.sim.shift.mesh import Corner, Lines, Vertices, rotation
 from dogshape.sim.units import MM
 
 BEYOND = 0.02e-3  #: how far the shell reaches beyond the annulus, m; less than a land
@@ -105,10 +105,9 @@ def ring_solid(dog: Dog, root_radius: float, body: float) -> Any:
 def _toothed_side(cad: Any, dog: Dog, corners: Sequence[Corner], stop: float) -> list[Any]:
     """Return the faces of one pitch, floor to floor, a little larger than the annulus."""
     level = np.array([[0.0, 0.0, -0.5 * dog.height]])
-    rays = []
     # The floors reach a little beyond the cut as well.
-    for angle in (stop - dog.pitch_angle - 0.01, stop + 0.01):
-        rays.append(Lines(level, np.array([[math.cos(angle), math.sin(angle), 0.0]])))
+    angles = (stop - dog.pitch_angle - 0.01, stop + 0.01)
+    rays = [Lines(level, rotation(angle)[:, :1].T) for angle in angles]
     first, last = (_Edge(ray, *(ray.at(radius)[0] for radius in _beyond(dog))) for ray in rays)
     edges, faces = [first], []
     for corner in corners:

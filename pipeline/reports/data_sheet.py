@@ -148,8 +148,7 @@ def _searched(where: str, study: Setup, result: Row, number: str) -> NamedDesign
     row = rows.get(int(number)) if number else result["best"] or own
     if row is None:
         fault = f"'{where}' has no {f'design {int(number)}' if number else 'chosen design'}"
-        remedy = f"it has the designs 0 (prototype) to {max(rows, default=0)}"
-        raise InputError(f"{fault}; {remedy}")
+        raise InputError(f"{fault}; it has the designs 0 (prototype) to {max(rows, default=0)}")
     name, row = f"{where}#{row['trial']}", rows[row["trial"]]
     if row[SIMULATED] is None and confirmation_of(result, row) is None:
         own = replace_keys(study, {f"dog.{key}": row[key] for key in study.shape_keys})

@@ -79,8 +79,7 @@ class Dog:
         for rule in _rules(self):
             if not rule.kept:
                 words = rule.rule.format(*rule.numbers)
-                said = refusal(rule.quantity, rule.value, rule.unit, words, rule.remedy)
-                raise rule.error(said)
+                raise rule.error(refusal(rule.quantity, rule.value, rule.unit, words, rule.remedy))
 
     @cached_property
     def tangents(self) -> tuple[float, float, float]:

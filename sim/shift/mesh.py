@@ -293,8 +293,7 @@ def _hip_cells(
             near, beyond = [*near, wall, inner], [*beyond, outer]
             inside.append((2 * line + 1, chain[2], far))
             new.append((chain[2], chain[3], far))
-    cells = _joined([*near, *inside], hip) + _joined(beyond, far)
-    return cells, [*near, *beyond], new
+    return _joined([*near, *inside], hip) + _joined(beyond, far), [*near, *beyond], new
 
 
 def _hip(
@@ -483,8 +482,7 @@ def compliant_dog(dog: Dog) -> Mesh:
 
 def _oriented(vertices: Vertices, cells: list[tuple[int, ...]]) -> Cells:
     array = np.array(cells, dtype=np.int64)
-    edges = vertices[array[:, 1:]] - vertices[array[:, :1]]
-    flipped = np.linalg.det(edges) < 0.0
+    flipped = np.linalg.det(vertices[array[:, 1:]] - vertices[array[:, :1]]) < 0.0
     array[flipped, 2], array[flipped, 3] = array[flipped, 3], array[flipped, 2].copy()
     return array
 

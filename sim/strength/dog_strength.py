@@ -271,8 +271,7 @@ def strike_force(dog: Dog, limits: Limits, strike: Strike, flank: Flank) -> floa
 
     A blow is shared as a landing is: its energy is given, and what stands out takes it first.
     """
-    torque = strike_torque(dog, limits, strike, flank)
-    equal = torque / (dog.mean_radius * dog.count)
+    equal = strike_torque(dog, limits, strike, flank) / (dog.mean_radius * dog.count)
     return equal / sqrt(limits.load.blow(dog, equal))
 
 

@@ -80,8 +80,7 @@ def tabled_share(count: int, scatter: float, wave: float) -> float:
     larger = max(scatter, wave)
     if not LEAST_ERROR < larger < MOST_ERROR:
         return landing_share(count, scatter, wave)
-    table = _share_table(count, scatter / larger, wave / larger)
-    return float(np.interp(np.log(larger), *table))
+    return float(np.interp(np.log(larger), *_share_table(count, scatter / larger, wave / larger)))
 
 
 @lru_cache(maxsize=256)

@@ -45,12 +45,11 @@ def manufacturing_checks(dog: Dog, limits: ManufacturingLimits) -> tuple[Check, 
     inner = dog.inner_radius
     # The cutter enters an undercut slot by its mouth.
     slot = dog.pitch_angle * inner - largest(dog.root_width_at(inner), dog.tip_width_at(inner))
-    lowest = dog.height - largest(*dog.drops_at(dog.outer_radius))
     found = {
         "tip_width": dog.tip_width_at(inner),
         "slot_width": slot,
         "cutter_reach": dog.height / slot,
-        "flank_height": lowest,
+        "flank_height": dog.height - largest(*dog.drops_at(dog.outer_radius)),
         "root_radius": root_radius_room(dog),
         **({} if dog.edge_radius == 0.0 else {"edge_clearance": dog.edge_radius}),
         "chamfer_share": largest(*dog.drops_at(dog.mean_radius)) / dog.height,
@@ -179,8 +178,7 @@ def losses(
         if corner not in corners:
             corners[corner] = fall(signs)
         by_dimension = {size: largest(*two, 0.0) for size, two in sides.items()}
-        worst = largest(corners[corner][name], *by_dimension.values())
-        found[name] = Spread(by_dimension, worst)
+        found[name] = Spread(by_dimension, largest(corners[corner][name], *by_dimension.values()))
     return found
 
 
