@@ -117,7 +117,7 @@ def failed_words(confirmed: Row) -> str:
 
 
 def failed_at_new_angles(result: Row) -> list[int]:
-    """Number the designs that fail a check when re-simulated at new angles, in search order."""
+    """List the trials that fail a check when re-simulated at new angles, in search order."""
     return [trial for trial, one in confirmed_designs(result).items() if failed_words(one)]
 
 
