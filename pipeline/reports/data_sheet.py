@@ -301,8 +301,8 @@ def searched_checks(study: Setup, result: Row, row: Row) -> list[Row]:
     found = {check["name"]: check for check in checks_within(study, design)}
     for check in (confirmed or {"checks": []})["checks"]:
         found[check["name"]] = found.get(check["name"], {}) | check
-    for name in row["margins"].keys() - found.keys():
-        found[name] = {"name": name, "margin": row["margins"][name], "group": "impact"}
+    for name, margin in row["margins"].items():
+        found.setdefault(name, {"name": name, "margin": margin, "group": "impact"})
     return list(found.values())
 
 
