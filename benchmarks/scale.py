@@ -27,16 +27,14 @@ from tempfile import TemporaryDirectory
 
 import numpy as np
 import psutil
-from optuna.trial import create_trial
 
 from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.prediction.model import build_models
 from dogshape.pipeline.config.study_file import Setup, load_study
 from dogshape.pipeline.diagnose.bank_diagnosis import Means
 from dogshape.pipeline.search.sampler import Space
-from dogshape.pipeline.search.search import next_round, open_search, run
-from dogshape.pipeline.search.state import SIMULATION, simulation_record
-from dogshape.pipeline.simulate.design import design_of, values_of
+from dogshape.pipeline.search.search import _tell, next_round, open_search, run
+from dogshape.pipeline.simulate.design import design_of
 from dogshape.pipeline.simulate.evaluation import design_blocks, evaluate
 from dogshape.pipeline.simulate.executor import Executor, end_workers, scratch_executor
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, append
@@ -200,14 +198,9 @@ def stored(folder: StudyFolder, study: Setup, designs: int) -> None:
     search, stand_in = open_search(study, folder, None, False), synthetic(study)
     chosen = [study.prototype, *first_designs(study, designs - 1)]
     for params, found in zip(chosen, evaluate(study, chosen, stand_in, 4, 1), strict=True):
-        design = design_of(study, params, found.measured)
-        begun = Space(study.variables).trial(params)
-        values = {name: one.value for name, one in found.estimates.items()}
-        trial = create_trial(
-            values=values_of(study, design, values), params=begun.params,
-            distributions=begun.distributions, user_attrs={SIMULATION: simulation_record(found)},
-        )  # fmt: skip
-        search.optuna.add_trial(trial)
+        begun, own = Space(study.variables).trial(params), search.optuna
+        trial = own._storage.get_trial(own._storage.create_new_trial(own._study_id, begun))
+        _tell(search, trial, design_of(study, params), found)
     print(f"search: {designs} designs, {folder.trials.stat().st_size / 1e6:.0f} MB of trials")
 
 
