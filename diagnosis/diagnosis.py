@@ -46,7 +46,6 @@ from dogshape.sim.effect import Effect
 from dogshape.sim.units import RPM
 
 Record = dict[str, Any]  #: gap.json
-RECORD = ("time_zero", "displacement_at", "sense", "empty_cells")  #: keys that are shown
 FITTED = 1e-3  #: probability from which a hypothesis is fitted
 
 
@@ -181,7 +180,7 @@ class Diagnosis:
                  "force_N": one.cell.point.profile.force, "gap_s": one.gap, "z": one.z}
                 for one in self.gaps
             ],
-            "record": {key: getattr(self.bench.record, key) for key in RECORD},
+            "record": self.bench.record.model_dump(),
             "readings": [
                 {"key": one.key, "value": one.value, "probability": one.probability,
                  "verdict": one.verdict.kind, "causes": list(one.verdict.causes)}

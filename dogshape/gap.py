@@ -288,7 +288,7 @@ class Plan(Result):
                  "not distinguished in most strengths"), causes,
             ),
             "",
-            f"{record['shifts']} shifts at {np.count_nonzero(plan.shifts)} of {plan.field.cells} "
+            f"{record['shifts']} shifts at {np.count_nonzero(plan.shifts)} of {len(plan.shifts)} "
             f"operating points, about {number(plan.hours)} h: chance to decide a pair of causes "
             f"rightly {plan.worth:.1%}, {record['told_apart']:.0%} of pairs and strengths "
             "distinguished",

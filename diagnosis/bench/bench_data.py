@@ -104,9 +104,8 @@ class Cell:
         if meaning == "unknown":
             return self
         own: dict[str, Any] = {"engaged": False} if meaning == "failed" else {"n": 0}
-        return replace(self, readings=tuple(
-            replace(r, **own) if r.engaged is None else r for r in self.readings
-        ))  # fmt: skip
+        readings = tuple(replace(r, **own) if r.engaged is None else r for r in self.readings)
+        return replace(self, readings=readings)
 
 
 def gather(readings: Sequence[Reading]) -> tuple[Cell, ...]:

@@ -90,19 +90,18 @@ def compare(
     bench: Bench,
     run: Runner,
     angles: int | tuple[float, ...] | None = None,
-    seed: int = 1,
     *,
     checked: bool = False,
 ) -> Comparison:
     """Simulate every operating point of a data set.
 
     ``angles`` are relative angles in rad, or how many evenly spaced ones; by default those of the
-    data set, or sixteen. ``seed`` is that of where they begin. ``checked`` asks for the numerical
-    error, by an eighth of the shifts again.
+    data set, or sixteen. ``checked`` asks for the numerical error, by an eighth of the shifts
+    again.
     """
     asked = angles or bench.relative_angles or ANGLES
     even, points = isinstance(asked, int), [cell.point for cell in bench.cells]
-    blocks = (even_blocks(bench.clutch, points, asked, seed) if isinstance(asked, int)
+    blocks = (even_blocks(bench.clutch, points, asked, seed=1) if isinstance(asked, int)
               else [Block(bench.clutch, point, asked) for point in points])  # fmt: skip
     rows = run(blocks)
     added = _input_errors(bench, blocks, run) if bench.errors else [0.0] * len(blocks)

@@ -105,11 +105,8 @@ def parse(texts: Iterable[str]) -> tuple[str, ...]:
         if text not in every:
             valid = ", ".join(known for known in every if known.partition("=")[0] == quantity)
             raise InputError(f"the correction '{text}' is not known; valid are {valid}")
-        for other in found:
-            if contradict(text, other):
-                raise InputError(
-                    f"the corrections {other} and {text} contradict each other; give one"
-                )
+        for other in (one for one in found if contradict(text, one)):
+            raise InputError(f"the corrections {other} and {text} contradict each other; give one")
         found.append(text)
     return tuple(sorted(set(found), key=every.index))
 

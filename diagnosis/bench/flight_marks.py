@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.diagnosis.bench.bench_data import Bench
-from dogshape.diagnosis.bench.traces import BenchTrace, scatter, smoothed
+from dogshape.diagnosis.bench.traces import BenchTrace, scatter, smoothed, step_of
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.shift.actuation import ForceProfile
 
@@ -59,9 +59,10 @@ def flights_of(bench: Bench) -> tuple[SeenFlight, ...]:
         if not known.size:
             continue
         times, errors, reach = marks[known].T
-        start = float(np.mean([trace.step**2 / 12.0 + trace.start_error**2 for trace in traces]))
+        starts = [step_of(one.time) ** 2 / 12.0 + one.start_error**2 for one in traces]
+        start = float(np.mean(starts)) / len(traces)
         covariance = np.diag(errors**2) + model_covariance(known, times, reach)
-        found.append(SeenFlight(profile, known, times, covariance + start / len(traces)))
+        found.append(SeenFlight(profile, known, times, covariance + start))
     return tuple(found)
 
 
@@ -69,12 +70,8 @@ def model_covariance(places: np.ndarray, times: Array, reach: Array) -> Array:
     """Compute the covariance of flight and sensor errors beside scatter, s^2, (k, k)."""
     way = places < len(WAYS)
     own = np.where(way, FLOOR, FORCE_FLOOR)
-    parts = [
-        np.where(way, GAIN["way"] * reach, 0.0),
-        np.where(way, 0.0, GAIN["force"] * reach),
-        np.where(way, SHARE * times, 0.0),
-        np.where(way, FLOOR, 0.0),
-    ]
+    gains = way * GAIN["way"] * reach, ~way * GAIN["force"] * reach
+    parts = *gains, way * SHARE * times, way * FLOOR
     return np.diag(own**2) + sum((np.outer(p, p) for p in parts), np.zeros(()))
 
 

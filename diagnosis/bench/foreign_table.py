@@ -21,7 +21,7 @@ import numpy as np
 
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError
-from dogshape.sim.texts import parted, read_lines
+from dogshape.sim.texts import file_of, parted, read_lines
 
 _SAME = str.maketrans({
     **dict.fromkeys("\N{NO-BREAK SPACE}\N{NARROW NO-BREAK SPACE}\N{THIN SPACE}", " "),
@@ -288,12 +288,9 @@ def read_foreign(path: Path, chosen: Sequence[range] = (), *, sums: bool = True)
     ``chosen`` are the rows of the file that are shifts, where its structure is not to decide.
     Without ``sums`` no row can be one of those above.
     """
-    try:
-        text = "".join(read_lines(path))
-    except FileNotFoundError as error:
-        raise DataError(
-            f"there is no {path}; give a CSV or .xlsx that the stand has written"
-        ) from error
+    if not file_of(path).exists():
+        raise DataError(f"there is no {path}; give a CSV or .xlsx that the stand has written")
+    text = "".join(read_lines(path))
     stated = _DECIMAL.search(text)
     lines = _LABVIEW.sub(lambda found: "\n" * found.group().count("\n"), text).splitlines(True)
     ways = {separator: _Grid(parted(path, lines, separator)) for separator in ";\t,|"}

@@ -21,7 +21,7 @@ import numpy as np
 from dogshape.diagnosis.bench.corrections import GIVEN, Finding, Findings, contradict, corrected
 from dogshape.diagnosis.bench.stand_file import Stand
 from dogshape.diagnosis.bench.table import NEAR, Row, Sheet, near_groups
-from dogshape.diagnosis.bench.trace_slips import TRACED, trace_notes
+from dogshape.diagnosis.bench.trace_slips import TRACED, median, trace_notes
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
@@ -102,7 +102,7 @@ def _share_impossible(stand: Stand, sheet: Sheet) -> float:
         np.isinf(_free_flight(stand, row)) or _too_early(stand, row)
         or not 0.0 <= (row.time or 0.0) <= stand.clutch.timeout for row in sheet.rows
     )  # fmt: skip
-    return float(count / max(1, _column(sheet, "time").size, 1))
+    return float(count / max(1, _column(sheet, "time").size))
 
 
 def _column(sheet: Sheet, name: str) -> Array:
@@ -111,8 +111,7 @@ def _column(sheet: Sheet, name: str) -> Array:
 
 
 def _middle(sheet: Sheet, name: str) -> float:
-    values = abs(_column(sheet, name))
-    return float(np.median(values)) if values.size else np.nan
+    return median(abs(_column(sheet, name)), np.nan)
 
 
 def _span(values: Array) -> str:

@@ -21,12 +21,12 @@ from dogshape.sim.clutch_tables import (
     OutputSection,
     Section,
     SlidingSection,
+    keys_of,
     rings,
-    si_fields,
     validate,
 )
 from dogshape.sim.errors import DataError, refusal, require_between
-from dogshape.sim.shift.clutch import Clutch, contact_set, solver_for
+from dogshape.sim.shift.clutch import Clutch, ContactSet, contact_set, solver_for
 from dogshape.sim.texts import read_toml
 from dogshape.sim.units import DEG, MM, MS, RPM
 
@@ -51,8 +51,8 @@ class BenchRecord(Section):
 
     time_zero: TimeZero = "unknown"
     displacement_at: Place = "unknown"
-    empty_cells: EmptyCells = "unknown"
     sense: Sense = "known"
+    empty_cells: EmptyCells = "unknown"
 
 
 class TestTerms(Section):
@@ -74,15 +74,10 @@ class Measured(Section):
     standard_error: Annotated[float, Field(gt=0.0, lt=np.inf)]
 
 
-class _Contact(Section):
+class _Contact(keys_of(ContactSet, late=("stiffness", "dissipation"))):  # type: ignore[misc]
     # The solver's fall to dynamic friction lies at ten stiction velocities, as in the
     # published set; the friction velocity is read and not used.
-    static_friction: float
-    dynamic_friction: float
-    stiction_velocity_m_s: float
     friction_velocity_m_s: float
-    stiffness_Pa_m: float | None = None
-    dissipation_s_m: float | None = None
 
 
 class Sensor(Section):
@@ -199,12 +194,11 @@ def load_stand(path: Path) -> Stand:
     try:
         data = read_toml(path)
     except FileNotFoundError as error:
-        study = (path.parent / "study.toml").is_file()
-        hint = (
-            f"; {path.parent} is a study, from which 'dogshape init bench TABLE --from "
-            f"{path.parent}' makes a data set of measured times" if study else ""
-        )  # fmt: skip
-        raise DataError(f"there is no {path}; a data set needs bench.toml{hint}") from error
+        fault = f"there is no {path}; a data set needs bench.toml"
+        if (path.parent / "study.toml").is_file():
+            fault += f"; {path.parent} is a study, from which 'dogshape init bench TABLE --from "
+            fault += f"{path.parent}' makes a data set of measured times"
+        raise DataError(fault) from error
     except OSError as error:
         raise DataError(
             f"{path} cannot be read: {error.strerror}; check path and rights"
@@ -227,9 +221,7 @@ def load_stand(path: Path) -> Stand:
 
 def _clutch(file: _BenchFile) -> Clutch:
     dog = file.dog.value
-    given: dict[str, Any] = si_fields(
-        file.contact.model_dump(exclude={"friction_velocity_m_s"}, exclude_none=True)
-    )
+    given = file.contact.si("friction_velocity_m_s")
     contact = replace(contact_set("adams2019"), name="bench", **given)
     left = dog.travel - file.shift_travel_mm * MM
     if not 0.0 < left < dog.height:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from dogshape.diagnosis.bench.traces import BenchTrace, bad_cell, is_plain, read_trace
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, number_rule
-from dogshape.sim.texts import read_table
+from dogshape.sim.texts import file_of, read_table
 
 COLUMNS = ("mismatch_rpm", "force_N", "force_rise_s", "n_shifts", "shift_time_s", "engaged",
            "trace", "shift_time_sd_s", "order", "timestamp")  # fmt: skip
@@ -65,10 +65,9 @@ class Sheet:
 
 def load_sheet(path: Path) -> Sheet:
     """Read the table and its traces; a mistake raises DataError with file, row and column."""
-    try:
-        table = read_table(path, NUMERIC, COLUMNS)
-    except FileNotFoundError as error:
-        raise DataError(f"there is no {path}; a data set needs shifts.csv") from error
+    if not file_of(path).exists():
+        raise DataError(f"there is no {path}; a data set needs shifts.csv")
+    table = read_table(path, NUMERIC, COLUMNS)
     table.require(NEEDED, COLUMNS)
     if not table.rows:
         raise DataError(f"{path} has no rows; a data set needs at least one shift")

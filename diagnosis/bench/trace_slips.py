@@ -23,6 +23,7 @@ from dogshape.diagnosis.bench.traces import (
     find_force_start,
     scatter,
     smoothed,
+    step_of,
 )
 from dogshape.sim.errors import InputError, number
 from dogshape.sim.shift.actuation import ForceProfile
@@ -75,7 +76,7 @@ class TracedRow:
     def short(self) -> bool:
         """Whether the trace ends before its shift."""
         trace, time = self.trace, self.row.time
-        early = time is not None and trace.time[-1] < time - 2.0 * trace.step
+        early = time is not None and trace.time[-1] < time - 2.0 * step_of(trace.time)
         return bool(early and trace.displacement.max() < self.stand.clutch.shift_travel)
 
 
@@ -193,7 +194,7 @@ def _clock(one: TracedRow) -> tuple[float, float, float]:
     start, travel = None if one.moving else one.start, one.stand.clutch.shift_travel
     way = np.maximum.accumulate(smoothed(one.trace.displacement) - one.rest)
     end = float(np.interp(travel, way, one.trace.time)) if way[-1] >= travel else np.nan
-    least = max(CLOCK, 3.0 * one.trace.step, 4.0 * (start.error if start else 0.0))
+    least = max(CLOCK, 3.0 * step_of(one.trace.time), 4.0 * (start.error if start else 0.0))
     return (start.time if start else np.nan), end, least
 
 

@@ -61,11 +61,6 @@ class BenchTrace:
     notes: tuple[str, ...] = field(default=(), kw_only=True)
     start_error: float = field(default=0.0, kw_only=True)
 
-    @property
-    def step(self) -> float:
-        """Median time from sample to sample, s."""
-        return float(np.median(np.diff(self.time)))
-
 
 #: Force above rest that is seen as a rise, of the largest: above the hum and drift of load cells.
 THRESHOLD = 0.05
@@ -91,6 +86,11 @@ class ForceStart:
     error: float
     force: float
     displacement: float
+
+
+def step_of(time: Series) -> float:
+    """Compute the median time from sample to sample, s, of times (n,)."""
+    return float(np.median(np.diff(time)))
 
 
 def smoothed(values: Array) -> Array:
@@ -123,12 +123,12 @@ def find_force_start(trace: BenchTrace, rise: float) -> ForceStart | None:
         return None
     place = min(int(below[-1]) + 1, end - 1)
     begin = max(0, place - RESTED * (end - place))
-    start, error, level = float(time[place]) - 0.5 * trace.step, 0.0, rest
+    start, error, level = float(time[place]) - 0.5 * step_of(trace.time), 0.0, rest
     if end - place >= FITTED:
         start, error, level = _fit_start(time[begin:end], force[begin:end], place - begin, rise)
     still = trace.displacement[: max(FIRST, int(np.searchsorted(trace.time, start)))]
     # Between two samples a jump may be anywhere.
-    error = float(np.hypot(error, trace.step / np.sqrt(12.0)))
+    error = float(np.hypot(error, step_of(trace.time) / np.sqrt(12.0)))
     return ForceStart(start, error, level, float(np.median(still)))
 
 
@@ -215,11 +215,6 @@ class Channel:
     values: Series
     rows: Sequence[int]
 
-    @property
-    def step(self) -> float:
-        """Median time from sample to sample, s."""
-        return float(np.median(np.diff(self.time)))
-
 
 def read_trace(path: Path) -> BenchTrace:
     """Read a trace; every mistake raises DataError with file, row or channel, and remedy.
@@ -232,7 +227,7 @@ def read_trace(path: Path) -> BenchTrace:
     for name in (LEAD, *(name for name in channels if name != LEAD)):
         _require_samples(path, name, channels[name])
     lead = channels[LEAD]
-    margin = ALIKE * lead.step
+    margin = ALIKE * step_of(lead.time)
     first = max(one.time[0] for one in channels.values()) - margin
     last = min(one.time[-1] for one in channels.values()) + margin
     time = lead.time[(lead.time >= first) & (lead.time <= last)]
@@ -255,12 +250,12 @@ def _notes(channels: Mapping[str, Channel], time: Series, margin: float) -> list
     """List what was interpolated, cut and lost, in sentences."""
     lead = channels[LEAD]
     apart = [
-        f"{name} ({one.time.size} samples, every {number(1e3 * one.step)} ms)"
+        f"{name} ({one.time.size} samples, every {number(1e3 * step_of(one.time))} ms)"
         for name, one in channels.items()
         if one.time.shape != lead.time.shape or abs(one.time - lead.time).max() > margin
     ]
     notes = [f"{', '.join(apart)} interpolated on the times of {LEAD} (every "
-             f"{number(1e3 * lead.step)} ms)"] if apart else []  # fmt: skip
+             f"{number(1e3 * step_of(lead.time))} ms)"] if apart else []  # fmt: skip
     if time.size < lead.time.size:
         notes.append(
             f"{lead.time.size - time.size} of {lead.time.size} samples of {LEAD} cut, as not all "
@@ -270,7 +265,7 @@ def _notes(channels: Mapping[str, Channel], time: Series, margin: float) -> list
         place = int(np.argmax(np.diff(one.time)))
         low, high = one.time[place : place + 2]
         own = name == LEAD or not np.array_equal(one.time, lead.time)
-        if own and high - low > HOLE * one.step:
+        if own and high - low > HOLE * step_of(one.time):
             notes.append(f"{name} without a sample from {number(low)} to {number(high)} s")
     return notes
 

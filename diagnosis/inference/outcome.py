@@ -204,11 +204,6 @@ class Field:
     spread: Array  #: standard errors of ln of its spreads, (cells,)
     common: Array  #: covariance of the means, s^2, (cells, cells)
 
-    @property
-    def cells(self) -> int:
-        """Number of operating points."""
-        return len(self.common)
-
     def distances(self, shifts: Array) -> list[Array]:
         """Compute squared distances of truths from all at numbers of shifts, (truths, h)."""
         used, base = np.flatnonzero(shifts > 0), self.baseline
@@ -303,13 +298,13 @@ def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None)
     # Where single shifts scatter least a drift shows first.
     engaging = np.where(field.baseline.engaged[0] > 0.5, field.baseline.sd[0], np.nan)
     reference = int(np.nanargmin(engaging))
-    shifts = np.zeros(field.cells)
+    shifts = np.zeros(len(field.common))
     shifts[reference] = VISITS * LOT
     lot = max(LOT, -(-(count - VISITS * LOT) // LOTS))
     while left := count - int(shifts.sum()):
         step = lot if left >= 2 * LOT and left - lot >= LOT else left
-        full = np.count_nonzero(shifts) >= (most or field.cells)
-        more = shifts + step * np.eye(field.cells)[(shifts > 0) | (not full)]
+        full = np.count_nonzero(shifts) >= (most or shifts.size)
+        more = shifts + step * np.eye(shifts.size)[(shifts > 0) | (not full)]
         shifts = more[int(np.argmax([field.worth(one) for one in more]))]
     whole = tuple(int(n) for n in shifts)
     half = [0.5 * one for one in field.distances(shifts)]

@@ -126,16 +126,16 @@ class _Search:
     def widen(self) -> list[Hypothesis]:
         """Sample the sets of three effects that have a plausible pair within, and list them."""
         top = max(self.value(h) for h in self.samples)
-        within, promise = dict[Hypothesis, list[Sample]](), dict[Hypothesis, float]()
+        within = dict[Hypothesis, tuple[float, list[Sample]]]()
         for h in hypotheses_of(self.likelihood.model, 3):
             pairs = [tuple(n for n in h if n != name) for name in forward(h)]
             parts = [self.samples[p] for p in pairs if p in self.samples]
             parts = [one for one in parts if np.isfinite(one.log_evidence)]
             best = max((one.log_evidence for one in parts), default=-np.inf) + self.prior(h)
             if best > top - FOR_THIRD:
-                within[h], promise[h] = parts, best
-        chosen = sorted(promise, key=lambda h: -promise[h])[:THIRDS]
-        parts_of = {h: within[h] for h in chosen}
+                within[h] = best, parts
+        chosen = sorted(within, key=lambda h: -within[h][0])[:THIRDS]
+        parts_of = {h: within[h][1] for h in chosen}
         self.take(widened(self.likelihood, parts_of, self.more, self.generator))
         return chosen
 

@@ -68,10 +68,7 @@ def nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
 
 
 def decide(
-    posterior: Mapping[Hypothesis, float],
-    fits: Mapping[Hypothesis, Fit],
-    within: float,
-    settings: Settings,
+    posterior: Probabilities, fits: Mapping[Hypothesis, Fit], within: float, settings: Settings
 ) -> Verdict:
     """Decide on a verdict.
 

@@ -172,7 +172,5 @@ def _sizes(found: Diagnosis) -> list[str]:
 def findings_record(bench: Bench) -> dict[str, Any]:
     """List the corrections of a data set and its suspicious values, as records."""
     keys = ("quantity", "found", "looks_like", "correction", "sentence")
-    return {
-        "corrections": list(bench.corrections),
-        "warnings": [{key: getattr(one, key) for key in keys} for one in bench.warnings],
-    }
+    warnings = [{key: getattr(one, key) for key in keys} for one in bench.warnings]
+    return {"corrections": list(bench.corrections), "warnings": warnings}
