@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import lru_cache, reduce
 from operator import and_
@@ -43,6 +43,7 @@ KINDS = ("worst_case", "root_sum_square")  #: of what is left within tolerances
 FILLING = 512  #: designs that fill the ranges
 MAX_NAMED = 3  #: failed checks that are named
 Margins = Mapping[str, float]  #: of a design's checks, by name
+Bounds = Sequence[tuple["Objective", float]]  #: upper ones where less is better
 REFERRED = "slower_than_reference_s"  #: needs the shifts of the study's own dog too
 ENGAGEMENT = Rule(
     "engagement",
@@ -119,15 +120,25 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
         dog = study.dog_with(params)
     except GeometryError as error:
         return Design(params, None, (), str(error))
+    known = {} if measured is None else measured.limited
+    design = _checked(study, params, dog, limits_of(study), known)
+    if measured is None:
+        return design
+    engaged = Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED)
+    landed = demand_checks(measured.demand, study.limits)
+    return replace(design, checks=(*design.checks, *landed, engaged))
+
+
+def _checked(
+    study: Setup, params: dict[str, float], dog: Dog, limits: Bounds, known: Mapping[str, float]
+) -> Design:
+    """Check a dog, or ``Dogs``, before landings; limits on values not known are left out."""
     bare = Design(params, dog, strength_checks(dog, study.limits), "")
-    checks, known = [*bare.checks], {} if measured is None else measured.limited
-    for quantity, limit in limits_of(study):
+    checks = list(bare.checks)
+    for quantity, limit in limits:
         exact = quantity.exact and quantity.exact(study, bare, dog)
         if (value := known.get(quantity.name, exact)) is not None:
             checks.append(Check(quantity.rule, value, limit))
-    if measured is not None:
-        checks += demand_checks(measured.demand, study.limits)
-        checks.append(Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED))
     return replace(bare, checks=tuple(checks))
 
 
@@ -137,9 +148,7 @@ def worth_simulating(study: Setup, params: dict[str, float]) -> bool:
         fit = keeps_limits(study.dog_with(params), study.operated(params).limits)
     except GeometryError:
         return False
-    if not fit or not study.file.search.limits:
-        return fit
-    return design_of(study, params).feasible
+    return fit and design_of(study, params).feasible
 
 
 def dogs_of(study: Setup, names: Sequence[str], x: Array) -> Dogs:
@@ -153,29 +162,17 @@ def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
 
     At worst-case tolerances the checks of one design take as long as those of a hundred.
     """
-    names, limits = [*study.variables], limits_of(study)
-    alone = study.shape_keys != tuple(names) or any(o.name == "utilisation" for o, _ in limits)
-    if alone:
+    names = tuple(study.variables)
+    if study.shape_keys != names:
         return np.array([worth_simulating(study, params) for params in designs])
     x = np.array([[one[name] for name in names] for one in designs], dtype=float)
-    left = np.arange(len(x))
-
-    def limited(dogs: Dogs) -> Iterator[Check]:
-        bare = Design({}, dogs, strength_checks(dogs, study.limits), "")
-        given = [(one.rule, one.exact, end) for one, end in limits]
-        return (Check(rule, exact(study, bare, dogs), end) for rule, exact, end in given if exact)
-
-    def passing(checks: Iterable[Check]) -> bool:
-        return reduce(and_, (check.margin >= 0.0 for check in checks), True)
-
-    for kept in (
-        lambda dogs: dogs.possible,
-        lambda dogs: passing(strength_checks(dogs, study.limits)),
-        lambda dogs: passing(limited(dogs)),
-    ):
-        with np.errstate(all="ignore"):  # of shapes that cannot be
-            left = left[np.broadcast_to(kept(dogs_of(study, names, x[left])), len(left))]
-    return np.isin(np.arange(len(x)), left)
+    with np.errstate(all="ignore"):  # of shapes that cannot be
+        passed = np.ones(len(x), dtype=bool) & dogs_of(study, names, x).possible
+        for limits in ([], limits_of(study)):  # margins within tolerances take longest
+            if passed.any():
+                one = _checked(study, {}, dogs_of(study, names, x[passed]), limits, {})
+                passed[passed] = reduce(and_, (check.passed for check in one.checks))
+    return passed
 
 
 @dataclass(frozen=True)
@@ -263,7 +260,7 @@ OBJECTIVES = {
                       *(separating_force(dog, study.limits.load, flank) for flank in FLANKS)),
                   least=-math.inf),
         Objective("utilisation", "utilisation of the most loaded check", "",
-                  lambda _study, design, _dog: max(check.utilisation for check in design.checks)),
+                  lambda _study, design, _dog: largest(*(c.utilisation for c in design.checks))),
     ]
 }  # fmt: skip
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal
 
-from dogshape.sim.elementwise import where
+from dogshape.sim.elementwise import largest, smallest, where
 from dogshape.sim.shift.geometry import FLANKS
 from dogshape.sim.units import DEG, MM, MPA
 
@@ -70,7 +70,8 @@ class Check:
     def utilisation(self) -> float:
         """Value over an upper limit, or lower limit over value; 1 at the limit, at most 1000."""
         over, under = (self.value, self.limit) if self.rule.at_most else (self.limit, self.value)
-        return min(max(over, 0.0) / under, 1e3) if under > 0.0 else 1e3
+        share = largest(over, 0.0) / where(under > 0.0, under, 1.0)
+        return where(under > 0.0, smallest(share, 1e3), 1e3)
 
     @property
     def remedy(self) -> str:
