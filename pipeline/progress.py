@@ -5,9 +5,7 @@ Work counts into a ``WorkCounter``, which informs a ``Progress`` such as the com
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable
 
 Say = Callable[[str], None]  #: takes a sentence for people
 
@@ -29,20 +27,24 @@ class WorkCounter:
     """Counter of finished work that informs a progress; a context manager that reports the end.
 
     ``done`` of ``total`` are finished, an upper bound if ``at_most``, ``known`` of them by an
-    earlier run; ``unit`` is a plural. ``ended`` is the work finished or not.
+    earlier run; ``unit`` is a plural. ``ended`` is the work finished or not. On Ctrl-C it names the
+    folder of finished shifts and the way to go on, ``kept``.
     """
 
     def __init__(
-        self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts"
-    ) -> None:
-        self._progress, self.done, self.known = progress, 0, 0
+        self, progress: Progress, total: int, *, most: bool = False, unit: str = "shifts",
+        kept: str = "",
+    ) -> None:  # fmt: skip
+        self._progress, self._kept, self.done, self.known = progress, kept, 0, 0
         self.total, self.at_most, self.unit, self.ended = total, most, unit, False
 
     def __enter__(self) -> WorkCounter:
         self._progress.update(self)
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, _kind: object, error: object, _trace: object) -> None:
+        if self._kept and isinstance(error, KeyboardInterrupt):
+            self.say(f"finished shifts are kept in {self._kept}")
         self.ended = True
         self._progress.update(self)
 
@@ -56,15 +58,6 @@ class WorkCounter:
         """Expect ``count`` more than those that are done."""
         self.total = self.done + count
         self._progress.update(self)
-
-    @contextmanager
-    def kept_in(self, root: Path, how: str) -> Iterator[None]:
-        """Name on Ctrl-C the folder of finished shifts and the way to go on."""
-        try:
-            yield
-        except KeyboardInterrupt:
-            self.say(f"finished shifts are kept in {root}; {how}")
-            raise
 
     def say(self, line: str) -> None:
         """Hand on a sentence for the user."""

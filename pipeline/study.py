@@ -95,7 +95,8 @@ def _searched(search: Search, how: Run) -> Record:
     """Run a search to its end, confirm its front and audit it; give the result."""
     folder, study, settings = how.folder, search.study, search.study.file.search
     journals = ShiftJournal(folder.running), ShiftJournal(folder.shifts)
-    with WorkCounter(how.progress, _most(search), most=True) as counter:
+    on = f"{folder.root}; --resume goes on"
+    with WorkCounter(how.progress, _most(search), most=True, kept=on) as counter:
         counter.say(
             f"at most {_most(search)} shifts: {settings.trials} designs at "
             f"{len(study.points)} operating points, then prototype and up to "
@@ -109,12 +110,11 @@ def _searched(search: Search, how: Run) -> Record:
 
         both = (Executor(journal, how.jobs, counter.advance, how.cluster) for journal in journals)
         executors = Executors(*both)
-        with counter.kept_in(folder.root, "--resume goes on"):
-            searched = run(search, executors.search, after_round)
-            confirmation, state = confirm(searched, executors, counter.say)
-            life = _life(confirmation, state, executors.search, counter)
-            designs = [trial.params for trial in searched.simulated]
-            audited = audit(study, designs, executors.kept, settings.audit_shifts, counter.say)
+        searched = run(search, executors.search, after_round)
+        confirmation, state = confirm(searched, executors, counter.say)
+        life = _life(confirmation, state, executors.search, counter)
+        designs = [trial.params for trial in searched.simulated]
+        audited = audit(study, designs, executors.kept, settings.audit_shifts, counter.say)
         for journal in journals:
             journal.say_unfinished(counter.say)
         executors.search.forget()

@@ -63,8 +63,13 @@ class Validation(Section):
         return (self.q2 if self.n >= LEAST else self.q2_points) >= LEAST_Q2
 
 
-def validate(surrogate: Surrogate, reference: Dataset | None = None) -> Validation:
-    """Judge a surrogate by references at its own points, or else by leaving out each design."""
+def validate(
+    surrogate: Surrogate, reference: Dataset | None = None, best: Dataset | None = None
+) -> Validation:
+    """Judge a surrogate by references at its own points, or else by leaving out each design.
+
+    Of references that are all of the ``best`` it has the rank correlation; none for fewer than ten.
+    """
     data = surrogate.data if reference is None else reference
     grid, mix = data.engaging, replace(data.mix, retry=0.0)
     if not len(grid.x):
@@ -100,22 +105,20 @@ def validate(surrogate: Surrogate, reference: Dataset | None = None) -> Validati
         spread_error=_rms(np.log((deviations + FLOOR) / (grid.sds + FLOOR))),
         lost=round((data.grid.shifts - data.grid.engaged).sum()),
         lost_expected=float(((1.0 - share) * data.grid.shifts).sum()),
-        rank_best=None,
-        n_best=0,
+        **_ranks(surrogate, best),
         source="held out" if reference is None else "references",
         shifts=surrogate.data.shifts,
     )
 
 
-def ranked(validation: Validation, surrogate: Surrogate, best: Dataset) -> Validation:
-    """Add the rank correlation of references that are all of the best; none for fewer than ten."""
-    grid, mix = best.engaging, replace(best.mix, retry=0.0)
-    if len(grid.x) < LEAST:
-        return validation
+def _ranks(surrogate: Surrogate, best: Dataset | None) -> dict[str, Any]:
+    if best is None or len((grid := best.engaging).x) < LEAST:
+        return {"rank_best": None, "n_best": 0}
     from scipy.stats import spearmanr  # noqa: PLC0415  slow to load, and few verbs rank
 
-    rank = float(spearmanr(grid.means @ mix.weights, surrogate.predict(grid.x, mix)[0]).statistic)
-    return validation.model_copy(update={"rank_best": rank, "n_best": len(grid.x)})
+    times = surrogate.predict(grid.x, replace(best.mix, retry=0.0))[0]
+    rank = float(spearmanr(grid.means @ best.mix.weights, times).statistic)
+    return {"rank_best": rank, "n_best": len(grid.x)}
 
 
 def _q2(residual: Array, truth: Array) -> float:

@@ -101,11 +101,9 @@ def shifts_of(blocks: Sequence[Block], means: Means, notes: list[str]) -> list[l
             f"{means.bank} for this and later diagnoses"
         ))  # fmt: skip
         means.progress.say(notes[-1])
-        with (
-            WorkCounter(means.progress, left) as progress,
-            progress.kept_in(means.bank, "the same command goes on from there"),
-        ):
-            rows = store.times(blocks, Executor(journal, means.jobs, progress.advance).run)
+        kept = f"{means.bank}; the same command goes on from there"
+        with WorkCounter(means.progress, left, kept=kept) as counter:
+            rows = store.times(blocks, Executor(journal, means.jobs, counter.advance).run)
         journal.say_unfinished(means.progress.say)
         with suppress(StorageError):  # the file of banks has them
             journal.drop({key for block in lacking for key in block.keys})

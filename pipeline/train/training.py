@@ -49,7 +49,7 @@ from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.dataset import COLUMNS, Dataset, row_of
 from dogshape.surrogate.model import MIN_DESIGNS, fit
 from dogshape.surrogate.process import Effort
-from dogshape.surrogate.store import Stored, ranked, save, validate
+from dogshape.surrogate.store import Stored, save, validate
 
 LEAST_ANGLES = 16  #: of an operating point
 LEAST_SHIFTS = 128  #: of a design
@@ -237,10 +237,8 @@ def _row(study: Setup, job: Job, shifts: Sequence[Record]) -> list[float] | None
 
 def angles_of(study: Setup) -> int:
     """Count the angles at each operating point of a design: a power of two."""
-    angles = LEAST_ANGLES
-    while angles * len(study.points) < LEAST_SHIFTS:
-        angles *= 2
-    return angles
+    doublings = math.ceil(math.log2(LEAST_SHIFTS / len(study.points)))
+    return max(LEAST_ANGLES, 2**doublings)
 
 
 def count_of(study: Setup) -> int:
@@ -269,13 +267,11 @@ def fill(study: Setup, folder: StudyFolder, jobs: int, cluster: str | None, bar:
     settings, working, path = study.file.surrogate, study.working, folder.simulated
     count, angles, dense = count_of(study), angles_of(study), settings.reference_angles
     shifts = count * angles + (settings.references + settings.best_references) * dense
+    kept = f"{folder.root}; the same command goes on"
     connect(cluster)
     with writing(folder.root):
         folder.open(study, resume=True)
-        with (
-            WorkCounter(bar, shifts * len(study.points)) as counter,
-            counter.kept_in(folder.root, "the same command goes on"),
-        ):
+        with WorkCounter(bar, shifts * len(study.points), kept=kept) as counter:
             journal = ShiftJournal(folder.running)
             executor = Executor(journal, jobs, counter.advance, cluster)
 
@@ -327,12 +323,9 @@ def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say
         data = simulated_data(study, path, "filling", "best")
     say(f"fitting the surrogate to {len(data)} designs")
     surrogate = fit(data, Effort(seed=study.file.surrogate.seed))
-    if folder.chosen.exists():
-        validation = validate(surrogate, simulated_data(study, path, "references"))
-        validation = ranked(validation, surrogate, simulated_data(study, path, "best_references"))
-    else:
-        validation = validate(surrogate)
-    stored = Stored(surrogate, validation)
+    parts = ("references", "best_references") if folder.chosen.exists() else ()
+    references = [simulated_data(study, path, part) for part in parts]
+    stored = Stored(surrogate, validate(surrogate, *references))
     save(out or folder.surrogate, stored)
     with naming(folder.points):
         data.frame().to_csv(folder.points, index=False)
