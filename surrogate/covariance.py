@@ -68,18 +68,17 @@ class Covariance:
 
     def slopes(self, x: Array) -> tuple[Array, Array]:
         """Compute the covariance of designs (n, c) and its slopes by theta, (size, n, n)."""
-        slopes: list[Array] = []
+        total, slopes = np.zeros((len(x), len(x))), []
         for term, variance, scales in self._parts():
             scaled = x / scales
             apart = distance(scaled, scaled)
-            if term.rough:
-                slopes.append(variance * wendland(apart, len(scales)))
-                continue
-            slopes.append(variance * matern(apart))
-            steep = variance * 5.0 / 3.0 * (1.0 + ROOT5 * apart) * np.exp(-ROOT5 * apart)
-            slopes += [steep * (v[:, None] - v[None, :]) ** 2 for v in scaled.T]
-        places = np.cumsum([0] + [1 if t.rough else 1 + self.coordinates for t in self.terms[:-1]])
-        return sum(slopes[place] for place in places), np.stack(slopes)
+            own = variance * (wendland(apart, len(scales)) if term.rough else matern(apart))
+            total += own
+            slopes.append(own)
+            if not term.rough:
+                steep = variance * 5.0 / 3.0 * (1.0 + ROOT5 * apart) * np.exp(-ROOT5 * apart)
+                slopes += [steep * (v[:, None] - v[None, :]) ** 2 for v in scaled.T]
+        return total, np.stack(slopes)
 
 
 def first_parameters(terms: tuple[Term, ...], coordinates: int) -> tuple[Array, Array]:
