@@ -17,7 +17,7 @@ import numpy as np
 
 from dogshape.sim.shift.conclusion import Outcome
 from dogshape.sim.statistics.expectation import variance_of_mean
-from dogshape.sim.statistics.shift_records import DEFAULTS, Record, content_key, result_of
+from dogshape.sim.statistics.shift_records import DEFAULTS, Record, result_of
 from dogshape.surrogate.covariance import Array, Mask
 
 if TYPE_CHECKING:
@@ -137,16 +137,6 @@ def grid_of(rows: Array, mix: Mix) -> Grid:
     with np.errstate(invalid="ignore"):
         means, errors, sds = time / engaged, variance**0.5 / engaged, (spread / engaged) ** 0.5
     return Grid(x[whole], means, errors, sds, engaged, shifts)
-
-
-def differences(mine: Record, theirs: Record) -> str:
-    """List the first three keys in which two records differ."""
-    parts = [
-        f"{k} is {mine.get(k, 'absent')} here and {theirs.get(k, 'absent')} there"
-        for k in {**mine, **theirs}
-        if content_key({"v": mine.get(k)}) != content_key({"v": theirs.get(k)})
-    ]
-    return ", ".join(parts[:3]) + (f", and {len(parts) - 3} more" if len(parts) > 3 else "")
 
 
 def row_of(design: Sequence[float], shifts: Sequence[Record]) -> list[float] | None:

@@ -13,9 +13,9 @@ import numpy as np
 
 from dogshape.sim.errors import InputError
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
-from dogshape.sim.statistics.shift_records import Record
+from dogshape.sim.statistics.shift_records import Record, content_key
 from dogshape.surrogate.covariance import Array, Mask
-from dogshape.surrogate.dataset import Dataset, Mix, differences
+from dogshape.surrogate.dataset import Dataset, Mix
 from dogshape.surrogate.model import Expected, Surrogate
 
 CHAMFERS = ("chamfer_deg", "chamfer_back_deg")
@@ -40,10 +40,15 @@ class Answer:
 
 
 def other_physics(data: Dataset, physics: Record) -> str:
-    """List what differs in the physics of data and study; engines agree (docs/evidence)."""
+    """List three keys in which the physics of study and data differ; engines agree."""
     left = SOLVER if physics.get("engine") != data.physics.get("engine") else ()
     mine, theirs = ({k: v for k, v in r.items() if k not in left} for r in (physics, data.physics))
-    return differences(mine, theirs)
+    parts = [
+        f"{k} is {mine.get(k, 'absent')} here and {theirs.get(k, 'absent')} there"
+        for k in {**mine, **theirs}
+        if content_key({"v": mine.get(k)}) != content_key({"v": theirs.get(k)})
+    ]
+    return ", ".join(parts[:3]) + (f", and {len(parts) - 3} more" if len(parts) > 3 else "")
 
 
 def require_same_physics(data: Dataset, physics: Record) -> None:
