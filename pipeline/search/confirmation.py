@@ -14,6 +14,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -151,12 +152,12 @@ def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -
         executors.kept.run(blocks)  # for the single shifts of the report
         executors.search.forget()
         return found
-    both = _both(blocks, executor.run(blocks), study.judging.clutch, executors.kept)
+    pairs = _pairs(blocks, study.judging.clutch, executor, executors.kept)
     executors.search.forget()
-    groups = np.array_split(np.arange(len(both)), len(found))  # the points of each design
+    size = len(pairs) // len(found)  # as many of each design
     return [
-        replace(one, agreement=agreement_of([pair for place in group for pair in both[place]]))
-        for one, group in zip(found, groups, strict=True)
+        replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
+        for k, one in enumerate(found)
     ]
 
 
@@ -246,8 +247,7 @@ def _beside_search(searched: SearchState, trial: Trial, found: Simulated) -> dic
     old, new = (trial.estimates or {})[name], found.estimates[name]
     both = math.hypot(old.standard_error, new.standard_error)
     off = (new.value - old.value) / both if both else 0.0
-    own = {"value": old.value, "standard_error": old.standard_error}
-    return {"searched": own, "errors_apart": off, "agrees": abs(off) <= APART}
+    return {"searched": vars(old), "errors_apart": off, "agrees": abs(off) <= APART}
 
 
 def _gain(study: Setup, before: Estimates, after: Estimates) -> dict[str, Any]:
@@ -273,7 +273,7 @@ def _gain(study: Setup, before: Estimates, after: Estimates) -> dict[str, Any]:
 def _estimates(found: Simulated) -> Estimates:
     """Record the simulated objectives that a design has: no time where too few shifts engage."""
     return {
-        name: {"value": one.value, "standard_error": one.standard_error}
+        name: vars(one)
         for name, one in found.estimates.items()
         if found.expectation.engages or not is_time(name)
     }
@@ -316,13 +316,12 @@ def agreement_of(pairs: Sequence[tuple[Shift, Shift]]) -> EngineAgreement:
     )
 
 
-def _both(
-    blocks: Sequence[Block], rows: Sequence[Sequence[Shift]], judge: Clutch, executor: Executor
-) -> list[list[tuple[Shift, Shift]]]:
-    """Simulate blocks of the compiled engine again in Drake; pair both shifts of each block."""
+def _pairs(
+    blocks: Sequence[Block], judge: Clutch, quick: Executor, executor: Executor
+) -> list[tuple[Shift, Shift]]:
+    """Simulate blocks in the compiled engine, and again in Drake; pair the shifts of both."""
     drake = [replace(block, clutch=replace(block.clutch, solver=judge.solver)) for block in blocks]
-    found = zip(rows, executor.run(drake), strict=True)
-    return [list(zip(mine, other, strict=True)) for mine, other in found]
+    return list(zip(chain(*quick.run(blocks)), chain(*executor.run(drake)), strict=True))
 
 
 def audit(
@@ -344,7 +343,6 @@ def audit(
     blocks = [own(design)[point].only([int(angle)]) for design, point, angle in drawn_at]
     # Compiled shifts are quick to repeat: a journal of their own keeps them out of the study's.
     quick = scratch_executor(executor.jobs, executor.progress, executor.cluster)
-    pairs = _both(blocks, quick.run(blocks), judge.clutch, executor)
-    found = agreement_of([pair for some in pairs for pair in some])
+    found = agreement_of(_pairs(blocks, judge.clutch, quick, executor))
     say(found.text)
     return found

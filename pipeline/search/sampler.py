@@ -109,8 +109,7 @@ class Space:
             unit = rng.random() if middle is None else middle[k] + rng.normal(0.0, NEAR)
             unit = min(max(float(unit), 0.0), 1.0)
             value = float(self._low[k]) + unit * float(self._high[k] - self._low[k])
-            value = min(max(round(value) if name == "count" else value, low), high)
-            found[name] = round(value) if name == "count" else value
+            found[name] = min(max(round(value) if name == "count" else value, low), high)
         return found
 
 
