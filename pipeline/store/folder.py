@@ -17,6 +17,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
+from sys import intern
 from tempfile import TemporaryFile
 from typing import Any
 
@@ -28,8 +29,6 @@ from dogshape.sim.errors import StorageError
 from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 from dogshape.sim.versions import versions
-
-READ = 2**22  #: bytes of a journal that are read at once
 
 
 class ShiftJournal:
@@ -78,23 +77,22 @@ class ShiftJournal:
 
 def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Iterator[Record]:
     """Yield the whole lines of a file; StorageError for one that ``require`` raises at."""
-    number = 0
     with path.open("rb") if path.exists() else BytesIO() as file:
-        while chunk := file.readlines(READ):
-            lines = [line for line in chunk if line.endswith(b"\n")]
-            try:  # of lines that are read together the keys are in memory once
-                rows = json.loads(b"[%b]" % b",".join(lines))
-            except ValueError:
-                rows = []
-            for place, line in enumerate(lines):
-                number += 1
-                try:
-                    row = rows[place] if len(rows) == len(lines) else json.loads(line)
-                    require(row)
-                except (ValueError, KeyError, TypeError) as error:
-                    remedy = "remove the line or start the study in another folder"
-                    raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error
-                yield row
+        for number, line in enumerate(file, start=1):
+            if not line.endswith(b"\n"):
+                return
+            try:
+                row = json.loads(line, object_pairs_hook=_with_shared_keys)
+                require(row)
+            except (ValueError, KeyError, TypeError) as error:
+                remedy = "remove the line or start the study in another folder"
+                raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error
+            yield row
+
+
+def _with_shared_keys(pairs: list[tuple[str, Any]]) -> Record:
+    """Make a row whose keys are in memory once for all rows."""
+    return {intern(key): value for key, value in pairs}
 
 
 def append(path: Path, *rows: Record) -> None:
