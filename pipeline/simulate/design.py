@@ -25,7 +25,7 @@ from dogshape.sim.errors import GeometryError, InputError, refusal, require_know
 from dogshape.sim.shift.geometry import FLANKS, Dog, Dogs
 from dogshape.sim.statistics.expectation import LEAST_ENGAGED
 from dogshape.sim.statistics.uncertainty import sobol_shares
-from dogshape.sim.strength.checks import Check, Rule, feasible
+from dogshape.sim.strength.checks import RULES, Check, Rule, feasible
 from dogshape.sim.strength.dog_strength import keeps_limits, margin_losses, strength_checks
 from dogshape.sim.strength.landing import LANDING_RULES, Demand, demand_checks
 from dogshape.sim.strength.locking import separating_force
@@ -45,16 +45,7 @@ MAX_NAMED = 3  #: failed checks that are named
 Margins = Mapping[str, float]  #: of a design's checks, by name
 Bounds = Sequence[tuple["Objective", float]]  #: upper ones where less is better
 REFERRED = "slower_than_reference_s"  #: needs the shifts of the study's own dog too
-ENGAGEMENT = Rule(
-    "engagement",
-    "lock",
-    "least share of the shifts that engage, of any operating point",
-    "engaged over simulated shifts",
-    "judged: below it the time-out makes the expected time, and not the dogs",
-    "",
-    "[shift] and the shape",
-    False,
-)
+ENGAGEMENT = RULES["engagement"]
 
 
 @dataclass(frozen=True)

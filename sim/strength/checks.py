@@ -199,6 +199,10 @@ _TABLE: dict[Group, tuple[tuple[str, str, str, bool, str, str, str], ...]] = {
          "with a negative one pushes the ring out",
          "equilibrium of the ring; limit: load.pull_out_force_limit_N, or else the smallest shift "
          "force of the operating points"),
+        ("engagement", "", "[shift] and the shape", False,
+         "least share of the shifts that engage, of any operating point",
+         "engaged over simulated shifts",
+         "judged: below it the time-out makes the expected time, and not the dogs"),
     ),
     "load": (
         ("flank_pressure_{flank}", "MPa", "material.allowable_pressure_MPa", True,
