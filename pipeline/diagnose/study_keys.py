@@ -12,28 +12,19 @@ from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.pipeline.config.operating import keys_changed
 from dogshape.pipeline.config.schema import FORMAT
 from dogshape.sim import effects as registry
-from dogshape.sim.clutch_tables import DogSection
 from dogshape.sim.effect import Effect
-from dogshape.sim.errors import DogshapeError
+from dogshape.sim.errors import DogshapeError, ranged_record, ranges_of
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.clutch import Clutch, contact_set
 from dogshape.sim.shift.geometry import Dog
-from dogshape.sim.units import MM, RPM, from_si, suffix_of
+from dogshape.sim.units import MM, RPM, from_si
 
 Data = dict[str, Any]  #: a TOML file as it is read
 CONTACT = "adams2019"  #: set that a data set's coefficients of friction replace
 #: Search ranges of angles, deg, and those of height and number over the bench's own.
 ANGLES = {"chamfer_deg": [0.0, 20.0], "traction_deg": [4.0, 30.0], "braking_deg": [4.0, 30.0]}
 SHARES = (0.45, 1.6)
-#: Keys of ``[contact]`` that replace values of a set, and of the dog, by their fields.
-OWN_CONTACT, DOG = (
-    {key.removesuffix(suffix_of(key)): key for key in keys}
-    for keys in (
-        ("static_friction", "dynamic_friction", "stiction_velocity_m_s", "stiffness_Pa_m",
-         "dissipation_s_m"),
-        DogSection.model_fields,
-    )
-)  # fmt: skip
+DOG = {name: one.key for name, one in ranges_of(Dog).items()}  #: keys of ``[dog]`` by its fields
 TABLES = ("mechanism", "contact", "sliding")
 
 
@@ -62,9 +53,8 @@ def study_of(bench: Bench, name: str) -> Data:
     The rise time of a force is the mean of those that the data set has of it. Of loads, material
     and tolerances a data set says nothing; they stay those of the program.
     """
-    clutch, plain = bench.clutch, contact_set(CONTACT)
-    own = {key: getattr(clutch.contact, field) for field, key in OWN_CONTACT.items()
-           if getattr(clutch.contact, field) != getattr(plain, field)}  # fmt: skip
+    clutch, plain = bench.clutch, ranged_record(contact_set(CONTACT))
+    own = {k: value for k, value in ranged_record(clutch.contact).items() if value != plain[k]}
     points, rises = list[tuple[float, float]](), dict[float, set[float]]()
     for point in (cell.point for cell in bench.cells):
         points.append((rounded(point.mismatch / RPM), rounded(point.profile.force)))

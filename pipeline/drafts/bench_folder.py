@@ -24,9 +24,9 @@ from dogshape.diagnosis.bench.foreign_table import read_foreign
 from dogshape.diagnosis.bench.table import COLUMNS, NUMERIC
 from dogshape.diagnosis.bench.traces import READERS
 from dogshape.pipeline.config.toml_text import with_values
-from dogshape.pipeline.diagnose.study_keys import OWN_CONTACT, rounded
+from dogshape.pipeline.diagnose.study_keys import rounded
 from dogshape.pipeline.drafts.study_folder import PUBLISHED, Source, draft_folder, source_of
-from dogshape.sim.errors import DataError, DogshapeError, InputError, number
+from dogshape.sim.errors import DataError, DogshapeError, InputError, number, ranged_record
 from dogshape.sim.shift.mechanism import NOTHING
 from dogshape.sim.texts import file_of, text_of
 from dogshape.sim.units import MM, RPM
@@ -323,7 +323,7 @@ def _values(draft: BenchDraft, source: Source, rows: DataFrame, out: Path, repor
         "shift_travel_mm": rounded(clutch.shift_travel / MM),
         **source.dog_values,
         "sliding.initial_speed_rpm": rounded(clutch.rings.initial_speed / RPM),
-        **{f"contact.{key}": getattr(clutch.contact, name) for name, key in OWN_CONTACT.items()},
+        **{f"contact.{key}": value for key, value in ranged_record(clutch.contact).items()},
         "source": "not measured yet",
     }
     if draft.tables:
