@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 
@@ -49,32 +48,28 @@ class Effect:
         return self.span > self.chance
 
 
-class Accumulation(NamedTuple):
-    """Designs moved to the ends, (2 n, d); ``form`` (k, 2 n) times their times is the effect."""
-
-    values: Array
-    moved: Array
-    form: Array
-
-
 def effects(surrogate: Surrogate, variables: Sequence[str], x: Array) -> list[Effect]:
     """Return the main effect of each variable that varies over designs (n, d) in edge units."""
     found = []
     for column in np.flatnonzero(np.ptp(x, axis=0) > 0.0).tolist():
-        asked = accumulate(x, column)
-        times, covariance = surrogate.joint(asked.moved)
-        effect, errors = asked.form @ times, asked.form @ covariance @ asked.form.T
+        values, moved, form = accumulate(x, column)
+        times, covariance = surrogate.joint(moved)
+        effect, errors = form @ times, form @ covariance @ form.T
         half = 1.96 * np.sqrt(np.maximum(np.diag(errors), 0.0))
         drawn = root_of(errors) @ np.random.default_rng(0).standard_normal((len(errors), DRAWS))
         chance = float(np.quantile(np.ptp(drawn, axis=0), 0.95))
         bounds = effect - half, effect + half
-        found.append(Effect(variables[column], asked.values, effect, *bounds, chance))
+        found.append(Effect(variables[column], values, effect, *bounds, chance))
     return found
 
 
-def accumulate(x: Array, column: int, intervals: int = INTERVALS) -> Accumulation:
-    """Cut a column of designs (n, d) into intervals and move each design to the ends of its own."""
-    given, shares = x[:, column], np.linspace(0.0, 1.0, intervals + 1)
+def accumulate(x: Array, column: int) -> tuple[Array, Array, Array]:
+    """Cut a column of designs (n, d) into intervals and move each design to the ends of its own.
+
+    Give the ends, (k,), the moved designs, (2 n, d), and the form, (k, 2 n): the product of form
+    and times of the moved designs is the effect.
+    """
+    given, shares = x[:, column], np.linspace(0.0, 1.0, INTERVALS + 1)
     values: Array = np.unique(np.quantile(given, shares, method="inverted_cdf"))
     place = np.clip(np.searchsorted(values, given) - 1, 0, len(values) - 2)
     below, above = x.copy(), x.copy()
@@ -85,4 +80,4 @@ def accumulate(x: Array, column: int, intervals: int = INTERVALS) -> Accumulatio
     added = np.concatenate([np.zeros((1, len(place))), np.cumsum(steps, axis=0)])
     added -= counts / counts.sum() @ (0.5 * (added[1:] + added[:-1]))
     form = np.concatenate([-added, added], axis=1)
-    return Accumulation(values, np.concatenate([below, above]), form)
+    return values, np.concatenate([below, above]), form

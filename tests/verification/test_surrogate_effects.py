@@ -69,8 +69,8 @@ def test_effects_of_an_additive_time_are_its_terms(study: Setup, surrogate: Surr
     mean = float(mix.weights @ pace(mix.points))
     inside = []
     for column, one in enumerate(found):
-        asked = accumulate(x, column)
-        known = asked.form @ (mean * terms(asked.moved).sum(axis=1))
+        _, moved, form = accumulate(x, column)
+        known = form @ (mean * terms(moved).sum(axis=1))
         along = np.tile(x[:1], (len(one.values), 1))
         along[:, column] = one.values
         # What the form adds up is the term itself but for a constant.
@@ -90,7 +90,7 @@ def test_effects_of_an_additive_time_are_its_terms(study: Setup, surrogate: Surr
 def test_an_effect_is_not_that_of_what_comes_along() -> None:
     first = np.linspace(0.0, 1.0, 60)
     x = np.column_stack([first, first + 0.01 * np.sin(50.0 * first), np.ones(60)])
-    asked = accumulate(x, 1)
-    assert asked.form @ asked.moved[:, 0] == pytest.approx(0.0, abs=1e-12)
-    own = accumulate(x, 0)
-    assert own.form @ own.moved[:, 0] == pytest.approx(own.values - own.values.mean(), abs=0.01)
+    _, moved, form = accumulate(x, 1)
+    assert form @ moved[:, 0] == pytest.approx(0.0, abs=1e-12)
+    values, moved, form = accumulate(x, 0)
+    assert form @ moved[:, 0] == pytest.approx(values - values.mean(), abs=0.01)
