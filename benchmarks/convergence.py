@@ -215,7 +215,7 @@ def pairs(study: Setup, designs: int, angles: int, seed: int = SEED) -> list[Pai
     for index, design in zip(
         range(designs), filling_designs(study, seed, border=False), strict=False
     ):
-        clutch = study.clutch.with_dog(study.dog_with(design))
+        clutch = replace(study.clutch, dog=study.dog_with(design))
         plants = ClutchPlant(clutch), ClutchPlant(with_accuracy(clutch, REFERENCE))
         for sign in (1.0, -1.0):
             mismatch = sign * draw.choice(study.mismatches)

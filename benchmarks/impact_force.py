@@ -55,7 +55,7 @@ def designs(study: Setup) -> dict[str, Clutch]:
     result = kept(study.name)
     chosen = result["confirmation"]["chosen"]
     row = next(row for row in result["trials"] if row["trial"] == chosen)
-    best = study.clutch.with_dog(study.dog_with({key: row[key] for key in study.variables}))
+    best = replace(study.clutch, dog=study.dog_with({key: row[key] for key in study.variables}))
     return {"prototype": study.clutch, f"chosen ({chosen})": best}
 
 

@@ -89,7 +89,7 @@ def drawn(clutch: Clutch, rng: np.random.Generator) -> Clutch:
         except DogshapeError:
             continue
         if dog.tip_width > 1.0 * MM:
-            return clutch.with_dog(dog)
+            return replace(clutch, dog=dog)
 
 
 def measured(clutch: Clutch) -> dict[str, tuple[list[float], float]]:

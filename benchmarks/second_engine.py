@@ -163,7 +163,7 @@ def same(clutch: Clutch) -> Clutch:
 def narrow(clutch: Clutch) -> Clutch:
     """Make the rings so narrow that the radius of every contact is known."""
     dog = replace(clutch.dog, inner_diameter=47.8 * MM, outer_diameter=48.2 * MM)
-    return clutch.with_dog(dog)
+    return replace(clutch, dog=dog)
 
 
 def with_contact(**changes: float) -> Change:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,13 +49,12 @@ def confirmed(points: list[Row], mean: float) -> Row:
 
 def shift(study: Setup, values: Row, angle: float, time: float | None, **changes: Any) -> Row:
     """A shift as a journal holds it, of a design of the study."""
-    clutch = study.clutch.with_dog(study.dog_with(values))
-    seed = study.file.expectation.seed
+    clutch = replace(study.clutch, dog=study.dog_with(values))
     return {
         "key": f"{angle:010.4f}-{values['chamfer_deg']}", **clutch_record(clutch),
         "mismatch_rpm": 50.0, "force_N": 469.0, "force_rise_s": 0.1766,
         "relative_angle_deg": angle, "outcome": "blocked" if time is None else "engaged",
-        "shift_time_s": time, "seed": seed,
+        "shift_time_s": time, "seed": study.file.expectation.seed,
     } | changes  # fmt: skip
 
 

@@ -159,7 +159,7 @@ def consequence(
     """Simulate designs without and with a cause; InputError for values of no bench."""
     seed, every = study.file.expectation.seed + 3 * NEW_ANGLES, list[list[Setting]]()
     for acting, params in product(({}, cause), designs.values()):
-        clutch = study.clutch.with_dog(study.dog_with(dict(params)))
+        clutch = replace(study.clutch, dog=study.dog_with(dict(params)))
         settings = [Setting(clutch, point) for point in study.points]
         for name, values in acting.items():
             settings = [effects[name].apply(setting, values) for setting in settings]

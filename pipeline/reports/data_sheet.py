@@ -95,7 +95,7 @@ class NamedDesign:
             return self.study
         dog = self.study.dog_with({key: self.row[key] for key in self.study.variables})
         own = self.study.operated(self.row)
-        return replace(own, clutch=own.clutch.with_dog(dog))
+        return replace(own, clutch=replace(own.clutch, dog=dog))
 
 
 def named_design(name: str, settings: Settings = None, *, chosen: bool = True) -> NamedDesign:

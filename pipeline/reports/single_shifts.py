@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dogshape.pipeline.config.study_file import Setup
@@ -58,7 +58,7 @@ def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[R
 
     for row in rows:
         dog = study.dog_with({name: row[name] for name in study.variables})
-        own = (DEFAULTS | clutch_record(clutch.with_dog(dog))).items()
+        own = (DEFAULTS | clutch_record(replace(clutch, dog=dog))).items()
         every = [
             shift for shift in stored
             if shift["outcome"] != Outcome.DIVERGED.value
@@ -99,7 +99,7 @@ def _write(study: Setup, row: Record, path: Path) -> None:
     variant, shape = drawn_variant(row), DEFAULTS | row
     dog = study.dog_with({key: shape[key] for key in study.shape_keys})
     point = variant.point(OperatingPoint(row["mismatch_rpm"] * RPM, recorded_profile(row)))
-    clutch, angle = variant.clutch(study.clutch.with_dog(dog)), row["relative_angle_deg"] * DEG
+    clutch, angle = variant.clutch(replace(study.clutch, dog=dog)), row["relative_angle_deg"] * DEG
     result = engage(clutch, point, angle)
     path.parent.mkdir(parents=True, exist_ok=True)
     write_animation(result, path, study.torque_peak(result), shared=True)

@@ -159,7 +159,7 @@ class Simulated:
 
 def design_blocks(study: Setup, params: Params, angles: int, seed: int) -> list[Block]:
     """Return the shifts of a design at even angles, a block for each of its operating points."""
-    own, clutch = study.operated(params), study.clutch.with_dog(study.dog_with(params))
+    own, clutch = study.operated(params), replace(study.clutch, dog=study.dog_with(params))
     return even_blocks(clutch, own.points, angles, seed, uncertainty=study.uncertainty)
 
 
@@ -309,7 +309,7 @@ def life_of(study: Setup, params: Params, wear: Wear, executor: Executor) -> lis
         if wear.crest_loss is not None:
             loss = stage * wear.crest_loss
         dog = replace(worn(new, loss) if loss else new, edge_radius=wear.edges(new, stage))
-        clutch, seed = own.clutch.with_dog(dog), settings.seed + NEW_ANGLES
+        clutch, seed = replace(own.clutch, dog=dog), settings.seed + NEW_ANGLES
         blocks = even_blocks(clutch, own.points, settings.angles, seed, uncertainty=unsure)
         rows = executor.run(blocks)
         expectation = expectation_of(own, own.points, rows)

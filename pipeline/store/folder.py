@@ -30,6 +30,8 @@ from dogshape.sim.files import sync_folder, write_whole
 from dogshape.sim.statistics.shift_records import Record, landing_of, result_of, unfinished
 from dogshape.sim.versions import versions
 
+WRITE_AGAIN = "run 'dogshape study' with --resume to write it again"  #: remedy
+
 
 class ShiftJournal:
     """Shifts by their content key: those that are finished on disk too."""
@@ -199,11 +201,10 @@ class StudyFolder:
 
     def stored_result(self) -> dict[str, Any]:
         """Read what the study found so far; raise StorageError where that is damaged."""
-        remedy = "run 'dogshape study' with --resume to write it again"
-        result = read_json(self.result, remedy)
+        result = read_json(self.result, WRITE_AGAIN)
         keys = ("objectives", "best", "front", "confirmation", "surrogate", "versions")
         if not isinstance(result.get("trials"), list) or any(key not in result for key in keys):
-            raise StorageError(f"{self.result} is damaged; {remedy}")
+            raise StorageError(f"{self.result} is damaged; {WRITE_AGAIN}")
         return result
 
 

@@ -26,6 +26,7 @@ from dogshape.pipeline.progress import SILENT, Progress, Say, WorkCounter
 from dogshape.pipeline.simulate.design import none_passes, which_pass
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import (
+    WRITE_AGAIN,
     ShiftJournal,
     StudyFolder,
     append,
@@ -151,7 +152,7 @@ class Job:
 
     def blocks(self, study: Setup) -> list[Block]:
         """List the even angles of the design at each operating point."""
-        clutch = study.clutch.with_dog(study.dog_with(self.design))
+        clutch = replace(study.clutch, dog=study.dog_with(self.design))
         even, first = self.angles - sum(self.rounds(study)), self.index * len(study.points)
         return [
             even_block(clutch, point, even, (self.seed, place), uncertainty=study.uncertainty)
@@ -317,8 +318,7 @@ def train(folder: StudyFolder, out: Path | None = None, *, say: Say = SILENT.say
     """Fit the surrogate to the shifts of a folder, judge it and write it; InputError for few."""
     study, path = folder.stored_study().working, folder.simulated
     if folder.rows.exists():
-        remedy = "run 'dogshape study' with --resume to write it again"
-        data = with_rows(study, read_json(folder.rows, remedy)["rows"])
+        data = with_rows(study, read_json(folder.rows, WRITE_AGAIN)["rows"])
     else:
         data = simulated_data(study, path, "filling", "best")
     say(f"fitting the surrogate to {len(data)} designs")

@@ -283,10 +283,6 @@ class Clutch:
         accuracy = PLANAR_ACCURACY if engine == "planar" else solver.accuracy
         return replace(self, solver=replace(self.solver, engine=engine, accuracy=accuracy))
 
-    def with_dog(self, dog: Dog) -> Clutch:
-        """Return the same clutch with another dog."""
-        return replace(self, dog=dog)
-
 
 @dataclass(frozen=True)
 class OperatingPoint:

@@ -87,7 +87,7 @@ def test_shift_in_a_browser(
 ) -> None:  # fmt: skip
     """Slider, phase and playing each move the cursor, the views and the numbers shown."""
     page, (mismatch, force, angle, chamfer, webgl) = tmp_path / "shift.html", asked
-    plant = ClutchPlant(clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG)))
+    plant = ClutchPlant(replace(clutch, dog=replace(clutch.dog, chamfer=chamfer * DEG)))
     result = engage(plant, point(mismatch, force), angle * DEG)
     write_animation(result, page)
     # What a screen of 1400 by 900 shows below the browser's own bars: all of the page.

@@ -71,8 +71,8 @@ def test_flat_faces_mirror_by_exchanging_the_flanks(
     dog = replace(clutch.dog, chamfer=0.0)
     swapped = replace(dog, traction=dog.braking, braking=dog.traction)
     for angle in (9, 12, 15):
-        here = engage(ClutchPlant(clutch.with_dog(dog)), point(mismatch, 235.2), angle * DEG)
-        other = ClutchPlant(clutch.with_dog(swapped))
+        here = engage(ClutchPlant(replace(clutch, dog=dog)), point(mismatch, 235.2), angle * DEG)
+        other = ClutchPlant(replace(clutch, dog=swapped))
         there = engage(other, point(-mismatch, 235.2), -angle * DEG)
         assert here.outcome is there.outcome
         if here.shift_time is not None:

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dogshape.pipeline.config.study_file import Setup, load_study
-from dogshape.pipeline.simulate.design import design_of, worth_simulating
+from dogshape.pipeline.config.study_file import Setup, load_study, replace_keys
+from dogshape.pipeline.simulate.design import design_of, which_pass, worth_simulating
 from dogshape.pipeline.simulate.executor import scratch_executor
 from dogshape.pipeline.train import training
 from dogshape.pipeline.train.training import Job, count_of, own_designs, simulated_data
@@ -25,8 +25,9 @@ EIGHT = {"operating.mismatch_rpm": [5.0, 25.0, 100.0, 249.0], "operating.force_N
 def test_designs_fill_the_feasible_space_and_a_band_beyond(small_study: Setup) -> None:
     designs = list(islice(training.filling_designs(small_study, 1), 30))
     assert designs[:12] == list(islice(training.filling_designs(small_study, 1), 12))
-    inside = [worth_simulating(small_study, design) for design in designs]
-    assert inside == [index % 3 != 2 for index in range(30)]
+    assert [worth_simulating(small_study, one) for one in designs] == [True, True, False] * 10
+    worst = replace_keys(small_study, {"search.limits.smallest_margin_worst": 0.0})
+    assert not which_pass(worst, designs[2::3]).any()  # also where none is left for that limit
     for design in designs[2::3]:
         checks = design_of(small_study, design).checks
         assert -training.SLACK <= min(check.margin for check in checks) < 0.0
@@ -94,9 +95,8 @@ def test_no_more_designs_than_are_worth_asking_and_no_fewer_than_a_fit_needs() -
     many = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": 10**7})
     assert count_of(many) == training.MOST_DESIGNS
     for shifts in (1, 15 * 128 - 1):
-        few = load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": shifts})
         with pytest.raises(InputError, match=rf"mix_shifts = {shifts} .* give 1920 or more"):
-            count_of(few)
+            count_of(load_study("mq200_paper", {**ONE, "surrogate.mix_shifts": shifts}))
 
 
 def test_designs_are_simulated_once_and_rows_are_the_mean_over_the_pitch(tmp_path: Path) -> None:

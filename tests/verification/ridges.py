@@ -168,7 +168,7 @@ def ridges_of(clutch: Clutch) -> Ridges:
 
 def rounded(clutch: Clutch, radius: float) -> Clutch:
     """Return a clutch with edges of another radius, m."""
-    return clutch.with_dog(replace(clutch.dog, edge_radius=radius))
+    return replace(clutch, dog=replace(clutch.dog, edge_radius=radius))
 
 
 def share_held(

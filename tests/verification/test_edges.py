@@ -100,7 +100,7 @@ def test_two_ridges_press_as_cylinders_on_a_bed(clutch: Clutch) -> None:
     """
     radius, short = 0.3 * MM, 0.1 * MM
     dog = replace(clutch.dog, outer_diameter=48 * MM + short, inner_diameter=48 * MM - short)
-    own = rounded(clutch.with_dog(dog), radius)
+    own = rounded(replace(clutch, dog=dog), radius)
     for depth in (5e-6, 10e-6):
         half = math.sqrt(2.0 * (0.5 * radius) * depth)
         peak = own.contact.stiffness * depth
@@ -145,7 +145,7 @@ def test_shifts_hang_over_the_window_of_the_closed_form(
     """
     firm = replace(clutch.contact, stiction_velocity=2e-5)
     dog = replace(dog_of(clutch.dog, DESIGNS[name]), edge_radius=0.3 * MM)
-    own, here = replace(clutch.with_dog(dog), contact=firm), point(0.0, 235.2)
+    own, here = replace(replace(clutch, dog=dog), contact=firm), point(0.0, 235.2)
     ridges, each = ridges_of(own), 235.2 / dog.count
     over, friction = WIDER * ridges.stiff_window(0.1), firm.dynamic_friction
     hung, _ = share_held(own, here, over, 24)
@@ -211,7 +211,7 @@ def test_nothing_pushes_across_the_axis_where_crests_cross(chamfer: float, tract
 
 def test_crests_that_cross_hang_where_the_chamfer_would_slide(clutch: Clutch, point: Point) -> None:
     """Depth and place as the closed form has them; beside the crossing the faces slide."""
-    lean = clutch.with_dog(dog_of(clutch.dog, DESIGNS["lean"]))
+    lean = replace(clutch, dog=dog_of(clutch.dog, DESIGNS["lean"]))
     assert math.tan(lean.dog.chamfer) > 1.5 * lean.contact.static_friction
     crests = crests_of(lean)
     hung = _landed(lean, point(0.0, 235.2), 0.4 * crests.width)

@@ -27,7 +27,7 @@ STEP = 1e-4  #: s, rise of a force that is as good as constant from half of it o
 
 def _far(clutch: Clutch, time: float, **mechanism: float) -> Clutch:
     """Return a clutch with a mechanism whose dogs stand far apart, for ``time`` s."""
-    far = clutch.with_dog(replace(clutch.dog, axial_gap=90e-3))
+    far = replace(clutch, dog=replace(clutch.dog, axial_gap=90e-3))
     return replace(far, timeout=time, mechanism=Mechanism(**mechanism))
 
 
@@ -137,7 +137,7 @@ def test_a_seated_ring_is_held_by_the_peak_force() -> None:
 
 def test_the_actuator_runs_ahead_by_force_over_stiffness(clutch: Clutch, point: Point) -> None:
     """Dog on dog, held by friction: the ring stands, and the sensor at the actuator does not."""
-    low = clutch.with_dog(replace(clutch.dog, chamfer=4.5 * DEG))
+    low = replace(clutch, dog=replace(clutch.dog, chamfer=4.5 * DEG))
     held = replace(low, mechanism=Mechanism(compliance=4e-6))
     result = engage(ClutchPlant(held), OperatingPoint(0.0, point(5, 641.5).profile), 0.0)
     assert result.outcome is Outcome.BLOCKED

@@ -38,7 +38,7 @@ from tests.conftest import Point
 def test_peak_pressure_of_flat_faces(clutch: Clutch, point: Point, force: float) -> None:
     """Faces without chamfer meet flat: Hunt and Crossley's force on the ring's mass alone."""
     dog = replace(clutch.dog, chamfer=0.0, inner_diameter=48e-3)
-    flat = clutch.with_dog(dog)
+    flat = replace(clutch, dog=dog)
     operating = point(1.0, force)
     result = engage(ClutchPlant(flat), operating, 0.0)
     profile, contact, mass = operating.profile, clutch.contact, clutch.rings.mass

@@ -90,7 +90,7 @@ def test_chamfer_releases_above_the_friction_angle(
     clutch: Clutch, point: Point, chamfer: float, outcome: Outcome
 ) -> None:
     """Dog on dog at rest: dynamic friction 0.10 is 5.7 deg."""
-    flat = clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG))
+    flat = replace(clutch, dog=replace(clutch.dog, chamfer=chamfer * DEG))
     result = engage(ClutchPlant(flat), OperatingPoint(0.0, point(5, 641.5).profile), 0.0)
     assert result.outcome is outcome
     if outcome is Outcome.BLOCKED:
@@ -164,7 +164,7 @@ def test_a_flank_that_throws_a_dog_onto_the_next_face_makes_a_new_contact(
 def test_sliding_to_the_time_out_is_not_blocked(clutch: Clutch, point: Point) -> None:
     """A chamfer hardly steeper than friction: the faces slide at 30 mm/s when time is up."""
     dog = dog_of(clutch.dog, (6.007, 20.525, 13.26, 2.5423, 11))
-    hasty = replace(clutch.with_dog(dog), timeout=0.2)
+    hasty = replace(replace(clutch, dog=dog), timeout=0.2)
     result = _shift(ClutchPlant(hasty), point(10, 235.2), 18)
     assert result.outcome is Outcome.TIMED_OUT
     assert abs(result.trace.relative_speed[-1]) * dog.mean_radius > 1e-3

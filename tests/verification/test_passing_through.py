@@ -30,7 +30,7 @@ _DOG = Dog(31, 10.63 * DEG, 6.89 * DEG, 24.5 * DEG, 2.485e-3, 52e-3, 44e-3, 1e-3
 
 
 def _depth(dog: Dog, displacement: float, pitches: float) -> float:
-    numbers = _fine().with_dog(dog).numbers
+    numbers = replace(_fine(), dog=dog).numbers
     return kernel.penetration(
         displacement, pitches * dog.pitch_angle, section_planes(dog), numbers
     )  # fmt: skip

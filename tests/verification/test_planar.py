@@ -49,7 +49,7 @@ def test_forces_of_single_states_are_those_of_drake(clutch: Clutch, name: str) -
     # Farther from flank to flank than from the middle to an end.
     own["wide"] = Dog(6, 2 * DEG, 4 * DEG, 5 * DEG, 1.6e-3, 52e-3, 44e-3, 1e-3, edge_radius=3e-4)
     dog = shaped(clutch.dog, name, ALL) if name in ALL else own[name]
-    plant, mine = ClutchPlant(clutch.with_dog(dog)), PlanarClutch(clutch.with_dog(dog))
+    plant, mine = ClutchPlant(replace(clutch, dog=dog)), PlanarClutch(replace(clutch, dog=dog))
     plant.start(OperatingPoint(1.0, ForceProfile(469.0, 0.1766)), 0.1)
     carriage = plant.plant.GetBodyByName("carriage").model_instance()
     port = plant.plant.get_generalized_contact_forces_output_port(carriage)
@@ -120,7 +120,7 @@ def test_falling_friction_follows_fine_steps_of_drake(clutch: Clutch, point: Poi
 
 def test_a_creep_takes_long_steps_and_goes_as_far_as_in_drake(clutch: Clutch, point: Point) -> None:
     """Nearly flat faces with the published friction; Drake's explicit scheme takes 20,000 steps."""
-    flat = clutch.with_dog(replace(clutch.dog, chamfer=1 * DEG, count=8))
+    flat = replace(clutch, dog=replace(clutch.dog, chamfer=1 * DEG, count=8))
     own = replace(flat, contact=contact_set("adams2019"), timeout=0.3)
     ends = []
     for one in (own.with_engine("planar"), own):
@@ -158,7 +158,7 @@ def test_every_mechanism_follows_drake(clutch: Clutch, point: Point, mechanism: 
 
 
 def _clutch(clutch: Clutch, name: str, radius: float = 0.0) -> Clutch:
-    return clutch.with_dog(replace(shaped(clutch.dog, name, ALL), edge_radius=radius))
+    return replace(clutch, dog=replace(shaped(clutch.dog, name, ALL), edge_radius=radius))
 
 
 @pytest.mark.parametrize("radius", [0.0, 5e-5])
@@ -184,7 +184,7 @@ def test_the_mirror_image_shifts_alike_at_the_other_sign(
 ) -> None:
     """Opposite mismatch and angle; a symmetric roof is its own mirror image."""
     here = _clutch(clutch, name).with_engine(engine).refined()
-    there = here.with_dog(mirrored(here.dog))
+    there = replace(here, dog=mirrored(here.dog))
     for rpm, share in ((25.0, 0.55), (-100.0, 0.3)):
         angle = share * here.dog.pitch_angle
         one = engage(here, point(rpm, 469.0), angle)
@@ -238,7 +238,7 @@ def test_flanks_lie_on_each_other_once_the_play_is_turned(clutch: Clutch, angle:
     found = []
     for backlash in (1.2, 2.4, 4.0):
         own = {"count": 6, "traction": angle * DEG, "backlash": backlash * MM}
-        plant = PlanarClutch(clutch.with_dog(replace(clutch.dog, chamfer=0.0, **own)))
+        plant = PlanarClutch(replace(clutch, dog=replace(clutch.dog, chamfer=0.0, **own)))
         dog = plant.clutch.dog
         closed = 0.5 * (dog.pitch_angle + dog.backlash_angle)
         found.append(force_of(plant, closed + 30e-6 / dog.mean_radius, 0.0, 0.0, 0.0))

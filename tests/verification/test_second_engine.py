@@ -59,7 +59,7 @@ def pairs(clutch: Clutch) -> dict[tuple[int, int], Agreement]:
     """Both engines for every design and operating point."""
     found = {}
     for row, design in enumerate(DESIGNS):
-        shaped = clutch.with_dog(dog_of(clutch.dog, design))
+        shaped = replace(clutch, dog=dog_of(clutch.dog, design))
         for index, (mismatch, force) in enumerate(POINTS):
             found[row, index] = _pair(shaped, _point(mismatch, force), index)
     return found
@@ -118,7 +118,7 @@ def test_ridge_backlash_and_undercut_agree(clutch: Clutch, name: str) -> None:
     As for the prototype's shape; two angles of 18 may flip. Found: medians up to 1.0 %, means -1.0
     to 1.6 %, three flips in all 126 shifts, beside blocked shifts in both.
     """
-    own, pairs = clutch.with_dog(shaped(clutch.dog, name, FORMS)), []
+    own, pairs = replace(clutch, dog=shaped(clutch.dog, name, FORMS)), []
     for index, (mismatch, force) in enumerate(((50.0, 469.0), (-50.0, 469.0), (10.0, 235.2))):
         point, angles = _point(mismatch, force), even_phases(ANGLES, 1, index) * own.dog.pitch_angle
         compiled = measure_compiled(own.with_engine("planar").refined(), point, angles)
@@ -219,7 +219,7 @@ def test_chamfer_releases_above_the_friction_angle(
     clutch: Clutch, point: Point, chamfer: float, engages: bool
 ) -> None:
     """Native Coulomb friction: dog on dog at rest, 0.10 is 5.7 deg, as in Drake."""
-    flat = clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG))
+    flat = replace(clutch, dog=replace(clutch.dog, chamfer=chamfer * DEG))
     still = OperatingPoint(0.0, point(5.0, 641.5).profile)
     assert (SecondEngine(flat).engage(still, 0.0).time is not None) is engages
 

@@ -176,7 +176,7 @@ def test_dogs_that_wait_for_the_rest_to_cross_its_play_are_not_blocked_yet() -> 
     """Friction holds faces on faces, but the rest still turns towards the end of its play."""
     study = load_study("mq200_paper")
     clutch = _clutch(replace(PLAY, backlash=20.0 * DEG, drag_torque=0.01))
-    flat = clutch.with_dog(replace(clutch.dog, chamfer=1.0 * DEG))
+    flat = replace(clutch, dog=replace(clutch.dog, chamfer=1.0 * DEG))
     point = OperatingPoint(10.0 * RPM, study.actuation.profile(641.5))
     held = engage(flat, point, 0.0)
     assert held.outcome is Outcome.BLOCKED
@@ -240,7 +240,7 @@ def test_mismatch_that_a_strike_takes_before_the_flanks_close_counts(
     clutch: Clutch, point: Point
 ) -> None:
     """One strike takes nearly all of 249 1/min and throws the ring back; then it creeps in."""
-    hard = clutch.with_dog(dog_of(clutch.dog, CHOSEN))
+    hard = replace(clutch, dog=dog_of(clutch.dog, CHOSEN))
     result = engage(hard, point(249, 469.0), 0.55 * hard.dog.pitch_angle)
     peak = torque_peak(hard, result.trace, STIFFNESS)
     all_of_it = 249 * RPM * math.sqrt(STIFFNESS * hard.rings.reduced_inertia)

@@ -26,7 +26,7 @@ SLOW = SetPoint(amplitude=2.0, period=0.5, start=0.1)  #: swings by 1/pi rad
 @pytest.fixture
 def flat(clutch: Clutch) -> Clutch:
     """The prototype without chamfer, in the compiled engine."""
-    return clutch.with_dog(replace(clutch.dog, chamfer=0.0)).with_engine("planar")
+    return replace(clutch, dog=replace(clutch.dog, chamfer=0.0)).with_engine("planar")
 
 
 def _slow(mismatch_rpm: float) -> OperatingPoint:

@@ -74,7 +74,7 @@ def _share(clutch: Clutch) -> float:
 @pytest.mark.parametrize("contact", [ADAMS, DRY], ids=["adams2019", "dry"])
 def test_flat_faces_press_the_spline_by_coulombs_law(clutch: Clutch, contact: ContactSet) -> None:
     """Closed form: |T| = mu F r; mu is static in a creep's limit, dynamic far beyond the fall."""
-    flat = _with(clutch.with_dog(replace(clutch.dog, chamfer=0.0)), contact)
+    flat = _with(replace(clutch, dog=replace(clutch.dog, chamfer=0.0)), contact)
     dog, spline = flat.dog, _Spline(flat)
     slow, still = 0.05 * contact.stiction_velocity, 1e-6 * contact.stiction_velocity
     for slip, coefficient in (
@@ -95,7 +95,7 @@ def test_both_engines_press_the_spline_alike(
     clutch: Clutch, contact: ContactSet, chamfer: float
 ) -> None:
     """Ten random states in touch, faces and flanks, about and beyond the fall of the friction."""
-    own = _with(clutch.with_dog(replace(clutch.dog, chamfer=chamfer * DEG)), contact)
+    own = _with(replace(clutch, dog=replace(clutch.dog, chamfer=chamfer * DEG)), contact)
     spline, mine, dog = _Spline(own), PlanarClutch(own.with_engine("planar")), own.dog
     rng, work, seen = np.random.default_rng(4), kernel.workspace(3), 0
     scale = 0.003 * contact.stiffness * dog.radial_width**2 * 1e-5 * dog.mean_radius
@@ -121,7 +121,7 @@ def test_a_shift_with_a_loaded_spline_follows_the_compiled_engine(
         clutch.dog, chamfer=16.47 * DEG, traction=21.73 * DEG, braking=15.85 * DEG,
         height=4.192e-3, count=21,
     )  # fmt: skip
-    own = _with(clutch.with_dog(dog), ADAMS, replace(SPLINE, spline_friction=0.05))
+    own = _with(replace(clutch, dog=dog), ADAMS, replace(SPLINE, spline_friction=0.05))
     here = replace(point(149, 469.0), profile=ForceProfile(469.0, 0.15))
     compiled = engage(own.with_engine("planar"), here, 9.525 * DEG).shift_time
     drake = engage(own, here, 9.525 * DEG).shift_time
