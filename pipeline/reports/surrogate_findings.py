@@ -21,13 +21,13 @@ from dogshape.pipeline.progress import Say
 from dogshape.pipeline.record import Table
 from dogshape.pipeline.reports.designs import Row
 from dogshape.pipeline.reports.text import check_name, in_ms
-from dogshape.pipeline.simulate.design import WORST, Design, dogs_of, limits_of
+from dogshape.pipeline.simulate.design import WORST, check_dog, dogs_of, limits_of
 from dogshape.pipeline.store.folder import StudyFolder, read_json, write_json
 from dogshape.pipeline.train.training import filling_designs
 from dogshape.sim.errors import DogshapeError, StorageError
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.strength.checks import RULES, Check
-from dogshape.sim.strength.dog_strength import margin_losses, strength_checks
+from dogshape.sim.strength.dog_strength import margin_losses
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import Surrogate
 from dogshape.surrogate.query import in_range, require_same_physics
@@ -162,10 +162,8 @@ def prices_table(rows: list[Row]) -> Table:
 
 def _checks(study: Setup, dog: Dog) -> tuple[Check, ...]:
     """Work out the checks of a dog, or of ``Dogs``, that need no simulation, but for the worst."""
-    bare = Design({}, dog, strength_checks(dog, study.limits), "")
-    own = ((o.rule, o.exact, end) for o, end in limits_of(study) if o.name != WORST)
-    checks = (Check(rule, exact(study, bare, dog), end) for rule, exact, end in own if exact)
-    return (*bare.checks, *checks)
+    limits = [(one, limit) for one, limit in limits_of(study) if one.name != WORST]
+    return check_dog(study, {}, dog, limits, {}).checks
 
 
 def _margins(study: Setup, designs: Array) -> tuple[Array, Array]:

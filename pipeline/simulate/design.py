@@ -112,7 +112,7 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
     except GeometryError as error:
         return Design(params, None, (), str(error))
     known = {} if measured is None else measured.limited
-    design = _checked(study, params, dog, limits_of(study), known)
+    design = check_dog(study, params, dog, limits_of(study), known)
     if measured is None:
         return design
     engaged = Check(ENGAGEMENT, measured.engaged, LEAST_ENGAGED)
@@ -120,7 +120,7 @@ def design_of(study: Setup, params: dict[str, float], measured: Measured | None 
     return replace(design, checks=(*design.checks, *landed, engaged))
 
 
-def _checked(
+def check_dog(
     study: Setup, params: dict[str, float], dog: Dog, limits: Bounds, known: Mapping[str, float]
 ) -> Design:
     """Check a dog, or ``Dogs``, before landings; limits on values not known are left out."""
@@ -161,7 +161,7 @@ def which_pass(study: Setup, designs: Sequence[dict[str, float]]) -> Mask:
         passed = np.ones(len(x), dtype=bool) & dogs_of(study, names, x).possible
         for limits in ([], limits_of(study)):  # margins within tolerances take longest
             if passed.any():
-                one = _checked(study, {}, dogs_of(study, names, x[passed]), limits, {})
+                one = check_dog(study, {}, dogs_of(study, names, x[passed]), limits, {})
                 passed[passed] = reduce(and_, (check.passed for check in one.checks))
     return passed
 
