@@ -27,7 +27,7 @@ from dogshape.pipeline.simulate.evaluation import STAGES, failures, life_of
 from dogshape.pipeline.simulate.executor import Executor, connect
 from dogshape.pipeline.store.folder import ShiftJournal, StudyFolder, write_json
 from dogshape.pipeline.store.result_records import EngineAgreement
-from dogshape.pipeline.store.trial_storage import address_of, kept
+from dogshape.pipeline.store.trial_storage import kept, open_storage
 from dogshape.pipeline.train.training import train
 from dogshape.pipeline.train.training_rows import study_mix
 from dogshape.sim.errors import EngineError, GeometryError, InputError
@@ -63,7 +63,7 @@ def run_study(study: Setup, how: Run) -> Record:
     require_variables(study)
     folder, say = how.folder, how.progress.say
     if how.storage is not None:
-        address_of(how.storage)  # refused before anything is written
+        open_storage(folder, how.storage)  # refused before anything is written
     connect(how.cluster)
     with writing(folder.root):
         folder.open(study, how.resume)
