@@ -165,6 +165,7 @@ study LIMIT.expected_shift_time_s=-0.06 | every expected shift time is above 0;
 study LIMIT.smallest_margin_worst=10 | is above 1;
 study LIMIT.impact_impulse_Ns=nan | it must be finite
 study mq200_paper --out x --storage sqlite:////no/d.db | but a study is kept in postgresql+psycopg
+study mq200_paper --out x --storage postgresql://u@127.0.0.1:1/d | cannot be opened
 fit results/mq200_paper | there is no study at results/mq200_paper
 report nowhere | there is no study.json in nowhere
 validate nowhere | there is no data set at nowhere
