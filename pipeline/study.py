@@ -66,9 +66,16 @@ def run_study(study: Setup, how: Run) -> Record:
         open_storage(folder, how.storage)  # refused before anything is written
     connect(how.cluster)
     with writing(folder.root):
+        new = not folder.manifest.exists()
         folder.open(study, how.resume)
         with kept(how.storage, folder):
-            result = _searched(open_search(study.working, folder, how.storage, how.resume), how)
+            try:
+                search = open_search(study.working, folder, how.storage, how.resume)
+            except InputError:
+                if new:  # another study may start there
+                    folder.manifest.unlink()
+                raise
+            result = _searched(search, how)
         if result["n_simulated_designs"] >= MIN_DESIGNS:
             _learn(study, folder, result, say)
         else:

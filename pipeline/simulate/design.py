@@ -351,11 +351,11 @@ def none_passes(study: Setup, drawn: int) -> str:
     nearest, margins = max(made, key=lambda one: min(one[1].values()))
     name = min(margins, key=lambda one: margins[one])
     at = ", ".join(f"{key} {value:.4g}" for key, value in nearest.params.items())
-    key = next(check.rule.key for check in nearest.checks if check.name == name)
+    remedy = next(check.remedy for check in nearest.checks if check.name == name)
     return (
         f"{whose} passes every check{worst}. Of those that fill the ranges "
         f"{failing_words([margins for _, margins in made])}. Nearest is {at}: {_words(name)} fails "
-        f"by {100.0 * -margins[name]:.3g} %. Widen [variables], or change {key}"
+        f"by {100.0 * -margins[name]:.3g} %. Widen [variables], or {remedy}"
     )
 
 

@@ -202,6 +202,14 @@ def test_wrong_options_are_one_sentence(program: Call, command: str, words: str)
     assert said.out == ""
 
 
+def test_a_study_without_a_feasible_design_leaves_its_folder_to_the_mended_one(
+    dogshape: Call,
+) -> None:
+    hopeless = ("--set", "manufacturing.tip_width_mm=12", "--out", "x")
+    assert "or use fewer or lower dogs" in dogshape("study", "mq200_paper", *hopeless).sentence
+    assert not (Path("x") / "study.json").exists()
+
+
 def test_version_and_status_through_the_entry_point() -> None:
     version = subprocess.run(command_of("--version"), capture_output=True, text=True, check=True)
     assert re.fullmatch(r"dogshape \d+\.\d+\.\d+, drake \S+", version.stdout.strip())
