@@ -64,8 +64,7 @@ class Setting:
             if name not in valid:
                 hint = did_you_mean(name, valid)
                 every = "" if hint.startswith("valid") else f" Valid are {', '.join(valid)}"
-                said = f"with_{part} has no field '{name}'; {hint}{every}, in SI units"
-                raise EffectError(said)
+                raise EffectError(f"with_{part} has no field '{name}'; {hint}{every}, in SI units")
         new = replace(whole, **{part: replace(old, **fields)})
         return new if whole is self else replace(self, clutch=new)
 
@@ -83,5 +82,4 @@ def angle_weights(
     Concentration and centre are numbers or (..., 1).
     """
     raw = np.exp(concentration * (np.cos(2.0 * np.pi * (turns - centre)) - 1.0))
-    weights: Weights = raw / raw.mean(axis=-1, keepdims=True)
-    return weights
+    return raw / raw.mean(axis=-1, keepdims=True)

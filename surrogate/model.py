@@ -328,9 +328,7 @@ def interval(time: Array, error: Array) -> tuple[Array, Array]:
     """Return the 95 % interval of positive times with their standard errors, each (m,), s."""
     relative = np.sqrt(np.log1p((error / time) ** 2))
     centre = np.log(time) - 0.5 * relative**2
-    low: Array = np.exp(centre - 1.96 * relative)
-    high: Array = np.exp(centre + 1.96 * relative)
-    return low, high
+    return np.exp(centre - 1.96 * relative), np.exp(centre + 1.96 * relative)
 
 
 def _alike(a: Array, b: Array) -> Array:

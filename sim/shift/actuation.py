@@ -40,8 +40,7 @@ SMALLEST_LAG = 1e-5  #: s
 def cubic_step(share: Times, full: Times | float) -> Times:
     """Return ``full`` (3 s^2 - 2 s^3) with s the ``share``, held at 0 and 1; numbers or (n,)."""
     s = np.clip(share, 0.0, 1.0)
-    step: Times = full * s * s * (3.0 - 2.0 * s)
-    return step
+    return full * s * s * (3.0 - 2.0 * s)
 
 
 @dataclass(frozen=True)
@@ -84,8 +83,7 @@ class ForceProfile:
         free = 6.0 * lag**2 * (1.0 + 2.0 * lag) * np.exp(-s / lag)
         rising = self.net_force * (3.0 * square - 2.0 * cube - free)
         beyond = np.maximum(0.0, time - self.rise) / self.lag
-        whole: Times = self.net_force - (self.net_force - rising) * np.exp(-beyond)
-        return whole
+        return self.net_force - (self.net_force - rising) * np.exp(-beyond)
 
     @cached_property
     def knots(self) -> Series:

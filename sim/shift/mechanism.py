@@ -57,8 +57,7 @@ class Shaft:
 
     def torque(self, lead: Number, rate: Number) -> Number:
         """Return the torque in N m on the ring; ``lead`` of the rest in rad and its rate."""
-        half = 0.5 * self.backlash
-        law = self.stiffness, self.damping
+        law, half = (self.stiffness, self.damping), 0.5 * self.backlash
         return spring_force(lead, rate, law, (-half, half), DEEP_TWIST)
 
 
@@ -184,8 +183,7 @@ class Mechanism:
     def _climb(self, way: Number) -> Number:
         """Return the force in N of the climb onto the detent, ``way`` in m from its peak."""
         bump = positive(1.0 - (2.0 * way / self.detent_width) ** 2)
-        force: Number = self.detent * bump * bump
-        return force
+        return self.detent * bump * bump
 
     def drag(self, speed: Number) -> Number:
         """Return the torque in N m that holds a ring turning at ``speed`` in rad/s."""
@@ -204,14 +202,12 @@ class Mechanism:
 
 def positive(value: Number) -> Number:
     """Return the value where it is positive, else 0."""
-    whole: Number = 0.5 * (value + abs(value))
-    return whole
+    return 0.5 * (value + abs(value))
 
 
 def smooth_sign(value: Number, small: float) -> Number:
     """Return the sign of a value, smooth below ``small``."""
-    sign: Number = value / (value * value + small * small) ** 0.5
-    return sign
+    return value / (value * value + small * small) ** 0.5
 
 
 NOTHING = Mechanism()  #: no mechanism at all

@@ -262,8 +262,7 @@ class ClutchPlant:
 
     def state(self) -> NDArray[np.float64]:
         """Return the state as ``sim.shift.conclusion.Run`` has it, (12,)."""
-        state: NDArray[np.float64] = self.plant.GetPositionsAndVelocities(self.plant_context)
-        return state[self.order]
+        return self.plant.GetPositionsAndVelocities(self.plant_context)[self.order]
 
     def _add_apart(
         self, name: str, mass: float, shape: Any, joint_type: Any, actuator: str

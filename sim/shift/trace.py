@@ -97,8 +97,7 @@ def crests_cross(clutch: Clutch, relative_angle: Series, displacement: Series) -
     beyond = 0.5 * crossing * dog.radial_width + 2.0 * radius * slope
     overlap = kernel.face_overlap(relative_angle, clutch.numbers)
     depth = displacement - dog.axial_gap - 2.0 * crest_loss(dog, radius)
-    flags: Flags = (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - back) <= beyond)
-    return flags
+    return (np.abs(depth) < CREST_DEPTH) & (np.abs(overlap - back) <= beyond)
 
 
 @dataclass(frozen=True)

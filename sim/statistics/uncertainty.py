@@ -126,8 +126,7 @@ class Distribution(Section):
         """Return the values below which so large ``shares`` of the distribution lie, (n,)."""
         curve = _curve(self)
         low, high = curve.cdf(self.bounds)
-        values: Values = curve.ppf(low + shares * (high - low))
-        return np.clip(values, *self.bounds)
+        return np.clip(curve.ppf(low + shares * (high - low)), *self.bounds)
 
 
 @lru_cache(maxsize=16)  # scipy takes a millisecond to make one
