@@ -41,6 +41,7 @@ from dogshape.pipeline.store.folder import StudyFolder, default_out
 from dogshape.pipeline.train.training_rows import own_surrogate
 from dogshape.running import receiver
 from dogshape.sim.errors import DogshapeError, InputError
+from dogshape.sim.texts import is_plain
 from dogshape.sim.units import MM, RPM
 from dogshape.sim.versions import bundled_root
 from dogshape.study import Study
@@ -161,11 +162,10 @@ def _numbers(config: Setup) -> list[Number]:
 
 def _number(key: str, texts: Texts) -> float:
     """Read a number that is no key of the study file."""
-    try:
-        return float(texts[key])
-    except ValueError as error:
+    if not is_plain(texts[key]):
         rule = "it must be a number; write the number alone"
-        raise InputError(f"{key} is '{texts[key]}', but {rule}") from error
+        raise InputError(f"{key} is '{texts[key]}', but {rule}")
+    return float(texts[key])
 
 
 def _point(texts: Texts, where: str) -> Row:
@@ -235,10 +235,7 @@ def _connect_fields(app: Dash, desk: Desk) -> None:
     def move_together(text: str, place: float) -> tuple[Any, Any]:
         if ctx.triggered_id["kind"] == "slider":
             return f"{place:.6g}", no_update
-        try:
-            return no_update, float(text)
-        except ValueError:
-            return no_update, no_update
+        return no_update, float(text) if is_plain(text) else no_update
 
     @app.callback(
         Output({"number": ALL, "kind": "field"}, "value", allow_duplicate=True),

@@ -27,7 +27,7 @@ from dogshape.sim.files import write_frame
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.strength.dog_strength import strength_checks
 from dogshape.sim.strength.manufacture import MAKEABLE
-from dogshape.sim.texts import TextTable, file_of, listed, read_table
+from dogshape.sim.texts import TextTable, file_of, is_plain, listed, read_table
 from dogshape.surrogate.covariance import Array
 from dogshape.surrogate.model import interval
 from dogshape.surrogate.query import HOLDS, faces_hold, in_range, require_same_physics
@@ -270,7 +270,7 @@ def _designs(table: TextTable, variables: tuple[str, ...], own: Mapping[str, flo
             x[:, place] = own[name]
             continue
         texts = table.column(name)
-        x[:, place] = found = [_number(text) for text in texts]
+        x[:, place] = found = [float(text) if is_plain(text) else np.nan for text in texts]
         wrong = ~np.isfinite(found)
         if name == "count":
             wrong |= np.mod(found, 1.0) != 0.0
@@ -285,11 +285,3 @@ def _designs(table: TextTable, variables: tuple[str, ...], own: Mapping[str, flo
         more = [f"and {left} more cells"] if left > 0 else []
         raise InputError(listed(str(table.path), [*wrong_cells[:MAX_LISTED], *more]))
     return x
-
-
-def _number(text: str) -> float:
-    """Read a number; NaN where a text is none."""
-    try:
-        return float(text)
-    except ValueError:
-        return np.nan

@@ -19,8 +19,7 @@ Value = TypeVar("Value", float, str)
 
 def _elementwise(one: Callable[[float], float], many: Any) -> Callable[[float], float]:
     def applied(x: float) -> float:
-        found: float = many(x) if isinstance(x, ARRAY) else one(x)
-        return found
+        return many(x) if isinstance(x, ARRAY) else one(x)
 
     return applied
 
@@ -50,8 +49,7 @@ def smallest(*values: float) -> float:
 def where(condition: bool, one: Value, other: Value) -> Value:
     """Select ``one`` where a condition holds, else ``other``."""
     if isinstance(condition, ARRAY):
-        found: Any = np.where(condition, one, other)
-        return found
+        return np.where(condition, one, other)  # type: ignore[return-value]
     return one if condition else other
 
 

@@ -45,8 +45,7 @@ def dog_corners(dog: Dog, root_radius: float) -> tuple[Corner, ...]:
     planes = dog_planes(dog)
     floor = Plane(np.array([0.0, 0.0, 1.0]), -0.5 * dog.height)
     sides = [planes[name] for name in ("braking", "face", "back", "traction") if name in planes]
-    tip = tip_radius(dog, root_radius)
-    radii = (-root_radius, *(len(sides) - 1) * [tip], -root_radius)
+    radii = (-root_radius, *(len(sides) - 1) * [tip_radius(dog, root_radius)], -root_radius)
     return tuple(
         corner_of(first, last, radius)
         for (first, last), radius in zip(pairwise([floor, *sides, floor]), radii, strict=True)

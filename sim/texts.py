@@ -65,6 +65,15 @@ class TextTable:
             raise DataError(listed(f"{self.path}, row 1", faults))
 
 
+def is_plain(text: str) -> bool:
+    """Test that a text is a number as programs write it."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
 def listed(where: str, faults: Iterable[str]) -> str:
     """Return one fault behind its place, or several below it, a line each."""
     faults = list(faults)

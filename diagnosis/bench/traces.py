@@ -38,7 +38,7 @@ from scipy.ndimage import median_filter
 from dogshape.diagnosis.bench.foreign_table import unit_named
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.errors import DataError, InputError, did_you_mean, number, number_rule
-from dogshape.sim.texts import read_table
+from dogshape.sim.texts import is_plain, read_table
 from dogshape.sim.units import to_si
 
 Series = NDArray[np.float64]
@@ -295,15 +295,6 @@ def bad_cell(path: Path, row: int, place: str, value: object, rule: str) -> Data
     return DataError(
         f"{path}, row {row}, {place} is '{value}', but it must be {rule}; correct the cell"
     )
-
-
-def is_plain(text: str) -> bool:
-    """Test that a text is a number as programs write it."""
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _read_csv(path: Path) -> dict[str, Channel]:

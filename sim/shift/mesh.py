@@ -56,8 +56,7 @@ def flank_line(dog: Dog, side: int) -> tuple[Vertices, Vertices]:
     """
     quarter = 0.25 * (dog.pitch_angle - dog.backlash_angle)
     along = np.array([math.cos(quarter), side * math.sin(quarter), 0.0])
-    across = np.array([-math.sin(quarter), side * math.cos(quarter), 0.0])
-    return along, across
+    return along, np.array([-math.sin(quarter), side * math.cos(quarter), 0.0])
 
 
 def ridge_line(dog: Dog) -> tuple[Vertices, Vertices]:
