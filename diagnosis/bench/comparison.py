@@ -101,8 +101,7 @@ def compare(
     """
     asked = angles or bench.relative_angles or ANGLES
     even, points = isinstance(asked, int), [cell.point for cell in bench.cells]
-    blocks = (even_blocks(bench.clutch, points, asked, seed=1) if isinstance(asked, int)
-              else [Block(bench.clutch, point, asked) for point in points])  # fmt: skip
+    blocks = even_blocks(bench.clutch, points, asked, seed=1)
     rows = run(blocks)
     added = _input_errors(bench, blocks, run) if bench.errors else [0.0] * len(blocks)
     found = []

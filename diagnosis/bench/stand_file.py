@@ -200,9 +200,7 @@ def load_stand(path: Path) -> Stand:
             fault += f"{path.parent}' makes a data set of measured times"
         raise DataError(fault) from error
     except OSError as error:
-        raise DataError(
-            f"{path} cannot be read: {error.strerror}; check path and rights"
-        ) from error
+        raise DataError(f"{path} cannot be read: {error.strerror}; check path and rights") from None
     if "mismatch_sense" in data:  # where earlier versions had record.sense
         data["record"] = {"sense": data.pop("mismatch_sense"), **data.get("record", {})}
     file = validate(_BenchFile, data, str(path))

@@ -63,11 +63,7 @@ class _Verbs(TyperGroup):
         raise typer.Exit(status)
 
 
-app = typer.Typer(
-    cls=_Verbs,
-    name="dogshape",
-    **PLAIN,
-)
+app = typer.Typer(cls=_Verbs, name="dogshape", **PLAIN)
 app.add_typer(init.init)
 for _name, _verb in VERBS.items():
     app.command(_name)(_verb)

@@ -156,12 +156,8 @@ def run_block(block: Block) -> Iterator[Record]:
         if variant is not None:
             clutch, point = variant.clutch(clutch), variant.point(point)
         result = engage(clutch, point, angle)
-        record = {
-            "key": key,
-            **given,
-            "outcome": result.outcome.value,
-            "shift_time_s": result.shift_time,
-        }
+        record = {"key": key, **given, "outcome": result.outcome.value}
+        record["shift_time_s"] = result.shift_time
         if clutch.mechanism.has_linkage:
             record["actuator_time_s"] = result.actuator_time
         record |= events_record(result) | loads_record(result)
