@@ -336,8 +336,7 @@ def _impact(c, s, distance, turn, speed, surfaces, law, work):
     vx, vy, vz = vx - closing * nx, vy - closing * ny, vz - closing * nz
     slip = math.sqrt(vx * vx + vy * vy + vz * vz)
     rub = impact_friction_at(slip, law) / slip if slip > 1e-12 else 0.0
-    moment = x * (ny + rub * vy) - y * (nx + rub * vx)
-    return -force * (nz + rub * vz), -force * moment
+    return -force * (nz + rub * vz), -force * (x * (ny + rub * vy) - y * (nx + rub * vx))
 
 
 @inlined
@@ -413,8 +412,7 @@ def _forces(state, plain, surfaces, law, work):
     if state[1] <= surfaces[5]:
         return 0.0, 0.0
     angle, turn = state[0] - state[2], state[3] - state[5]
-    distance = surfaces[6] - state[1]
-    along, about = contact(angle, distance, turn, state[4], surfaces, law, work)
+    along, about = contact(angle, surfaces[6] - state[1], turn, state[4], surfaces, law, work)
     return along * plain[DOGS], about * plain[DOGS]
 
 
@@ -424,8 +422,7 @@ def _motion(push, along, about, state, out, plain):
     way, speed = state[1], state[4]
     behind = 0.0
     if way < -plain[REBOUND]:
-        depth = -plain[REBOUND] - way
-        behind = max(plain[STOP] * depth * (1.0 - STOP_LOSS * speed), 0.0)
+        behind = max(plain[STOP] * (-plain[REBOUND] - way) * (1.0 - STOP_LOSS * speed), 0.0)
     drive = push
     out[6], out[7] = speed, 0.0
     if plain[LINKED] > 0.0:
@@ -763,8 +760,7 @@ def faces_meet(angle, way, plain):
     of the height is allowed for the turn of one face against the other.
     """
     overlap, most, slope = facing(face_overlap(angle, plain), plain)
-    touch = overlap * slope + 0.05 * plain[HEIGHT]
-    return 0.0 < overlap < most and way - plain[GAP] <= touch
+    return 0.0 < overlap < most and way - plain[GAP] <= overlap * slope + 0.05 * plain[HEIGHT]
 
 
 @making
@@ -823,8 +819,7 @@ def contact_means(times, states, given, plain):
             way, rate = WAYS[k], RATES[k]
             middle[way] = 0.5 * (start[way] + end[way]) + 0.125 * step * (start[rate] - end[rate])
             middle[rate] = 1.5 * (end[way] - start[way]) / step - 0.25 * (start[rate] + end[rate])
-        dragged = _drag(start, plain) + 4.0 * _drag(middle, plain) + _drag(end, plain)
-        torque[i] += dragged / 6.0
+        torque[i] += (_drag(start, plain) + 4.0 * _drag(middle, plain) + _drag(end, plain)) / 6.0
         # What the rule leaves of a drag torque is no contact.
         if abs(torque[i]) < 0.01 * plain[DRAG]:
             torque[i] = 0.0
@@ -919,8 +914,7 @@ def extremes(times, states, planes, plain):
     """
     most, longest = 0.0, LONGEST_TURN * plain[PITCH]
     for i in range(1, times.size):
-        turned = states[i, 0] - states[i, 2] - states[i - 1, 0] + states[i - 1, 2]
-        most = max(most, abs(turned))
+        most = max(most, abs(states[i, 0] - states[i, 2] - states[i - 1, 0] + states[i - 1, 2]))
     parts = math.ceil(most / longest)
     farthest, angle, deepest = states[0, 1], states[0, 0] - states[0, 2], 0.0
     for i in range(times.size):

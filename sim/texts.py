@@ -232,8 +232,6 @@ def _with_points(
             f"{path} has numbers with a comma ('{comma[1]}', row {comma[0]}) and with a point "
             f"('{point[1]}', row {point[0]}), which can be read in two ways; save it with one"
         )
-    if comma is None:
-        return rows
     for _, row in rows:
         for place in places:
             if _COMMA.fullmatch(row[place]):

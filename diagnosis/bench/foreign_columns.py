@@ -77,13 +77,12 @@ _SPREAD = r"\w*std\w*|sd|sigma|streuung|\w*abweichung|min|max|\w*deviation"
 _RISE = r"\w*rise|\w*anstieg\w*|ramp\w*"
 _FORCE = "shift force|(schalt|stell|aktor|axial)kraft|f (shift|axial|act|schalt|ax)"
 SHIFTS = (
-    Quantity(
-        "mismatch_rpm", SPEED,
-        r"\w*mismatch|(\w*differenz|relativ|schlupf)drehzahl|drehzahldifferenz|d n|dn|delta \w+"
-        "|n diff|diff n|(speed|rpm) difference|relative speed",
-        r"slip|schlupf|rpm|\w*drehzahl|n",
-        "output|abtrieb|antrieb|input|in|out|shaft|welle|" + _SPREAD, needed=True, filled=True,
-    ),
+    Quantity("mismatch_rpm", SPEED,
+             r"\w*mismatch|(\w*differenz|relativ|schlupf)drehzahl|drehzahldifferenz|d n|dn"
+             r"|delta \w+|n diff|diff n|(speed|rpm) difference|relative speed",
+             r"slip|schlupf|rpm|\w*drehzahl|n",
+             f"output|abtrieb|antrieb|input|in|out|shaft|welle|{_SPREAD}",
+             needed=True, filled=True),
     Quantity("force_N", FORCE, _FORCE, r"\w*force|\w*kraft|f",
              f"time|zeit|{_RISE}|{_SPREAD}", needed=True, filled=True),
     Quantity("force_rise_s", TIME,
@@ -91,17 +90,14 @@ SHIFTS = (
              _RISE, _SPREAD),
     Quantity("n_shifts", None, "n shifts|anzahl schaltungen|repeats|repetitions|wiederholungen",
              r"shifts|count|anzahl|number|schaltungen|samples|n"),
-    Quantity(
-        "shift_time_s", TIME, r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
-        r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+",
-        f"stamp|zeitstempel|timeout|datum|date|delay|{_RISE}|{_SPREAD}", needed=True,
-    ),
-    Quantity(
-        "engaged", None,
-        "engaged|eingelegt|geschaltet|eingerueckt|eingespurt|eingerastet|drin|im eingriff",
-        "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status|bewertung|beurteilung|urteil",
-        r"not|nicht|no|n|fail\w*|fehler|error",
-    ),
+    Quantity("shift_time_s", TIME, r"shift time|\w*schalt(zeit|dauer)|t (shift|schalt)",
+             r"\w*time|\w*zeit|\w*dauer|duration|t|t\d+",
+             f"stamp|zeitstempel|timeout|datum|date|delay|{_RISE}|{_SPREAD}", needed=True),
+    Quantity("engaged", None,
+             "engaged|eingelegt|geschaltet|eingerueckt|eingespurt|eingerastet|drin|im eingriff",
+             "erfolg|erfolgreich|success|ok|i o|io|result|ergebnis|status|bewertung|beurteilung"
+             "|urteil",
+             r"not|nicht|no|n|fail\w*|fehler|error"),
     Quantity("trace", None, "trace( file)?|messdatei|measurement file",
              "file|datei|dateiname|filename"),
     Quantity("shift_time_sd_s", TIME, _SPREAD.replace("|min|max", ""),

@@ -275,39 +275,30 @@ class Range:
 
 #: In this order: a check may rely on those before it.
 TRACED: tuple[Callable[[Stand, Sheet], Findings], ...] = (
-    Range(
-        "trace_time", time_ratio, 0.0, 100.0,
-        "by t_s the travel of the traces takes {0} times the time of the shift",
-        (("trace_time=ms", "milliseconds"),),
-        "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False,
-    ),
+    Range("trace_time", time_ratio, 0.0, 100.0,
+          "by t_s the travel of the traces takes {0} times the time of the shift",
+          (("trace_time=ms", "milliseconds"),),
+          "another unit than seconds or milliseconds", possible=(0.0, 100.0), arguable=False),
     trace_clock,
-    Range(
-        "displacement", travel_ratio, 0.9, 1.15,
-        "displacement_mm of finished shifts ends at {2}, but the sleeve's travel is {1} mm",
-        (("displacement=m", "metres"),
-         ("displacement=arm", "the robot arm's, {} times the sleeve's")),
-        "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in "
-        "the table [sensor])", possible=(0.5, 2.0),
-        # Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
-        soft=1.8 / 1.15,
-    ),
-    Range(
-        "mismatch", speed_ratio, 1.0 / SAME, SAME,
-        "the traces begin with {0} times the mismatch_rpm of their rows "
-        "(output_speed_rpm less sliding_speed_rpm)",
-        (("mismatch=rad_s", "mismatch_rpm in radians a second"),
-         ("speeds=rad_s", "the speeds of the traces in radians a second"),
-         ("mismatch=reversed", "a mismatch_rpm of sliding less output speed")),
-        "another speed than the nominal one",
-    ),
-    Range(
-        "trace_force", force_ratio, 0.5, 1.5,
-        "force_N of the traces ends at {0} of what force_N of the table makes it",
-        (("trace_force=kN", "kilonewtons"),
-         ("force=arm", "the force at the robot arm in the table"),
-         ("trace_force=arm", "the force at the robot arm in the traces")),
-        "a sensor with a wrong scale",
-    ),
+    # Behind a soft linkage a sensor at the actuator reads more way than the sleeve makes.
+    Range("displacement", travel_ratio, 0.9, 1.15,
+          "displacement_mm of finished shifts ends at {2}, but the sleeve's travel is {1} mm",
+          (("displacement=m", "metres"),
+           ("displacement=arm", "the robot arm's, {} times the sleeve's")),
+          "a sensor with a wrong scale or a soft linkage, or an actuator's (give linkage_ratio in "
+          "the table [sensor])", possible=(0.5, 2.0), soft=1.8 / 1.15),
+    Range("mismatch", speed_ratio, 1.0 / SAME, SAME,
+          "the traces begin with {0} times the mismatch_rpm of their rows "
+          "(output_speed_rpm less sliding_speed_rpm)",
+          (("mismatch=rad_s", "mismatch_rpm in radians a second"),
+           ("speeds=rad_s", "the speeds of the traces in radians a second"),
+           ("mismatch=reversed", "a mismatch_rpm of sliding less output speed")),
+          "another speed than the nominal one"),
+    Range("trace_force", force_ratio, 0.5, 1.5,
+          "force_N of the traces ends at {0} of what force_N of the table makes it",
+          (("trace_force=kN", "kilonewtons"),
+           ("force=arm", "the force at the robot arm in the table"),
+           ("trace_force=arm", "the force at the robot arm in the traces")),
+          "a sensor with a wrong scale"),
     trace_rest,
 )  # fmt: skip

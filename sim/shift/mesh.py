@@ -398,8 +398,7 @@ def touching_quads(dog: Dog) -> list[Face]:
     """Return the corners of each surface in ``rigid_dog``, in the order of ``touching_planes``."""
     if dog.edge_radius == 0.0 and not dog.has_back:
         return [(5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2)]
-    last = 2 * len(touching_planes(dog)) - 2
-    return [(i, i + 1, i + 3, i + 2) for i in range(last, -2, -2)]
+    return [(i, i + 1, i + 3, i + 2) for i in range(2 * len(touching_planes(dog)) - 2, -2, -2)]
 
 
 def _in_triangles(faces: Sequence[Sequence[int]]) -> Cells:
@@ -472,8 +471,7 @@ def compliant_dog(dog: Dog) -> Mesh:
         vertices, cells = body(dog, skin, apex)
         return Mesh(vertices, _oriented(vertices, cells))
     threes = itertools.product(("braking", "traction"), ("root", "face"), ("inner", "outer"))
-    corners = (meeting(*(skin[name] for name in names)) for names in threes)
-    vertices = np.array([*corners, apex])
+    vertices = np.array([*(meeting(*(skin[name] for name in names)) for names in threes), apex])
     faces = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     cells = [(*triangle, 8) for face in faces for triangle in triangulated(face)]
     return Mesh(vertices, _oriented(vertices, cells))

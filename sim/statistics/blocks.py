@@ -200,5 +200,4 @@ def numerical_error(
     weights = np.array([blocks[k].point.weight / len(blocks[k].angles) for k, *_ in chosen])
     weights /= weights.sum()
     mean = float(weights @ apart)
-    scatter = float(weights**2 @ (apart - mean) ** 2) * number / (number - 1)
-    return math.sqrt(mean**2 + scatter)
+    return math.sqrt(mean**2 + float(weights**2 @ (apart - mean) ** 2) * number / (number - 1))
