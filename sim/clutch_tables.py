@@ -182,11 +182,8 @@ class OutputSection(Section):
 
 #: Keys of ``[mechanism]`` that change the shift force.
 ACTUATION_KEYS = ("delay_s", "lag_s", "force_factor", "force_loss_N", "rise_factor")
-_Keys: Any = create_model(
-    "_Keys",
-    __base__=Section,
-    **{key: (float | None, later()) for key in (*FIELDS, *ACTUATION_KEYS)},  # type: ignore[call-overload]
-)
+_fields: Any = {key: (float | None, later()) for key in (*FIELDS, *ACTUATION_KEYS)}
+_Keys: Any = create_model("_Keys", __base__=Section, **_fields)
 
 
 class MechanismSection(_Keys):  # type: ignore[misc]

@@ -62,13 +62,13 @@ def require_between(name: str, value: float, low: float, high: float, remedy: st
         raise InputError(refusal(name, value, unit, rule, remedy))
 
 
-def require_part(
-    key: str, part: float, side: str, whole: float, remedy: str, *, rest: bool = False
-) -> None:
+def require_parts(section: str, parts: Any, sides: Any, remedy: str, *, rest: bool = False) -> None:
     """Raise InputError where an inertia is more than its side's, or leaves no ``rest``, kg m2."""
-    if part > whole or (rest and part == whole):
-        rule = f"it is a part of {side}.inertia_kgm2 = {whole:.6g}"
-        raise InputError(refusal(key, part, "kg m2", rule, remedy))
+    for name, side in (("ring", "sliding"), ("wheel", "output")):
+        part, whole = getattr(parts, f"{name}_inertia"), getattr(sides, f"{side}_inertia")
+        if part > whole or (rest and part == whole):
+            key, rule = f"{section}.{name}_inertia_kgm2", f"it is a part of {side}.inertia_kgm2"
+            raise InputError(refusal(key, part, "kg m2", f"{rule} = {whole:.6g}", remedy))
 
 
 class Range(NamedTuple):

@@ -60,11 +60,10 @@ class Setting:
         whole: Any = self if part == "point" else self.clutch
         old = getattr(whole, part)
         valid = [field.name for field in dataclasses.fields(old)]
-        for name in fields:
-            if name not in valid:
-                hint = did_you_mean(name, valid)
-                every = "" if hint.startswith("valid") else f" Valid are {', '.join(valid)}"
-                raise EffectError(f"with_{part} has no field '{name}'; {hint}{every}, in SI units")
+        for name in (name for name in fields if name not in valid):
+            hint = did_you_mean(name, valid)
+            every = "" if hint.startswith("valid") else f" Valid are {', '.join(valid)}"
+            raise EffectError(f"with_{part} has no field '{name}'; {hint}{every}, in SI units")
         new = replace(whole, **{part: replace(old, **fields)})
         return new if whole is self else replace(self, clutch=new)
 

@@ -15,7 +15,7 @@ from dogshape.sim.errors import (
     refusal,
     require_between,
     require_known,
-    require_part,
+    require_parts,
     require_ranges,
     within,
 )
@@ -212,12 +212,8 @@ class Clutch:
     mechanism: Mechanism = NOTHING  #: the shift force acts on the ring, which nothing else holds
 
     def __post_init__(self) -> None:
-        remedy, own, whole = "give what turns with the dogs alone", self.mechanism, self.rings
-        for key, part, side, inertia in (
-            ("mechanism.ring_inertia_kgm2", own.ring_inertia, "sliding", whole.sliding_inertia),
-            ("mechanism.wheel_inertia_kgm2", own.wheel_inertia, "output", whole.output_inertia),
-        ):
-            require_part(key, part, side, inertia, remedy, rest=True)
+        remedy = "give what turns with the dogs alone"
+        require_parts("mechanism", self.mechanism, self.rings, remedy, rest=True)
 
     @property
     def shift_travel(self) -> float:

@@ -370,6 +370,7 @@ def rigid_dog(dog: Dog) -> Mesh:
     The edges lie on the inner and outer radius, measured along the radial line
     of either flank, so that flanks are parallelograms. Rounded edges have surfaces between.
     """
+    points = []
     if dog.edge_radius > 0.0 or dog.has_back:
         root = dog_planes(dog)["root"]
         around = [root, *touching_planes(dog)[::-1], root]
@@ -377,20 +378,18 @@ def rigid_dog(dog: Dog) -> Mesh:
         counts = [1 + len(edge.planes) for edge in tip_edges(dog)[::-1]]
         # Lines of both roots, and of each edge along the line of its flank or ridge.
         places = [0, *np.repeat([0, 1, 2] if dog.has_back else [0, 2], counts), 2]
-        lines = []
         for place, (first, last) in zip(places, pairwise(around), strict=True):
             ends = [Plane(ways[place], radius) for radius in (dog.inner_radius, dog.outer_radius)]
-            lines += [meeting(first, last, end) for end in ends]
-        return Mesh(np.array(lines), _in_triangles(touching_quads(dog)))
-    face = dog_planes(dog)["face"]
-    points = []
-    for side, angle in ((-1, dog.braking), (+1, dog.traction)):
-        along, across = flank_line(dog, side)
-        slope = np.array([0.0, 0.0, 1.0]) - math.tan(angle) * across
-        for radius in (dog.inner_radius, dog.outer_radius):
-            start = radius * along
-            top = (face.offset - face.normal @ start) / (face.normal @ slope)
-            points += [start - 0.5 * dog.height * slope, start + top * slope]
+            points += [meeting(first, last, end) for end in ends]
+    else:
+        face = dog_planes(dog)["face"]
+        for side, angle in ((-1, dog.braking), (+1, dog.traction)):
+            along, across = flank_line(dog, side)
+            slope = np.array([0.0, 0.0, 1.0]) - math.tan(angle) * across
+            for radius in (dog.inner_radius, dog.outer_radius):
+                start = radius * along
+                top = (face.offset - face.normal @ start) / (face.normal @ slope)
+                points += [start - 0.5 * dog.height * slope, start + top * slope]
     return Mesh(np.array(points), _in_triangles(touching_quads(dog)))
 
 

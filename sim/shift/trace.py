@@ -112,9 +112,7 @@ class Trace:
     relative_angle: Series
     shift_force: Series
     contact_force: Series  #: axial, positive against the shift
-    tangential_force: (
-        Series  #: at the mean radius, positive where the output drives the sliding ring
-    )
+    tangential_force: Series  #: at the mean radius, positive where the output drives
     actuator_displacement: Series  #: that of the ring unless there is a linkage, as is its rate
     actuator_speed: Series
     input_torque: Series | None = None  #: of the shaft on its ring; None for a rigid one

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dogshape.sim.elementwise import bisect
-from dogshape.sim.errors import require_between, require_part, require_ranges, within
+from dogshape.sim.errors import require_between, require_parts, require_ranges, within
 from dogshape.sim.shift.geometry import FLANKS, Flank
 from dogshape.sim.units import RPM
 
@@ -51,10 +51,7 @@ class Strike:
         require_ranges(self, "strike", REMEDY)
         for speed in self.mismatch:
             require_between("strike.mismatch_rpm", speed / RPM, -5000.0, 5000.0, REMEDY)
-        own, whole = self.ring_inertia, self.sliding_inertia
-        require_part("strike.ring_inertia_kgm2", own, "sliding", whole, REMEDY)
-        own, whole = self.wheel_inertia, self.output_inertia
-        require_part("strike.wheel_inertia_kgm2", own, "output", whole, REMEDY)
+        require_parts("strike", self, self, REMEDY)
 
     def speed(self, flank: Flank) -> float:
         """Return the speed in rad/s at which a flank strikes at most, 0 where it does not."""
