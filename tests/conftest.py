@@ -74,10 +74,9 @@ def plant(clutch: Clutch) -> ClutchPlant:
 Point = Callable[[float, float], OperatingPoint]
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def point() -> Point:
     """Make an operating point from 1/min and one of the published forces in N."""
-
     return lambda rpm, force: OperatingPoint(rpm * RPM, ForceProfile(force, RISE[force]))
 
 

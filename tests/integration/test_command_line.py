@@ -28,9 +28,8 @@ def test_help_has_an_example(dogshape: Call, verb: str) -> None:
 
 
 def test_shift(dogshape: Call, tmp_path: Path) -> None:
-    said = dogshape(
-        "shift", "mq200_paper", *ONE_SHIFT, "--html", "a.html", "--trace", "a.csv", "--json"
-    )
+    files = ("--html", "a.html", "--trace", "a.csv")
+    said = dogshape("shift", "mq200_paper", *ONE_SHIFT, *files, "--json")
     assert said.status == 0
     assert said.json["outcome"] == "engaged"
     assert said.json["shift_time_s"] == pytest.approx(0.0826, rel=0.02)
@@ -56,12 +55,8 @@ def test_expect_at_listed_angles_is_the_mean_of_those_shifts(dogshape: Call) -> 
     point = ("--mismatch-rpm", 100, "--force-N", 469)
     how = ("--angles", "0,12", "--engine", "drake", "--jobs", 1, "--json")
     said = dogshape("expect", "mq200_paper", *point, *how)
-    times = [
-        dogshape("shift", "mq200_paper", *point, "--relative-angle-deg", a, "--json").json[
-            "shift_time_s"
-        ]
-        for a in (0, 12)
-    ]
+    shift = ("shift", "mq200_paper", *point, "--json", "--relative-angle-deg")
+    times = [dogshape(*shift, angle).json["shift_time_s"] for angle in (0, 12)]
     assert said.json["expected_shift_time_s"] == pytest.approx(sum(times) / 2, rel=1e-9)
     assert said.json["standard_error_s"] is None  # two angles tell no error
     (only,) = said.json["points"]
@@ -73,9 +68,8 @@ def test_a_set_point_that_alternates_frees_what_is_held(dogshape: Call) -> None:
     point = ("--mismatch-rpm", 10, "--force-N", 469, "--angles", 24, "--jobs", 1)
     flat = ("expect", "mq200_paper", *point, "--set", "dog.chamfer_deg=0")
     own = "shift.alternating={{amplitude_rpm={}, period_s=0.6, after_s=0.4}}"
-    held, freed = (
-        dogshape(*flat, *more, "--json").json for more in ((), ("--set", own.format(20)))
-    )
+    swings = ("--set", own.format(20))
+    held, freed = (dogshape(*flat, *more, "--json").json for more in ((), swings))
     assert held["expected_shift_time_s"] is None
     assert freed["engages"]
     assert 0.2 < freed["expected_shift_time_s"] < 1.0
@@ -85,8 +79,7 @@ def test_a_set_point_that_alternates_frees_what_is_held(dogshape: Call) -> None:
     (before,), (after,) = held["points"], freed["points"]
     assert before["shiftability"] == after["shiftability"]
     assert before["engaged"] == after["engaged"] < 0.5
-    said = dogshape(*flat, "--set", own.format(20))
-    assert "freed by the alternating set-point" in said.out
+    assert "freed by the alternating set-point" in dogshape(*flat, *swings).out
     said = dogshape(*flat, "--set", own.format(900))
     assert "more than 147.7 1/min may throw it out again; lower it" in said.sentence
     said = dogshape(*flat, "--set", "shift.alternating.amplitude_rpm=20")
@@ -100,9 +93,7 @@ def studied(finished: Finished, tmp_path: Path) -> Path:
     return tmp_path / "home"
 
 
-def test_study_then_fit_and_check(
-    dogshape: Call, studied: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_study_fit_check(dogshape: Call, studied: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(studied)
     fitted = dogshape("fit", "results/mq200_paper", "--out", "mine.json", "--json")
     assert set(fitted.json) >= {"q2", "coverage_95", "rmse_s", "n"}
@@ -202,9 +193,7 @@ def test_wrong_options_are_one_sentence(program: Call, command: str, words: str)
     assert said.out == ""
 
 
-def test_a_study_without_a_feasible_design_leaves_its_folder_to_the_mended_one(
-    dogshape: Call,
-) -> None:
+def test_a_study_without_a_feasible_design_leaves_the_folder_to_the_next(dogshape: Call) -> None:
     hopeless = ("--set", "manufacturing.tip_width_mm=12", "--out", "x")
     assert "or use fewer or lower dogs" in dogshape("study", "mq200_paper", *hopeless).sentence
     assert not (Path("x") / "study.json").exists()

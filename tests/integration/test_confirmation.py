@@ -97,9 +97,7 @@ def _chamfer(row: Found) -> float:
     return round(row["chamfer_deg"], 6)
 
 
-def test_the_whole_front_is_confirmed_and_has_the_values_of_the_new_angles(
-    searched: Searched,
-) -> None:
+def test_the_whole_front_is_confirmed_and_has_values_of_the_new_angles(searched: Searched) -> None:
     result = searched()
     found, front = result["confirmation"], [row["trial"] for row in result["front"]]
     designs = {one["trial"]: one for one in found["designs"]}
@@ -154,9 +152,7 @@ def test_what_is_beyond_the_budget_is_left_out(searched: Searched) -> None:
     assert {row["trial"] for row in result["front"]} <= confirmed
 
 
-def test_designs_that_do_not_engage_have_no_time_and_no_gain(
-    searched: Searched, tmp_path: Path
-) -> None:
+def test_designs_that_do_not_engage_get_no_time_or_gain(searched: Searched, tmp_path: Path) -> None:
     """The prototype, of 8 degrees, and others; none is ranked by the retries of a time-out."""
     result = searched(blocked=9.0, report=True)
     validate(StudyRecord, result, "the result")

@@ -83,9 +83,7 @@ def test_a_full_disk_is_said_and_costs_nothing(tmp_path: Path, in_drake: Finishe
     assert designs_of(again) == designs_of(in_drake.result)
 
 
-def test_a_line_is_written_whole_or_not_at_all(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_line_is_written_whole_or_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, row = tmp_path / "shifts.jsonl", {"key": "a", "text": "x" * 100}
     append(path, row)
     whole = path.read_bytes()
@@ -114,9 +112,7 @@ def _block(study: Setup, **solver: Any) -> Block:
     return replace(block, clutch=clutch)
 
 
-def test_a_limit_of_steps_is_kept_and_one_of_time_is_not(
-    small_study: Setup, tmp_path: Path
-) -> None:
+def test_a_limit_of_steps_is_kept_and_one_of_time_not(small_study: Setup, tmp_path: Path) -> None:
     """Only the first is the shift's own; what the clock ended is simulated again."""
     # So fine an accuracy that no machine ends a shift within the least limit.
     plain, timed, counted = (
@@ -165,9 +161,7 @@ def _broken(study: Setup, tmp_path: Path, once: str = "") -> tuple[Executor, lis
     return Executor(ShiftJournal(tmp_path / "shifts.jsonl"), 2), [good[0], bad, *good[1:]]
 
 
-def test_a_worker_that_is_killed_says_nothing_against_its_shift(
-    small_study: Setup, tmp_path: Path
-) -> None:
+def test_a_killed_worker_says_nothing_against_its_shift(small_study: Setup, tmp_path: Path) -> None:
     executor, blocks = _broken(small_study, tmp_path, str(tmp_path / "done"))
     rows = executor.run(blocks)
     assert all(row["outcome"] == "engaged" for block in rows for row in block)
@@ -232,9 +226,7 @@ def test_a_closed_pipe_ends_quietly(asked: list[str], errors: int) -> None:
 
 
 @pytest.mark.parametrize(("number", "group"), [(signal.SIGTERM, True), (signal.SIGHUP, False)])
-def test_a_signal_to_end_keeps_what_is_finished(
-    tmp_path: Path, number: signal.Signals, group: bool
-) -> None:
+def test_signals_keep_what_is_finished(tmp_path: Path, number: signal.Signals, group: bool) -> None:
     """As after Ctrl-C: what is kept, one word, and nothing of a library's."""
     asked = ["expect", "mq200_paper", "--angles", "96", "--jobs", "2"]
     command = ["env", "--default-signal=HUP", *command_of(*asked)]  # tests may run under nohup

@@ -181,9 +181,8 @@ def test_means_over_the_mix(name: str, of: Callable[[Record], float]) -> None:
 
 
 def test_the_slowest_point_and_the_loss_on_a_reference() -> None:
-    study = study_with(
-        "search.limits.worst_shift_time_s=1.0", "search.limits.slower_than_reference_s=-0.1"
-    )
+    limits = ("worst_shift_time_s=1.0", "slower_than_reference_s=-0.1")
+    study = study_with(*(f"search.limits.{one}" for one in limits))
     other, _ = measured(study)
     assert other.measured.limited["slower_than_reference_s"] < 0.0
     found, _ = measured(study, chamfer_deg=5.0)
@@ -211,8 +210,7 @@ def test_a_search_keeps_its_limits(tmp_path: Path) -> None:
     (own,) = evaluate(study, [dog], scratch_executor(), 24, 1)
     margin = 1.0 - own.measured.limited["worst_shift_time_s"] / limit
     assert judged[0]["margins"]["worst_shift_time_s"] == pytest.approx(margin, rel=1e-9)
-    (check,) = (
-        c for c in result["confirmation"]["best"]["checks"] if c["name"] == "worst_shift_time_s"
-    )
+    checks = result["confirmation"]["best"]["checks"]
+    (check,) = (c for c in checks if c["name"] == "worst_shift_time_s")
     assert check["value"] <= limit
     assert check["limit"] == limit

@@ -51,9 +51,8 @@ def test_mirrored_rings_and_mismatch_give_the_mirrored_motion(
     monkeypatch.setattr("dogshape.sim.shift.conclusion.PASSED_OVER", np.inf)
     here = engage(ClutchPlant(clutch), point(mismatch, 469.0), angle * DEG)
     for name in ("rigid_dog", "compliant_dog"):
-        monkeypatch.setattr(
-            f"dogshape.sim.shift.plant.{name}", _mirrored(getattr(dogshape.sim.shift.mesh, name))
-        )
+        mirrored = _mirrored(getattr(dogshape.sim.shift.mesh, name))
+        monkeypatch.setattr(f"dogshape.sim.shift.plant.{name}", mirrored)
     there = engage(ClutchPlant(clutch), point(-mismatch, 469.0), -angle * DEG)
     assert here.shift_time == pytest.approx(there.shift_time, rel=1e-4)
     seen = np.linspace(0.0, 0.9 * here.trace.time[-1], 50)
@@ -64,9 +63,7 @@ def test_mirrored_rings_and_mismatch_give_the_mirrored_motion(
 
 
 @pytest.mark.parametrize("mismatch", [25, -100])
-def test_flat_faces_mirror_by_exchanging_the_flanks(
-    clutch: Clutch, point: Point, mismatch: float
-) -> None:
+def test_flat_faces_mirror_by_swapped_flanks(clutch: Clutch, point: Point, mismatch: float) -> None:
     """Without chamfer the mirror image is a dog of its own: both side angles exchanged."""
     dog = replace(clutch.dog, chamfer=0.0)
     swapped = replace(dog, traction=dog.braking, braking=dog.traction)

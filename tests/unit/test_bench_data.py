@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from dogshape.sim.shift.clutch import OperatingPoint
 from dogshape.sim.units import RPM
 from dogshape.sim.versions import bundled_root
 from tests.benches import good_set
-from tests.conftest import Said
+from tests.conftest import Call
 from tests.diagnosed import EFFECTS, simulated_bench, simulated_diagnosis
 
 
@@ -85,7 +85,7 @@ def test_missing_sets_and_files(folder: Path) -> None:
 
 
 def test_a_set_without_times_gets_no_verdict_and_its_shares_compared(
-    folder: Path, dogshape: Callable[..., Said]
+    folder: Path, dogshape: Call
 ) -> None:
     table, nothing = folder / "shifts.csv", "50,469.0,0.1766,10,,,"
     head = table.read_text().splitlines()[0]
@@ -186,9 +186,7 @@ def test_wrong_results_and_terms_are_sentences(planar: Path, text: str, words: s
 @pytest.mark.parametrize(
     ("reading", "failed", "unknown"), [("not_made", 2, 0), ("failed", 12, 0), ("unknown", 2, 10)]
 )
-def test_empty_cells_are_read_as_stated(
-    planar: Path, reading: str, failed: int, unknown: int
-) -> None:
+def test_empty_cells_read_as_stated(planar: Path, reading: str, failed: int, unknown: int) -> None:
     rows = "50,469.0,0.1766,3,0.1,\n50,469.0,0.1766,2,,false\n50,469.0,0.1766,10,,\n"
     (planar / "shifts.csv").write_text(HEAD + rows + "5,469.0,0.1766,1,,true\n")
     state(planar, f'[record]\nempty_cells = "{reading}"')
@@ -241,9 +239,7 @@ FINER = (0.121, 0.174, 0.093, 0.112, 0.215)
         *((one, 0.0) for one in (FINER, CYCLES[:3], (0.121, *CYCLES), (0.122, 0.174, 0.096))),
     ],
 )
-def test_times_of_a_controller_show_its_cycle(
-    planar: Path, values: tuple[float, ...], step: float
-) -> None:
+def test_times_show_a_control_cycle(planar: Path, values: tuple[float, ...], step: float) -> None:
     times(planar, *values)
     bench = load_bench(planar)
     assert bench.clock_step == pytest.approx(step)

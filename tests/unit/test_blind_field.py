@@ -34,9 +34,8 @@ PLAIN = Case("none", "means", "planar", "large", 5)
 def test_a_full_set_has_what_was_asked_for() -> None:
     # docs/blind.md has these numbers.
     assert Counter(one.engine for one in CASES) == {"planar": 116, "mujoco": 36}
-    assert Counter(one.kind for one in CASES) == {
-        "none": 32, "single": 44, "pair": 20, "three": 4, "outside": 52,
-    }  # fmt: skip
+    kinds = {"none": 32, "single": 44, "pair": 20, "three": 4, "outside": 52}
+    assert Counter(one.kind for one in CASES) == kinds
     names = {name for one in CASES if one.kind == "single" for name in one.causes}
     assert names <= set(RANGES)
     assert len(names) >= 18
@@ -56,10 +55,8 @@ def test_nominal_values_are_off_by_their_errors() -> None:
     case = replace(PLAIN, places=(0,) * 24, numbers=(3,) * 24, force_error=0.03, speed_error=0.01)
     ratios = []
     for seed in range(40):
-        true = true_points(replace(case, seed=seed), GRID)
-        ratios += [
-            (t.force / p.force, t.mismatch / p.mismatch) for t, p in zip(true, GRID, strict=True)
-        ]
+        both = zip(true_points(replace(case, seed=seed), GRID), GRID, strict=True)
+        ratios += [(t.force / p.force, t.mismatch / p.mismatch) for t, p in both]
     off = np.std(np.array(ratios) - 1.0, axis=0)
     assert off == pytest.approx([0.03, 0.01], rel=0.1)
     assert true_points(case, GRID) == true_points(case, GRID)

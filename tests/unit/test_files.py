@@ -113,9 +113,7 @@ def test_shifts_kept_elsewhere_leave_the_journal_and_others_stay(tmp_path: Path)
     assert set(ShiftJournal(path).rows) == {"b", "c"}
 
 
-def test_a_journal_is_read_without_a_right_to_write(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_read_only_journal_is_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "shifts.jsonl"
     append(path, {"key": "a", **ROW})
     monkeypatch.setattr("dogshape.pipeline.store.folder.os.open", failing(errno.EROFS))

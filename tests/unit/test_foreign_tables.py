@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,9 +17,7 @@ from dogshape.cli.verbs import init as verbs
 from dogshape.diagnosis.bench.bench_data import Reading, load_bench
 from dogshape.diagnosis.bench.table import NEAR, Row, joined_rows
 from dogshape.sim.units import RPM
-from tests.conftest import Said
-
-Call = Callable[..., Said]
+from tests.conftest import Call, Said
 
 
 class Bench:
@@ -57,9 +55,8 @@ class Bench:
 
     @property
     def left_out(self) -> str:
-        return " | ".join(
-            f"{one.get('row', one.get('column'))}: {one['reason']}" for one in self.json["left_out"]
-        )
+        left = self.json["left_out"]
+        return " | ".join(f"{one.get('row', one.get('column'))}: {one['reason']}" for one in left)
 
 
 @pytest.fixture
@@ -301,9 +298,8 @@ def test_measured_values_get_the_set_values_of_the_origin(bench: Bench, rises: b
     assert errors.sizes[0] == pytest.approx(scatter[1][1], rel=0.1)
     assert "mismatch is measured" in " ".join(bench.json["assumed"])
     bench.call("init", "study", "--out", "m", "--yes", "--set", "operating.mismatch_rpm=[700.0]")
-    bench.refused(
-        text, "--from", "m", words=["measured in place of set values", "name with --from"]
-    )
+    words = ["measured in place of set values", "name with --from"]
+    bench.refused(text, "--from", "m", words=words)
 
 
 def test_set_values_stay_as_they_are(bench: Bench) -> None:
@@ -320,9 +316,7 @@ def test_a_slip_is_settled_by_the_option_that_it_names(bench: Bench) -> None:
     assert bench.numbers(text, "--set", option) == PLAIN
 
 
-def test_questions_in_a_terminal_take_the_options(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_terminal_questions_take_options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
     Path("m.csv").write_text(

@@ -101,12 +101,10 @@ def _imports(path: Path, *, types: bool = True) -> Iterator[str]:
 
     Without ``types`` what only the type checker reads is left out.
     """
-    tree = _tree(path)
-    checked = [
-        n for n in ast.walk(tree) if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)
-    ]
+    nodes = [*ast.walk(_tree(path))]
+    checked = [n for n in nodes if isinstance(n, ast.If) and "TYPE_CHECKING" in ast.dump(n)]
     skipped = set() if types else {inner for n in checked for inner in ast.walk(n)}
-    for node in ast.walk(tree):
+    for node in nodes:
         if node in skipped:
             continue
         if isinstance(node, ast.Import):

@@ -56,9 +56,7 @@ def test_a_stopped_command_goes_on(
     assert not (tmp_path / "results").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told(
-    dogshape: Call, tmp_path: Path, quick: Quick
-) -> None:
+def test_a_folder_that_cannot_be_made_is_told(dogshape: Call, tmp_path: Path, quick: Quick) -> None:
     (tmp_path / "results").write_text("a file", encoding="utf-8")
     said = dogshape(*EXPECT)
     assert said.status == 0
@@ -101,9 +99,8 @@ def test_the_bank_announces_what_is_left(tmp_path: Path, quick: Quick) -> None:
 def test_the_diagnosis_is_written_before_its_price(
     dogshape: Call, tmp_path: Path, quick: Quick, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = simulated_diagnosis(
-        simulated_bench({"actuation_delay": {"delay_s": 0.08}}), advise=True
-    )
+    bench = simulated_bench({"actuation_delay": {"delay_s": 0.08}})
+    found = simulated_diagnosis(bench, advise=True)
     monkeypatch.setattr("dogshape.gap.diagnosed", lambda *_: found)
     asked = ("gap", "mq200_stand", "--study", "mq200_paper", "--out", "g", "--jobs", 1)
     quick.stop = 100
@@ -120,9 +117,8 @@ def test_the_diagnosis_is_written_before_its_price(
     assert again.status == 0, again.err
     assert quick.done == 7 * 28 * 6, "a dead time needs no shift of its own"
     assert 'id="design-choice"' in (out / "report.html").read_text(encoding="utf-8")
-    assert sorted(path.name for path in out.iterdir()) == [
-        ".lock", "cells.csv", "data", "gap.json", "report.html",
-    ]  # fmt: skip
+    names = [".lock", "cells.csv", "data", "gap.json", "report.html"]
+    assert sorted(path.name for path in out.iterdir()) == names
 
 
 def test_progress_says_an_upper_bound_as_such(

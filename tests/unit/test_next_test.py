@@ -181,12 +181,9 @@ def test_a_question_about_the_record_settles_by_its_answers() -> None:
     (test,) = (t for t in choose(diagnosis) if t.kind == "record")
     assert (test.settles, test.misleads) == pytest.approx((0.54, 0.06))
     mixed = {h: 0.6 * command.get(h, 0.0) + 0.4 * force.get(h, 0.0) for h in (*force, DRAG)}
-    entropy = {
-        k: -sum(p * np.log(p) for p in one.values() if p)
-        for k, one in enumerate((mixed, command, force))
-    }
-    gain = entropy[0] - 0.6 * entropy[1] - 0.4 * entropy[2]
-    assert test.information == pytest.approx(gain)
+    every = mixed, command, force
+    before, first, second = (-sum(p * np.log(p) for p in one.values() if p) for one in every)
+    assert test.information == pytest.approx(before - 0.6 * first - 0.4 * second)
     assert settle(diagnosis, test, "force") == force
 
 
@@ -224,11 +221,8 @@ def test_information_and_chances_of_two_normal_densities(apart: float, chance: f
 
     def gain(y: float) -> float:
         parts = [p * norm.pdf(y, m) for m, p in chances.items()]
-        each = [
-            part * np.log(part / p / sum(parts))
-            for part, p in zip(parts, chances.values(), strict=True)
-        ]
-        return float(sum(each))
+        both = zip(parts, chances.values(), strict=True)
+        return float(sum(part * np.log(part / p / sum(parts)) for part, p in both))
 
     information = quad(gain, -8.0, apart + 8.0, limit=200)[0]
     # Log odds of y, apart^2/2 - y apart + ln(p/(1 - p)), exceed ln 4 below this point.
@@ -238,9 +232,8 @@ def test_information_and_chances_of_two_normal_densities(apart: float, chance: f
     )
     right = chance * norm.cdf(first) + (1.0 - chance) * norm.sf(second, apart)
     wrong = chance * norm.sf(second) + (1.0 - chance) * norm.cdf(first, apart)
-    found = np.array(
-        [outcome.worth(_before(*chances.values()), 0.0, SETTINGS, k) for k in range(100)]
-    )
+    before = _before(*chances.values())
+    found = np.array([outcome.worth(before, 0.0, SETTINGS, k) for k in range(100)])
     mean, error = found.mean(axis=0), 4.0 * found.std(axis=0) / np.sqrt(len(found))
     assert abs(mean - [information, right, wrong]) == pytest.approx(0.0, abs=float(max(error)))
     assert max(error) < 0.02

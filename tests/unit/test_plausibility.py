@@ -46,9 +46,7 @@ def test_what_the_model_lacks_is_refused_with_what_it_has(value: str) -> None:
         (("dog.traction_deg=0.1", "dog.braking_deg=0"), "the model alone, not when made"),
     ],
 )
-def test_units_in_doubt_and_flanks_without_play_are_said(
-    values: tuple[str, ...], words: str
-) -> None:
+def test_odd_units_and_flanks_without_play_are_said(values: tuple[str, ...], words: str) -> None:
     assert any(words in note for note in slips_of(load_study("mq200", values)))
 
 
@@ -118,9 +116,7 @@ def test_a_shift_says_whether_finer_steps_move_it(
         (-1500.0, 4000.0, ["mismatch of 1500", "shift force of 4000 N is beyond 3000 N"]),
     ],
 )
-def test_a_shift_beyond_the_checked_range_says_so(
-    speed: float, force: float, words: list[str]
-) -> None:
+def test_a_shift_beyond_the_range_says_so(speed: float, force: float, words: list[str]) -> None:
     study = ds.Study("mq200_paper", COMPILED)
     found = study.shift(mismatch_rpm=speed, force_N=force, angle_deg=10, force_rise_s=0.05)
     said = [one for one in found.to_dict()["warnings"] if "beyond" in one]

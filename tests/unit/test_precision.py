@@ -42,9 +42,7 @@ def _row(time: float | None) -> Record:
     return {"outcome": outcome, "shift_time_s": time, "face_contacts": 1}
 
 
-def test_numerical_error_is_mean_and_scatter_of_the_repeated_shifts(
-    clutch: Clutch, point: Point
-) -> None:
+def test_numerical_error_is_mean_and_scatter_of_repetitions(clutch: Clutch, point: Point) -> None:
     """An eighth of 64 shifts; times off by 1 ms and by 3 ms in turn."""
     angles = tuple(0.001 * k for k in range(64))
     blocks = [Block(clutch, point(50, 469.0), angles)]

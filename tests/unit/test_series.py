@@ -65,9 +65,7 @@ def test_places_are_an_order_or_else_time_stamps(write: Write) -> None:
         ("shift_time_sd_s", ("", "nan"), "row 3, column shift_time_sd_s is 'nan'"),
     ],
 )
-def test_broken_places_and_spreads(
-    write: Write, more: str, cells: tuple[str, str], words: str
-) -> None:
+def test_broken_cells(write: Write, more: str, cells: tuple[str, str], words: str) -> None:
     rows = [f"50,469,0.1766,1,0.05,{cell}" for cell in cells]
     with pytest.raises(DataError) as refused:
         load_bench(write(more, rows))
@@ -85,9 +83,7 @@ def test_a_spread_of_no_times_is_refused_and_a_slip_of_units_corrected(write: Wr
 
 
 @pytest.mark.parametrize("joins", [True, False])
-def test_readings_that_join_continue_the_series_or_end_it(
-    write: Write, tmp_path: Path, joins: bool
-) -> None:
+def test_new_readings_continue_or_end_the_series(write: Write, tmp_path: Path, joins: bool) -> None:
     folder = write("order", ["50,469,0.1766,1,0.05,1", "100,469,0.1766,1,0.06,2"])
     out = tmp_path / "out"
     out.mkdir()
@@ -166,18 +162,15 @@ def test_a_late_shift_in_a_spread_is_no_other_spread() -> None:
     behind = likelihood.model.behind[0]
     rows = []
     for k, (cell, late) in enumerate(zip(plain.cells, behind.tolist(), strict=True), start=2):
-        times = np.append(
-            (cell.time or 0.0) + 0.004 * np.linspace(-1, 1, 9), (cell.time or 0) + late
-        )
+        times = (cell.time or 0.0) + np.append(0.004 * np.linspace(-1, 1, 9), late)
         mean, sd = float(times.mean()), float(times.std(ddof=1))
         rows.append(Reading(k, cell.point, 10, mean, True, sd=sd))
     found = _likelihood(replace(plain, cells=gather(rows)))
     p = found.model.predict(NONE, np.zeros((1, 0)))
     p = replace(p, sd=np.full_like(p.sd, 0.003))
-    logs = [
-        found.terms(replace(p, late=np.full_like(p.late, share))).log[0] for share in (0.1, 0.0)
-    ]
-    assert logs[0] > logs[1] + 10.0
+    shares = (replace(p, late=np.full_like(p.late, share)) for share in (0.1, 0.0))
+    some, none = (found.terms(one).log[0] for one in shares)
+    assert some > none + 10.0
 
 
 def _with(counts: Sequence[int]) -> Bench:

@@ -108,7 +108,6 @@ def test_good_sets_raise_no_alarm_and_published_ones_with_swapped_axes_do(tmp_pa
     for bench in (load_bench("mq200_stand"), load_bench("mq200_adams")):
         assert bench.warnings == ()
     for place, sensor in enumerate((True, False)):
-        (tmp_path / str(place)).mkdir()
         assert load_bench(good_set(tmp_path / str(place), sensor=sensor)).warnings == ()
 
 
@@ -316,7 +315,6 @@ def test_a_recorders_clock_is_refused_and_corrected_as_asked(
 
 
 def test_a_pre_trigger_or_a_dead_time_in_table_and_traces_is_no_clock(tmp_path: Path) -> None:
-    (tmp_path / "early").mkdir()
     early = spoilt(tmp_path / "early", lambda f, k: later(-0.05)(recorded_before(0.05)(f, k), k))
     assert load_bench(early).warnings == ()
     late = 0.012

@@ -61,10 +61,8 @@ def test_a_mechanism_of_noughts_is_none() -> None:
 @pytest.mark.parametrize("name", PAIRS)
 def test_effect_and_mechanism_are_one_physics(name: str) -> None:
     value, keys = PAIRS[name]
-    effect, mechanism = (
-        load_study("mq200_paper", given)
-        for given in ({f"effects.{name}": value}, _mechanism(**keys))
-    )
+    effect = load_study("mq200_paper", {f"effects.{name}": value})
+    mechanism = load_study("mq200_paper", _mechanism(**keys))
     assert effect.clutch == mechanism.clutch
     assert effect.points == mechanism.points
     assert effect.physics == mechanism.physics != load_study("mq200_paper").physics
@@ -113,11 +111,9 @@ def test_what_is_uncertain_keeps_dead_time_and_lag() -> None:
 
 
 def test_a_wider_gap_adds_the_flight_of_all_that_moves() -> None:
-    stored, _ = stored_surrogate(load_study("mq200_paper"), None)
+    known = stored_surrogate(load_study("mq200_paper"), None)[0].surrogate
     studies = [load_study("mq200_paper", more) for more in ({}, _mechanism(added_mass_kg=0.9))]
-    plain, heavy = (
-        tolerance_time(one, stored.surrogate, one.prototype, study_mix(one)) for one in studies
-    )
+    plain, heavy = (tolerance_time(s, known, s.prototype, study_mix(s)) for s in studies)
     assert heavy.by_dimension_s["axial_gap"] > 1.2 * plain.by_dimension_s["axial_gap"]
 
 

@@ -221,22 +221,19 @@ def test_faces_that_hold_have_no_estimate(
 
 def test_a_back_that_holds_has_no_estimate_either() -> None:
     physics, known = {"static_friction": 0.12}, np.array([[8.0, 9.0], [12.0, 14.0]])
-    data: Any = SimpleNamespace(
-        variables=("chamfer_deg", "chamfer_back_deg"), x=known, physics=physics
-    )
+    names = ("chamfer_deg", "chamfer_back_deg")
+    data: Any = SimpleNamespace(variables=names, x=known, physics=physics)
     asked = np.array([[10.0, 10.0], [10.0, 5.0], [5.0, 10.0], [8.0, 9.0]])
     assert faces_hold(data, asked).tolist() == [False, True, True, False]
 
 
 def test_the_coordinates_of_the_shape_are_those_of_the_dog() -> None:
-    study = load_study("mq200_paper", {})
-    dog, about = study.clutch.dog, with_rows(study, np.zeros((0, 13)))
-    found = shape_of(about, study.rows([study.prototype]))
-    of_dog = [dog.entry_play, dog.tip_width, dog.edge_drop]
-    assert found[0] == pytest.approx([1e3 * value for value in of_dog], rel=1e-9)
     keys = {"dog.crest": 0.4, "dog.chamfer_back_deg": 12.0, "dog.backlash_mm": 0.3}
-    study = load_study("mq200_paper", {**keys, "variables.chamfer_back_deg": [4.0, 25.0]})
-    dog, about = study.clutch.dog, with_rows(study, np.zeros((0, 14)))
-    found = shape_of(about, study.rows([study.prototype]))
-    of_dog = [dog.entry_play, dog.tip_width, dog.edge_drop, dog.back_drop]
-    assert found[0] == pytest.approx([1e3 * value for value in of_dog], rel=1e-9)
+    ridge = {**keys, "variables.chamfer_back_deg": [4.0, 25.0]}
+    plain = ("entry_play", "tip_width", "edge_drop")
+    for more, names in (({}, plain), (ridge, (*plain, "back_drop"))):
+        study = load_study("mq200_paper", more)
+        about = with_rows(study, np.zeros((0, len(study.variables) + 8)))
+        found = shape_of(about, study.rows([study.prototype]))
+        of_dog = [1e3 * getattr(study.clutch.dog, name) for name in names]
+        assert found[0] == pytest.approx(of_dog, rel=1e-9)

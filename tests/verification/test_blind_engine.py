@@ -115,9 +115,8 @@ def test_sensor_of_a_soft_linkage_leads_by_the_force_over_its_stiffness(stand: S
     lead = _way(motion, AT, 1) - _way(motion, AT)
     ring = 0.85 * signal(Truth(), POINT, AT)
     assert lead == pytest.approx(compliance * ring, rel=0.05)
-    assert 0.85 * _way(motion, AT) + 0.15 * _way(motion, AT, 1) == pytest.approx(
-        _free(POINT, 0.3, AT), rel=5e-3
-    )
+    centre = 0.85 * _way(motion, AT) + 0.15 * _way(motion, AT, 1)
+    assert centre == pytest.approx(_free(POINT, 0.3, AT), rel=5e-3)
 
 
 def test_mass_behind_a_linkage_swings_against_the_ring(stand: Stand) -> None:
@@ -178,9 +177,8 @@ def test_ranges_are_those_of_the_priors() -> None:
     effects = load()
     assert set(effects) - set(RANGES) == set(USUAL.nuisance)
     for name, ranges in RANGES.items():
-        theirs = [
-            (p.name, p.low, p.high, p.scale == "log-uniform") for p in effects[name].parameters
-        ]
+        priors = effects[name].parameters
+        theirs = [(p.name, p.low, p.high, p.scale == "log-uniform") for p in priors]
         assert [(r.name, r.low, r.high, r.log) for r in ranges] == theirs
 
 

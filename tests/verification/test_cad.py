@@ -44,9 +44,7 @@ def _dog(prototype: Dog, shape: tuple[float, ...]) -> tuple[Dog, float]:
 
 @pytest.mark.usefixtures("_kernel")
 @pytest.mark.parametrize("shape", SHAPES)
-def test_step_reads_back_as_two_rings(
-    prototype: Dog, tmp_path: Path, shape: tuple[float, ...]
-) -> None:
+def test_step_reads_as_two_rings(prototype: Dog, tmp_path: Path, shape: tuple[float, ...]) -> None:
     import build123d
 
     dog, radius = _dog(prototype, shape)

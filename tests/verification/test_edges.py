@@ -25,11 +25,7 @@ from dogshape.sim.shift.trace import OVERLAPS
 from dogshape.sim.statistics.blocks import engage
 from dogshape.sim.strength.dog_strength import Limits, notch_factor
 from dogshape.sim.strength.landing import demand_of
-from dogshape.sim.strength.manufacture import (
-    ManufacturingLimits,
-    manufacturing_checks,
-    require_makeable,
-)
+from dogshape.sim.strength.manufacture import manufacturing_checks, require_makeable
 from dogshape.sim.units import DEG, MM
 from tests.conftest import Point, dog_of
 from tests.verification.crests import DESIGNS, Crests, crests_of, time_on_crests
@@ -85,9 +81,8 @@ def _pressed(clutch: Clutch, aside: float, depth: float) -> tuple[float, float]:
     way = dog.axial_gap + 2.0 * crest_loss(dog, dog.edge_radius) + depth
     law, work = plant.law.copy(), kernel.workspace(len(plant.surfaces[1]))
     law[2] = law[4] = 0.0
-    axial, torque = kernel.contact(
-        place / dog.mean_radius, dog.travel - way, 0.0, 0.0, plant.surfaces, law, work
-    )
+    still = place / dog.mean_radius, dog.travel - way, 0.0, 0.0
+    axial, torque = kernel.contact(*still, plant.surfaces, law, work)
     return axial, torque / dog.mean_radius
 
 
@@ -135,9 +130,7 @@ def test_a_rounded_crest_lands_later_by_what_it_lost(clutch: Clutch, point: Poin
 
 
 @pytest.mark.parametrize("name", ["prototype", "lean"])
-def test_shifts_hang_over_the_window_of_the_closed_form(
-    clutch: Clutch, point: Point, name: str
-) -> None:
+def test_shifts_hang_over_the_closed_forms_window(clutch: Clutch, point: Point, name: str) -> None:
     """Landed without mismatch all over the window, with little creep.
 
     Those hang that creep does not lead out of the window in time, and none that friction does not
@@ -182,7 +175,7 @@ def test_part_drawing_and_checks_have_the_radius_of_the_edges(prototype: Dog) ->
 
 
 def test_edges_must_clear_the_fillets(prototype: Dog) -> None:
-    limits = ManufacturingLimits()
+    limits = Limits().manufacturing
     names = {check.name for check in manufacturing_checks(prototype, limits)}
     assert "edge_clearance" not in names
     for radius, passes in ((0.2, False), (0.3, True), (0.5, True)):

@@ -41,9 +41,7 @@ def _pressed(clutch: Clutch, depth: float, speed: float) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("static", "dynamic"), [(0.12, 0.10), (0.30, 0.25)])
-def test_the_plant_sees_the_coefficient_of_friction(
-    setting: Setting, static: float, dynamic: float
-) -> None:
+def test_the_plant_sees_the_friction(setting: Setting, static: float, dynamic: float) -> None:
     values = {"static_friction": static, "dynamic_friction": dynamic}
     changed = EFFECTS["contact_friction"].apply(setting, values)
     axial, along = _pressed(changed.clutch, 5e-6, 0.0)
@@ -149,16 +147,12 @@ def test_the_balance_finds_the_force_of_the_contact(
 def test_only_drag_takes_angular_momentum(clutch: Clutch, point: Point, drag: float) -> None:
     """J1 w1 + J2 w2 falls by the impulse of the drag, and friction in the spline takes none."""
     mechanism = Mechanism(spline_friction=0.2, friction=20.0, drag_torque=drag)
-    rings = clutch.rings
-    trace = engage(
-        ClutchPlant(replace(clutch, mechanism=mechanism)), point(100, 469.0), 3 * DEG
-    ).trace
-    momentum = (
-        rings.sliding_inertia * trace.sliding_speed + rings.output_inertia * trace.output_speed
-    )
+    rings, plant = clutch.rings, ClutchPlant(replace(clutch, mechanism=mechanism))
+    trace = engage(plant, point(100, 469.0), 3 * DEG).trace
+    sliding = rings.sliding_inertia * trace.sliding_speed
+    momentum = sliding + rings.output_inertia * trace.output_speed
     held = drag * smooth_sign(trace.sliding_speed, 0.05)
     taken = np.concatenate([[0.0], np.cumsum(0.5 * (held[1:] + held[:-1]) * np.diff(trace.time))])
-    assert momentum[0] - momentum == pytest.approx(
-        taken, abs=1e-6 * momentum[0] + 0.01 * abs(taken[-1])
-    )
+    close = 1e-6 * momentum[0] + 0.01 * abs(taken[-1])
+    assert momentum[0] - momentum == pytest.approx(taken, abs=close)
     assert math.isclose(momentum[0], 0.6048 * 100 * RPM)

@@ -63,9 +63,7 @@ def test_the_rise_factor_stretches_the_cubic_step(setting: Setting, factor: floa
 
 @pytest.mark.parametrize("shaft", [False, True], ids=["rigid", "shaft"])
 @pytest.mark.parametrize("factor", [1.0, 3.0])
-def test_the_sliding_inertia_takes_up_the_mismatch(
-    setting: Setting, factor: float, shaft: bool
-) -> None:
+def test_sliding_inertia_takes_the_mismatch(setting: Setting, factor: float, shaft: bool) -> None:
     """Angular momentum of both sides stays, k J1 dw1 = - J2 dw2, whatever the strikes."""
     if shaft:
         setting = setting.with_mechanism(ring_inertia=3e-4, input_stiffness=15e3)

@@ -106,16 +106,13 @@ def test_lagged_force_is_the_convolution_of_the_step(lag: float) -> None:
 
 
 @pytest.mark.parametrize("engine", ["planar", "drake"])
-def test_a_detent_gives_back_in_its_seat_what_the_ring_has_climbed(
-    flight: Flight, engine: str
-) -> None:
+def test_a_detent_gives_back_in_its_seat_what_the_ring_climbed(flight: Flight, engine: str) -> None:
     """m v2/2 = F x before and beyond both peaks, less (8/15) D w between: the work of the hump."""
     hill = {"detent": 80.0, "detent_position": 3e-3, "detent_seat": 6e-3, "added_mass": 4.7}
     trace = flight(ForceProfile(120.0, 20 * STEP), 0.03, engine, **hill)
     way = trace.displacement[1:]
-    work = np.cumsum(
-        np.diff(trace.displacement) * 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
-    )
+    force = 0.5 * (trace.shift_force[1:] + trace.shift_force[:-1])
+    work = np.cumsum(np.diff(trace.displacement) * force)
     lost, top = work - 0.5 * 5.0 * trace.axial_speed[1:] ** 2, 8.0 / 15.0 * 80.0 * 1e-3
     before, between, beyond = way < 2.5e-3, (way > 3.5e-3) & (way < 5.5e-3), way > 6.5e-3
     assert min(before.sum(), between.sum(), beyond.sum()) > 2
@@ -147,9 +144,7 @@ def test_the_actuator_runs_ahead_by_force_over_stiffness(clutch: Clutch, point: 
     assert trace.contact_force[-1] == pytest.approx(trace.shift_force[-1], rel=0.01)
 
 
-def test_play_is_closed_in_free_flight_and_hands_on_the_momentum(
-    flight: Flight, point: Point
-) -> None:
+def test_play_closes_in_free_flight_and_hands_on_the_momentum(flight: Flight, point: Point) -> None:
     """The actuator alone flies through the play; then both masses share what the force gave."""
     profile, play, added = point(50, 235.2).profile, 0.5e-3, 0.27
     trace = flight(profile, 0.05, free_play=play, added_mass=added)

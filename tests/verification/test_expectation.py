@@ -74,9 +74,7 @@ def test_nothing_engaged_gives_no_time(point: Point) -> None:
 
 
 @pytest.mark.parametrize(("engaged", "timed"), [(1, False), (4, False), (5, True), (10, True)])
-def test_a_time_needs_half_of_the_shifts_at_each_point(
-    engaged: int, timed: bool, point: Point
-) -> None:
+def test_times_need_half_the_shifts_at_each_point(engaged: int, timed: bool, point: Point) -> None:
     times = [0.05] * engaged + [None] * (10 - engaged)
     rare, sure = (
         expect_point(point(speed, 469.0), _shifts(*mine), 1.0, 0.2)

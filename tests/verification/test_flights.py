@@ -16,13 +16,7 @@ from scipy.stats.qmc import Sobol
 from dogshape.diagnosis.bench.bench_data import Bench, gather
 from dogshape.diagnosis.bench.flight_marks import FORCES, WAYS, SeenFlight, flights_of
 from dogshape.diagnosis.prediction import flights as module
-from dogshape.diagnosis.prediction.flights import (
-    Flights,
-    flight_scores,
-    fly,
-    log_flights,
-    log_unknown,
-)
+from dogshape.diagnosis.prediction.flights import Flights, fly, log_flights, log_unknown
 from dogshape.diagnosis.terms import Array, Hypothesis
 from dogshape.sim import kernel
 from dogshape.sim.setting import Setting
@@ -243,7 +237,7 @@ def test_the_flight_tells_the_effect_from_all_rivals(name: str) -> None:
 
 
 def _p_value(seen: tuple[SeenFlight, ...], h: Hypothesis, values: Array) -> float:
-    scores = flight_scores(seen, FLIGHTS, h, values)
+    scores = module.flight_scores(seen, FLIGHTS, h, values)
     return float(chi2.sf((scores**2).sum(axis=1), len(seen))[0])
 
 

@@ -38,16 +38,9 @@ def seen_at(count: float, mean: float, *, hidden: bool, point: int = 2) -> Obser
     plain, empty = observe(bench, model), np.zeros(model.cells)
     counts = empty.copy()
     counts[point] = count
-    return replace(
-        plain,
-        count=counts,
-        mean=np.full(model.cells, mean),
-        freedom=empty,
-        late=empty,
-        hidden=np.full(model.cells, hidden),
-        engaged=empty,
-        failed=empty,
-    )
+    nothing = dict.fromkeys(("freedom", "late", "engaged", "failed"), empty)
+    means, late = np.full(model.cells, mean), np.full(model.cells, hidden)
+    return replace(plain, count=counts, mean=means, hidden=late, **nothing)
 
 
 def likelihood_of(seen: Observed) -> Likelihood:
@@ -102,9 +95,8 @@ def test_a_ratio_of_variances_has_the_density_of_f() -> None:
 
 def test_numbers_engaged_are_beta_binomial() -> None:
     seen = seen_at(5.0, 0.1, hidden=False)
-    seen = replace(
-        seen, engaged=np.array([3.0, 0, 0, 9, 0, 0]), failed=np.array([2.0, 0, 0, 1, 0, 0])
-    )
+    engaged, failed = np.array([3.0, 0, 0, 9, 0, 0]), np.array([2.0, 0, 0, 1, 0, 0])
+    seen = replace(seen, engaged=engaged, failed=failed)
     _, model = world()
     p = model.predict(NONE, np.zeros((1, 0)))
     p = replace(p, engaged=np.full_like(p.engaged, 0.8))
@@ -149,9 +141,8 @@ def test_drawn_errors_in_common_have_the_exact_mean_and_covariance() -> None:
     covariance = covariance + np.einsum("k,kc,kd->cd", weights, spread, spread)
     sd = np.sqrt(np.diag(covariance))
     assert abs(offset.mean(axis=0) - mean).max() < 4.0 * (sd / 4000**0.5).max()
-    assert np.cov(offset.T) / np.outer(sd, sd) == pytest.approx(
-        covariance / np.outer(sd, sd), abs=0.08
-    )
+    size = np.outer(sd, sd)
+    assert np.cov(offset.T) / size == pytest.approx(covariance / size, abs=0.08)
     part = np.einsum("k,kc->c", weights, own)
     assert abs(part).max() > 1e-4
     assert abs(nuisance.mean(axis=0) - part).max() < 4.0 * (sd / 4000**0.5).max()

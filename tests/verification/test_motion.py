@@ -39,9 +39,7 @@ def test_simulated_flight_before_the_first_touch(plant: ClutchPlant, point: Poin
 
 
 @pytest.mark.parametrize(("mismatch", "force"), [(10.0, 641.5), (50.0, 235.2), (149.0, 469.0)])
-def test_one_dog_moves_as_all_dogs_do(
-    clutch: Clutch, point: Point, mismatch: float, force: float
-) -> None:
+def test_one_dog_moves_as_all(clutch: Clutch, point: Point, mismatch: float, force: float) -> None:
     every = replace(clutch, solver=replace(clutch.solver, all_dogs=True))
     plants = ClutchPlant(clutch), ClutchPlant(every)
     for angle in (0.0, 16.0):
@@ -120,9 +118,7 @@ def _shift(plant: ClutchPlant, point: OperatingPoint, angle: float) -> Engagemen
     return engage(plant, point, angle * DEG)
 
 
-def test_slow_dog_on_dog_lands_once_and_slides_to_the_edge(
-    plant: ClutchPlant, point: Point
-) -> None:
+def test_slow_dog_on_dog_lands_once_and_slides_to_an_edge(plant: ClutchPlant, point: Point) -> None:
     """The way slid is what was left of the face: from where it landed to the far edge."""
     result = _shift(plant, point(5, 469.0), 0)
     dog, events = plant.clutch.dog, result.events
@@ -173,9 +169,7 @@ def test_sliding_to_the_time_out_is_not_blocked(clutch: Clutch, point: Point) ->
 
 
 @pytest.mark.parametrize("mismatch", [50.0, 149.0, -149.0])
-def test_momentum_that_the_contact_takes_up(
-    plant: ClutchPlant, point: Point, mismatch: float
-) -> None:
+def test_momentum_that_the_contact_takes(plant: ClutchPlant, point: Point, mismatch: float) -> None:
     """Tangential force over time is what the sliding ring gained; along the shaft likewise.
 
     Angular momentum of both rings is kept over the whole shift.

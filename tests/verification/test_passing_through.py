@@ -30,10 +30,8 @@ _DOG = Dog(31, 10.63 * DEG, 6.89 * DEG, 24.5 * DEG, 2.485e-3, 52e-3, 44e-3, 1e-3
 
 
 def _depth(dog: Dog, displacement: float, pitches: float) -> float:
-    numbers = replace(_fine(), dog=dog).numbers
-    return kernel.penetration(
-        displacement, pitches * dog.pitch_angle, section_planes(dog), numbers
-    )  # fmt: skip
+    numbers, angle = replace(_fine(), dog=dog).numbers, pitches * dog.pitch_angle
+    return kernel.penetration(displacement, angle, section_planes(dog), numbers)
 
 
 def _extremes(shift: Engagement) -> tuple[float, float]:

@@ -18,19 +18,15 @@ from dogshape.sim.units import DEG, MM
 from tests.conftest import dog_of, named_checks
 
 LIMITS = Limits(
-    load=LoadCase(
-        release_by_itself=False, pull_out_force_limit=500.0, separating_force_limit=5000.0
-    )
+    LoadCase(release_by_itself=False, pull_out_force_limit=500.0, separating_force_limit=5000.0)
 )
 
 
 @pytest.fixture
 def roof(prototype: Dog) -> Dog:
     """Give a roof of 14 and 20 degrees on flanks of 14 degrees with 0.6 mm of backlash."""
-    angles = {"chamfer": 14.0, "chamfer_back": 20.0, "traction": 14.0, "braking": 14.0}
-    return replace(
-        prototype, crest=0.55, backlash=0.6 * MM, **{n: a * DEG for n, a in angles.items()}
-    )
+    flanks = {"traction": 14.0 * DEG, "braking": 14.0 * DEG, "backlash": 0.6 * MM}
+    return replace(prototype, crest=0.55, chamfer=14.0 * DEG, chamfer_back=20.0 * DEG, **flanks)
 
 
 @pytest.fixture
@@ -138,9 +134,8 @@ def test_a_single_tolerance_by_hand(prototype: Dog) -> None:
 
 def test_no_tolerance_loses_nothing(prototype: Dog) -> None:
     none = Tolerances(*[0.0] * 8)
-    assert all(
-        s.worst_case == 0.0 for s in margin_losses(prototype, Limits(tolerances=none)).values()
-    )
+    spreads = margin_losses(prototype, Limits(tolerances=none)).values()
+    assert all(spread.worst_case == 0.0 for spread in spreads)
     contact = flank_contact(prototype, 0.3e-3, "braking")
     left = tolerance_checks(prototype, 0.3e-3, none, 5e-5)[0].value
     assert left == pytest.approx((contact.height - 5e-5) / prototype.height)
@@ -149,10 +144,8 @@ def test_no_tolerance_loses_nothing(prototype: Dog) -> None:
 def test_a_deviation_that_leaves_no_dog_loses_everything(prototype: Dog) -> None:
     """The chamfer may eat up to half the height; five degrees more do."""
     dog = dog_of(prototype, (16, 10, 20, 3.0, 15))
-    spread = losses(dog, 0.3e-3, Tolerances(chamfer=5 * DEG), lambda d, _: {"height": d.height})[
-        "height"
-    ]
-    assert spread.worst_case == float("inf")
+    found = losses(dog, 0.3e-3, Tolerances(chamfer=5 * DEG), lambda d, _: {"height": d.height})
+    assert found["height"].worst_case == float("inf")
 
 
 def test_clearance_in_neutral_by_hand(prototype: Dog) -> None:

@@ -70,9 +70,7 @@ def test_the_mean_passage_is_the_closed_form() -> None:
 
 
 @pytest.mark.parametrize("mismatch_rpm", [5.0, -5.0])
-def test_rests_of_blocked_shifts_are_what_the_slide_has_left(
-    flat: Clutch, mismatch_rpm: float
-) -> None:
+def test_rests_of_blocked_shifts_are_what_slides_leave(flat: Clutch, mismatch_rpm: float) -> None:
     """Faces that slide by J dw2/(2 mu F r) and stand (Bóka): even angles leave even rests."""
     n, pitch, point = 48, flat.dog.pitch_angle, _slow(mismatch_rpm)
     rows = run_block(even_block(flat, point, n, (1, 0)))
@@ -105,9 +103,7 @@ def test_a_ring_falls_into_the_slot_that_comes(flat: Clutch, share: float, skipp
 
 
 @pytest.mark.parametrize("mismatch_rpm", [5.0, 25.0])
-def test_entries_of_flat_dogs_are_those_of_the_closed_forms(
-    flat: Clutch, mismatch_rpm: float
-) -> None:
+def test_entries_of_flat_dogs_are_those_of_closed_forms(flat: Clutch, mismatch_rpm: float) -> None:
     """Direct: play less the way turned while the ring falls past the crests; engaged: Bóka's."""
     n, dog, point = 96, flat.dog, _slow(mismatch_rpm)
     rows = list(run_block(even_block(flat, point, n, (1, 0))))

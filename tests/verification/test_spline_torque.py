@@ -38,9 +38,8 @@ class _Spline:
     def __init__(self, clutch: Clutch) -> None:
         self.clutch, self.plant = clutch, ClutchPlant(clutch)
         self.plant.start(OperatingPoint(1.0, ForceProfile(469.0, 0.1)), 0.1)
-        (self._forces,) = (
-            s for s in self.plant.diagram.GetSystems() if type(s).__name__ == "_Forces"
-        )
+        systems = self.plant.diagram.GetSystems()
+        (self._forces,) = (s for s in systems if type(s).__name__ == "_Forces")
         joints = [
             self.plant.plant.get_joint_actuator(i).joint().name()
             for i in self.plant.plant.GetJointActuatorIndices()
@@ -84,16 +83,13 @@ def test_flat_faces_press_the_spline_by_coulombs_law(clutch: Clutch, contact: Co
         torque = spline.at(0.0, dog.axial_gap + 1e-6, slip / dog.mean_radius, still)
         force = spline.axial()
         assert force > 10.0
-        assert torque == pytest.approx(
-            coefficient * force * dog.mean_radius * _share(flat), rel=8e-3
-        )
+        known = coefficient * force * dog.mean_radius * _share(flat)
+        assert torque == pytest.approx(known, rel=8e-3)
 
 
 @pytest.mark.parametrize("contact", [ADAMS, DRY], ids=["adams2019", "dry"])
 @pytest.mark.parametrize("chamfer", [8.0, 0.0])
-def test_both_engines_press_the_spline_alike(
-    clutch: Clutch, contact: ContactSet, chamfer: float
-) -> None:
+def test_engines_press_a_spline_alike(clutch: Clutch, contact: ContactSet, chamfer: float) -> None:
     """Ten random states in touch, faces and flanks, about and beyond the fall of the friction."""
     own = _with(replace(clutch, dog=replace(clutch.dog, chamfer=chamfer * DEG)), contact)
     spline, mine, dog = _Spline(own), PlanarClutch(own.with_engine("planar")), own.dog
@@ -113,9 +109,7 @@ def test_both_engines_press_the_spline_alike(
             seen += 1
 
 
-def test_a_shift_with_a_loaded_spline_follows_the_compiled_engine(
-    clutch: Clutch, point: Point
-) -> None:
+def test_a_loaded_spline_shifts_as_in_the_compiled_engine(clutch: Clutch, point: Point) -> None:
     """With the dynamic coefficient alone for the spline Drake's shift comes to 54.1 ms."""
     dog = replace(
         clutch.dog, chamfer=16.47 * DEG, traction=21.73 * DEG, braking=15.85 * DEG,

@@ -47,9 +47,7 @@ def test_rated_torque_on_all_dogs(prototype: Dog) -> None:
 
 @pytest.mark.parametrize("values", [(8, 12, 22, 3.7, 15), (16, 7.4, 23, 2.1, 33), (0, 4, 4, 2, 20)])
 @pytest.mark.parametrize("side", [0, 1])
-def test_contact_area_agrees_with_the_solid(
-    prototype: Dog, values: tuple[float, ...], side: int
-) -> None:
+def test_contact_area_is_the_solids(prototype: Dog, values: tuple[float, ...], side: int) -> None:
     """Second method: the flank between its tangent lines in space, and the mate's turned over.
 
     Widths along the circumference overstate the way across the face, at most by what an
@@ -129,9 +127,7 @@ def test_load_sharing_acts_as_the_factors_of_a_published_spline(prototype: Dog) 
     ("angle", "friction", "force"),
     [(12, 0.0, 1771), (12, 0.10, 918), (12, 0.30, -685), (22, 0.0, 3367), (22, 0.16, 1910)],
 )
-def test_axial_force_of_a_loaded_flank(
-    prototype: Dog, angle: float, friction: float, force: float
-) -> None:
+def test_axial_force_of_flanks(prototype: Dog, angle: float, friction: float, force: float) -> None:
     assert axial_force(prototype, 200.0, angle * DEG, friction) == pytest.approx(force, abs=1.0)
     assert blocking_force(prototype, LoadCase()) == pytest.approx(4338, abs=1)  # of the steeper one
 

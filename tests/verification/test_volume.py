@@ -78,9 +78,8 @@ def test_the_volume_converges_with_the_square_of_the_step(prototype: Dog, radius
     ]
     first, second = np.diff(volumes)
     assert first / second == pytest.approx(4.0, rel=0.1)
-    assert part_volume(prototype, radius, BODY) == pytest.approx(
-        volumes[-1] + second / 3.0, rel=1e-5
-    )
+    limit = volumes[-1] + second / 3.0
+    assert part_volume(prototype, radius, BODY) == pytest.approx(limit, rel=1e-5)
 
 
 def test_fillets_and_body_need_room(prototype: Dog) -> None:
