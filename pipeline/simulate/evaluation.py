@@ -170,6 +170,12 @@ def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
     return even_blocks(study.clutch, study.points, angles, seed, uncertainty=study.uncertainty)
 
 
+def forget_designs(study: Setup, executor: Executor, angles: int, seed: int) -> None:
+    """Drop the shifts of designs, but those of the reference, which others are compared with."""
+    blocks = reference_blocks(study, angles, seed)
+    executor.forget({key for block in blocks for key in block.keys})
+
+
 def evaluate(
     study: Setup, designs: Sequence[Params], executor: Executor, angles: int, seed: int
 ) -> list[Simulated]:
