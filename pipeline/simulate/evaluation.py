@@ -13,6 +13,7 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import islice
 
 from dogshape.pipeline.config.operating import OPERATED
@@ -167,7 +168,10 @@ def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
     """Return the shifts of the study's own dog; none where no objective or limit refers to it."""
     if REFERRED not in estimated(study):
         return []
-    return even_blocks(study.clutch, study.points, angles, seed, uncertainty=study.uncertainty)
+    return _reference(study.clutch, study.points, angles, seed, uncertainty=study.uncertainty)
+
+
+_reference = lru_cache(maxsize=2)(even_blocks)  # all rounds have it, with its keys
 
 
 def forget_designs(study: Setup, executor: Executor, angles: int, seed: int) -> None:

@@ -18,7 +18,7 @@ from dogshape.sim.shift import conclusion
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
 from dogshape.sim.statistics.expectation import even_phases
-from dogshape.sim.statistics.shift_records import Record, content_key, edge_record, inputs
+from dogshape.sim.statistics.shift_records import Record, content_keys, edge_record, inputs
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import DEG, MM
 from dogshape.sim.versions import engine
@@ -54,12 +54,13 @@ class Block:
     @property
     def inputs(self) -> list[Record]:
         """Inputs of the block's shifts, in the order of the angles."""
-        return inputs(self.clutch, self.point, self.angles, self.each_variant)
+        same, own = inputs(self.clutch, self.point, self.angles, self.each_variant)
+        return [same | one for one in own]
 
     @cached_property
     def keys(self) -> list[str]:
         """Content keys of the block's shifts, in the order of the angles."""
-        return [content_key(given) for given in self.inputs]
+        return content_keys(*inputs(self.clutch, self.point, self.angles, self.each_variant))
 
     @cached_property
     def first_key(self) -> str:
@@ -115,8 +116,11 @@ def even_block(
         places: tuple[float, ...] = tuple(shares.tolist())
     else:
         places = tuple(angles)
-    variants = uncertainty.variants(point, len(places), *draw, base) if uncertainty else ()
+    variants = _drawn(uncertainty, point, len(places), *draw, base) if uncertainty else ()
     return Block(clutch, point, places, draw[0] if isinstance(angles, int) else None, variants)
+
+
+_drawn = lru_cache(maxsize=128)(Uncertainty.variants)  # designs have the draws of a point in common
 
 
 def events_record(result: Engagement) -> Record:
