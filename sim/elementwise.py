@@ -60,7 +60,8 @@ def each(function: Callable[..., float], *values: float) -> float:
     if _hold_array(values):
         rows = [*zip(*(one.tolist() for one in np.broadcast_arrays(*values)), strict=True)]
         found = {row: function(*row) for row in dict.fromkeys(rows)}
-        return np.array([found[row] for row in rows])
+        every: Any = np.array([found[row] for row in rows])
+        return every
     return function(*values)
 
 

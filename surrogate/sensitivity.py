@@ -79,5 +79,4 @@ def accumulate(x: Array, column: int) -> tuple[Array, Array, Array]:
     steps[place, np.arange(len(place))] = 1.0 / counts[place]
     added = np.concatenate([np.zeros((1, len(place))), np.cumsum(steps, axis=0)])
     added -= counts / counts.sum() @ (0.5 * (added[1:] + added[:-1]))
-    form = np.concatenate([-added, added], axis=1)
-    return values, np.concatenate([below, above]), form
+    return values, np.concatenate([below, above]), np.concatenate([-added, added], axis=1)

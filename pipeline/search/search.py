@@ -13,7 +13,7 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
@@ -55,10 +55,12 @@ class Search:
     optuna: optuna.Study
     sampler: SurrogateSampler
     sharing: Sharing | None = None
+    _designs: dict[int, Design] = field(default_factory=dict, repr=False)  #: of finished trials
 
     def read(self) -> SearchState:
         """Read the finished trials of the storage."""
-        return SearchState(self.study, tuple(map(trial_of, self.trials(TrialState.COMPLETE))))
+        trials = tuple(map(trial_of, self.trials(TrialState.COMPLETE)))
+        return SearchState(self.study, trials, self._designs)
 
     def trials(self, *states: TrialState) -> list[FrozenTrial]:
         """List the trials in some states."""

@@ -58,8 +58,7 @@ class Shaft:
     def torque(self, lead: Number, rate: Number) -> Number:
         """Return the torque in N m on the ring; ``lead`` of the rest in rad and its rate."""
         half = 0.5 * self.backlash
-        law = self.stiffness, self.damping
-        return spring_force(lead, rate, law, (-half, half), DEEP_TWIST)
+        return spring_force(lead, rate, (self.stiffness, self.damping), (-half, half), DEEP_TWIST)
 
 
 def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft | None:

@@ -399,8 +399,7 @@ def touching_quads(dog: Dog) -> list[Face]:
     """Return the corners of each surface in ``rigid_dog``, in the order of ``touching_planes``."""
     if dog.edge_radius == 0.0 and not dog.has_back:
         return [(5, 7, 6, 4), (1, 3, 7, 5), (3, 1, 0, 2)]
-    last = 2 * len(touching_planes(dog)) - 2
-    return [(i, i + 1, i + 3, i + 2) for i in range(last, -2, -2)]
+    return [(i, i + 1, i + 3, i + 2) for i in range(2 * len(touching_planes(dog)) - 2, -2, -2)]
 
 
 def _in_triangles(faces: Sequence[Sequence[int]]) -> Cells:

@@ -18,7 +18,7 @@ from dogshape.sim.shift import conclusion
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Engagement, Engine, Outcome
 from dogshape.sim.statistics.expectation import even_phases
-from dogshape.sim.statistics.shift_records import Record, content_keys, edge_record, inputs
+from dogshape.sim.statistics.shift_records import Record, content_key, edge_record, inputs
 from dogshape.sim.statistics.uncertainty import Uncertainty, Variant
 from dogshape.sim.units import DEG, MM
 from dogshape.sim.versions import engine
@@ -54,13 +54,12 @@ class Block:
     @property
     def inputs(self) -> list[Record]:
         """Inputs of the block's shifts, in the order of the angles."""
-        same, own = inputs(self.clutch, self.point, self.angles, self.each_variant)
-        return [same | one for one in own]
+        return inputs(self.clutch, self.point, self.angles, self.each_variant)
 
     @cached_property
     def keys(self) -> list[str]:
         """Content keys of the block's shifts, in the order of the angles."""
-        return content_keys(*inputs(self.clutch, self.point, self.angles, self.each_variant))
+        return [content_key(given) for given in self.inputs]
 
     @cached_property
     def first_key(self) -> str:

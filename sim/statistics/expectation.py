@@ -346,8 +346,7 @@ def halves(phases: Values, times: Values, count: int) -> Values:
     """
     places, widths, values = _round_the_pitch(phases, times)
     below, above = _jumps(widths, values)
-    worth = widths * np.sqrt(below * above)
-    chosen = np.sort(np.argsort(-worth, kind="stable")[:count])
+    chosen = np.sort(np.argsort(-(widths * np.sqrt(below * above)), kind="stable")[:count])
     return (places[chosen] + 0.5 * widths[chosen]) % 1.0
 
 
@@ -373,8 +372,7 @@ def _round_the_pitch(phases: Values, times: Values) -> tuple[Values, Values, Val
     if engaged.any():
         last = np.maximum.accumulate(np.where(engaged, np.arange(len(values)), -1))
         values = values[np.where(last < 0, np.flatnonzero(engaged)[-1], last)]
-    widths = np.diff(places, append=places[:1] + 1.0)
-    return places, widths, np.append(values, values[0])
+    return places, np.diff(places, append=places[:1] + 1.0), np.append(values, values[0])
 
 
 def _jumps(widths: Values, values: Values) -> tuple[Values, Values]:

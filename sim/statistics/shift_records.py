@@ -58,11 +58,12 @@ def clutch_record(clutch: Clutch) -> Record:
 
 def inputs(
     clutch: Clutch, point: OperatingPoint, angles: Iterable[float], draws: Iterable[Variant | None]
-) -> tuple[Record, list[Record]]:
-    """Return the nominal inputs of shifts as flat records: what all share, and each one's own."""
+) -> list[Record]:
+    """Return the nominal inputs of shifts as flat records, and their draws where uncertain."""
     same = {**clutch_record(clutch), "mismatch_rpm": point.mismatch / RPM, **point.profile.record}
-    return same, [
+    return [
         {
+            **same,
             "relative_angle_deg": angle / DEG,
             **({} if variant is None else variant_record(clutch, point, variant)),
         }
@@ -103,21 +104,8 @@ def content_key(record: Record) -> str:
 
     Floats are rounded to twelve digits, which a change of unit does not reach.
     """
-    return content_keys({}, [record])[0]
-
-
-def content_keys(same: Record, more: Iterable[Record]) -> list[str]:
-    """Return the ``content_key`` of what is the ``same`` in all records with each one's own."""
-    common = _rounded(same)
-    texts = (_SORTED.encode(common | _rounded(own)) for own in more)
-    return [hashlib.sha256(text.encode()).hexdigest()[:20] for text in texts]
-
-
-_SORTED = json.JSONEncoder(sort_keys=True)
-
-
-def _rounded(record: Record) -> Record:
-    return {k: float(f"{v:.12g}") if isinstance(v, float) else v for k, v in record.items()}
+    rounded = {k: float(f"{v:.12g}") if isinstance(v, float) else v for k, v in record.items()}
+    return hashlib.sha256(json.dumps(rounded, sort_keys=True).encode()).hexdigest()[:20]
 
 
 BINS = 24  #: of the relative angle over a pitch, at most
