@@ -54,9 +54,12 @@ def where(condition: bool, one: Value, other: Value) -> Value:
 
 
 def each(function: Callable[..., float], *values: float) -> float:
-    """Apply a function of numbers to numbers, or to each element of arrays."""
+    """Apply a function of numbers to numbers, or once to equal elements of arrays (n,)."""
     if _hold_array(values):
-        return np.vectorize(function, otypes=[float])(*values)
+        rows = [*zip(*(one.tolist() for one in np.broadcast_arrays(*values)), strict=True)]
+        found = {row: function(*row) for row in dict.fromkeys(rows)}
+        every: Any = np.array([found[row] for row in rows])
+        return every
     return function(*values)
 
 

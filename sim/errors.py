@@ -100,10 +100,9 @@ def ranged_record(value: Any) -> dict[str, Any]:
 def require_ranges(value: Any, section: str, remedy: str) -> None:
     """Raise InputError where a field of a value of ``section`` is beyond its range; None is not."""
     kind: Any = type(value)
-    for (key, low, high, own), given in zip(
-        ranges_of(kind).values(), ranged_record(value).values(), strict=True
-    ):
-        if given is not None:
+    for name, (key, low, high, own) in ranges_of(kind).items():
+        given = from_si(key, getattr(value, name))
+        if given is not None and not low <= given <= high:  # in millions of shifts hardly one
             require_between(f"{section}.{key}".lstrip("."), given, low, high, own or remedy)
 
 

@@ -138,8 +138,7 @@ class Expected:
     @property
     def without_retries(self) -> tuple[float, float]:
         """Expected time of the shifts that engage, and its standard error, s."""
-        left = max(self.error**2 - self.retries_error**2, 0.0)
-        return self.time - self.retries, left**0.5
+        return self.time - self.retries, max(self.error**2 - self.retries_error**2, 0.0) ** 0.5
 
 
 @dataclass(frozen=True)
@@ -215,8 +214,7 @@ class Surrogate:
 
     def _retries(self, x: Array, mix: Mix) -> tuple[Array, Array, Array]:
         """Predict share engaged (m, p), time of retries (m,), and errors by point (m, p), s."""
-        where = point_coordinates(mix.points)
-        share, unsure = self.share.predict(coordinates(self.data, x), where)
+        share, unsure = self.share.predict(coordinates(self.data, x), point_coordinates(mix.points))
         weights = mix.weights * mix.retry
         return share, (1.0 - share) / share @ weights, np.sqrt(unsure) / share**2 * weights
 
@@ -259,8 +257,7 @@ class Surrogate:
     def variation(self, points: Array) -> Array:
         """Interpolate the relative standard deviation of a shift, (p,): median of the designs."""
         grid = self.data.engaging
-        own = np.median(grid.sds / grid.means, axis=0)
-        return np.maximum(self._links(points)[0] @ own, 0.0)
+        return np.maximum(self._links(points)[0] @ np.median(grid.sds / grid.means, axis=0), 0.0)
 
     @cached_property
     def spacing(self) -> float:

@@ -142,8 +142,7 @@ class Outcome:
         may = [nameable(h, settings) for h in self.hypotheses]
         sure = (self.after(before, log, odds) > settings.named) & may
         right = sure[np.arange(every.size), truth[every]]
-        wrong = sure.any(axis=1) & ~right
-        return max(0.0, gain), float(weights @ right), float(weights @ wrong)
+        return max(0.0, gain), float(weights @ right), float(weights @ (sure.any(axis=1) & ~right))
 
 
 @dataclass(frozen=True)

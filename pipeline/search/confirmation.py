@@ -37,6 +37,7 @@ from dogshape.pipeline.simulate.evaluation import (
     Simulated,
     design_blocks,
     evaluate,
+    forget_designs,
 )
 from dogshape.pipeline.simulate.executor import Executor, scratch_executor
 from dogshape.pipeline.store.result_records import EngineAgreement, ExpectedTime, check_record
@@ -150,10 +151,10 @@ def _resimulated(study: Setup, named: dict[str, Params], executors: Executors) -
     blocks = [block for params in designs for block in _thinned(study, params)]
     if study.judging is None:
         executors.kept.run(blocks)  # for the single shifts of the report
-        executors.search.forget()
+        forget_designs(study, executors.search, many, _seed(study))
         return found
     pairs = _pairs(blocks, study.judging.clutch, executor, executors.kept)
-    executors.search.forget()
+    forget_designs(study, executors.search, many, _seed(study))
     size = len(pairs) // len(found)  # as many of each design
     return [
         replace(one, agreement=agreement_of(pairs[k * size : (k + 1) * size]))
@@ -231,7 +232,7 @@ def _other_shapes(study: Setup, params: Params, executors: Executors) -> list[Ot
             continue
         executor, many = _executor(study, executors), new_angles(study)
         (one,) = evaluate(study, [design], executor, many, _seed(study))
-        executors.search.forget()
+        forget_designs(study, executors.search, many, _seed(study))
         time = one.expectation
         found.append(OtherShape(
             shape=words, expected_shift_time_s=time.time,

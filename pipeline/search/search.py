@@ -13,7 +13,7 @@ import time
 import warnings
 from collections.abc import Callable
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import optuna
 from optuna.exceptions import ExperimentalWarning, UpdateFinishedTrialError
@@ -32,7 +32,7 @@ from dogshape.pipeline.search.state import (
     trial_of,
 )
 from dogshape.pipeline.simulate.design import Design, design_of, leading, objectives_of, values_of
-from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, reference_blocks
+from dogshape.pipeline.simulate.evaluation import Simulated, evaluate, forget_designs
 from dogshape.pipeline.simulate.executor import Executor
 from dogshape.pipeline.store.folder import StudyFolder, comparable
 from dogshape.pipeline.store.trial_storage import Sharing, open_storage
@@ -55,10 +55,12 @@ class Search:
     optuna: optuna.Study
     sampler: SurrogateSampler
     sharing: Sharing | None = None
+    _designs: dict[int, Design] = field(default_factory=dict, repr=False)  #: of finished trials
 
     def read(self) -> SearchState:
         """Read the finished trials of the storage."""
-        return SearchState(self.study, tuple(map(trial_of, self.trials(TrialState.COMPLETE))))
+        trials = tuple(map(trial_of, self.trials(TrialState.COMPLETE)))
+        return SearchState(self.study, trials, self._designs)
 
     def trials(self, *states: TrialState) -> list[FrozenTrial]:
         """List the trials in some states."""
@@ -133,8 +135,7 @@ def finish_round(search: Search, trials: list[FrozenTrial], executor: Executor) 
     found = iter(evaluate(study, params, executor, settings.angles, settings.seed))
     for trial, design in zip(trials, designs, strict=True):
         _tell(search, trial, design, next(found) if design.feasible else None)
-    reference = reference_blocks(study, settings.angles, settings.seed)
-    executor.forget({key for block in reference for key in block.keys})
+    forget_designs(study, executor, settings.angles, settings.seed)
 
 
 def _tell(search: Search, given: FrozenTrial, design: Design, one: Simulated | None) -> None:

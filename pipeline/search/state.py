@@ -93,15 +93,22 @@ def not_dominated(values: Array) -> Mask:
 
 @dataclass(frozen=True)
 class SearchState:
-    """Finished trials of a study in the order of their numbers, and what follows from them."""
+    """Finished trials of a study in the order of their numbers, and what follows from them.
+
+    ``known`` designs were worked out before, and hold those that this state adds.
+    """
 
     study: Setup
     trials: tuple[Trial, ...]
+    known: dict[int, Design] = field(default_factory=dict, repr=False)
 
     @cached_property
     def designs(self) -> Mapping[int, Design]:
         """Designs with all of their checks, by trial."""
-        return {t.number: design_of(self.study, t.params, t.measured) for t in self.trials}
+        for trial in self.trials:
+            if trial.number not in self.known:
+                self.known[trial.number] = design_of(self.study, trial.params, trial.measured)
+        return self.known
 
     @cached_property
     def simulated(self) -> tuple[Trial, ...]:
@@ -140,4 +147,5 @@ class SearchState:
     def renew(self, trials: Iterable[Trial]) -> SearchState:
         """Replace trials by those of the same numbers."""
         new = {trial.number: trial for trial in trials}
-        return replace(self, trials=tuple(new.get(t.number, t) for t in self.trials))
+        known = {number: one for number, one in self.known.items() if number not in new}
+        return replace(self, trials=tuple(new.get(t.number, t) for t in self.trials), known=known)

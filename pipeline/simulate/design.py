@@ -202,13 +202,14 @@ class Objective:
         return Rule(self.name, "goal", self.label, how, said, unit, key, at_most, summary)
 
 
-#: Losses of a design, which is asked for its limit, its objective and its record.
-_losses = lru_cache(maxsize=256)(margin_losses)
+#: Losses of a design, which each round of a search asks for again; not of candidates.
+_losses = lru_cache(maxsize=2**12)(margin_losses)
 
 
 def margins_within(study: Setup, design: Design, kind: str = "worst_case") -> dict[str, float]:
     """Compute each check's margin within the tolerances; the landing has none."""
-    spreads = {} if design.dog is None else _losses(design.dog, study.limits)
+    found = margin_losses if isinstance(design.dog, Dogs) else _losses
+    spreads = {} if design.dog is None else found(design.dog, study.limits)
     return {
         check.name: check.margin - getattr(spreads.get(check.name), kind, 0.0)
         for check in design.checks

@@ -13,7 +13,10 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import islice
+
+import numpy as np
 
 from dogshape.pipeline.config.operating import OPERATED
 from dogshape.pipeline.config.study_file import Setup
@@ -49,6 +52,7 @@ from dogshape.sim.strength.landing import (
     Wear,
     demand_checks,
     demand_of,
+    demands_of,
     exceeded,
     hardest,
     worn,
@@ -167,7 +171,15 @@ def reference_blocks(study: Setup, angles: int, seed: int) -> list[Block]:
     """Return the shifts of the study's own dog; none where no objective or limit refers to it."""
     if REFERRED not in estimated(study):
         return []
-    return even_blocks(study.clutch, study.points, angles, seed, uncertainty=study.uncertainty)
+    return _reference(study.clutch, study.points, angles, seed, uncertainty=study.uncertainty)
+
+
+_reference = lru_cache(maxsize=2)(even_blocks)  # all rounds have it, with its keys
+
+
+def forget_designs(study: Setup, executor: Executor, angles: int, seed: int) -> None:
+    """Drop the shifts of designs, but those of the reference, which others are compared with."""
+    executor.forget({key for block in reference_blocks(study, angles, seed) for key in block.keys})
 
 
 def evaluate(
@@ -220,14 +232,12 @@ def _as_searched(study: Setup, operation: Mapping[str, float], rows: Rows) -> li
 def demand_over(study: Setup, dog: Dog, expectation: Expectation, rows: Rows) -> Demand:
     """Compute what landings make the dogs bear: the hardest, or what a share of them exceeds."""
     limits, share = study.limits, study.limits.load.landing_share
-    landings = [[landing_of(row) for row in mine] for mine in rows]
+    landings = [landing_of(row) for mine in rows for row in mine]
     if share is None:
-        return demand_of(dog, hardest(one for mine in landings for one in mine), limits)
-    every, weights = [], []
-    for found, mine in zip(expectation.points, landings, strict=True):
-        every += [demand_of(dog, landing, limits) for landing in mine]
-        weights += [found.point.weight / len(mine)] * len(mine)
-    return exceeded(every, weights, share)
+        return demand_of(dog, hardest(landings), limits)
+    pairs = zip(expectation.points, rows, strict=True)
+    weights = [found.point.weight / len(mine) for found, mine in pairs for _ in mine]
+    return exceeded(demands_of(dog, np.array(landings), limits), weights, share)
 
 
 def expectation_of(study: Setup, points: Points, rows: Rows, even: bool = True) -> Expectation:

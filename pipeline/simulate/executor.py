@@ -205,8 +205,7 @@ def scratch_executor(
     connect(cluster)
     folder = tempfile.mkdtemp(prefix="dogshape-")
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    journal = ShiftJournal(Path(folder) / "shifts.jsonl")
-    return Executor(journal, jobs, progress, cluster)
+    return Executor(ShiftJournal(Path(folder) / "shifts.jsonl"), jobs, progress, cluster)
 
 
 _clients: dict[str, Any] = {}  #: of Dask clusters, by address

@@ -40,8 +40,7 @@ def study_mix(study: Setup, points: Sequence[OperatingPoint] | None = None) -> M
     freed, lost = study.set_point.passages(quarter)[0], study.clutch.timeout + study.retraction
     weights = np.array([point.weight for point in points])
     rows = [(point.mismatch / RPM, point.profile.force) for point in points]
-    retry = float(np.nan_to_num(freed, nan=lost))
-    return Mix(np.array(rows), weights / weights.sum(), retry)
+    return Mix(np.array(rows), weights / weights.sum(), float(np.nan_to_num(freed, nan=lost)))
 
 
 def stored_surrogate(study: Setup, named: str | Path | None) -> tuple[Stored, Path]:

@@ -264,14 +264,12 @@ def states_held(clutch: Clutch, point: OperatingPoint, angle: float) -> tuple[Se
     The last state is where the motion of both rings begins; ``angle`` as for ``Engagement``.
     """
     times, *actuator = release(clutch, point.profile)
-    sliding = clutch.rings.initial_speed
+    sliding, still = clutch.rings.initial_speed, np.zeros_like(times)
     output = sliding + point.mismatch
-    states = np.zeros((len(times), 12))
-    states[:, [3, 11]], states[:, [5, 9]] = output, sliding
-    states[:, [0, 10]] = (angle + output * times)[:, None]
-    states[:, [2, 8]] = (sliding * times)[:, None]
-    states[:, [6, 7]] = np.transpose(actuator)
-    return times, states
+    ahead, turned = angle + output * times, sliding * times
+    given, rings = output + still, sliding + still
+    columns = ahead, still, turned, given, still, rings, *actuator, turned, rings, ahead, given
+    return times, np.array(columns).T.copy()
 
 
 @lru_cache(maxsize=64)  # shifts differ by their angle alone

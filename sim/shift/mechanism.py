@@ -57,8 +57,8 @@ class Shaft:
 
     def torque(self, lead: Number, rate: Number) -> Number:
         """Return the torque in N m on the ring; ``lead`` of the rest in rad and its rate."""
-        law, half = (self.stiffness, self.damping), 0.5 * self.backlash
-        return spring_force(lead, rate, law, (-half, half), DEEP_TWIST)
+        half = 0.5 * self.backlash
+        return spring_force(lead, rate, (self.stiffness, self.damping), (-half, half), DEEP_TWIST)
 
 
 def shaft_of(near: float, whole: float, stiffness: float, backlash: float = 0.0) -> Shaft | None:
@@ -183,7 +183,8 @@ class Mechanism:
     def _climb(self, way: Number) -> Number:
         """Return the force in N of the climb onto the detent, ``way`` in m from its peak."""
         bump = positive(1.0 - (2.0 * way / self.detent_width) ** 2)
-        return self.detent * bump * bump
+        force: Number = self.detent * bump * bump
+        return force
 
     def drag(self, speed: Number) -> Number:
         """Return the torque in N m that holds a ring turning at ``speed`` in rad/s."""
@@ -202,12 +203,14 @@ class Mechanism:
 
 def positive(value: Number) -> Number:
     """Return the value where it is positive, else 0."""
-    return 0.5 * (value + abs(value))
+    whole: Number = 0.5 * (value + abs(value))
+    return whole
 
 
 def smooth_sign(value: Number, small: float) -> Number:
     """Return the sign of a value, smooth below ``small``."""
-    return value / (value * value + small * small) ** 0.5
+    sign: Number = value / (value * value + small * small) ** 0.5
+    return sign
 
 
 NOTHING = Mechanism()  #: no mechanism at all

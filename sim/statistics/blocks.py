@@ -115,8 +115,11 @@ def even_block(
         places: tuple[float, ...] = tuple(shares.tolist())
     else:
         places = tuple(angles)
-    variants = uncertainty.variants(point, len(places), *draw, base) if uncertainty else ()
+    variants = _drawn(uncertainty, point, len(places), *draw, base) if uncertainty else ()
     return Block(clutch, point, places, draw[0] if isinstance(angles, int) else None, variants)
+
+
+_drawn = lru_cache(maxsize=128)(Uncertainty.variants)  # designs have the draws of a point in common
 
 
 def events_record(result: Engagement) -> Record:

@@ -73,7 +73,8 @@ class SetPoint:
         """Compute the times from the command to the passage of overlaps in rad, (n,), s or NaN."""
         swing = self.amplitude * self.period / math.pi
         shares = np.where(overlaps <= swing, overlaps / (swing or 1.0), np.nan)
-        return self.start + self.period / (2.0 * math.pi) * np.arccos(1.0 - 2.0 * shares)
+        times: Values = self.start + self.period / (2.0 * math.pi) * np.arccos(1.0 - 2.0 * shares)
+        return times
 
     def freed(self, shifts: Sequence[ShiftResult]) -> list[ShiftResult]:
         """Give each blocked shift the time at which it is freed; it remains ``Outcome.BLOCKED``."""
@@ -331,7 +332,8 @@ def _with_retries(
     tries = 1 if share == 1.0 else math.ceil(math.log(TAIL) / math.log1p(-share))
     again: Values = np.arange(float(tries))[:, None]
     sizes: Values = (1.0 - share) ** again * (share * times.size / engaged.sum()) * engaged
-    return again * (timeout + retraction) + np.where(engaged, times, 0.0), sizes
+    tried: Values = again * (timeout + retraction) + np.where(engaged, times, 0.0)
+    return tried, sizes
 
 
 def halves(phases: Values, times: Values, count: int) -> Values:
@@ -344,7 +346,7 @@ def halves(phases: Values, times: Values, count: int) -> Values:
     """
     places, widths, values = _round_the_pitch(phases, times)
     below, above = _jumps(widths, values)
-    chosen = np.sort(np.argsort(-widths * np.sqrt(below * above), kind="stable")[:count])
+    chosen = np.sort(np.argsort(-(widths * np.sqrt(below * above)), kind="stable")[:count])
     return (places[chosen] + 0.5 * widths[chosen]) % 1.0
 
 

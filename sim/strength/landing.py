@@ -26,11 +26,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dogshape.sim.elementwise import by_weight
+from dogshape.sim.elementwise import by_weight, sqrt
 from dogshape.sim.errors import InputError, refusal, require_ranges, within
 from dogshape.sim.shift.geometry import LAND, SHARPEST, Dog, tip_radius
 from dogshape.sim.shift.trace import OVERLAPS
@@ -44,9 +45,10 @@ MODULUS = YOUNG / (2.0 * (1.0 - POISSON**2))  #: Pa, of two like bodies
 
 def edge_pressure(line_load: float, radius: float) -> float:
     """Compute the pressure of Hertz of two like edges, Pa; load in N/m, their radius in m."""
-    return math.sqrt(line_load * MODULUS / (math.pi * 0.5 * radius))
+    return sqrt(line_load * MODULUS / (math.pi * 0.5 * radius))
 
 
+Values = NDArray[np.float64]
 Landing = tuple[float, ...]  #: load in N/m for each class of ``OVERLAPS``
 NO_LANDING = (0.0,) * len(OVERLAPS)
 
@@ -67,41 +69,42 @@ class Demand(NamedTuple):
     edge: float = 0.0
 
 
-def exceeded(demands: Sequence[Demand], weights: Sequence[float], share: float) -> Demand:
+def exceeded(demands: Values, weights: Sequence[float], share: float) -> Demand:
     """Compute what the ``share`` in (0, 1) of all shifts exceeds, of each pressure for itself.
 
-    ``weights`` of the shifts need not add up to one. A value stands in the middle of its weight;
-    between two the quantile runs straight, and beyond the largest nothing is known.
+    ``demands`` as of ``demands_of``, ``weights`` of the shifts need not add up to one. A value
+    stands in the middle of its weight; between two the quantile runs straight, and beyond the
+    largest nothing is known.
     """
-    if not demands:
+    if not len(demands):
         return Demand()
-    mass, columns = np.array(weights) / sum(weights), np.array(demands).T
-    return Demand(*(float(np.interp(1.0 - share, *by_weight(one, mass))) for one in columns))
+    mass = np.array(weights) / sum(weights)
+    return Demand(*(float(np.interp(1.0 - share, *by_weight(one, mass))) for one in demands.T))
 
 
 def demand_of(dog: Dog, landing: Landing, limits: Limits) -> Demand:
     """Compute what a landing makes faces, core and edges bear."""
+    return Demand(*demands_of(dog, np.array([landing]), limits)[0].tolist())
+
+
+def demands_of(dog: Dog, landings: Any, limits: Limits) -> Values:
+    """Compute what landings in N/m, (n, k), make faces, core and edges bear, (n, 3)."""
     radius = tip_radius(dog, limits.root_radius)
-    lost = 2.0 * radius * dog.crest_cut
-    spread = 2.0 * limits.material.case_depth
-    classes = [
-        (overlap - lost, w * (1.0 / math.sqrt(limits.load.landing(dog, w))))
-        for overlap, w in zip(OVERLAPS, landing, strict=True)
-        if w > 0.0
-    ]
-    flats = [(flat, load) for flat, load in classes if flat >= LAND]
-    face = max((load / flat for flat, load in flats), default=0.0)
-    core = max((load / (flat + spread) for flat, load in flats), default=0.0)
-    edge = max((load for flat, load in classes if flat < LAND), default=0.0)
-    return Demand(face, core, edge_pressure(edge, radius))
+    flats = np.array(OVERLAPS) - 2.0 * radius * dog.crest_cut
+    shares = np.broadcast_to(limits.load.landing(dog, landings.ravel()), landings.size)
+    loads = landings * (1.0 / np.sqrt(shares)).reshape(landings.shape)
+    wide, spread = flats >= LAND, 2.0 * limits.material.case_depth
+    face = (loads[:, wide] / flats[wide]).max(axis=1, initial=0.0)
+    core = (loads[:, wide] / (flats[wide] + spread)).max(axis=1, initial=0.0)
+    edge = edge_pressure(loads[:, ~wide].max(axis=1, initial=0.0), radius)
+    return np.array([face, core, edge]).T
 
 
 def demand_checks(demand: Demand, limits: Limits) -> tuple[Check, ...]:
     """Return the checks of a landing, or of what a share of landings exceeds."""
     face, edge = limits.material.case_yield / limits.load.safety, limits.material.edge_pressure
     limiting = (face, limits.allowable_stress, edge)
-    names = (rule.name for rule in LANDING_RULES)
-    return checks_of(zip(names, demand, limiting, strict=True))
+    return checks_of(zip((rule.name for rule in LANDING_RULES), demand, limiting, strict=True))
 
 
 RATES, HEIGHT = "1e-7 is well lubricated, 1e-5 hardly", "give the height in mm"
