@@ -43,8 +43,7 @@ class Mix:
 
     def places(self, points: Array) -> Mask:
         """Mark which of these points each of others (p, 2) is, (p, q) of bool."""
-        near = np.abs(points[:, None, :] - self.points) < 1e-6
-        return np.asarray(near.all(axis=2), dtype=bool)
+        return np.asarray((np.abs(points[:, None, :] - self.points) < 1e-6).all(axis=2), dtype=bool)
 
     def equals(self, other: Mix) -> bool:
         """Check whether another mix has the same points in their order, and their weights."""

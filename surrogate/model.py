@@ -139,8 +139,7 @@ class Expected:
     @property
     def without_retries(self) -> tuple[float, float]:
         """Expected time of the shifts that engage, and its standard error, s."""
-        left = max(self.error**2 - self.retries_error**2, 0.0)
-        return self.time - self.retries, left**0.5
+        return self.time - self.retries, max(self.error**2 - self.retries_error**2, 0.0) ** 0.5
 
 
 @dataclass(frozen=True)
@@ -216,8 +215,7 @@ class Surrogate:
 
     def _retries(self, x: Array, mix: Mix) -> tuple[Array, Array, Array]:
         """Predict share engaged (m, p), time of retries (m,), and errors by point (m, p), s."""
-        where = point_coordinates(mix.points)
-        share, unsure = self.share.predict(coordinates(self.data, x), where)
+        share, unsure = self.share.predict(coordinates(self.data, x), point_coordinates(mix.points))
         weights = mix.weights * mix.retry
         return share, (1.0 - share) / share @ weights, np.sqrt(unsure) / share**2 * weights
 

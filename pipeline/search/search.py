@@ -182,8 +182,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     not to be resumed; InputError as ``sampler_of``.
     """
     sampler, objectives = sampler_of(study), objectives_of(study)
-    kinds = (StudyDirection.MINIMIZE, StudyDirection.MAXIMIZE)
-    ways = [kinds[one.maximise] for one in objectives]
+    ways = [(StudyDirection.MINIMIZE, StudyDirection.MAXIMIZE)[o.maximise] for o in objectives]
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
         backend = open_storage(folder, storage)

@@ -192,8 +192,7 @@ def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
 
 def accuracy_of(scheme: str, mechanism: Mechanism) -> float:
     """Return the accuracy that Drake's scheme needs for a clutch with this mechanism."""
-    forced = scheme == "cenic" and mechanism.has_forces
-    return CENIC_WITH_FORCES if forced else SCHEMES[scheme]
+    return CENIC_WITH_FORCES if scheme == "cenic" and mechanism.has_forces else SCHEMES[scheme]
 
 
 @dataclass(frozen=True)
@@ -274,8 +273,7 @@ class Clutch:
         """Return the same clutch with a tolerance thirty times smaller and half the step."""
         solver = self.solver
         accuracy, step = max(solver.accuracy / 30.0, 1e-10), max(0.5 * solver.max_step, 1e-6)
-        fine = replace(solver, accuracy=accuracy, max_step=step)
-        return replace(self, solver=fine)
+        return replace(self, solver=replace(solver, accuracy=accuracy, max_step=step))
 
     def with_engine(self, engine: str) -> Clutch:
         """Return the same clutch for another engine, at that engine's own accuracy."""

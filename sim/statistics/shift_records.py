@@ -105,8 +105,7 @@ def content_key(record: Record) -> str:
     Floats are rounded to twelve digits, which a change of unit does not reach.
     """
     rounded = {k: float(f"{v:.12g}") if isinstance(v, float) else v for k, v in record.items()}
-    text = json.dumps(rounded, sort_keys=True)
-    return hashlib.sha256(text.encode()).hexdigest()[:20]
+    return hashlib.sha256(json.dumps(rounded, sort_keys=True).encode()).hexdigest()[:20]
 
 
 BINS = 24  #: of the relative angle over a pitch, at most

@@ -100,8 +100,7 @@ def demand_checks(demand: Demand, limits: Limits) -> tuple[Check, ...]:
     """Return the checks of a landing, or of what a share of landings exceeds."""
     face, edge = limits.material.case_yield / limits.load.safety, limits.material.edge_pressure
     limiting = (face, limits.allowable_stress, edge)
-    names = (rule.name for rule in LANDING_RULES)
-    return checks_of(zip(names, demand, limiting, strict=True))
+    return checks_of(zip((rule.name for rule in LANDING_RULES), demand, limiting, strict=True))
 
 
 RATES, HEIGHT = "1e-7 is well lubricated, 1e-5 hardly", "give the height in mm"
