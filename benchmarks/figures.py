@@ -208,11 +208,11 @@ def found() -> str:
     rows = [
         ("fastest dogs of the MQ200, mean over 28 operating points",
          f"{best}, prototype {prototype}",
-         f"other contact laws change the gain: {min(gains):.0f} to {max(gains):.0f} ms"),
+         f"gain with other contact laws: {min(gains):.0f} to {max(gains):.0f} ms"),
         ("prediction of the shift time without simulation",
          f"explains {percent(v['q2'], 1)} of the variance of {v['n']} designs outside the fit",
          f"{percent(v['q2_points'], 1)} at single operating points"),
-        ("published Adams model, all relative angles",
+        ("published Adams model, shift times at all relative angles",
          f"root-mean-square deviation {numbers('adams', 'adams2019, all')[0]:.1f} %",
          f"{numbers('adams', 'adams2019, ten')[0]:.1f} % at the ten published angles"),
         ("published bench, mean over 25 operating points",
@@ -220,7 +220,7 @@ def found() -> str:
          "absolute times need your bench"),
         ("diagnosis of simulated benches with a hidden cause",
          f"a named cause is right and complete in {field('named: the whole truth')} cases",
-         f"90 % intervals hold {field('90 % intervals hold the sizes')} sizes"),
+         f"90 % intervals hold the true size in {field('90 % intervals hold the sizes')}"),
     ]  # fmt: skip
     return markdown(("question", "answer", "beware"), rows)
 

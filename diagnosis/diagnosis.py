@@ -300,8 +300,7 @@ def _conclude(
             posterior[h] = posterior.get(h, 0.0) + part * p
     posterior = dict(sorted(posterior.items(), key=lambda item: -item[1]))
     best = max(parts, key=lambda part: max(a.log for a in part[1]))[0]
-    verdict = decide(posterior, best.fits, within, settings)
-    return _Conclusion(best, log, posterior, within, verdict)
+    return _Conclusion(best, log, posterior, within, decide(posterior, best.fits, within, settings))
 
 
 def _answers(

@@ -12,7 +12,7 @@ from dogshape.check import Check, Checked
 from dogshape.pipeline.config.study_file import Setup
 from dogshape.pipeline.record import Bad, Figure
 from dogshape.pipeline.reports.designs import Row
-from dogshape.pipeline.reports.text import check_name, label, minus, percent, time_text
+from dogshape.pipeline.reports.text import check_name, label, percent, time_text
 from dogshape.pipeline.store.result_records import check_table as record_table
 from dogshape.sim.strength.checks import smallest_margin
 from dogshape.sim.units import unit_of
@@ -131,7 +131,7 @@ def judged(found: Checked) -> dict[str, Any]:
     """Show the smallest margin, whether the landing is judged, and the table of checks."""
     weakest, failed = smallest_margin(found.design.checks), len(found.failed)
     count, open_ones = len(found.design.checks), found.design.not_checked
-    worst = minus(found.worst_case).replace("%", " %").replace("_", " ")
+    worst = found.worst_case.replace("%", " %").replace("_", " ")
     lines = (
         f"{check_name(weakest.name)}; {f'{failed} of {count} fail' if failed else 'all pass'}",
         f"at worst-case tolerances: {worst}",

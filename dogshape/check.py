@@ -12,7 +12,13 @@ import numpy as np
 
 from dogshape.pipeline.config.study_file import EVERYWHERE, Place, Setup, points_of
 from dogshape.pipeline.record import Frame, Result, Table, frame_of
-from dogshape.pipeline.reports.text import ENGINES, interval_text, quantile_words, time_text
+from dogshape.pipeline.reports.text import (
+    ENGINES,
+    interval_text,
+    minus,
+    quantile_words,
+    time_text,
+)
 from dogshape.pipeline.simulate.design import (
     Design,
     ToleranceTime,
@@ -73,7 +79,7 @@ class Checked(Result):
         weakest = smallest_margin(self.design.checks)
         (name, worst), own = weakest_within(self.config, self.design), weakest.margin
         worst, name = min((worst, name), (own, weakest.name))
-        return "no dog" if math.isinf(worst) else f"{worst:.1%}, {name}"
+        return "no dog" if math.isinf(worst) else minus(f"{worst:.1%}, {name}")
 
     @property
     def rows(self) -> list[CheckRow]:
@@ -97,7 +103,7 @@ class Checked(Result):
             "at its worst, and by root sum of squares (landing and times: nominal size alone)",
             f"feasible: {verdict}{open_ones}",
             *(f"{one.name}: {one.fault}; {one.remedy}" for one in self.design.faults),
-            f"smallest margin: {weakest.margin:.1%}, {weakest.name}",
+            minus(f"smallest margin: {weakest.margin:.1%}, {weakest.name}"),
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
             *(f"warning: {note}" for note in self.notes),

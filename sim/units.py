@@ -39,6 +39,11 @@ def unit_of(name: str) -> str:
     return UNITS[suffix_of(name)][1]
 
 
+def short(value: float, digits: int = 4) -> str:
+    """Print a value to so many digits, below a million without an exponent."""
+    return f"{float(f'{value:.{digits}g}'):g}"
+
+
 def to_si(name: str, value: float) -> float:
     """Convert ``value``, given in the unit that ``name`` ends in, to SI."""
     return value * UNITS[suffix_of(name)][0]

@@ -14,7 +14,7 @@ from dogshape.diagnosis.inference.static_readings import explained
 from dogshape.diagnosis.inference.verdict import Verdict
 from dogshape.diagnosis.terms import UNKNOWN, listed, plain
 from dogshape.sim.effect import Effect
-from dogshape.sim.units import suffix_of, unit_of
+from dogshape.sim.units import short, suffix_of, unit_of
 
 OPEN = 0.05  #: probability from which an open effect, or a reading of the record, is stated
 LIKELY = 0.5  #: probability from which the size of an open effect is compared with its source
@@ -49,7 +49,7 @@ def quantity(name: str) -> str:
 def amount(name: str, *values: float, digits: int = 3) -> str:
     """Return a value or range of a parameter with its unit; seconds become ms."""
     factor, unit = (1e3, "ms") if suffix_of(name) == "_s" else (1.0, unit_of(name))
-    shown = dict.fromkeys(f"{factor * value:.{digits}g}" for value in values)
+    shown = dict.fromkeys(short(factor * value, digits) for value in values)
     return f"{' to '.join(shown)} {unit}".rstrip()
 
 

@@ -253,8 +253,7 @@ class SolverSection(keys_of(Solver, solver_for, late=("max_steps", "time_limit")
         require_engine(contact, engine)
         if engine == "planar":
             accuracy = PLANAR_ACCURACY
-        own = {"scheme": scheme, "engine": engine, "accuracy": accuracy}
-        return Solver(**{**own, **self.si()})
+        return Solver(**{"scheme": scheme, "engine": engine, "accuracy": accuracy, **self.si()})
 
 
 class SurrogateSection(Section):

@@ -74,8 +74,7 @@ def keep_data(bench: Bench, folder: Path, effects: Path | None) -> None:
     traces = [r.trace.path.relative_to(bench.folder) for r in bench.readings if r.trace is not None]
     for name in (Path("bench.toml"), Path("shifts.csv"), *traces):
         _copy(bench.folder / name, fresh / name)
-    where = None if effects is None else str(effects.resolve())
-    Asked(bench.corrections, where).write(fresh)
+    Asked(bench.corrections, None if effects is None else str(effects.resolve())).write(fresh)
     settle_data(folder)
 
 

@@ -176,8 +176,7 @@ def _completed(rows: DataFrame, reader: TableReader) -> DataFrame:
     failed = rows["engaged"].eq(False)
     late = failed & rows["shift_time_s"].notna()
     rows.loc[failed, "shift_time_s"] = np.nan
-    single = (rows["n_shifts"] < 2) | rows["shift_time_s"].isna()
-    rows.loc[single, "shift_time_sd_s"] = np.nan
+    rows.loc[(rows["n_shifts"] < 2) | rows["shift_time_s"].isna(), "shift_time_sd_s"] = np.nan
     if rows["order"][rows["shift_time_s"].notna()].dropna().duplicated().any():
         report.faults.append(
             f"{path}: '{reader.matches['order'].head}' has a number twice, so it is no place in "

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from textwrap import shorten
 from typing import Any
 
 from dogshape.diagnosis.bench.bench_data import bundled_benches, load_bench
@@ -48,13 +47,13 @@ Values = dict[str, Any]  #: values by dotted key
 PUBLISHED = "mq200_stand"  #: the published clutch as its stand knows it
 COMMENTED = "mq200"  #: the bundled study whose file explains its keys
 HEAD = """\
-# A study of one's own, begun from {origin}. Each key is explained; docs/studies.md has all of them.
+# A study of one's own, begun from {origin}. The study mq200 and docs/studies.md explain the keys.
 # Beside the dog look at [load], [material] and [manufacturing]: they decide what may be built.
 """
 DIAMETERS = ("dog.outer_diameter_mm", "dog.inner_diameter_mm")
 INERTIAS = ("sliding.inertia_kgm2", "output.inertia_kgm2")
-HEIGHT, COUNT = "dog.height_mm", "dog.count"
-HELD = "load.separating_force_limit_N"
+HEIGHT, COUNT, BACKLASH = "dog.height_mm", "dog.count", "dog.backlash_mm"
+HELD, SHARE = "load.separating_force_limit_N", "load.pull_out_share"
 MASS, ADDED, TORQUE = "sliding.mass_kg", "mechanism.added_mass_kg", "load.torque_Nm"
 ACTUATOR, OPERATING = "actuation.force_N", "operating.force_N"
 #: Words for the keys of the actuator, and of the operating points, which it has to cover.
@@ -77,7 +76,7 @@ CLUTCH = {
     "dog.outer_diameter_mm": "outer diameter of the dogs, mm",
     "dog.inner_diameter_mm": "inner diameter of the dogs, mm",
     "dog.axial_gap_mm": "axial gap between the crests before the shift, mm",
-    "dog.backlash_mm": "backlash at the mean radius, mm",
+    BACKLASH: "backlash at the mean radius, mm",
     "dog.crest": "place of the ridge on the tip, 0 braking edge to 1 traction edge",
     "dog.chamfer_back_deg": "chamfer behind the ridge, deg",
     "dog.edge_radius_mm": "radius of the tip edges, mm",
@@ -93,7 +92,7 @@ USE = {
     RADIUS: "radius of the toothing that the ring slides on, mm",
     DRAG: "drag torque on the shifted ring, N m",
     HELD: "force of latch or detent that holds the engaged ring, N, 0 if not to be judged",
-    "load.pull_out_share": "share of the torque that is left as the ring is pulled out",
+    SHARE: "share of the torque that is left as the ring is pulled out",
     "load.shifts": "shifts over the life",
     MATERIAL: "material",
 }
@@ -116,11 +115,11 @@ BOUND: dict[tuple[str, ...], tuple[str, ...]] = {
 DECIDING: dict[str, tuple[str, ...]] = {
     "the shift time": (
         "shift.timeout_s", "shift.retraction_s", *ACTUATION, *OPERATION, "operating",
-        COUNT, "dog.backlash_mm", "dog.backlash_deg", "dog.axial_gap_mm", MASS, "mechanism",
+        COUNT, BACKLASH, "dog.backlash_deg", "dog.axial_gap_mm", MASS, "mechanism",
         "dog.chamfer_deg", "dog.chamfer_back_deg", *INERTIAS, "contact",
     ),
     "the checks": (
-        TORQUE, "load.application_factor", "load.coast_share", "load.pull_out_share", HELD,
+        TORQUE, "load.application_factor", "load.coast_share", SHARE, HELD,
         "load.release_by_itself", "load.faces_release",
         "load.shifts", "load.accuracy", MATERIAL, "manufacturing.root_radius_mm", "dog",
     ),
@@ -193,12 +192,13 @@ def source_of(where: str) -> Source:
 
 def bundled_kinds() -> str:
     """List the bundled kinds of clutch with dogs, diameters and rated torque."""
-    words = "{} ({count} dogs, {outer_diameter_mm:g}/{inner_diameter_mm:g} mm, {load:g} N m)"
-    files = {name: load_study(name).file for name in bundled_studies()}
-    return ", ".join(
-        words.format(name, load=file.load.torque_Nm, **dict(file.dog))
-        for name, file in files.items()
-    )
+    words = "{count} dogs, {outer_diameter_mm:g}/{inner_diameter_mm:g} mm, {load:g} N m"
+    alike: dict[str, list[str]] = {}
+    for name in bundled_studies():
+        file = load_study(name).file
+        ring = words.format(load=file.load.torque_Nm, **dict(file.dog))
+        alike.setdefault(ring, []).append(name)
+    return "; ".join(f"{', '.join(names)} ({ring})" for ring, names in alike.items())
 
 
 def require_free(folder: Path, force: bool) -> None:
@@ -267,7 +267,7 @@ def questions_of(
     ``part`` is one of the tables of words. Points that are no lists are asked for as lists.
     """
     source, (text, *_) = source_of(origin), _drafted(origin, values)
-    tables, copied = (partial(value_at, tomllib.loads(one)) for one in (text, text_of(source.file)))
+    tables = partial(value_at, tomllib.loads(text))
     sources, own = sources_of(text), {key: tables(key) for key in WORDS}
     points = validate(OperatingSection, tables("operating"), "[operating]").rows()
     for key, values_of in zip(OPERATION, zip(*points, strict=True), strict=False):
@@ -277,8 +277,10 @@ def questions_of(
         (RADIUS, rounded(0.5 * SPLINE * tables(DIAMETERS[1])), f"{SPLINE:g} of the inner radius"),
         (DRAG, 0.0, "none, an assumption"),
         (HELD, 0.0, "not judged"),
+        (SHARE, 1.0, "all of it"),
+        *(((BACKLASH, 0.0, "none"),) if tables("dog.backlash_deg") is None else ()),
     ):
-        if own[key] is None and copied(key) is not None:
+        if own[key] is None:
             own[key], sources[key] = value, whence
     if MASS not in values:
         del own[MASS], sources[MASS]
@@ -325,12 +327,18 @@ def _inherited(text: str, origin: str, own: Iterable[str]) -> list[str]:
     lines = []
     for answer, keys in DECIDING.items():
         found = dict.fromkeys(k for one in keys for k in kept if f"{k}.".startswith(f"{one}."))
-        texts = (f"{key} = {shorten(toml_value(kept.pop(key)), SHOWN)}" for key in found)
+        texts = (f"{key} = {_shown(kept.pop(key))}" for key in found)
         if found:
             lines.append(f"as in '{origin}', decides {answer}: {', '.join(texts)}")
     rest = Counter(key.partition(".")[0] for key in kept)
     others = ", ".join(f"{count} of [{section}]" for section, count in rest.items())
     return [*lines, f"as in '{origin}', keys of less influence: {others}"] if rest else lines
+
+
+def _shown(value: Any) -> str:
+    """Write a value in one line, of a long list its length."""
+    text = toml_value(value)
+    return text if len(text) <= SHOWN else f"{len(value)} values"
 
 
 def _doubts(study: Setup) -> list[str]:

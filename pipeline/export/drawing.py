@@ -228,7 +228,7 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
         _dimension(tip_b, tip_t, crest.imag - 42.0, follows("tip", dog.tip_width)),
         _dimension(root_b, root_t, below + 36.0, follows("root", dog.root_width)),
         _dimension(root_t - pitch, root_t, below + 68.0, follows("pitch", dog.pitch, 3)),
-        _dimension(crest, root_t, right.real + 40.0, "h " + size("height", dog.height), True),
+        _dimension(crest, root_t, right.real + 46.0, "h " + size("height", dog.height), True),
         _text(complex(right.real + 52.0, below + 4.0), f"{over:.2f} over", "start", "small"),
         _text(complex(right.real + 52.0, below + 18.0), "the rounding", "start", "small"),
         _dimension(edge, root_b, left.real - 20.0, follows("flank", dog.height - dog.edge_drop),
@@ -236,7 +236,7 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
     ]  # fmt: skip
     if dog.back_drop > 0.0:
         flank = follows("flank", dog.height - dog.back_drop)
-        lengths.append(_dimension(back, root_t, right.real + 14.0, flank, True))
+        lengths.append(_dimension(back, root_t, right.real + 22.0, flank, True))
     if dog.edge_drop > 0.0:
         drop = follows("drop", dog.edge_drop)
         lengths.append(_dimension(crest, edge, left.real - 54.0, drop, True))
@@ -248,16 +248,15 @@ def dimensioned_svg(dog: Dog, limits: Limits, title: str = "Dog, dimensioned sec
     if dog.edge_radius > 0.0:
         edges = f"roots R {size('root_radius', radius)}, tip edges R {dog.edge_radius / MM:.2f}"
     top, deep = crest.imag - 96.0, 0.72 * dog.height * scale
-    share = 0.55 * dog.tip_width * scale
     lean_t, lean_b = (sorted((-90.0, -90.0 + lean / DEG)) for lean in (dog.traction, -dog.braking))
+    # Beside the tip, so that no leader crosses its dimension.
     falls = [
-        ("chamfer", (180.0, 180.0 + dog.chamfer / DEG), "chamfer \u03b1", -90.0, dog.crest > 0.0),
-        ("chamfer_back", (-dog.chamfer_back / DEG, 0.0), "back \u03b1\u2082", 40.0,
-         dog.crest < 1.0),
-    ]  # fmt: skip
+        ("chamfer", (180.0, 180.0 + dog.chamfer / DEG), "chamfer \u03b1", edge - 60.0),
+        ("chamfer_back", (-dog.chamfer_back / DEG, 0.0), "back \u03b1\u2082", back + 60.0),
+    ][dog.crest == 0.0 : 1 + (dog.crest < 1.0)]
     angles = [
-        *(_angle(crest, ends, share, slope(name, words), complex(0.5 * WIDTH + x, top))
-          for name, ends, words, x, there in falls if there),
+        *(_angle(crest, ends, abs(crest - end) - 40.0, slope(name, words), complex(end.real, top))
+          for name, ends, words, end in falls),
         _angle(back, (lean_t[0], lean_t[1]), deep, slope("traction", "traction flank \u03b2"),
                complex(tip_t.real + 70.0, top + (34.0 if dog.crest < 1.0 else 0.0))),
         _angle(edge, (lean_b[0], lean_b[1]), 0.8 * deep, slope("braking", "braking flank \u03b3"),

@@ -161,7 +161,7 @@ def times_by_point(rows: Sequence[Row], sides: Mapping[str, tuple[str, str]]) ->
             )  # fmt: skip
     figure.update_xaxes(title="mean shift time, ms", rangemode="tozero", showgrid=True)
     figure.update_yaxes(
-        categoryorder="array", categoryarray=names, automargin=True, showgrid=True,
+        categoryorder="array", categoryarray=names, automargin=True, showgrid=True, dtick=1,
         range=[-0.7, len(names) - 0.3],
     )  # fmt: skip
     return styled(figure, 110 + 22 * len(names))
@@ -215,7 +215,7 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     bar = {"title": {"text": "shifts, %", "side": "right"}, "thickness": 14}
     shades = {"colorscale": [[0, "#eef3f9"], [1, BLUE]], "cmin": 0, "cmax": 100}
     figure.update_layout(coloraxis={**shades, "colorbar": bar})
-    figure.update_yaxes(type="category", automargin=True, autorange="reversed")
+    figure.update_yaxes(type="category", automargin=True, autorange="reversed", dtick=1)
     return styled(figure, 80 + len(sides) * (65 + 24 * lines))
 
 

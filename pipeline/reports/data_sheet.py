@@ -35,6 +35,7 @@ from dogshape.pipeline.reports.text import (
     check_name,
     label,
     margin_cell,
+    minus,
     ms_with_error,
     percent,
     place_name,
@@ -333,7 +334,7 @@ def write_sheet(
     sizes = []
     for row in dimensions:
         unit, tolerance = row["unit"], row["tolerance"]
-        size = f"{row['value']:.2f} {unit}" if unit else f"{row['value']}"
+        size = minus(f"{row['value']:.2f} {unit}") if unit else f"{row['value']}"
         within = f"± {tolerance:.2f} {unit}" if tolerance else GENERAL if unit else ""
         sizes.append((check_name(label(row["key"])), size, within))
     columns = ("name", "value", "limit", "unit", "safety", "margin", "margin_worst_case")

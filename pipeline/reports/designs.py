@@ -130,7 +130,13 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
     failed = failed_at_new_angles(result)
     kinds = ("dominated", "fails when simulated", "front", "chosen", "prototype")
     found: dict[str, list[Row]] = {name: [] for name in kinds}
-    for row in result["trials"]:
+    for searched in result["trials"]:
+        row = front.get(searched["trial"], searched)
+        if row["prototype"] and (own := confirmation_of(result, row)):
+            known = own["estimates"].items()
+            errors = {name: one["standard_error"] for name, one in known}
+            row = row | {name: one["value"] for name, one in known}
+            row |= {"standard_errors": errors, SIMULATED: own[SIMULATED]}
         if row[SIMULATED] is not None:
             kind = (
                 "chosen" if result["best"] and row["trial"] == result["best"]["trial"]
@@ -138,7 +144,7 @@ def of_kinds(result: Row) -> dict[str, list[Row]]:
                 else "fails when simulated" if not row["feasible"] or row["trial"] in failed
                 else "front" if row["trial"] in front else "dominated"
             )  # fmt: skip
-            found[kind].append(front.get(row["trial"], row))
+            found[kind].append(row)
     return found
 
 

@@ -207,7 +207,7 @@ def _facts(found: Diagnosis) -> dict[str, str]:
     ]
     given = {
         "data set": f"{bench.name}; {bench.source}",
-        "operating points": f"{len(bench.cells)}, {timeless} of them without a time; {shifts} "
+        "operating points": f"{len(bench.cells)}, {timeless or 'none'} without a time; {shifts} "
         "timed shifts",
         "shifts that did not engage": "; ".join(lost) or "none",
         "record": "; ".join(f"{k}: {v}".replace("_", " ") for k, v in record.items()),

@@ -80,6 +80,7 @@ COLUMNS = (
     "locks above friction",
 )
 SIDES = {"prototype": "prototype", "best": "chosen"}  #: of a confirmation, by their keys
+NOT_CLEAR = " (not clear)"
 Pair = tuple[float, float]
 
 
@@ -141,9 +142,15 @@ def headline(result: Row) -> str:
         return f"No design of this search is chosen before the prototype{fails}."
     words = " engages in {} of {} shifts".format(*engaged_shifts(c["best"]))
     if gains and gains[0][0] == lead:
-        _, before, after, _ = gains[0]
-        words = f": {lead.label} {lead.words(*after)} instead of {lead.words(*before)}"
+        _, before, after, gain = gains[0]
+        than = ", not clearly better than" if unclear(*gain) else " instead of"
+        words = f": {lead.label} {lead.words(*after)}{than} {lead.words(*before)}"
     return f"{name.capitalize()}{words}{fails}."
+
+
+def unclear(gain: float, error: float) -> bool:
+    """Tell whether a difference is within two standard errors."""
+    return abs(gain) < 2.0 * error
 
 
 def gained(result: Row) -> list[tuple[Goal, Pair, Pair, Pair]]:
@@ -199,7 +206,7 @@ def alternatives_table(study: Setup, result: Row) -> Table:
         repeated = (confirmation_of(result, row) or {}).get("estimates", {})
         cells.append([
             "prototype" if one["prototype"] else str(trial),
-            *(f"{row[name]:.4g}" for name in study.variables), words[TIME],
+            *(minus(f"{row[name]:.4g}") for name in study.variables), words[TIME],
             *("-" if row.get(goal.name) is None
               else goal.pair(*goal.estimate(repeated)) if goal.name in repeated
               else goal.pair(goal.shown(row), goal.error(row)) for goal in goals),
@@ -260,7 +267,7 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     for goal, (before, _), _, (gain, error) in gained(result):
         words = goal.words(gain, error)
         words += minus(f" ({100 * gain / abs(before):.0f} %)") if before else ""
-        words += " (not clear)" if abs(gain) < 2.0 * error else ""
+        words += NOT_CLEAR * unclear(gain, error)
         yield f"gain in the {goal.label}", Bad(words) if gain < 0.0 else words
     if difference(c["prototype"], c["best"]):
         found = point_differences(c["prototype"], c["best"])
@@ -288,7 +295,7 @@ def _gain_facts(study: Setup, result: Row) -> Iterator[tuple[str, str]]:
     ]
     for other in c.get("shapes") or ():
         if less := difference(c["best"], other):
-            words = f"{ms_with_error(*less, '+')} ms"
+            words = f"{ms_with_error(*less, '+')} ms" + NOT_CLEAR * unclear(*less)
             words += "" if other["feasible"] else ", but fails a check"
             yield f"with {other['shape']}", words
     if ends:

@@ -8,7 +8,7 @@ from typing import Any
 
 from dogshape.pipeline.record import MINUS, Bad
 from dogshape.sim.strength.checks import RULES, safety_factor
-from dogshape.sim.units import suffix_of, unit_of
+from dogshape.sim.units import short, suffix_of, unit_of
 
 LABELS = {
     "chamfer_deg": "chamfer \N{GREEK SMALL LETTER ALPHA}",
@@ -103,7 +103,7 @@ def axis(name: str) -> str:
 
 def value(name: str, number: float) -> str:
     """Print a value of a variable with its unit."""
-    return f"{number:.4g} {unit_of(name)}".strip()
+    return f"{short(number)} {unit_of(name)}".strip()
 
 
 def time_text(seconds: float | None, error: float | None = None) -> str:

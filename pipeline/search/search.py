@@ -164,7 +164,7 @@ def _status(state: SearchState) -> str:
     if best is not None and best.estimates is not None:
         known = best.estimates[one.name]
         scale, unit = (1e3, "ms") if one.unit == "s" else (1.0, one.unit)
-        text += f", best {known.value * scale:.4g} {unit} +- {known.standard_error * scale:.2g}"
+        text += f", best {known.value * scale:.4g} {unit} ± {known.standard_error * scale:.2g}"
     return text
 
 
@@ -183,8 +183,7 @@ def open_search(study: Setup, folder: StudyFolder, storage: str | None, resume: 
     not to be resumed; InputError as ``sampler_of``.
     """
     sampler, objectives = sampler_of(study), objectives_of(study)
-    kinds = (StudyDirection.MINIMIZE, StudyDirection.MAXIMIZE)
-    ways = [kinds[one.maximise] for one in objectives]
+    ways = [(StudyDirection.MINIMIZE, StudyDirection.MAXIMIZE)[o.maximise] for o in objectives]
     logging.getLogger("optuna").setLevel(logging.WARNING)
     with warnings.catch_warnings(action="ignore", category=ExperimentalWarning):
         backend = open_storage(folder, storage)

@@ -89,17 +89,13 @@ def read_lines(path: Path, require: Callable[[Record], Any], kind: str) -> Itera
             if not line.endswith(b"\n"):
                 return
             try:
-                row = json.loads(line, object_pairs_hook=_with_shared_keys)
+                # Keys are in memory once for all rows.
+                row = json.loads(line, object_pairs_hook=lambda p: {intern(k): v for k, v in p})
                 require(row)
             except (ValueError, KeyError, TypeError) as error:
                 remedy = "remove the line or start the study in another folder"
                 raise StorageError(f"{path}, line {number} is not {kind}; {remedy}") from error
             yield row
-
-
-def _with_shared_keys(pairs: list[tuple[str, Any]]) -> Record:
-    """Make a row whose keys are in memory once for all rows."""
-    return {intern(key): value for key, value in pairs}
 
 
 def append(path: Path, *rows: Record) -> None:

@@ -238,8 +238,7 @@ def _row(study: Setup, job: Job, shifts: Sequence[Record]) -> list[float] | None
 
 def angles_of(study: Setup) -> int:
     """Count the angles at each operating point of a design: a power of two."""
-    doublings = math.ceil(math.log2(LEAST_SHIFTS / len(study.points)))
-    return max(LEAST_ANGLES, 2**doublings)
+    return max(LEAST_ANGLES, 2 ** math.ceil(math.log2(LEAST_SHIFTS / len(study.points))))
 
 
 def count_of(study: Setup) -> int:

@@ -379,5 +379,4 @@ def _jumps(widths: Values, values: Values) -> tuple[Values, Values]:
     differences = np.diff(values)
     slopes = differences / widths
     below = np.abs(differences - widths * np.roll(slopes, 1))
-    above = np.abs(differences - widths * np.roll(slopes, -1))
-    return below, above
+    return below, np.abs(differences - widths * np.roll(slopes, -1))

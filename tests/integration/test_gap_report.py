@@ -104,6 +104,7 @@ def test_the_summary_has_causes_sizes_refuted_readings_and_what_measures_a_large
     ):  # fmt: skip
         assert words in said
     assert "Delay of" not in said
+    assert amount("force_N", 199.6, digits=2) == "200 N"
     named = summary(diagnosis_of({("linkage_compliance",): 0.98, NONE: 0.02}))
     assert "elastic linkage (3.9" not in named
     direct = summary(diagnosis_of({HEAVY: 0.9, DAMPED: 0.1}, replace(STAND, sensor=Sensor())))

@@ -48,8 +48,7 @@ def test_a_search_is_what_the_command_line_prints(found: ds.StudyResult, dogshap
 def test_a_result_is_read_from_its_folder(found: ds.StudyResult) -> None:
     again = ds.load_result(found.folder)
     assert again.record == json.loads(found.folder.joinpath("result.json").read_text())
-    own = json.loads(json.dumps(found.to_dict()))
-    assert again.to_dict() == own | {"seconds_cpu": None}
+    assert again.to_dict() == json.loads(json.dumps(found.to_dict())) | {"seconds_cpu": None}
     assert again.config.config_hash == found.config.config_hash
 
 
@@ -64,8 +63,7 @@ def test_front_and_trials_are_tables_and_a_figure(found: ds.StudyResult) -> None
     assert found.best is not None
     assert trials.loc[trials["chosen"], "trial"].tolist() == [found.best["trial"]]
 
-    figure = found.plot()
-    (border,) = [one for one in figure.data if one.mode == "lines"]
+    (border,) = [one for one in found.plot().data if one.mode == "lines"]
     assert list(border.x) == pytest.approx(list(1e3 * found.front[TIME]))
 
 

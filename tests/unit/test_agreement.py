@@ -25,8 +25,7 @@ def _pairs(count: int, apart: Callable[[int], float]) -> list[tuple[Record, Reco
 
 
 def test_figures_are_those_of_the_pairs() -> None:
-    pairs = [*_pairs(99, lambda k: 1e-4 * (k % 3)), (_row(None), _row(0.2))]
-    found = agreement_of(pairs)
+    found = agreement_of([*_pairs(99, lambda k: 1e-4 * (k % 3)), (_row(None), _row(0.2))])
     assert (found.shifts, found.outcome_same) == (100, 99)
     assert found.mean_deviation == found.median_deviation == pytest.approx(1e-3)
     assert found.worst_deviation == pytest.approx(2e-3)
@@ -50,8 +49,7 @@ def test_as_many_shifts_may_end_differently(shifts: int, flips: int, agrees: boo
 )
 def test_means_may_differ_by_so_much(off: float, scatter: float, agrees: bool) -> None:
     """By a hundredth of Drake's mean, or by three standard errors."""
-    pairs = _pairs(100, lambda k: off + scatter * (-1.0) ** k)
-    assert agreement_of(pairs).agrees is agrees
+    assert agreement_of(_pairs(100, lambda k: off + scatter * (-1.0) ** k)).agrees is agrees
 
 
 @pytest.fixture

@@ -104,8 +104,7 @@ def test_the_verb_takes_the_folder_of_a_search(
     )
     (tmp_path / "mine").mkdir()
     StudyFolder(tmp_path / "mine").open(PAPER, resume=False)
-    said = dogshape("app", "mine", "--set", "dog.count=18", "--no-browser")
-    assert said.status == 130
+    assert dogshape("app", "mine", "--set", "dog.count=18", "--no-browser").status == 130
     assert seen["study"].dog["count"] == 18
     assert (seen["folder"], seen["port"], seen["browser"]) == (Path("mine"), 8050, False)
     assert seen["command"] == "mine --set=dog.count=18"

@@ -104,8 +104,7 @@ def test_all_levels_share_the_angles_of_their_point_and_span_the_range() -> None
     found = _simulated(None, "moving_mass")
     assert found.baseline.shape == (2, DENSE * ANGLES)
     shared = np.take_along_axis(found.angles, found.common, axis=1)
-    pitch = BENCH.clutch.dog.pitch_angle
-    assert np.diff(shared) == pytest.approx(pitch / ANGLES)
+    assert np.diff(shared) == pytest.approx(BENCH.clutch.dog.pitch_angle / ANGLES)
     settings = settings_of(BENCH, "sleeve")
     values = [level.values[0] for level in levels_of(EFFECTS["moving_mass"], settings)]
     (mass,) = EFFECTS["moving_mass"].parameters

@@ -86,8 +86,7 @@ def test_marks_of_straight_rises_are_exact_and_few_have_none(
     setting: Setting, drawn: Drawn
 ) -> None:
     time, around = np.linspace(0.0, 0.1, 101), (0.75, 1.3)
-    mark = mark_of(time, 2000.0 * time, 50.5, around)
-    assert mark[[0, 2]] == pytest.approx(0.02525)
+    assert mark_of(time, 2000.0 * time, 50.5, around)[[0, 2]] == pytest.approx(0.02525)
     for values in (np.zeros(101), np.full(101, 100.0), 100.0 * time):
         assert np.isnan(mark_of(time, values, 50.0, around)).all()
     quiet, usual, loud = (

@@ -65,8 +65,7 @@ def test_a_study_has_the_posterior_mean_and_its_draws_the_interval(tmp_path: Pat
 
 def test_another_set_of_effects_is_written_where_it_is_asked_for(tmp_path: Path) -> None:
     found, path = _found(DELAY, RUBBED), tmp_path / "other.toml"
-    made = found.calibrated(path, draws=20, causes=RUBBED[::-1])
-    assert made.hypothesis == RUBBED
+    assert found.calibrated(path, draws=20, causes=RUBBED[::-1]).hypothesis == RUBBED
     interval = found.inference.fits[RUBBED].intervals["friction_N"]
     assert load_study(path).clutch.mechanism.friction == pytest.approx(interval.mean, rel=1e-5)
     assert "; open (" in path.read_text(encoding="utf-8")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import struct
 import sys
 from pathlib import Path
@@ -41,7 +42,7 @@ def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
     line = next(line for line in bad.out.splitlines() if "traction_release" in line)
     assert line.rstrip().endswith("NO")
     for words in (
-        "before its landing is simulated", "smallest margin: -26.9%, traction_release",
+        "before its landing is simulated", "smallest margin: \N{MINUS SIGN}26.9%, traction_release",
         "Jasny et al. 2019", "ISO 6336-3", "1.5 F/(b s)", "load.friction_release",
     ):  # fmt: skip
         assert words in bad.out
@@ -82,6 +83,9 @@ def test_drawing_carries_every_dimension() -> None:
         "travel 4.70 mm", "16MnCr5",
     ):  # fmt: skip
         assert text in words
+    # The leader of the chamfer ends beside the dimension of the tip.
+    paths = [re.findall(r"[ML]([\d.]+),", words.partition(w)[0]) for w in ("chamfer", "tip (")]
+    assert max(map(float, paths[0][-5:-3])) < min(map(float, paths[1][-8:-6]))
 
 
 def test_nothing_is_written_where_the_extra_is_missing(

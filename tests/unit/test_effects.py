@@ -54,8 +54,7 @@ def test_neutral_values_change_nothing(effect: Effect, setting: Setting) -> None
 def test_effects_compose_in_either_order(setting: Setting, one: str, two: str) -> None:
     first, second = EFFECTS[one], EFFECTS[two]
     there = second.apply(first.apply(setting, _values(first)), _values(second))
-    back = first.apply(second.apply(setting, _values(second)), _values(first))
-    assert there == back
+    assert there == first.apply(second.apply(setting, _values(second)), _values(first))
     assert there not in (setting, first.apply(setting, _values(first)))
 
 

@@ -111,8 +111,7 @@ def test_where_it_was_stopped_the_same_command_gives_the_same(
         with pytest.raises(KeyboardInterrupt):
             ds.update_diagnosis(stand / "out", new)
     (stand / "out" / "data").rename(stand / "out" / "data.before")
-    found = ds.update_diagnosis(stand / "out", new)
-    assert found.record["update"] == 1
+    assert ds.update_diagnosis(stand / "out", new).record["update"] == 1
     assert json.loads((stand / "out" / "gap-0.json").read_text()) == earlier
     assert len(json.loads((stand / "out" / "updates.json").read_text())) == 1
     rows = (stand / "out" / "data" / "shifts.csv").read_text().count("\n")

@@ -78,8 +78,7 @@ def test_a_foreign_table_becomes_a_data_set(dogshape: Call, coding: str) -> None
     assert "rises in 0.12614 to 0.1766 s" in assumed
     assert "left out (row 8)" in assumed
     Path("m/notes.txt").write_text("mine")
-    refused = dogshape("init", "bench", "m.csv")
-    assert "holds files already" in refused.sentence
+    assert "holds files already" in dogshape("init", "bench", "m.csv").sentence
     assert dogshape("init", "bench", "m.csv", "--force").status == 0
     assert Path("m/notes.txt").read_text() == "mine"
 
@@ -167,23 +166,24 @@ def test_in_a_terminal_it_asks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(verbs, "may_ask", lambda yes: not yes)
     # Actuator; points, at once refused; actuator and points again; dogs, ring and what turns with
-    # it; height, torque; toothing, drag, steel.
-    answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30 8 12 22 140 124 1 2,5 0,05 0,6"
-    answers += " 5 1500  0,8 9000 1e6 steel 20MnCr5"
-    typed = answers.replace(" ", "\n")
+    # it; height, torque; toothing, drag, latch, torque left, steel.
+    answers = "\n1500 0,1 1 0,2 50 1600 1500 0,1 2 0,2 50 1500 30 8 12 22 140 124 1 0,2 2,5"
+    typed = f"{answers} 0,05 0,6 5 1500  0,8 9000 0,1 1e6 steel 20MnCr5".replace(" ", "\n")
     done = CliRunner().invoke(app, ["init", "study", "--out", "mine"], input=typed)
     assert done.exit_code == 0, done.stderr
     study = load_study("mine")
     dog, mechanism = study.clutch.dog, study.clutch.mechanism
-    assert (dog.count, dog.height) == (30, pytest.approx(5e-3))
+    assert (dog.count, dog.height, dog.backlash) == pytest.approx((30, 5e-3, 2e-4))
     assert mechanism.spline_radius == pytest.approx(0.8 * 0.062)
     assert (mechanism.drag_torque, study.limits.material.name) == (0.8, "20MnCr5")
     load = study.limits.load
-    assert (study.clutch.timeout, load.separating_force_limit, load.shifts) == (2.0, 9000.0, 1e6)
+    given = study.clutch.timeout, load.separating_force_limit, load.pull_out_share, load.shifts
+    assert given == (2.0, 9000.0, 0.1, 1e6)
     for words in (
         "kinds of clutch: amt (30 dogs, 140/124 mm, 2500 N m)", "height of the dogs, mm [5.09]:",
         "chamfer of the face, deg (the MQ200 prototype, thesis table 5) [8]:",
         "slides on, mm (0.8 of the inner radius) [49.6]:", "N m (none, an assumption) [0]:",
+        "mq200_three (15 dogs, 52/44 mm, 200 N m)\n", "is pulled out (all of it) [1]:",
         "give one of 16MnCr5, 20MnCr5", "forces with which it shifts, N [1500]:",
         "shift force is 1600 N, but the study has a rise time for 1500 N alone",
     ):  # fmt: skip
@@ -223,6 +223,7 @@ def test_own_mismatch_and_force_replace_the_points_of_the_kind(
         assert [round(p.mismatch / RPM) for p in study.points] == [20, 50]
         assert "by values of yours: operating.points" in " ".join(said.json["assumed"])
         shutil.rmtree("own")
+    assert "operating.points = 8 values" in _begun(dogshape, origin="amt")[0].json["assumed"][0]
     assert len(load_study("ev_disconnect", [own[0], "operating.force_N=[320]"]).points) == 2
     said = dogshape("init", "study", "--like", "amt", "--yes", "--set", own[1])
     assert "remove one of the two (--set operating.points=), or set operating.mismatch_rpm and" in (

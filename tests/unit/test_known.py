@@ -51,8 +51,7 @@ def test_a_clutch_without_a_surrogate_is_simulated_by_the_compiled_engine(
     monkeypatch.chdir(tmp_path)  # no results of a search
     few = ["operating.mismatch_rpm=[50, 149]", "operating.force_N=[469]", "sliding.mass_kg=0.4"]
     study = load_study("mq200_paper", few)
-    found = check_design(study)
-    record = found.to_dict()
+    record = check_design(study).to_dict()
     assert record["engine"] == "planar"
     assert record["shifts_planar"] == 2 * study.file.expectation.angles
     assert record["surrogate"] is None

@@ -36,8 +36,7 @@ def _asked(dogshape: Call, text: str, *more: object) -> Said:
     ],
 )
 def test_bad_tables_are_one_sentence(dogshape: Call, text: str, words: str) -> None:
-    said = _asked(dogshape, text)
-    assert words in said.sentence
+    assert words in _asked(dogshape, text).sentence
     assert not Path("designs-times.csv").exists()
 
 
