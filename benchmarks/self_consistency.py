@@ -131,6 +131,9 @@ def draw_cells(
         engaged = _count(p.engaged[0, k], (0.01, 0.99), tried, generator)
         late = _count(p.late[0, k], (USUAL.late_least, 0.9), engaged, generator)
         times = _shifts(model, k, mean[k], sd[k], engaged=engaged, late=late, generator=generator)
+        if p.minor[0, k] < 1.0:
+            times[late:] = mean[k] + sd[k] / p.sd[0, k] * _modes(p, k, engaged - late, generator)
+            times = np.maximum(times, LEAST)
         readings = _readings(cell, row, times, tried, kind=kind, generator=generator)
         row += len(readings)
         cells.append(Cell(cell.point, tuple(readings)))
@@ -184,6 +187,16 @@ def _shifts(
     behind, behind_sd = (part[cell] for part in model.behind)
     times[:late] = mean + behind + behind_sd * generator.standard_normal(late)
     return np.maximum(times, LEAST)
+
+
+def _modes(p: Predicted, cell: int, count: int, generator: np.random.Generator) -> Array:
+    """Draw times less their mean from both modes of uneven relative angles, s, (count,)."""
+    share, main, narrow = (float(part[0, cell]) for part in (p.minor, p.main, p.narrow))
+    other = -main * (1.0 - share) / share
+    left = p.sd[0, cell] ** 2 - (1.0 - share) * (narrow**2 + main**2) - share * other**2
+    rare = generator.random(count) < share
+    sd = np.where(rare, np.sqrt(max(left / share, 0.0)), narrow)
+    return np.where(rare, other, main) + sd * generator.standard_normal(count)
 
 
 def _readings(

@@ -280,7 +280,7 @@ def _fitted(answers: Sequence[_Answer], evidence: Probabilities) -> _Fitted:
     plausible = [h for h, p in evidence.items() if p > FITTED and h in ranking.samples]
     names = dict.fromkeys((NONE, *plausible))
     fits = {h: fit(likelihood, ranking.samples[h], flights) for h in names}
-    shares = {h: unseen(likelihood, one, evidence) for h, one in fits.items() if forward(h)}
+    shares = {h: unseen(ranking, one, evidence) for h, one in fits.items() if forward(h)}
     return _Fitted(answers, likelihood, fits, shares)
 
 

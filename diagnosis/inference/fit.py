@@ -210,7 +210,7 @@ def refined(
     """Add rounds of draws around the weighted ones, until enough count."""
     size = sample.shares.shape[1]
     for _ in range(rounds if size else 0):
-        if sample.effective > ENOUGH or not np.isfinite(sample.log_evidence):
+        if not np.isfinite(sample.log_evidence) or sample.effective > ENOUGH:
             break
         proposal = Proposal.around(sample)
         shares = proposal.draw(size, generator)

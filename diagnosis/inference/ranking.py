@@ -39,6 +39,7 @@ class Ranking:
     """Samples and log priors of hypotheses, and the log evidence of *unknown*."""
 
     likelihood: Likelihood
+    more: More  #: log likelihood of what is known beside the shifts
     samples: Mapping[Hypothesis, Sample]
     log_prior: Mapping[Hypothesis, float]
     log_unknown: float
@@ -158,7 +159,7 @@ def rank(likelihood: Likelihood, more: More, reversed_: float, beside: float) ->
         search.refine(1, thirds)
     search.refine(2)
     priors = {**search.priors, UNKNOWN: search.prior(UNKNOWN)}
-    return Ranking(likelihood, search.samples, priors, _unlisted(search) + beside)
+    return Ranking(likelihood, more, search.samples, priors, _unlisted(search) + beside)
 
 
 def _unlisted(search: _Search) -> float:

@@ -14,6 +14,7 @@ from typing import Literal
 import numpy as np
 
 from dogshape.diagnosis.inference.fit import Fit
+from dogshape.diagnosis.inference.ranking import Ranking
 from dogshape.diagnosis.likelihood.likelihood import Likelihood, squared_distance
 from dogshape.diagnosis.prediction.model import Predicted
 from dogshape.diagnosis.settings import Settings
@@ -114,10 +115,15 @@ def seen_apart(
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> Probabilities:
-    """Compute the shares of a hypothesis' draws that fewer effects predict as well."""
+def unseen(ranking: Ranking, one: Fit, known: Collection[Hypothesis]) -> Probabilities:
+    """Compute the shares of a hypothesis' draws that fewer effects predict as well.
+
+    What traces and direct tests lose by fewer effects counts as twice the loss of likelihood.
+    """
+    likelihood = ranking.likelihood
     rows = np.linspace(0, len(one.shares) - 1, FOLDED).astype(int)
     mine, shares = one.predicted.only(rows), one.shares[rows]
+    beside = ranking.more(one.hypothesis, shares)
     options, distances = list[Hypothesis](), [np.full(rows.size, likelihood.settings.visible)]
     for name, replaced in itertools.product(forward(one.hypothesis), (False, True)):
         if replaced and name not in ALIKE:
@@ -132,7 +138,10 @@ def unseen(likelihood: Likelihood, one: Fit, known: Collection[Hypothesis]) -> P
             else:  # the mass of the linkage is that of the ring
                 mass = one.values[rows][:, one.space.columns(name)][:, -1]
                 parts.append(np.array([[effect.parameters[0].share(value)] for value in mass]))
-        distances.append(apart(likelihood, mine, likelihood.model.predict(other, np.hstack(parts))))
+        moved = np.hstack(parts)
+        lost = np.maximum(beside - ranking.more(other, moved), 0.0)
+        far = apart(likelihood, mine, likelihood.model.predict(other, moved))
+        distances.append(far + 2.0 * lost)
         options.append(other)
     where = np.nanargmin(distances, axis=0)
     found = {h: float((where == k).mean()) for k, h in enumerate(options, start=1)}

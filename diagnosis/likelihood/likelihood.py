@@ -13,6 +13,7 @@ mean may be odd: each point takes the most probable of these, with the probabili
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -25,7 +26,7 @@ from scipy.stats import norm
 from dogshape.diagnosis.bench.bench_data import Bench
 from dogshape.diagnosis.bench.stand_file import Tolerance
 from dogshape.diagnosis.likelihood.observed import Observed
-from dogshape.diagnosis.prediction.model import Model, Predicted
+from dogshape.diagnosis.prediction.model import LEAST_SD, Model, Predicted
 from dogshape.diagnosis.settings import Settings
 from dogshape.diagnosis.terms import Array
 from dogshape.sim.units import RPM
@@ -183,11 +184,16 @@ class Likelihood:
         options, seen = self._options, self.seen.mean[self.having]
         at, part = options.point, options.part
         behind, behind_sd = (one[self.having][at] for one in self.model.behind)
-        shift, single = part * behind, q.sd[:, at] ** 2
-        timely = np.where(part == 0.0, self._scatter(q)[:, at], single)
+        log_part, offset, variance = self._modes(q)
+
+        def of(pair: Sequence[Array] | Array) -> Array:
+            return np.where(options.main, pair[1][:, at], pair[0][:, at])
+
+        shift, single = part * behind + of(offset), of(variance)
+        timely = np.where(part == 0.0, of([self._scatter(q, one) for one in variance]), single)
         scatter = timely * (1.0 - part) + part * behind_sd**2
         scatter = scatter / self.seen.count[self.having][at]
-        number = options.log_number.at(q.late, at)
+        number = options.log_number.at(q.late, at) + of(log_part)
         mixed = single * (1.0 - part) + part * behind_sd**2 + part * (1.0 - part) * behind**2
         weight = number + self._spread(q, mixed)
 
@@ -204,7 +210,21 @@ class Likelihood:
         best, among = options.best(scored)
         rows = np.arange(len(scored))[:, None]
         log = (among + weight[rows, best]).sum(axis=1)
-        return seen - q.mean - shift[best], variance[rows, best], log
+        return seen - q.mean - shift[rows, best], variance[rows, best], log
+
+    def _modes(self, q: Predicted) -> tuple[Array, Array, Array]:
+        """Part the shifts of a point by whether some lie in the smaller mode, (2, m, c) each.
+
+        Log probability, offset of their mean, s, and variance of single ones, s^2: with some, and
+        with none.
+        """
+        log = self.seen.count[self.having] * np.log1p(-np.minimum(q.minor, 1.0 - 1e-9))
+        none = np.minimum(np.exp(log), 0.99)
+        narrow = np.maximum(q.narrow, LEAST_SD) ** 2
+        wide = np.maximum((q.sd**2 - none * narrow) / (1.0 - none), LEAST_SD**2)
+        offset = np.stack([-none * q.main / (1.0 - none), q.main])
+        log = np.stack([np.log1p(-none), np.minimum(log, np.log(0.99))])
+        return log, offset, np.stack([wide, narrow])
 
     @cached_property
     def _options(self) -> _Options:
@@ -223,18 +243,19 @@ class Likelihood:
         means = (hidden & (late == 0))[:, None]
         log = log - np.where(means, logsumexp(log, axis=2, keepdims=True), 0.0)
         odd = log[..., :1] + np.log(self.settings.odd_share)
-        kept = np.hstack([possible, np.ones((len(n), 1), dtype=bool)])
-        part = np.hstack([np.minimum(within / n[:, None], 1.0), np.zeros((len(n), 1))])
-        table = np.concatenate([log, odd], axis=2)[:, kept]
+        kept = np.hstack([possible, np.ones((len(n), 2), dtype=bool)])
+        part = np.hstack([np.minimum(within / n[:, None], 1.0), np.zeros((len(n), 2))])
+        table = np.concatenate([log, odd, log[..., :1]], axis=2)[:, kept]
         point, place = np.nonzero(kept)
         ends = (self.settings.late_least, 0.9)
-        return _Options(point, part[kept], place == most + 1, _Table(*ends, table))
+        odd_mean, main = place == most + 1, place == most + 2
+        return _Options(point, part[kept], odd_mean, main, _Table(*ends, table))
 
-    def _scatter(self, q: Predicted) -> Array:
+    def _scatter(self, q: Predicted, predicted: Array) -> Array:
         """Estimate the variance of timely shifts by prediction and observation, (m, c)."""
         seen, some, other = self.seen, self.having, 0.5 / self._spread_error(q)
         freedom = np.where(seen.freedom[some] > 0.0, self._freedom[some], 0.0)
-        return np.asarray((other * q.sd**2 + freedom * seen.variance[some]) / (other + freedom))
+        return np.asarray((other * predicted + freedom * seen.variance[some]) / (other + freedom))
 
     def _spread(self, q: Predicted, variance: Array) -> Array:
         """Compute the log density of the variance with each option, (m, P); some are odd."""
@@ -267,9 +288,14 @@ class Likelihood:
         q = p.only((slice(None), some))
         freedom = np.broadcast_to(self._freedom[some], q.sd.shape)
         error, odd = self._spread_error(q), self.settings.odd_spread
-        ratio = seen.variance[some] / q.sd**2
-        usual, wide = (f_distribution.cdf(ratio, freedom, 0.5 / e) for e in (error, error + 1.0))
-        score = norm.ppf(np.clip((1.0 - odd) * usual + odd * wide, 1e-12, 1.0 - 1e-12))
+        log_part, _, variance = self._modes(q)
+        below = np.zeros_like(q.sd)
+        for share, ratio in zip(np.exp(log_part), seen.variance[some] / variance, strict=True):
+            usual, wide = (
+                f_distribution.cdf(ratio, freedom, 0.5 / e) for e in (error, error + 1.0)
+            )
+            below += share * ((1.0 - odd) * usual + odd * wide)
+        score = norm.ppf(np.clip(below, 1e-12, 1.0 - 1e-12))
         return np.where((freedom > 1.0) & ~seen.hidden[some], score, np.nan)
 
     def log_engaged(self, p: Predicted) -> Array:
@@ -362,6 +388,7 @@ class _Options:
     point: np.ndarray  #: place among the points with a mean, ascending
     part: Array  #: share of late shifts within the mean
     odd: np.ndarray  #: whether the mean is odd
+    main: np.ndarray  #: whether all shifts lie in the larger mode
     log_number: _Table  #: log probability by the share of late shifts
 
     @cached_property

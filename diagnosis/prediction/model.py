@@ -20,12 +20,13 @@ from functools import cached_property, partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator, RBFInterpolator
 from scipy.special import expit, logit
 
 from dogshape.diagnosis.bench.bench_data import Bench
+from dogshape.diagnosis.prediction.emulator import Emulator
 from dogshape.diagnosis.prediction.simulations import (
     ANGLES,
+    DENSE,
     Simulated,
     coordinate,
     extremes,
@@ -43,16 +44,17 @@ from dogshape.sim.statistics.blocks import Runner
 FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
 LEAST_FAR = 8e-3  #: s behind the median, at least
 SLOT = 0.5  #: of the passing time of a slot behind the median, at least
-#: Error of an interpolation over what it misses at a node without it, along a line and in a plane.
-MISSED = (0.35, 0.6)
-BLOCKED = 0.5  #: error of ln mean where no shift engages
 SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are late
 ENOUGH_LATE = 8  #: late shifts from which their delays are known
 LEAST_SD = 5e-4  #: s, resolution of a shift time
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
 COMBINED = 0.4  #: error of changes that add, over what they differ by from those that multiply
 LEAST_PART = 0.5  #: of the product, below which added changes of shorter times do not fall
+SAMPLED = 0.8  #: error of the mean of n even angles over the deviation is 0.8 n^-0.8
 MOMENTS = 4
+#: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
+#: the share of late shifts over the binomial one, of the logit of those that engage.
+OWN, SHARED = (0.1, 0.25, 1.0, 0.5), (0.04, 0.05, 0.5, 1.0)
 RECENT = 256  #: results that are kept
 TRIED = 9  #: values of each parameter at which the range of an effect is examined
 
@@ -103,6 +105,11 @@ class Predicted:
     late: Array  #: share of late shifts among those that engage
     engaged: Array  #: share that engages before the time-out
     delay: Array  #: dead time within ``mean``, s
+    #: Two modes of the timely shifts, by uneven angles: share of the smaller one, 1 for no modes;
+    #: mean of the larger one behind ``mean``, s; its standard deviation, s.
+    minor: Array
+    main: Array
+    narrow: Array
 
     def only(self, rows: object) -> Predicted:
         """Select some of the values."""
@@ -121,6 +128,8 @@ class Changes(NamedTuple):
     moments: Array  #: (m, C, MOMENTS)
     delay: Array  #: dead time, s, (m, C)
     error: Array  #: of the change of ln mean by interpolation between levels, (m, C)
+    #: share of the smaller mode; mean and deviation of the larger one over those of all, (3, m, C)
+    modes: Array | None = None
 
 
 @dataclass(frozen=True)
@@ -221,6 +230,7 @@ class Model:
         values = space.values(shares)
         added, rest = np.tile(base, (count, 1)), np.zeros((count, self.cells, MOMENTS - 1))
         logs, square, delay, missed = np.zeros((4, count, self.cells))
+        modes = np.ones((3, count, self.cells))
         for name in hypothesis:
             change = self.changes(name, values[:, space.columns(name)])
             log = change.moments[..., 0]
@@ -230,17 +240,21 @@ class Model:
             square += log**2
             missed += change.error**2
             delay += change.delay
+            modes = modes if change.modes is None else change.modes
         product = base * np.exp(logs)
         added = np.maximum(added, LEAST_PART * product)
         common = COMBINED * (product - added)
         sd = np.exp(self.base[:, 1] + rest[..., 0] + np.log(added / product))
         sd = np.clip(sd, LEAST_SD, np.maximum(added, LEAST_SD))
         emulated = np.sqrt(missed) * added
-        angles = 0.5 * sd / ANGLES**0.5
+        angles = SAMPLED * (DENSE * ANGLES) ** -SAMPLED * sd
         error = np.sqrt(angles**2 + self.law**2 * square * added**2 + emulated**2)
         late = np.clip(self.base[:, 2] + rest[..., 1], 1e-3, 0.9)
         engaged = expit(self.base[:, 3] + rest[..., 2])
-        return Predicted(added + delay, sd, error, emulated, common, late, engaged, delay)
+        minor, main, narrow = modes[0], added * (modes[1] - 1.0), sd * modes[2]
+        return Predicted(
+            added + delay, sd, error, emulated, common, late, engaged, delay, minor, main, narrow
+        )
 
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
         """Mark shares (m, p) of which there is a bench, (m,)."""
@@ -248,20 +262,21 @@ class Model:
         for effect in space.effects:
             if effect.name in self._limited:
                 mine = shares[:, space.columns(effect.name)].tolist()
-                found &= np.array([self._exists(effect, row) for row in mine], dtype=bool)
+                ends = self._limited[effect.name]
+                found &= [all(_exists(effect, row, one) for one in ends) for row in mine]
         return found
 
     @cached_property
-    def _limited(self) -> set[str]:
-        """Effects of which some values within their ranges give no bench."""
-        ticks = np.linspace(0.0, 1.0, TRIED).tolist()
-        sizes = {name: len(effect.parameters) for name, effect in self.effects.items()}
-        rows = {name: itertools.product(ticks, repeat=k) for name, k in sizes.items()}
-        return {n for n in rows if not all(self._exists(self.effects[n], row) for row in rows[n])}
-
-    def _exists(self, effect: Effect, shares: Sequence[float]) -> bool:
-        given = {p.name: p.at(s) for p, s in zip(effect.parameters, shares, strict=True)}
-        return all(effect.possible(setting, given) for setting in self._extremes)
+    def _limited(self) -> dict[str, list[Setting]]:
+        """Effects of which some values give no bench, with the points that decide it."""
+        found = {}
+        for name, effect in self.effects.items():
+            rows = itertools.product(np.linspace(0.0, 1.0, TRIED), repeat=len(effect.parameters))
+            exist = np.array([[_exists(effect, r, one) for one in self._extremes] for r in rows])
+            if not exist.all():
+                alike = bool((exist == exist[:, :1]).all())
+                found[name] = self._extremes[:1] if alike else self._extremes
+        return found
 
     @cached_property
     def _extremes(self) -> list[Setting]:
@@ -281,39 +296,33 @@ class Model:
         return self._recent[key]
 
     def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
-        """Build the interpolator of an effect's changes, with its error by nodes left out."""
-        x, whole = self._nodes(effect)
-        size = self.cells * MOMENTS
-        whole, missed = whole[:, : -self.cells], BLOCKED * whole[:, -self.cells :]
-        if x.shape[1]:
-            own, every, places = whole[:, :size:MOMENTS], np.arange(len(x)), _scaled(x, x)
-            inner = every[1:-1] if x.shape[1] == 1 else every  # without the ends of a line
-            left = [_interpolator(x[every != k], own[every != k])(x[[k]])[0] for k in inner]
-            near = np.linalg.norm(places[:, None] - places[None, inner], axis=2).argmin(axis=1)
-            share = MISSED[min(x.shape[1], 2) - 1]
-            missed += share * abs(own[inner] - np.array(left))[near] * (own != 0.0)
-        at = _interpolator(x, np.hstack([whole, missed]))
+        """Fit the changes by an effect over its levels, moment by moment."""
+        places = self.simulated.of((effect.name,))
+        x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
+        idle = self._idle_values(effect) if effect.parameters else np.zeros((0, 0))
+        plain = self._coordinates(effect, idle)
+        every = np.vstack([x, plain])
+        low, wide = every.min(axis=0), np.maximum(np.ptp(every, axis=0), 1e-9)
+        x, plain = (x - low) / wide, (plain - low) / wide
+        times = np.concatenate([self.simulated.times[places], self.simulated.base[None]])
+        found = (self._moments(times) - self.base).reshape(len(times), -1).T
+        fitted = Emulator.fitted(x, plain, found, *self._noise)
+        delays = fitted.exact(self.simulated.delays[places])
 
         def changes(values: Array) -> Changes:
-            found = at(self._coordinates(effect, values))
-            moments, delay, error = np.split(found, (size, size + self.cells), axis=1)
-            return Changes(moments.reshape(-1, self.cells, MOMENTS), delay, np.maximum(error, 0.0))
+            at = np.clip((self._coordinates(effect, values) - low) / wide, 0.0, 1.0)
+            moments, error, delay = fitted.at(at, delays, MOMENTS)
+            return Changes(moments.reshape(-1, self.cells, MOMENTS), delay, error)
 
         return changes
 
-    def _nodes(self, effect: Effect) -> tuple[Array, Array]:
-        """List coordinates of levels and baseline, (n, d), with moments, delays, 1 for blocked."""
-        places = self.simulated.of((effect.name,))
-        x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
-        moments = self._moments(self.simulated.times[places])
-        y = _filled(moments - self._moments(self.simulated.base), x).reshape(len(x), -1)
-        y = np.hstack([y, self.simulated.delays[places], np.isnan(moments[..., 0])])
-        if not effect.parameters:
-            return x, y
-        plain = self._coordinates(effect, self._idle_values(effect))
-        x, y = np.vstack([x, plain]), np.vstack([y, np.zeros((len(plain), y.shape[1]))])
-        order = np.unique(np.round(_scaled(x, x), 9), axis=0, return_index=True)[1]
-        return x[order], y[order]
+    @cached_property
+    def _noise(self) -> Array:
+        """Errors of a level's moments by its angles: own and common ones, (2, C * MOMENTS)."""
+        varied, one = np.exp(self.base[:, 1] - self.base[:, 0]), np.ones(self.cells)
+        late = np.sqrt(self.pooled_late * (1.0 - self.pooled_late) / ANGLES)
+        units = np.stack([varied, one, late, one], axis=1)
+        return (np.array([OWN, SHARED])[:, None] * units).reshape(2, -1)
 
     def _idle_values(self, effect: Effect) -> Array:
         """List neutral values: of all parameters, or of the first where it idles the others."""
@@ -332,20 +341,20 @@ class Model:
     def _coordinates(self, effect: Effect, values: Array) -> Array:
         pairs = zip(effect.parameters, values.T, strict=True)
         columns = [coordinate(p, column, self.setting) for p, column in pairs]
-        return np.array(columns).reshape(-1, len(values)).T
+        return np.array(columns).reshape(len(columns), len(values)).T
 
     def _read(self, effect: Effect, values: Array) -> Changes:
         """Compute the changes by an effect of the reading: dead time, weights of the angles."""
         rows = [_reading(effect, row, self.setting) for row in values.tolist()]
         delay, concentration, centre = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
-        exact = np.zeros((len(values), self.cells))
-        change = np.zeros((*exact.shape, MOMENTS))
+        error = np.zeros((len(values), self.cells))
+        change, modes = np.zeros((*error.shape, MOMENTS)), None
         if concentration.any() or centre.any():
-            change = self._weighted(concentration[..., None], centre[..., None])
-        return Changes(change, exact + delay, exact)
+            change, error, modes = self._weighted(concentration[..., None], centre[..., None])
+        return Changes(change, delay + 0.0 * error, error, modes)
 
-    def _weighted(self, concentration: Array, centre: Array) -> Array:
-        """Compute the changes by relative angles that are not uniform, (m, C, MOMENTS)."""
+    def _weighted(self, concentration: Array, centre: Array) -> tuple[Array, Array, Array]:
+        """Compute the changes by relative angles that are not uniform, with error and modes."""
         pitch = np.array([one.clutch.dog.pitch_angle for one in self.settings])
         weights = angle_weights(self.simulated.angles / pitch[:, None], concentration, centre)
         times = self.simulated.baseline
@@ -360,7 +369,10 @@ class Model:
             (weights * late).sum(axis=2) / np.maximum(finished, 1e-9),
             logit(np.clip(finished / weights.sum(axis=2), 0.01, 0.99)),
         )
-        return np.asarray(np.stack(moments, axis=-1) - self.base)
+        count = weights.sum(axis=2) ** 2 / (weights**2).sum(axis=2)
+        share = SAMPLED**2 * (count ** (-2.0 * SAMPLED) - float(times.shape[1]) ** (-2.0 * SAMPLED))
+        error = np.sqrt(np.maximum(share * square, 0.0)) / np.maximum(mean, LEAST_SD)
+        return np.stack(moments, axis=-1) - self.base, error, _two_modes(known, kept)
 
     def _moments(self, times: Array) -> Array:
         """Compute the moments of times (..., C, n), (..., C, MOMENTS)."""
@@ -402,6 +414,11 @@ def build_models(
             wide.pop(DELAY, None)
         found[place] = Model(wide, levels, nuisances, settings.law, turned)
     return found
+
+
+def _exists(effect: Effect, shares: Sequence[float], setting: Setting) -> bool:
+    given = {p.name: float(p.at(s)) for p, s in zip(effect.parameters, shares, strict=True)}
+    return effect.possible(setting, given)
 
 
 def reads_only(effect: Effect, settings: Sequence[Setting]) -> bool:
@@ -465,28 +482,31 @@ def timely(times: Array, least: Array) -> Array:
     return np.where(np.isfinite(times) & ~late_times(times, least), times, np.nan)
 
 
-def _scaled(x: Array, nodes: Array) -> Array:
-    low, wide = nodes.min(axis=0), np.maximum(np.ptp(nodes, axis=0), 1e-9)
-    return np.asarray((x - low) / wide)
+def _two_modes(times: Array, weights: Array) -> Array:
+    """Split times (C, n) of weights (m, C, n) where the variance within both parts is least.
 
+    Return the share of the smaller part, and mean and standard deviation of the larger one over
+    those of all, (3, m, C) (Otsu 1979, IEEE Trans. Syst. Man Cybern. 9).
+    """
+    order = np.argsort(times, axis=1)
+    ordered = np.take_along_axis(times, order, axis=1)
+    share = np.take_along_axis(weights, np.broadcast_to(order, weights.shape), axis=2)
+    share = share / np.maximum(share.sum(axis=2, keepdims=True), 1e-9)
+    below = np.stack([(share * ordered**k).cumsum(axis=2) for k in range(3)])
+    whole, above = below[..., -1:], below[..., -1:] - below
+    means = [part[1] / np.maximum(part[0], 1e-9) for part in (below, above)]
+    squares = [
+        part[2] - part[0] * mean**2 for part, mean in zip((below, above), means, strict=True)
+    ]
+    place = (squares[0] + squares[1]).argmin(axis=2)[..., None]
+    low = np.take_along_axis(below[0], place, axis=2)[..., 0]
 
-def _interpolator(x: Array, values: Array) -> Callable[[Array], Array]:
-    """Build an interpolator of values (n, k) at coordinates x (n, d), constant beyond them."""
-    if x.shape[1] == 0:
-        return lambda v: np.tile(values[0], (len(v), 1))
-    if x.shape[1] == 1:
-        curve = PchipInterpolator(x[:, 0], values)
-        return lambda v: np.asarray(curve(np.clip(v[:, 0], x[0, 0], x[-1, 0])))
-    plane = RBFInterpolator(_scaled(x, x), values, kernel="linear")
-    return lambda v: np.asarray(plane(_scaled(v, x)))
+    def larger(pair: Sequence[Array]) -> Array:
+        first, second = (np.take_along_axis(one, place, axis=2)[..., 0] for one in pair)
+        return np.where(low >= 0.5, first, second)
 
-
-def _filled(changes: Array, x: Array) -> Array:
-    """Take unknown changes (L, C, MOMENTS) from the nearest level, else as none."""
-    changes, places = changes.copy(), _scaled(x, x)
-    for cell, moment in np.argwhere(np.isnan(changes).any(axis=0)).tolist():
-        column = changes[:, cell, moment]
-        known, lost = np.flatnonzero(np.isfinite(column)), np.flatnonzero(np.isnan(column))
-        near = np.linalg.norm(places[lost, None] - places[known], axis=2)
-        column[lost] = column[known[near.argmin(axis=1)]] if known.size else 0.0
-    return changes
+    main = larger(means)
+    variance = np.maximum(larger(squares), 0.0) / np.maximum(low, 1.0 - low)
+    mean = np.maximum(whole[1, ..., 0], LEAST_SD)
+    sd = np.sqrt(np.maximum(whole[2, ..., 0] - mean**2, LEAST_SD**2))
+    return np.stack([np.minimum(low, 1.0 - low), main / mean, np.sqrt(variance) / sd])

@@ -167,6 +167,7 @@ PLANAR_ACCURACY = 1e-4  #: of the compiled engine, m/s
 #: Schemes with the accuracy that each needs.
 SCHEMES = {"runge_kutta3": 3e-4, "cenic": 1e-7}
 CENIC_WITH_FORCES = 1e-9  #: where a mechanism has forces, taken from the start of a step
+SLOW = 1e-3  #: m/s, stiction velocity from which slip of a tooth-to-tooth contact lies in its ramp
 
 
 def require_engine(contact: ContactSet, engine: str) -> None:
@@ -182,10 +183,12 @@ def require_engine(contact: ContactSet, engine: str) -> None:
 def solver_for(contact: ContactSet, mechanism: Mechanism = NOTHING) -> Solver:
     """Return the solver that a contact set needs, with its accuracy for a mechanism.
 
-    The explicit scheme knows one coefficient; where the two differ by more
-    than a quarter (0.30 and 0.16) that decides whether a flank holds.
+    The explicit scheme knows the dynamic coefficient alone, that of slip above ten stiction
+    velocities. Where the two differ by more than a quarter (0.30 and 0.16), or dogs slip more
+    slowly, the static one decides whether a flank holds.
     """
     falls = contact.dynamic_friction < 0.75 * contact.static_friction
+    falls = falls or contact.stiction_velocity > SLOW
     scheme = "cenic" if falls else "runge_kutta3"
     return Solver(scheme, accuracy_of(scheme, mechanism))
 

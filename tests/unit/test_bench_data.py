@@ -208,14 +208,14 @@ def _silent(force: float, meaning: EmptyCells, **cause: Mapping[str, float]) -> 
 
 
 def test_a_meaning_of_empty_cells_that_decides_is_stated_beside_the_answer() -> None:
-    """Shifts at 60 N fail by 120 N of friction, which times from 235 N on hardly show."""
-    found = _silent(60.0, "unknown", sleeve_friction={"friction_N": 120.0})
+    """Shifts at 60 N fail by 90 N of friction, which times from 235 N on hardly show."""
+    found = _silent(60.0, "unknown", sleeve_friction={"friction_N": 90.0})
     one, other = found.readings
     assert (one.verdict.causes, other.verdict.causes) == ((), ("sleeve_friction",))
     assert found.verdict.causes == ()
     assert f"If shifts without a time failed ({chance(other.probability)})" in summary(found)
     for meaning, reading in (("not_made", one), ("failed", other)):
-        stated = _silent(60.0, meaning, sleeve_friction={"friction_N": 120.0})
+        stated = _silent(60.0, meaning, sleeve_friction={"friction_N": 90.0})
         assert (stated.readings, stated.verdict) == ((), reading.verdict)
         most = max(stated.posterior.values())
         assert max(reading.posterior.values()) == pytest.approx(most, rel=0.01)

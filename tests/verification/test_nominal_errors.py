@@ -58,7 +58,8 @@ def test_the_likelihood_takes_slopes_of_the_simulated_force_and_mismatch() -> No
         free = flight(bench.clutch, cell.point)
         assert force[k] == pytest.approx(-0.25 * free / mean, rel=0.1)
         slip = cell.point.mismatch
-        assert mismatch[k] * slip == pytest.approx((free - mean) / mean, rel=0.1, abs=0.005)
+        # Levels err by their angles, so a slope by a hundredth of the time over that of mismatch.
+        assert mismatch[k] * slip == pytest.approx((free - mean) / mean, rel=0.1, abs=0.01)
 
 
 def test_errors_add_up_as_asme_says() -> None:

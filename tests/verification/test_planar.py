@@ -118,6 +118,17 @@ def test_falling_friction_follows_fine_steps_of_drake(clutch: Clutch, point: Poi
         assert mine == pytest.approx(limit, rel=3e-3)
 
 
+def test_like_coefficients_of_a_creep_keep_both(clutch: Clutch, point: Point) -> None:
+    """Slip stays below ten stiction velocities, so times do not depend on the dynamic one."""
+    times = []
+    for dynamic in (0.22, 0.23):
+        contact = replace(contact_set("adams2019"), dynamic_friction=dynamic)
+        own = replace(clutch, contact=contact, solver=solver_for(contact)).with_engine("planar")
+        times.append(engage(own, point(5, 315.5), 9.0 * DEG).shift_time)
+    assert times[0] == pytest.approx(times[1], rel=1e-3)
+    assert solver_for(contact_set("lubricated_steel")).scheme == "runge_kutta3"
+
+
 def test_a_creep_takes_long_steps_and_goes_as_far_as_in_drake(clutch: Clutch, point: Point) -> None:
     """Nearly flat faces with the published friction; Drake's explicit scheme takes 20,000 steps."""
     flat = replace(clutch, dog=replace(clutch.dog, chamfer=1 * DEG, count=8))

@@ -13,7 +13,8 @@ from scipy.stats import kstest
 
 from benchmarks.self_consistency import answer, cause_of, in_set
 from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
-from dogshape.diagnosis.inference.ranking import _Search, _unlisted, log_prior
+from dogshape.diagnosis.inference.ranking import Ranking, _Search, _unlisted, log_prior
+from dogshape.diagnosis.inference.verdict import unseen
 from dogshape.diagnosis.likelihood.likelihood import NODES, WEIGHTS, Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.flights import Flights
@@ -181,3 +182,18 @@ def test_probabilities_hold_what_they_say() -> None:
     # The mean of p-values over a posterior is never too sure by more than a factor of two.
     low = np.mean([one.p < 0.01 for one in found if one.p is not None])
     assert low < 0.02 + 3.0 * (0.02 * 0.98 / SETS) ** 0.5
+
+
+def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
+    """A small mass moves no mean beyond its error; traces that lose by its absence show it."""
+    likelihood = likelihood_with(0.02)
+    one = fit(likelihood, sample_of(likelihood, MASS), Flights({}, likelihood.model.settings))
+    one = replace(one, shares=0.0 * one.shares + 0.02)
+    one = replace(one, predicted=likelihood.model.predict(MASS, one.shares))
+
+    def traces(h: Hypothesis, shares: Array) -> Array:
+        return np.full(len(shares), 0.0 if MASS[0] in h else -10.0)
+
+    unshown = Ranking(likelihood, nothing, {}, {}, 0.0)
+    assert unseen(unshown, one, {NONE}) == {NONE: 1.0}
+    assert unseen(replace(unshown, more=traces), one, {NONE}) == {}

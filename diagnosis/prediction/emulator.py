@@ -1,0 +1,111 @@
+r"""Changes that an effect makes to the moments of shift times, between its levels.
+
+A Gaussian process over the effect's coordinates, zero at neutral values, for each moment of each
+operating point. Level *i*, and the baseline at the levels' angles as the last, show
+
+.. math:: y_i = f(x_i) + u + \epsilon_i, \qquad f \sim GP(0, a^2 k), \; u \sim N(0, s_u^2),
+          \; \epsilon_i \sim N(0, s^2),
+
+with Matern's kernel of 3/2 conditioned on :math:`f = 0`, the error *u* of the angles that all
+levels have in common, and that of each level, since shifts are chaotic. The amplitude *a* is the
+one of most likelihood for each moment, the length of the kernel the one for all together
+(Rasmussen and Williams, *Gaussian Processes for Machine Learning*, 2006, chapter 5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.special import logsumexp
+
+from dogshape.diagnosis.terms import Array
+
+LENGTHS = (0.25, 0.5, 1.0, 2.0)  #: of the range of an effect, over which its changes are alike
+AMPLITUDES = (0.3, 1.0, 3.0, 10.0, 30.0)  #: of its changes over the error of one level
+LOST = 1e6  #: variance of a moment that is not known
+EXACT = 1e-9  #: variance of what is
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """Covariance of values at coordinates in a unit cube, zero at ``plain`` ones, (k, d)."""
+
+    plain: Array
+    length: float
+
+    def free(self, one: Array, other: Array) -> Array:
+        """Compute Matern's kernel of 3/2 between coordinates (m, d) and (n, d), (m, n)."""
+        far = np.linalg.norm(one[:, None] - other[None], axis=2) * (3.0**0.5 / self.length)
+        return np.asarray((1.0 + far) * np.exp(-far))
+
+    @cached_property
+    def inner(self) -> Array:
+        """Inverse of the kernel at ``plain``, (k, k)."""
+        whole = self.free(self.plain, self.plain)
+        return np.asarray(np.linalg.inv(whole + EXACT * np.eye(len(whole))))
+
+    def across(self, one: Array, other: Array) -> Array:
+        """Compute the covariance between coordinates, (m, n)."""
+        left, right = self.free(one, self.plain), self.free(self.plain, other)
+        return self.free(one, other) - left @ self.inner @ right
+
+    def own(self, at: Array) -> Array:
+        """Compute the variance at coordinates, (m,)."""
+        near = self.free(at, self.plain)
+        return np.asarray(1.0 - ((near @ self.inner) * near).sum(axis=1))
+
+
+@dataclass(frozen=True)
+class Emulator:
+    """Changes of K moments over n levels at coordinates ``x``, (n, d)."""
+
+    x: Array
+    kernel: Kernel
+    size: Array  #: variance of the changes, (K,)
+    root: Array  #: of the inverse of the covariance of the levels, (K, n, n)
+    misfit: Array  #: square of each level's miss by the others over its variance, (K, n)
+    factor: Array  #: weights of the levels, (K, n)
+
+    @classmethod
+    def fitted(cls, x: Array, plain: Array, found: Array, own: Array, common: Array) -> Emulator:
+        """Fit to changes (K, n + 1), the baseline's last, NaN for none, with errors (K,)."""
+        known, eye = np.isfinite(found), np.eye(len(x) + 1)
+        found = np.where(known, found, 0.0)[..., None]
+        single = own[:, None] ** 2 + np.where(known, 0.0, LOST)
+        noise = common[:, None, None] ** 2 + single[..., None] * eye
+        sizes = np.multiply.outer(AMPLITUDES, own) ** 2
+        best = -np.inf
+        for kernel in (Kernel(plain, length) for length in LENGTHS):
+            within = np.pad(kernel.across(x, x), (0, 1))
+            every = within * sizes[..., None, None] + noise
+            root = np.linalg.cholesky(every)
+            inner = np.linalg.solve(root, np.broadcast_to(found, (*every.shape[:-1], 1)))
+            log = -np.log(np.diagonal(root, axis1=2, axis2=3)).sum(axis=2)
+            log -= 0.5 * (inner[..., 0] ** 2).sum(axis=2)
+            if (whole := float(logsumexp(log, axis=0).sum())) > best:
+                best, top = whole, (log.argmax(axis=0), np.arange(len(own)))
+                chosen, size, inverse = kernel, sizes[top], np.linalg.inv(every[top])
+        factor = size[:, None] * (inverse @ found)[:, :-1, 0]
+        left = (inverse @ found)[..., 0] ** 2 / np.diagonal(inverse, axis1=1, axis2=2)
+        mean = (left * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
+        misfit = np.maximum(np.maximum(left, mean[:, None]), 1.0)[:, :-1]
+        return cls(x, chosen, size, np.linalg.cholesky(inverse[:, :-1, :-1]), misfit, factor)
+
+    def exact(self, values: Array) -> Array:
+        """Compute the weights of values (n, k) that have no error."""
+        within = self.kernel.across(self.x, self.x) + EXACT * np.eye(len(self.x))
+        return np.asarray(np.linalg.solve(within, values))
+
+    def at(self, places: Array, exact: Array, every: int) -> tuple[Array, Array, Array]:
+        """Compute changes (m, K) at coordinates (m, d), with exact ones.
+
+        Standard errors are those of each ``every``-th moment.
+        """
+        along = self.kernel.across(places, self.x)
+        size, taken = self.size[::every], ((along @ self.root[::every]) ** 2).sum(axis=2).T
+        left = self.kernel.own(places)[:, None] * size - taken * size**2
+        near = np.linalg.norm(places[:, None] - self.x[None], axis=2).argmin(axis=1)
+        error = np.sqrt(np.maximum(left, 0.0) * self.misfit[::every, near].T)
+        return along @ self.factor.T, error, along @ exact
