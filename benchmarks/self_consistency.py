@@ -130,10 +130,10 @@ def draw_cells(
         tried = int(generator.integers(NUMBERS[0], NUMBERS[1] + 1))
         engaged = _count(p.engaged[0, k], (0.01, 0.99), tried, generator)
         late = _count(p.late[0, k], (USUAL.late_least, 0.9), engaged, generator)
-        times = _shifts(model, k, mean[k], sd[k], engaged=engaged, late=late, generator=generator)
-        if p.minor[0, k] < 1.0:
-            times[late:] = mean[k] + sd[k] / p.sd[0, k] * _modes(p, k, engaged - late, generator)
-            times = np.maximum(times, LEAST)
+        times = mean[k] + sd[k] * _scatter(model, p, k, engaged, generator)
+        behind, behind_sd = (part[k] for part in model.behind)
+        times[:late] = mean[k] + behind + behind_sd * generator.standard_normal(late)
+        times = np.maximum(times, LEAST)
         readings = _readings(cell, row, times, tried, kind=kind, generator=generator)
         row += len(readings)
         cells.append(Cell(cell.point, tuple(readings)))
@@ -169,34 +169,20 @@ def _count(
     return int(generator.binomial(whole, generator.beta(known * chance, known * (1.0 - chance))))
 
 
-def _shifts(
-    model: Model,
-    cell: int,
-    mean: float,
-    sd: float,
-    *,
-    engaged: int,
-    late: int,
-    generator: np.random.Generator,
+def _scatter(
+    model: Model, p: Predicted, cell: int, count: int, generator: np.random.Generator
 ) -> Array:
-    """Draw times with the baseline's distribution, the first ones late, s, (engaged,)."""
-    base = timely(model.simulated.baseline, model.far)[cell]
-    base = base[np.isfinite(base)]
-    times = generator.choice((base - base.mean()) / base.std(), engaged)
-    times = mean + sd * times
-    behind, behind_sd = (part[cell] for part in model.behind)
-    times[:late] = mean + behind + behind_sd * generator.standard_normal(late)
-    return np.maximum(times, LEAST)
-
-
-def _modes(p: Predicted, cell: int, count: int, generator: np.random.Generator) -> Array:
-    """Draw times less their mean from both modes of uneven relative angles, s, (count,)."""
+    """Draw times over their deviation, of the baseline or of both modes, (count,)."""
     share, main, narrow = (float(part[0, cell]) for part in (p.minor, p.main, p.narrow))
-    other = -main * (1.0 - share) / share
-    left = p.sd[0, cell] ** 2 - (1.0 - share) * (narrow**2 + main**2) - share * other**2
+    if share == 1.0:
+        base = timely(model.simulated.baseline, model.far)[cell]
+        base = base[np.isfinite(base)]
+        return generator.choice((base - base.mean()) / base.std(), count)
+    other, whole = -main * (1.0 - share) / share, float(p.sd[0, cell])
+    left = whole**2 - (1.0 - share) * (narrow**2 + main**2) - share * other**2
     rare = generator.random(count) < share
     sd = np.where(rare, np.sqrt(max(left / share, 0.0)), narrow)
-    return np.where(rare, other, main) + sd * generator.standard_normal(count)
+    return (np.where(rare, other, main) + sd * generator.standard_normal(count)) / whole
 
 
 def _readings(

@@ -51,6 +51,11 @@ def _factor(sensor: Sensor, quantity: str) -> float:
     return factor
 
 
+def _from_force(trace: BenchTrace, row: Row, _: Sensor) -> BenchTrace:
+    start = _start(trace, row)
+    return replace(trace, time=trace.time - start.time, start_error=start.error)
+
+
 #: Corrections of rows and of their traces, in the order in which they are made.
 OF_ROWS: dict[str, Callable[[Row, Sensor], Row]] = {
     "axes=swapped": lambda r, _: replace(r, mismatch=r.force, force=r.mismatch),
@@ -68,9 +73,7 @@ OF_TRACES: dict[str, Callable[[BenchTrace, Row, Sensor], BenchTrace]] = {
         t, displacement=t.displacement - _start(t, r).displacement
     ),
     "trace_time=ms": lambda t, _, s: _scaled(t, MS, "time"),
-    "trace_time=from_force": lambda t, r, _: replace(
-        t, time=t.time - _start(t, r).time, start_error=_start(t, r).error
-    ),
+    "trace_time=from_force": _from_force,
     "trace_force=kN": lambda t, _, s: _scaled(t, 1e3, "force"),
     "trace_force=arm": lambda t, _, s: _scaled(t, _factor(s, "force"), "force"),
     "trace_force=zeroed": lambda t, r, _: replace(t, force=t.force - _start(t, r).force),

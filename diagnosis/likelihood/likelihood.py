@@ -13,7 +13,6 @@ mean may be odd: each point takes the most probable of these, with the probabili
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -186,11 +185,11 @@ class Likelihood:
         behind, behind_sd = (one[self.having][at] for one in self.model.behind)
         log_part, offset, variance = self._modes(q)
 
-        def of(pair: Sequence[Array] | Array) -> Array:
+        def of(pair: Array) -> Array:
             return np.where(options.main, pair[1][:, at], pair[0][:, at])
 
         shift, single = part * behind + of(offset), of(variance)
-        timely = np.where(part == 0.0, of([self._scatter(q, one) for one in variance]), single)
+        timely = np.where(part == 0.0, of(self._scatter(q, variance)), single)
         scatter = timely * (1.0 - part) + part * behind_sd**2
         scatter = scatter / self.seen.count[self.having][at]
         number = options.log_number.at(q.late, at) + of(log_part)
@@ -252,7 +251,7 @@ class Likelihood:
         return _Options(point, part[kept], odd_mean, main, _Table(*ends, table))
 
     def _scatter(self, q: Predicted, predicted: Array) -> Array:
-        """Estimate the variance of timely shifts by prediction and observation, (m, c)."""
+        """Estimate variances of timely shifts from predicted and observed ones, (2, m, c)."""
         seen, some, other = self.seen, self.having, 0.5 / self._spread_error(q)
         freedom = np.where(seen.freedom[some] > 0.0, self._freedom[some], 0.0)
         return np.asarray((other * predicted + freedom * seen.variance[some]) / (other + freedom))

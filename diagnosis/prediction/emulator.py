@@ -87,11 +87,12 @@ class Emulator:
             if (whole := float(logsumexp(log, axis=0).sum())) > best:
                 best, top = whole, (log.argmax(axis=0), np.arange(len(own)))
                 chosen, size, inverse = kernel, sizes[top], np.linalg.inv(every[top])
-        factor = size[:, None] * (inverse @ found)[:, :-1, 0]
-        left = (inverse @ found)[..., 0] ** 2 / np.diagonal(inverse, axis1=1, axis2=2)
+        weights = (inverse @ found)[..., 0]
+        left = weights**2 / np.diagonal(inverse, axis1=1, axis2=2)
         mean = (left * known).sum(axis=1) / np.maximum(known.sum(axis=1), 1)
         misfit = np.maximum(np.maximum(left, mean[:, None]), 1.0)[:, :-1]
-        return cls(x, chosen, size, np.linalg.cholesky(inverse[:, :-1, :-1]), misfit, factor)
+        root = np.linalg.cholesky(inverse[:, :-1, :-1])
+        return cls(x, chosen, size, root, misfit, size[:, None] * weights[:, :-1])
 
     def exact(self, values: Array) -> Array:
         """Compute the weights of values (n, k) that have no error."""

@@ -50,7 +50,6 @@ LEAST_SD = 5e-4  #: s, resolution of a shift time
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
 COMBINED = 0.4  #: error of changes that add, over what they differ by from those that multiply
 LEAST_PART = 0.5  #: of the product, below which added changes of shorter times do not fall
-SAMPLED = 0.8  #: error of the mean of n even angles over the deviation is 0.8 n^-0.8
 MOMENTS = 4
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
 #: the share of late shifts over the binomial one, of the logit of those that engage.
@@ -247,7 +246,7 @@ class Model:
         sd = np.exp(self.base[:, 1] + rest[..., 0] + np.log(added / product))
         sd = np.clip(sd, LEAST_SD, np.maximum(added, LEAST_SD))
         emulated = np.sqrt(missed) * added
-        angles = SAMPLED * (DENSE * ANGLES) ** -SAMPLED * sd
+        angles = _angle_error(DENSE * ANGLES) * sd
         error = np.sqrt(angles**2 + self.law**2 * square * added**2 + emulated**2)
         late = np.clip(self.base[:, 2] + rest[..., 1], 1e-3, 0.9)
         engaged = expit(self.base[:, 3] + rest[..., 2])
@@ -370,8 +369,8 @@ class Model:
             logit(np.clip(finished / weights.sum(axis=2), 0.01, 0.99)),
         )
         count = weights.sum(axis=2) ** 2 / (weights**2).sum(axis=2)
-        share = SAMPLED**2 * (count ** (-2.0 * SAMPLED) - float(times.shape[1]) ** (-2.0 * SAMPLED))
-        error = np.sqrt(np.maximum(share * square, 0.0)) / np.maximum(mean, LEAST_SD)
+        more = _angle_error(count) ** 2 - _angle_error(DENSE * ANGLES) ** 2
+        error = np.sqrt(np.maximum(more * square, 0.0)) / np.maximum(mean, LEAST_SD)
         return np.stack(moments, axis=-1) - self.base, error, _two_modes(known, kept)
 
     def _moments(self, times: Array) -> Array:
@@ -480,6 +479,11 @@ def _quantiles(times: Array, shares: Sequence[float]) -> list[Array]:
 def timely(times: Array, least: Array) -> Array:
     """Replace late shifts and those that did not engage by NaN."""
     return np.where(np.isfinite(times) & ~late_times(times, least), times, np.nan)
+
+
+def _angle_error(count: Array | int) -> Array:
+    """Compute the error of the mean of even angles over the deviation (measured)."""
+    return np.asarray(0.8 * count**-0.8)
 
 
 def _two_modes(times: Array, weights: Array) -> Array:

@@ -149,7 +149,7 @@ def headline(result: Row) -> str:
 
 
 def unclear(gain: float, error: float) -> bool:
-    """Tell whether a difference is within two standard errors."""
+    """Check that a difference is within two standard errors."""
     return abs(gain) < 2.0 * error
 
 

@@ -108,7 +108,7 @@ class SearchState:
         for trial in self.trials:
             if trial.number not in self.known:
                 self.known[trial.number] = design_of(self.study, trial.params, trial.measured)
-        return self.known
+        return {trial.number: self.known[trial.number] for trial in self.trials}
 
     @cached_property
     def simulated(self) -> tuple[Trial, ...]:

@@ -296,6 +296,6 @@ def test_all_mistakes_of_a_study_are_told_at_once(
 ) -> None:
     with pytest.raises(InputError) as refused:
         load_study("mq200_paper", overrides)
-    first, *told = str(refused.value).split("\n- ")
+    first, *lines = str(refused.value).split("\n- ")
     assert first.endswith(head)
-    assert all(one.startswith(words) for one, words in zip(told, faults, strict=True)), told
+    assert all(one.startswith(words) for one, words in zip(lines, faults, strict=True)), lines
