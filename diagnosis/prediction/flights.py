@@ -50,10 +50,8 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.mechanism import SLIP
+from dogshape.sim.shift.planar import FIRST_STEP, FREE_SIZE, free_motion
 
-TOLERANCE = np.array([1e-5, 1e-9])  #: error of a speed in m/s and of a place in m of a step
-FIRST, STEP = 1e-5, 5e-3  #: s, first and longest step
-ROOM = 4000  #: steps of a flight, beyond which friction or a detent has stopped the ring
 PART = 100  #: steps between which a loaded linkage is examined
 LAST = 0.99  #: share of the time-out after which a ring at rest makes no mark
 CREEP = 1.8  #: error of a held start, over the creep of the smooth law by the speed at the mark
@@ -64,10 +62,6 @@ AXIAL = [
     *(kernel.DEEP_STOP, kernel.LINKED, kernel.DETENT_SEAT),
 ]
 RING, RING_RATE, ACTUATOR, ACTUATOR_RATE = 1, 4, 6, 7  #: places in a state of the compiled engine
-#: Surfaces and law of dogs that never touch.
-NO_DOGS = (np.zeros((1, 4, 3)), np.zeros((1, 3)), np.zeros(1), np.zeros(2), 1.0, 1e9, 1e9)
-NO_LAW = np.zeros(5)
-NO_LOOK = np.zeros(0)  #: no state before: a ring that stands still is simulated on
 
 COLUMNS = 2 * SIZE + len(WAYS) + 1  #: of a row: marks as t^(-1/2), creep, margins, delay
 NODES = (1, 17, 9, 5, 3)  #: along each parameter of an effect, by the number of parameters
@@ -129,7 +123,7 @@ def _motion(setting: Setting, knots: Array, way: float) -> tuple[Array, Array, A
     if rest >= LAST * clutch.timeout:
         rest = 0.0  # never let go
     else:
-        more = _advanced(rest, states[-1], clutch.timeout, numbers, knots)
+        more = free_motion(rest, states[-1], clutch.timeout, numbers, knots)
         time, states = np.append(time[:-1], more[0]), np.concatenate([states[:-1], more[1]])
     there = linked and setting.sensor == "actuator"
     place, rate = (ACTUATOR, ACTUATOR_RATE) if there else (RING, RING_RATE)
@@ -147,8 +141,8 @@ def _held(setting: Setting, knots: Array, numbers: Array) -> tuple[Array, Array]
     heavy[kernel.SLEEVE], heavy[kernel.FRICTION], heavy[kernel.DETENT] = 1e12, 0.0, 0.0
     linkage = float(heavy[kernel.STIFF]), float(heavy[kernel.LOSS])
     time, states, last = np.zeros(1), np.zeros((1, kernel.SIZE)), 0
-    for _ in range(ROOM // PART):
-        more = _advanced(float(time[-1]), states[-1], end, heavy, knots, room=PART)
+    for _ in range(FREE_SIZE // PART):
+        more = free_motion(float(time[-1]), states[-1], end, heavy, knots, PART)
         time, states = np.append(time, more[0][1:]), np.concatenate([states, more[1][1:]])
         pull = mechanism.pull(states[:, ACTUATOR], states[:, ACTUATOR_RATE], *linkage)
         last = int(np.argmax(pull >= friction))
@@ -161,19 +155,6 @@ def _held(setting: Setting, knots: Array, numbers: Array) -> tuple[Array, Array]
     for part in (time, states):
         part[last] = part[last - 1] + share * (part[last] - part[last - 1])
     return time[: last + 1], states[: last + 1]
-
-
-def _advanced(
-    now: float, state: Array, until: float, numbers: Array, knots: Array, *, room: int = ROOM
-) -> tuple[Array, Array]:
-    """Integrate up to ``room`` steps by the compiled engine: times and states from the first on."""
-    times, states = np.empty(room + 1), np.empty((room + 1, kernel.SIZE))
-    times[0], states[0] = now, state
-    *_, made, _ = kernel.advance(
-        now, FIRST, states[0].copy(), NO_LOOK, until, numbers, knots, NO_DOGS, NO_LAW, TOLERANCE,
-        STEP, np.zeros(2), times[1:], states[1:],
-    )  # fmt: skip
-    return times[: made + 1], states[: made + 1]
 
 
 class _Grid(NamedTuple):
@@ -303,7 +284,7 @@ class Flights:
             self._rows.update(zip(new, np.hstack(found), strict=True))
         for k, key in keys.items():
             times, creep, ring = np.split(self._rows[key], (SIZE, 2 * SIZE))
-            rows[k, : 2 * SIZE] = *np.maximum(times, FIRST) ** -0.5, *creep
+            rows[k, : 2 * SIZE] = *np.maximum(times, FIRST_STEP) ** -0.5, *creep
             rows[k, 2 * SIZE : -1] -= ring
         return rows
 

@@ -39,6 +39,7 @@ from dogshape.diagnosis.terms import DELAY, REVERSED, Array, Hypothesis, forward
 from dogshape.sim.effect import Effect, Parameter
 from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Sensor, Setting, angle_weights
+from dogshape.sim.shift.planar import touch_time
 from dogshape.sim.statistics.blocks import Runner
 
 FAR = 8.0  #: distances of the 10 % quantile behind the median, from which a shift is late
@@ -129,6 +130,7 @@ class Changes(NamedTuple):
     error: Array  #: of the change of ln mean by interpolation between levels, (m, C)
     #: share of the smaller mode; mean and deviation of the larger one over those of all, (3, m, C)
     modes: Array | None = None
+    turn: Array | float = 0.0  #: of the rings until the gap is closed, pitches, (m, C)
 
 
 @dataclass(frozen=True)
@@ -140,7 +142,9 @@ class Model:
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
     law: float  #: error of an effect's law, as a share of the change that it makes
     turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
-    _curves: dict[str, Callable[[Array], Changes]] = field(default_factory=dict, init=False)
+    _curves: dict[str, Callable[[Array, Array | float], Changes]] = field(
+        default_factory=dict, init=False
+    )
     _recent: dict[object, Changes] = field(default_factory=dict, init=False)
 
     @property
@@ -229,9 +233,10 @@ class Model:
         values = space.values(shares)
         added, rest = np.tile(base, (count, 1)), np.zeros((count, self.cells, MOMENTS - 1))
         logs, square, delay, missed = np.zeros((4, count, self.cells))
-        modes = np.ones((3, count, self.cells))
-        for name in hypothesis:
-            change = self.changes(name, values[:, space.columns(name)])
+        modes, turn = np.ones((3, count, self.cells)), np.zeros((count, self.cells))
+        for name in sorted(hypothesis, key=lambda name: name in self._readings):
+            change = self.changes(name, values[:, space.columns(name)], turn)
+            turn = turn + change.turn
             log = change.moments[..., 0]
             logs += log
             added += base * np.expm1(log)
@@ -281,20 +286,29 @@ class Model:
     def _extremes(self) -> list[Setting]:
         return extremes(self.settings)
 
-    def changes(self, name: str, values: Array) -> Changes:
-        """Compute the changes by an effect at values (m, p); recent results are kept."""
-        key = name, values.shape, values.tobytes()
+    @cached_property
+    def _readings(self) -> frozenset[str]:
+        """Names of the effects of the reading of a shift alone."""
+        every = self.effects.items()
+        return frozenset(name for name, one in every if reads_only(one, self._extremes))
+
+    def changes(self, name: str, values: Array, turn: Array | float = 0.0) -> Changes:
+        """Compute the changes by an effect at values (m, p); recent results are kept.
+
+        ``turn`` of the rings before they touch is by other effects, pitches, (m, C).
+        """
+        reads = name in self._readings
+        key = name, values.shape, values.tobytes(), np.asarray(turn).tobytes() if reads else b""
         if key not in self._recent:
             if len(self._recent) >= RECENT:
                 self._recent.clear()
             effect = self.effects.get(name) or self.nuisances[name]
             if name not in self._curves:
-                read = name in self.effects and reads_only(effect, self._extremes)
-                self._curves[name] = partial(self._read, effect) if read else self._curve(effect)
-            self._recent[key] = self._curves[name](values)
+                self._curves[name] = partial(self._read, effect) if reads else self._curve(effect)
+            self._recent[key] = self._curves[name](values, turn)
         return self._recent[key]
 
-    def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
+    def _curve(self, effect: Effect) -> Callable[[Array, Array | float], Changes]:
         """Fit the changes by an effect over its levels, moment by moment."""
         places = self.simulated.of((effect.name,))
         x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
@@ -306,12 +320,20 @@ class Model:
         times = np.concatenate([self.simulated.times[places], self.simulated.base[None]])
         found = (self._moments(times) - self.base).reshape(len(times), -1).T
         fitted = Emulator.fitted(x, plain, found, *self._noise)
-        delays = fitted.exact(self.simulated.delays[places])
+        levels = [self.simulated.levels[k] for k in places]
+        given = {effect.name: effect}
+        rows = [[level.setting(given, one) for one in self.settings] for level in levels]
+        free, flight = _free(self.settings), np.array([_free(row) for row in rows])
+        delays = self.simulated.delays[places][:, None]
+        exact = fitted.exact(np.hstack([delays, flight - free]).reshape(len(rows), -1))
 
-        def changes(values: Array) -> Changes:
+        def changes(values: Array, _: Array | float) -> Changes:
             at = np.clip((self._coordinates(effect, values) - low) / wide, 0.0, 1.0)
-            moments, error, delay = fitted.at(at, delays, MOMENTS)
-            return Changes(moments.reshape(-1, self.cells, MOMENTS), delay, error)
+            moments, error, found = fitted.at(at, exact, MOMENTS)
+            delay, root, slip = found.reshape(-1, 3, self.cells).swapaxes(0, 1)
+            root = np.maximum(free[0] + root, 0.5)
+            turn = (free[1] + slip) / root**2 - free[1] / free[0] ** 2
+            return Changes(moments.reshape(-1, self.cells, MOMENTS), delay, error, turn=turn)
 
         return changes
 
@@ -342,14 +364,19 @@ class Model:
         columns = [coordinate(p, column, self.setting) for p, column in pairs]
         return np.array(columns).reshape(len(columns), len(values)).T
 
-    def _read(self, effect: Effect, values: Array) -> Changes:
-        """Compute the changes by an effect of the reading: dead time, weights of the angles."""
+    def _read(self, effect: Effect, values: Array, turn: Array | float) -> Changes:
+        """Compute the changes by an effect of the reading: dead time, weights of the angles.
+
+        What turns the rings by more before they touch moves the centre of uneven angles as far.
+        """
         rows = [_reading(effect, row, self.setting) for row in values.tolist()]
         delay, concentration, centre = np.array(rows).reshape(-1, 3, 1).swapaxes(0, 1)
         error = np.zeros((len(values), self.cells))
         change, modes = np.zeros((*error.shape, MOMENTS)), None
         if concentration.any() or centre.any():
-            change, error, modes = self._weighted(concentration[..., None], centre[..., None])
+            change, error, modes = self._weighted(
+                concentration[..., None], (centre + turn)[..., None]
+            )
         return Changes(change, delay + 0.0 * error, error, modes)
 
     def _weighted(self, concentration: Array, centre: Array) -> tuple[Array, Array, Array]:
@@ -433,6 +460,18 @@ def reads_only(effect: Effect, settings: Sequence[Setting]) -> bool:
         if len({_reading(effect, list(given.values()), setting) for setting in settings}) > 1:
             return False
     return True
+
+
+def _free(settings: Sequence[Setting]) -> Array:
+    """Compute the root of one over the time to the first touch, s^-1/2, and pitches a second."""
+    found = [
+        (
+            touch_time(one.clutch, one.point.profile) ** -0.5,
+            one.point.mismatch / one.clutch.dog.pitch_angle,
+        )
+        for one in settings
+    ]
+    return np.array(found).T
 
 
 def _reading(effect: Effect, row: list[float], setting: Setting) -> tuple[float, float, float]:

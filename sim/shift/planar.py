@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dogshape.sim import kernel
+from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
 from dogshape.sim.shift.conclusion import Run, failure_of, states_held
 from dogshape.sim.shift.geometry import Dog
@@ -27,6 +28,12 @@ Surfaces = tuple[Floats, Floats, Floats, Floats, float, float, float]
 PLACE_ERROR = 1e-4  #: s, error of a place over that of a speed
 FIRST_STEP = 1e-5  #: s, first step
 RECORD_SIZE = 4096  #: steps that are recorded at once
+#: A motion without contact: error of a speed in m/s and of a place in m, longest step, s, steps.
+FREE_ERROR, FREE_STEP, FREE_SIZE = np.array([1e-5, 1e-9]), 5e-3, 4000
+#: Surfaces and law of dogs that never touch.
+NO_DOGS = (np.zeros((1, 4, 3)), np.zeros((1, 3)), np.zeros(1), np.zeros(2), 1.0, 1e9, 1e9)
+NO_LAW = np.zeros(5)
+NO_LOOK = np.zeros(0)  #: no state before: a ring that stands still is simulated on
 
 
 @lru_cache(maxsize=4)  # draws of what is uncertain have one dog
@@ -95,3 +102,26 @@ class PlanarClutch:
             failure = failure_of(clutch, now, state, count, deadline)
         whole, there = (np.concatenate(one) for one in zip(*parts, strict=True))
         return Run(whole, there, why == kernel.HELD, failure, spent)
+
+
+def free_motion(
+    now: float, state: Floats, until: float, numbers: Floats, knots: Floats, size: int = FREE_SIZE
+) -> tuple[Floats, Floats]:
+    """Integrate up to ``size`` steps without dogs: times, (n,), and states from the first on."""
+    times, states = np.empty(size + 1), np.empty((size + 1, kernel.SIZE))
+    times[0], states[0] = now, state
+    *_, made, _ = kernel.advance(
+        now, FIRST_STEP, states[0].copy(), NO_LOOK, until, numbers, knots, NO_DOGS, NO_LAW,
+        FREE_ERROR, FREE_STEP, np.zeros(2), times[1:], states[1:],
+    )  # fmt: skip
+    return times[: made + 1], states[: made + 1]
+
+
+def touch_time(clutch: Clutch, profile: ForceProfile) -> float:
+    """Compute the time until the axial gap is closed, s; the time-out where it stays open."""
+    held, begun = states_held(clutch, OperatingPoint(0.0, profile), 0.0)
+    numbers, gap = clutch.numbers.copy(), clutch.dog.axial_gap
+    numbers[kernel.WAY], numbers[kernel.REBOUND] = 1.02 * gap, 1e9
+    times, states = free_motion(float(held[-1]), begun[-1], clutch.timeout, numbers, profile.knots)
+    found = kernel.crossing(times, states[:, 1], states[:, 4], gap)
+    return clutch.timeout if math.isnan(found) else float(found)
