@@ -466,7 +466,7 @@ def _free(settings: Sequence[Setting]) -> Array:
     """Compute the root of one over the time to the first touch, s^-1/2, and pitches a second."""
     found = [
         (
-            touch_time(one.clutch, one.point.profile) ** -0.5,
+            max(touch_time(one.clutch, one.point.profile), LEAST_SD) ** -0.5,
             one.point.mismatch / one.clutch.dog.pitch_angle,
         )
         for one in settings

@@ -117,6 +117,7 @@ def free_motion(
     return times[: made + 1], states[: made + 1]
 
 
+@lru_cache(maxsize=512)
 def touch_time(clutch: Clutch, profile: ForceProfile) -> float:
     """Compute the time until the axial gap is closed, s; the time-out where it stays open."""
     held, begun = states_held(clutch, OperatingPoint(0.0, profile), 0.0)
