@@ -28,6 +28,7 @@ from dogshape.diagnosis.inference.static_readings import (
 from dogshape.diagnosis.inference.verdict import (
     Probabilities,
     Verdict,
+    Within,
     decide,
     inclusion,
     seen_apart,
@@ -259,6 +260,7 @@ class _Fitted:
     likelihood: Likelihood
     fits: Mapping[Hypothesis, Fit]
     shares: Mapping[Hypothesis, Probabilities]
+    within: Mapping[Hypothesis, float]  #: probability by each that the gap is below the margin
 
 
 @dataclass(frozen=True)
@@ -281,7 +283,8 @@ def _fitted(answers: Sequence[_Answer], evidence: Probabilities) -> _Fitted:
     names = dict.fromkeys((NONE, *plausible))
     fits = {h: fit(likelihood, ranking.samples[h], flights) for h in names}
     shares = {h: unseen(ranking, one, evidence) for h, one in fits.items() if forward(h)}
-    return _Fitted(answers, likelihood, fits, shares)
+    within = {h: within_margin(likelihood, one) for h, one in fits.items()}
+    return _Fitted(answers, likelihood, fits, shares, within)
 
 
 def _conclude(
@@ -295,12 +298,14 @@ def _conclude(
     log, posterior, within = float(logsumexp(logs)), dict[Hypothesis, float](), 0.0
     for (one, mine), part in zip(parts, np.exp(np.array(logs) - log).tolist(), strict=True):
         evidence = _mixed(mine, settings)
-        within += part * within_margin(one.likelihood, one.fits, evidence)
+        known = sum(evidence.get(h, 0.0) for h in (*one.within, UNKNOWN))
+        within += part * sum(evidence.get(h, 0.0) * p for h, p in one.within.items()) / known
         for h, p in seen_apart(one.shares, evidence).items():
             posterior[h] = posterior.get(h, 0.0) + part * p
     posterior = dict(sorted(posterior.items(), key=lambda item: -item[1]))
     best = max(parts, key=lambda part: max(a.log for a in part[1]))[0]
-    return _Conclusion(best, log, posterior, within, decide(posterior, best.fits, within, settings))
+    verdict = decide(posterior, best.fits, Within(within, best.within[NONE]), settings)
+    return _Conclusion(best, log, posterior, within, verdict)
 
 
 def _answers(

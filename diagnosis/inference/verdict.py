@@ -9,7 +9,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -36,6 +36,13 @@ class Verdict:
     credible: Sequence[Hypothesis]
 
 
+class Within(NamedTuple):
+    """Probability that the gap is below its margin: over all hypotheses, and if nothing acts."""
+
+    gap: float
+    none: float
+
+
 def inclusion(posterior: Mapping[Hypothesis, float]) -> dict[str, float]:
     """Sum the probabilities of the hypotheses that have an effect, the largest first."""
     found: dict[str, float] = {}
@@ -45,22 +52,18 @@ def inclusion(posterior: Mapping[Hypothesis, float]) -> dict[str, float]:
     return dict(sorted(found.items(), key=lambda item: -item[1]))
 
 
-def within_margin(
-    likelihood: Likelihood, fits: Mapping[Hypothesis, Fit], raw: Mapping[Hypothesis, float]
-) -> float:
-    """Compute the probability that the gap is below its margin.
+def within_margin(likelihood: Likelihood, one: Fit) -> float:
+    """Compute the probability by a hypothesis that the gap is below its margin.
 
     Scatter is left out, and what nuisances explain: a gap by the contact is no effect.
     """
-    some, base = likelihood.having, fits[NONE].predicted.only([0])
-    plain, found = likelihood.late_mean(base)[0], 0.0
-    for h, one in fits.items():
-        moved = likelihood.late_mean(one.predicted) + one.offset - one.nuisance
-        gaps = (moved - plain) / likelihood.bench.margin.of(plain)
-        engaged = (one.predicted.engaged - base.engaged) / likelihood.settings.engaged_margin
-        over = (gaps[:, some] ** 2 + engaged[:, some] ** 2).mean(axis=1)
-        found += raw.get(h, 0.0) * float((over < 1.0).mean())
-    return found
+    some, base = likelihood.having, likelihood.model.predict(NONE, np.zeros((1, 0)))
+    plain = likelihood.late_mean(base)[0]
+    moved = likelihood.late_mean(one.predicted) + one.offset - one.nuisance
+    gaps = (moved - plain) / likelihood.bench.margin.of(plain)
+    engaged = (one.predicted.engaged - base.engaged) / likelihood.settings.engaged_margin
+    over = (gaps[:, some] ** 2 + engaged[:, some] ** 2).mean(axis=1)
+    return float((over < 1.0).mean())
 
 
 def nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
@@ -69,13 +72,14 @@ def nameable(hypothesis: Hypothesis, settings: Settings) -> bool:
 
 
 def decide(
-    posterior: Probabilities, fits: Mapping[Hypothesis, Fit], within: float, settings: Settings
+    posterior: Probabilities, fits: Mapping[Hypothesis, Fit], inside: Within, settings: Settings
 ) -> Verdict:
     """Decide on a verdict.
 
-    *None* where the gap is within its margin, *unknown* where nothing listed explains it, *effect*
-    where one hypothesis is named that passes the predictive check. Otherwise *ambiguous*, with the
-    effects that are part of the cause under nearly all hypotheses.
+    *None* where the gap is within its margin, or nothing acts and its effect on the gap would show.
+    *Unknown* where nothing listed explains the gap, or only what fails the predictive check.
+    *Effect* where one hypothesis is named that passes it. Otherwise *ambiguous*, with the effects
+    that are part of the cause under nearly all hypotheses.
     """
     order = sorted(posterior, key=lambda h: -posterior[h])
     top, part = order[0], inclusion(posterior)
@@ -83,11 +87,11 @@ def decide(
     credible = tuple(h for h, p in zip(order, before, strict=True) if p < settings.credible)
     kind: Kind = "ambiguous"
     causes = tuple(sorted(n for n, p in part.items() if p > settings.part))
-    known = [h for h in credible if h in fits]
-    fails = [h for h in known if fits[h].p < settings.adequate]
-    if within > settings.named:
+    fails = [h for h in order if h in fits and fits[h].p < settings.adequate]
+    still = min(posterior[NONE], inside.none)
+    if max(inside.gap, still) > settings.named:
         kind, causes = "none", ()
-    elif posterior[UNKNOWN] > settings.named or (known and len(fails) == len(known)):
+    elif posterior[UNKNOWN] + sum(posterior[h] for h in fails) > settings.named:
         kind, causes = "unknown", ()
     elif top not in fails and posterior[top] > settings.named and top != NONE:
         doubted = REVERSED not in top and part.get(REVERSED, 0.0) > 1.0 - settings.part

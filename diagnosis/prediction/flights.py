@@ -142,7 +142,7 @@ def _held(setting: Setting, knots: Array, numbers: Array) -> tuple[Array, Array]
     linkage = float(heavy[kernel.STIFF]), float(heavy[kernel.LOSS])
     time, states, last = np.zeros(1), np.zeros((1, kernel.SIZE)), 0
     for _ in range(FREE_SIZE // PART):
-        more = free_motion(float(time[-1]), states[-1], end, heavy, knots, PART)
+        more = free_motion(float(time[-1]), states[-1], end, heavy, knots, size=PART)
         time, states = np.append(time, more[0][1:]), np.concatenate([states, more[1][1:]])
         pull = mechanism.pull(states[:, ACTUATOR], states[:, ACTUATOR_RATE], *linkage)
         last = int(np.argmax(pull >= friction))

@@ -2,13 +2,15 @@ r"""Prediction of shift times under any set of effects, at a data set's operatin
 
 Each level of a simulated effect gives four moments: logarithms of mean and standard deviation of
 timely shifts, share of late ones, logit of the share that engages. Their changes from the baseline
-at the same angles are interpolated over the effect's parameters; those of the mean add,
+at the same angles are interpolated over the effect's parameters. Of several effects those of the
+time *T* until the gap is closed multiply, and those of the time *E* from there on,
 
-.. math:: \mu = \mu_0 \Bigl(1 + \sum_e (e^{y_e} - 1)\Bigr), \qquad
-          \Delta = \tfrac{2}{5}\,\mu_0 \Bigl(e^{\sum_e y_e} - 1 - \sum_e (e^{y_e} - 1)\Bigr),
+.. math:: \mu = T_0 \prod_e \frac{T_e}{T_0} + E_0 e^{\sum_e z_e}, \qquad
+          z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = \mu \sum_{e<f} |z_e z_f|,
 
-where :math:`\Delta` is the error that all operating points have in common. A dead time adds itself
-exactly; relative angles that are not uniform are weights on the baseline's angles.
+where :math:`\Delta` is the standard error of an operating point and that of all in common. A dead
+time adds itself exactly. Relative angles that are not uniform are weights on the baseline's angles,
+moved by how far other effects let the rings turn until the gap is closed.
 """
 
 from __future__ import annotations
@@ -49,8 +51,8 @@ SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are
 ENOUGH_LATE = 8  #: late shifts from which their delays are known
 LEAST_SD = 5e-4  #: s, resolution of a shift time
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
-COMBINED = 0.4  #: error of changes that add, over what they differ by from those that multiply
-LEAST_PART = 0.5  #: of the product, below which added changes of shorter times do not fall
+COMBINED = 1.0  #: error of several effects over the product of their changes (measured)
+LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least
 MOMENTS = 4
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
 #: the share of late shifts over the binomial one, of the logit of those that engage.
@@ -130,7 +132,9 @@ class Changes(NamedTuple):
     error: Array  #: of the change of ln mean by interpolation between levels, (m, C)
     #: share of the smaller mode; mean and deviation of the larger one over those of all, (3, m, C)
     modes: Array | None = None
-    turn: Array | float = 0.0  #: of the rings until the gap is closed, pitches, (m, C)
+    #: of the logarithm of the time until the gap is closed, and of the mismatch, pitches/s, (m, C)
+    flight: Array | float = 0.0
+    slip: Array | float = 0.0
 
 
 @dataclass(frozen=True)
@@ -230,34 +234,42 @@ class Model:
             assert self.turned is not None, "the reversed sense is asked for where it is simulated"
             return self.turned.predict(forward(hypothesis), shares)
         space, count, base = self.space(hypothesis), len(shares), np.exp(self.base[:, 0])
-        values = space.values(shares)
-        added, rest = np.tile(base, (count, 1)), np.zeros((count, self.cells, MOMENTS - 1))
-        logs, square, delay, missed = np.zeros((4, count, self.cells))
-        modes, turn = np.ones((3, count, self.cells)), np.zeros((count, self.cells))
+        values, (free, pace) = space.values(shares), self._free
+        after = np.maximum(base - free, LEAST_PART * base)
+        logs, square, delay, missed, flight, slip, log_after, beside, crossed = np.zeros(
+            (9, count, self.cells)
+        )
+        modes, rest = np.ones((3, count, self.cells)), np.zeros((count, self.cells, MOMENTS - 1))
         for name in sorted(hypothesis, key=lambda name: name in self._readings):
+            turn = (pace + slip) * free * np.exp(flight) - pace * free
             change = self.changes(name, values[:, space.columns(name)], turn)
-            turn = turn + change.turn
             log = change.moments[..., 0]
+            left = base * np.exp(log) - free * np.exp(change.flight)
+            part = np.log(np.maximum(left, LEAST_PART * base) / after)
+            crossed += abs(part) * beside
+            beside += abs(part)
+            log_after += part
             logs += log
-            added += base * np.expm1(log)
+            flight += change.flight
+            slip += change.slip
             rest += change.moments[..., 1:]
             square += log**2
             missed += change.error**2
             delay += change.delay
             modes = modes if change.modes is None else change.modes
-        product = base * np.exp(logs)
-        added = np.maximum(added, LEAST_PART * product)
-        common = COMBINED * (product - added)
-        sd = np.exp(self.base[:, 1] + rest[..., 0] + np.log(added / product))
-        sd = np.clip(sd, LEAST_SD, np.maximum(added, LEAST_SD))
-        emulated = np.sqrt(missed) * added
+        mean = base * np.exp(logs)
+        if len(hypothesis) > 1:
+            mean = free * np.exp(flight) + after * np.exp(log_after)
+        common = COMBINED * crossed * mean
+        sd = np.clip(np.exp(self.base[:, 1] + rest[..., 0]), LEAST_SD, np.maximum(mean, LEAST_SD))
+        emulated = np.sqrt(missed) * mean
         angles = _angle_error(DENSE * ANGLES) * sd
-        error = np.sqrt(angles**2 + self.law**2 * square * added**2 + emulated**2)
+        error = np.sqrt(angles**2 + self.law**2 * square * mean**2 + emulated**2 + common**2)
         late = np.clip(self.base[:, 2] + rest[..., 1], 1e-3, 0.9)
         engaged = expit(self.base[:, 3] + rest[..., 2])
-        minor, main, narrow = modes[0], added * (modes[1] - 1.0), sd * modes[2]
+        minor, main, narrow = modes[0], mean * (modes[1] - 1.0), sd * modes[2]
         return Predicted(
-            added + delay, sd, error, emulated, common, late, engaged, delay, minor, main, narrow
+            mean + delay, sd, error, emulated, common, late, engaged, delay, minor, main, narrow
         )
 
     def possible(self, hypothesis: Hypothesis, shares: Array) -> np.ndarray:
@@ -320,22 +332,28 @@ class Model:
         times = np.concatenate([self.simulated.times[places], self.simulated.base[None]])
         found = (self._moments(times) - self.base).reshape(len(times), -1).T
         fitted = Emulator.fitted(x, plain, found, *self._noise)
-        levels = [self.simulated.levels[k] for k in places]
-        given = {effect.name: effect}
-        rows = [[level.setting(given, one) for one in self.settings] for level in levels]
-        free, flight = _free(self.settings), np.array([_free(row) for row in rows])
-        delays = self.simulated.delays[places][:, None]
-        exact = fitted.exact(np.hstack([delays, flight - free]).reshape(len(rows), -1))
+        given, levels = {effect.name: effect}, [self.simulated.levels[k] for k in places]
+        rows = [_free([level.setting(given, one) for one in self.settings]) for level in levels]
+        free, pace = self._free
+        delays = self.simulated.delays[places]
+        pairs = zip(delays, rows, strict=True)
+        added = [(delay, time**-0.5 - free**-0.5, slip - pace) for delay, (time, slip) in pairs]
+        exact = fitted.exact(np.array(added).reshape(len(rows), -1))
 
         def changes(values: Array, _: Array | float) -> Changes:
             at = np.clip((self._coordinates(effect, values) - low) / wide, 0.0, 1.0)
             moments, error, found = fitted.at(at, exact, MOMENTS)
             delay, root, slip = found.reshape(-1, 3, self.cells).swapaxes(0, 1)
-            root = np.maximum(free[0] + root, 0.5)
-            turn = (free[1] + slip) / root**2 - free[1] / free[0] ** 2
-            return Changes(moments.reshape(-1, self.cells, MOMENTS), delay, error, turn=turn)
+            flight = -2.0 * np.log(np.maximum(1.0 + root * free**0.5, LEAST_PART))
+            moments = moments.reshape(-1, self.cells, MOMENTS)
+            return Changes(moments, delay, error, flight=flight, slip=slip)
 
         return changes
+
+    @cached_property
+    def _free(self) -> Array:
+        """Time until the gap is closed, s, and mismatch, pitches/s, of the baseline, (2, C)."""
+        return _free(self.settings)
 
     @cached_property
     def _noise(self) -> Array:
@@ -463,15 +481,9 @@ def reads_only(effect: Effect, settings: Sequence[Setting]) -> bool:
 
 
 def _free(settings: Sequence[Setting]) -> Array:
-    """Compute the root of one over the time to the first touch, s^-1/2, and pitches a second."""
-    found = [
-        (
-            max(touch_time(one.clutch, one.point.profile), LEAST_SD) ** -0.5,
-            one.point.mismatch / one.clutch.dog.pitch_angle,
-        )
-        for one in settings
-    ]
-    return np.array(found).T
+    """Compute the time until the gap is closed, s, and the mismatch, pitches/s, (2, n)."""
+    times = [max(touch_time(one.clutch, one.point.profile), LEAST_SD) for one in settings]
+    return np.array([times, [one.point.mismatch / one.clutch.dog.pitch_angle for one in settings]])
 
 
 def _reading(effect: Effect, row: list[float], setting: Setting) -> tuple[float, float, float]:

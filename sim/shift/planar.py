@@ -105,7 +105,13 @@ class PlanarClutch:
 
 
 def free_motion(
-    now: float, state: Floats, until: float, numbers: Floats, knots: Floats, size: int = FREE_SIZE
+    now: float,
+    state: Floats,
+    until: float,
+    numbers: Floats,
+    knots: Floats,
+    *,
+    size: int = FREE_SIZE,
 ) -> tuple[Floats, Floats]:
     """Integrate up to ``size`` steps without dogs: times, (n,), and states from the first on."""
     times, states = np.empty(size + 1), np.empty((size + 1, kernel.SIZE))
