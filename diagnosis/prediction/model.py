@@ -51,7 +51,8 @@ SLOTS = 5.0  #: slots that a late shift passes, where too few simulated ones are
 ENOUGH_LATE = 8  #: late shifts from which their delays are known
 LEAST_SD = 5e-4  #: s, resolution of a shift time
 POOLED = 10.0  #: shifts that the share of late ones at all levels counts as at each
-COMBINED = 1.0  #: error of several effects over the product of their changes (measured)
+#: Error of two effects over the product of their changes, and with one of the reading (measured).
+COMBINED = 0.7, 0.3
 LEAST_PART = 0.02  #: of the mean time, from the closed gap to the end at least
 MOMENTS = 4
 #: Errors of a level's moments: of ln mean over the coefficient of variation, of ln deviation, of
@@ -246,7 +247,7 @@ class Model:
             log = change.moments[..., 0]
             left = base * np.exp(log) - free * np.exp(change.flight)
             part = np.log(np.maximum(left, LEAST_PART * base) / after)
-            crossed += abs(part) * beside
+            crossed += COMBINED[name in self._readings] * abs(part) * beside
             beside += abs(part)
             log_after += part
             logs += log
@@ -260,7 +261,7 @@ class Model:
         mean = base * np.exp(logs)
         if len(hypothesis) > 1:
             mean = free * np.exp(flight) + after * np.exp(log_after)
-        common = COMBINED * crossed * mean
+        common = crossed * mean
         sd = np.clip(np.exp(self.base[:, 1] + rest[..., 0]), LEAST_SD, np.maximum(mean, LEAST_SD))
         emulated = np.sqrt(missed) * mean
         angles = _angle_error(DENSE * ANGLES) * sd
