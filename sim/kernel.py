@@ -10,7 +10,7 @@ is integrated by three points in each triangle of a fan. IMPACT of Adams acts on
 instead, with :math:`\sigma` the cubic step and *d* the largest depth, at the centroid of the
 overlap and along its mean normal, :math:`F = (K d^{3/2} + C \sigma(d/d_C) \, v_n)_+`. Steps:
 Bogacki and Shampine's pair 3(2) (1989); where dogs stay in touch, Shampine and Reichelt's linearly
-implicit pair 2(3) (1997).
+implicit pair 2(3) (1997); Gustafsson's step-size controller (1991).
 
 ``summarize`` works times, events and loads of either engine's run out of its states. Contact forces
 follow from the motion by balance of momentum, each the mean over the step that ends at its time.
@@ -60,6 +60,7 @@ TURNS = np.array([True, False, True, True, False, True, False, False, *[True] * 
 #: Why ``advance`` returned; HELD: the rings stand still on each other.
 ENGAGED, PAUSED, FULL, LOST, HELD = range(5)
 LEAST = 1e-12  #: s, a step below which the integration is lost
+GAIN, MOST = 0.08, 5.0  #: by the errors of two steps, and growth of a step at most
 ROSENBROCK = 1.0 / (2.0 + math.sqrt(2.0))  #: of a step, its implicit part
 #: Changes of a place in m, a speed in m/s and a time in s by which slopes are measured.
 SMALL_WAY, SMALL_SPEED, SMALL_TIME = 1e-9, 1e-6, 1e-7
@@ -577,6 +578,19 @@ def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
 
 
 @compiled
+def _grown(worst, most, error):
+    """Compute the growth of a step from the errors of this one and the last, over their tolerance.
+
+    Returns also how much the next step may grow, not at all after a refused one, and the error that
+    counts then.
+    """
+    if worst > 1.0:
+        return max(0.2, 0.9 * worst ** (-1.0 / 3.0)), 1.0, error
+    grown = 0.9 * max(worst, 1e-9) ** (GAIN - 1.0 / 3.0) * error**GAIN
+    return min(most, grown), MOST, max(worst, 0.01)
+
+
+@compiled
 def _worst(h, error, plain, tolerance):
     """Compute the largest error over its tolerance."""
     worst = 0.0
@@ -640,7 +654,7 @@ def advance(
     trial, slopes, matrix = np.empty(SIZE), np.zeros((SIZE + 1, SIZE)), np.empty((SIZE, SIZE))
     touch = rates(time, state, k1, plain, knots, surfaces, law, work)
     count, spent = 0, 1
-    age = KEPT  # of the slopes, in steps
+    age, most, error = KEPT, MOST, 1.0  # of the slopes, in steps; of the last step its error
     while time < until:
         if count >= times.shape[0]:
             return FULL, time, step, count, spent
@@ -676,7 +690,7 @@ def advance(
             return LOST, time, step, count, spent
         else:
             age = KEPT if age > 0 else 0
-        grown = min(5.0, max(0.1, 0.9 * worst ** (-1.0 / 3.0)))
+        grown, most, error = _grown(worst, most, error)
         if not last or grown < 1.0:
             step = min(h * grown, max_step)
         # Implicit steps where dogs stay in touch, and back where that gains nothing.
