@@ -178,7 +178,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
         free = 0.5 * pitch * MARGIN - surfaces[3][2]
         if -place >= free - distance * ahead or place >= free - distance * behind:
             continue
-        # In the frame of the rigid dog, the other's after half a turn about a line across it.
+        # In the frame of the rigid dog: the other's, half a turn about a line across the shaft.
         c, s = math.cos(place), math.sin(place)
         for i in range(planes):
             nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
