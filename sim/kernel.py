@@ -10,7 +10,7 @@ is integrated by three points in each triangle of a fan. IMPACT of Adams acts on
 instead, with :math:`\sigma` the cubic step and *d* the largest depth, at the centroid of the
 overlap and along its mean normal, :math:`F = (K d^{3/2} + C \sigma(d/d_C) \, v_n)_+`. Steps:
 Bogacki and Shampine's pair 3(2) (1989); where dogs stay in touch, Shampine and Reichelt's linearly
-implicit pair 2(3) (1997).
+implicit pair 2(3) (1997); Gustafsson's step-size controller (1991).
 
 ``summarize`` works times, events and loads of either engine's run out of its states. Contact forces
 follow from the motion by balance of momentum, each the mean over the step that ends at its time.
@@ -37,7 +37,9 @@ import numpy as np
 from numba import njit
 
 #: Of the compiler; to count references to arrays (``_nrt``) takes two fifths of the time here.
-OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "_nrt": False}
+#: Sums in any order, and products added at once, cost a tenth less; NaN and infinity stay.
+FAST = {"contract", "reassoc", "arcp", "nsz"}
+OPTIONS: dict[str, Any] = {"cache": True, "error_model": "numpy", "fastmath": FAST, "_nrt": False}
 compiled = njit(**OPTIONS)
 making = njit(**OPTIONS | {"_nrt": True, "nogil": True})  #: for what makes arrays, or calls such
 #: A call takes every field of every array: without calls a shift costs a fifth less.
@@ -58,6 +60,7 @@ TURNS = np.array([True, False, True, True, False, True, False, False, *[True] * 
 #: Why ``advance`` returned; HELD: the rings stand still on each other.
 ENGAGED, PAUSED, FULL, LOST, HELD = range(5)
 LEAST = 1e-12  #: s, a step below which the integration is lost
+GAIN, MOST = 0.08, 5.0  #: by the errors of two steps, and growth of a step at most
 ROSENBROCK = 1.0 / (2.0 + math.sqrt(2.0))  #: of a step, its implicit part
 #: Changes of a place in m, a speed in m/s and a time in s by which slopes are measured.
 SMALL_WAY, SMALL_SPEED, SMALL_TIME = 1e-9, 1e-6, 1e-7
@@ -73,11 +76,10 @@ TOUCHED, BEATEN = range(2)
  TWIST, PITCH, CREST, FACES, SLOPE, HEIGHT, GAP, LENGTH, BACKS, BACK_SLOPE,
  DETENT_SEAT) = range(42)  # fmt: skip
 NUMBERS = 42
-_FAR, _NEAR = 2.0 / 3.0, 1.0 / 6.0
-#: Places of a triangle's three points, as shares of its corners.
-POINTS = ((_FAR, _NEAR, _NEAR), (_NEAR, _FAR, _NEAR), (_NEAR, _NEAR, _FAR))
+SIXTH = 1.0 / 6.0
 STOP_LOSS = 100.0  #: s/m, dissipation of the stop behind the ring, as in the Drake plant
 IMPACT_LAW = 7  #: numbers of a law that is IMPACT's
+SERIES = 1.0 / 64.0  #: stiction velocity over slip up to which four terms give the arctangent
 
 STILL_WINDOW = 0.02  #: s over which rings must stand still to count as blocked
 STILL = 1e-3  #: m/s of slip below which faces count as held
@@ -91,46 +93,59 @@ WAYS, RATES = (0, 1, 2, 6, 8, 10), (3, 4, 5, 7, 9, 11)
 
 @making
 def workspace(planes):
-    """Make room for the polygons of a dog with a number of planes that touch."""
-    return np.empty((3, ROOM + planes, 3 + planes))
+    """Make room for depths, two polygons and planes of a dog with a number of planes that touch."""
+    return np.empty((4, ROOM + planes, max(4, planes)))
 
 
 @inlined
-def _cut(work, here, count, a, b):
-    """Keep of polygon ``here`` what has more in column ``a`` than in ``b``; a = b: than 0.
+def _below(x, y, z, plane):
+    """Compute the depth of a point below a plane, m."""
+    return plane[3] - (plane[0] * x + plane[1] * y + plane[2] * z)
 
-    Returns the number of corners that are left, and in which of the two places for cut polygons.
+
+@inlined
+def _cut(work, here, count, plane, other):
+    """Keep of polygon ``here`` what is deeper below a plane than the other; the same: than 0.
+
+    Returns the number of corners that are left, and the place of the cut polygon.
     """
-    there, columns, less = 2 if here == 1 else 1, work.shape[2], 0.0 if a == b else 1.0
-    kept, last = 0, count - 1
-    before = work[here, last, a] - less * work[here, last, b]
+    there, less, kept, last = 3 - here, 0.0 if plane == other else 1.0, 0, count - 1
+    a, b = work[3, plane], work[3, other]
+    n = a[0] - less * b[0], a[1] - less * b[1], a[2] - less * b[2], a[3] - less * b[3]
+    x0, y0, z0 = work[here, last, 0], work[here, last, 1], work[here, last, 2]
+    before = _below(x0, y0, z0, n)
     for i in range(count):
-        value = work[here, i, a] - less * work[here, i, b]
+        x, y, z = work[here, i, 0], work[here, i, 1], work[here, i, 2]
+        value = _below(x, y, z, n)
         if (value > 0.0) != (before > 0.0):
             share = before / (before - value)
-            for column in range(columns):
-                start = work[here, last, column]
-                work[there, kept, column] = start + share * (work[here, i, column] - start)
+            x0, y0, z0 = x0 + share * (x - x0), y0 + share * (y - y0), z0 + share * (z - z0)
+            work[there, kept, 0], work[there, kept, 1], work[there, kept, 2] = x0, y0, z0
             kept += 1
         if value > 0.0:
-            for column in range(columns):
-                work[there, kept, column] = work[here, i, column]
+            work[there, kept, 0], work[there, kept, 1], work[there, kept, 2] = x, y, z
             kept += 1
-        before = value
-        last = i
+        before, x0, y0, z0 = value, x, y, z
     return kept, there
 
 
 @inlined
-def friction_at(slip, law):
-    """Compute the friction coefficient at a slip in m/s; ``law`` as for ``contact``."""
-    ratio = slip / law[3]
+def _rub(slip, law):
+    """Compute the friction coefficient over the slip, s/m, at a slip in m/s; ``contact``'s law."""
+    if slip <= 1e-12:
+        return 0.0
     if law[4] == law[2]:
-        return law[2] * 0.6366197723675814 * math.atan(ratio)
-    late = ratio - 10.0
+        over = 1.0 / slip
+        rest = law[3] * over
+        if rest > SERIES:
+            return law[2] * 0.6366197723675814 * math.atan(slip / law[3]) * over
+        square = rest * rest
+        less = rest * (1.0 - square * (1.0 / 3.0 - square * (0.2 - square * (1.0 / 7.0))))
+        return law[2] * (1.0 - 0.6366197723675814 * less) * over
+    ratio, late = slip / law[3], slip / law[3] - 10.0
     fall = late / math.sqrt(1.0 + late * late) / 0.9950371902099892
     held = (law[4] - law[2]) * 0.5 * (1.0 - fall) + law[2]
-    return held * ratio / math.sqrt(1.0 + ratio * ratio)
+    return held / math.sqrt(1.0 + ratio * ratio) / law[3]
 
 
 @inlined
@@ -146,7 +161,7 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
     surfaces : of ``sim.shift.planar.surfaces_of``.
     law : of ``PlanarClutch``; seven numbers are IMPACT's, equal coefficients of five select the law
         of Drake's continuous plant.
-    work : of ``workspace``: a whole polygon and two cut ones.
+    work : of ``workspace``: depths of corners, two polygons, planes of the compliant dog.
 
     Returns
     -------
@@ -154,8 +169,8 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
         Force against the shift, N, and torque on the sliding ring, N m; of one dog.
     """
     pitch, ahead, behind = surfaces[4], surfaces[3][0], surfaces[3][1]
-    axial, torque = 0.0, 0.0
-    base = angle - pitch * np.round(angle / pitch)
+    normals, planes, axial, torque = surfaces[1], surfaces[1].shape[0], 0.0, 0.0
+    turn, speed, base = -turn, -speed, angle - pitch * np.round(angle / pitch)
     for dog in range(-1, 2):
         place = base + dog * pitch
         # Flanks of one kind lie half a pitch from each other less what they lean and half of the
@@ -163,40 +178,38 @@ def contact(angle, distance, turn, speed, surfaces, law, work):
         free = 0.5 * pitch * MARGIN - surfaces[3][2]
         if -place >= free - distance * ahead or place >= free - distance * behind:
             continue
+        # In the frame of the rigid dog: the other's, half a turn about a line across the shaft.
         c, s = math.cos(place), math.sin(place)
+        for i in range(planes):
+            nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+            work[3, i, 0], work[3, i, 1], work[3, i, 2] = c * nx - s * ny, -(s * nx + c * ny), -nz
+            work[3, i, 3] = surfaces[2][i] - nz * distance
         if law.shape[0] == IMPACT_LAW:
-            force, moment = _impact(c, s, distance, turn, speed, surfaces, law, work)
-            axial += force
-            torque += moment
+            force, moment = _impact(turn, speed, surfaces, law, work)
+            axial, torque = axial + force, torque + moment
             continue
-        for quad in range(surfaces[1].shape[0]):
-            if _meets(quad, c, s, distance, surfaces, work):
-                force, moment = _surface(quad, c, s, turn, speed, surfaces, law, work)
-                axial += force
-                torque += moment
-    return axial, torque
+        for quad in range(planes):
+            for plane in range(planes if _meets(quad, surfaces, work) else 0):
+                count, at = _part(quad, plane, surfaces, work)
+                for i in range(1, count - 1):
+                    force, moment = _triangle(at, i, quad, plane, turn, speed, surfaces, law, work)
+                    axial, torque = axial + force, torque + moment
+    return -axial, -torque
 
 
 @inlined
-def _meets(quad, c, s, distance, surfaces, work):
-    """Place a rigid surface in the compliant dog's frame, with its depths; whether it may touch.
-
-    ``work[0]`` gets corners and their depths below all planes, m.
-    """
-    corners, normals, offsets = surfaces[0], surfaces[1], surfaces[2]
-    planes = normals.shape[0]
-    for i in range(4):
-        x, y, z = corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2]
-        work[0, i, 0], work[0, i, 1], work[0, i, 2] = c * x - s * y, -(s * x + c * y), distance - z
+def _meets(quad, surfaces, work):
+    """Decide whether a rigid surface may touch; ``work[0]`` gets its corners' depths, m."""
+    corners, planes = surfaces[0], surfaces[1].shape[0]
     for turn in range(planes):
         # Its like is the one that it most often lies outside of.
         plane = quad + turn if quad + turn < planes else quad + turn - planes
-        nx, ny, nz = normals[plane, 0], normals[plane, 1], normals[plane, 2]
+        n = work[3, plane, 0], work[3, plane, 1], work[3, plane, 2], work[3, plane, 3]
         deepest = -1.0
         for i in range(4):
-            along = nx * work[0, i, 0] + ny * work[0, i, 1] + nz * work[0, i, 2]
-            work[0, i, 3 + plane] = offsets[plane] - along
-            deepest = max(deepest, work[0, i, 3 + plane])
+            depth = _below(corners[quad, i, 0], corners[quad, i, 1], corners[quad, i, 2], n)
+            work[0, i, plane] = depth
+            deepest = max(deepest, depth)
         if deepest <= 0.0:
             return False
     return True
@@ -208,67 +221,77 @@ def _is_least_somewhere(work, plane, planes):
 
     Row 4 of ``work[0]`` gets 1 at each plane that divides the surface, at its own for the sign.
     """
-    column = 3 + plane
     for other in range(planes):
         more, less = False, False
         for i in range(4):
-            value = work[0, i, 3 + other] - (work[0, i, column] if other != plane else 0.0)
+            value = work[0, i, other] - (work[0, i, plane] if other != plane else 0.0)
             more |= value > 0.0
             less |= value <= 0.0
         if not more:
             return False
-        work[0, 4, 3 + other] = 1.0 if less else 0.0
+        work[0, 4, other] = 1.0 if less else 0.0
     return True
 
 
 @inlined
-def _surface(quad, c, s, turn, speed, surfaces, law, work):
-    """Cut a rigid surface, ``work[0]``, by the least depth and integrate over each part."""
-    normals = surfaces[1]
-    mx = c * normals[quad, 0] - s * normals[quad, 1]
-    my = -(s * normals[quad, 0] + c * normals[quad, 1])
-    normal = (mx, my, -normals[quad, 2])
+def _part(quad, plane, surfaces, work):
+    """Cut a rigid surface to where a plane's depth is the least and positive.
+
+    Returns the number of corners, 0 where there is none, and the polygon's place in ``work``.
+    """
+    corners, normals, count, where, along = surfaces[0], surfaces[1], 4, 1, 0.0
     planes = normals.shape[0]
-    axial, torque = 0.0, 0.0
-    for plane in range(planes):
-        along = mx * normals[plane, 0] + my * normals[plane, 1] + normal[2] * normals[plane, 2]
-        if -along <= OPPOSED:
-            continue
-        if not _is_least_somewhere(work, plane, planes):
-            continue
-        column, count, where = 3 + plane, 4, 0
-        for beyond in range(plane, plane + planes):
-            other = beyond if beyond < planes else beyond - planes
-            if count > 2 and work[0, 4, 3 + other] > 0.0:
-                count, where = _cut(work, where, count, 3 + other, column)
-        for i in range(1, count - 1):
-            force, moment = _triangle(work, where, i, column, normal, turn, speed, law)
-            axial += force
-            torque += moment
-    return axial, torque
+    for i in range(3):
+        along += normals[quad, i] * work[3, plane, i]
+    if -along <= OPPOSED or not _is_least_somewhere(work, plane, planes):
+        return 0, where
+    for i in range(4):
+        for k in range(3):
+            work[1, i, k] = corners[quad, i, k]
+    for beyond in range(plane, plane + planes):
+        other = beyond if beyond < planes else beyond - planes
+        if count > 2 and work[0, 4, other] > 0.0:
+            count, where = _cut(work, where, count, other, plane)
+    return count, where
 
 
 @inlined
-def _triangle(work, where, i, column, normal, turn, speed, law):
-    """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
-    mx, my, mz = normal
-    p, q, r = work[where, 0], work[where, i], work[where, i + 1]
+def _points(where, i, normal, plane, work):
+    """Give a third of the area of a polygon's corners 0, i and i + 1, and three points within.
+
+    A point is its place across the shaft and its depth below a plane.
+    """
+    p, q, r, n = work[where, 0], work[where, i], work[where, i + 1], work[3, plane]
     ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
     ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-    weight = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
-    axial, torque = 0.0, 0.0
-    for f0, f1, f2 in POINTS:
-        x, y = f0 * p[0] + f1 * q[0] + f2 * r[0], f0 * p[1] + f1 * q[1] + f2 * r[1]
-        depth = f0 * p[column] + f1 * q[column] + f2 * r[column]
-        vx, vy, vz = turn * y, -turn * x, -speed
-        closing = vx * mx + vy * my + vz * mz
-        pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * weight
-        vx, vy, vz = vx - closing * mx, vy - closing * my, vz - closing * mz
-        slip = math.sqrt(vx * vx + vy * vy + vz * vz)
-        rub = friction_at(slip, law) / slip if slip > 1e-12 else 0.0
-        axial -= pressure * (mz + rub * vz)
-        torque -= pressure * (x * (my + rub * vy) - y * (mx + rub * vx))
+    third = SIXTH * abs(ux * normal[0] + uy * normal[1] + uz * normal[2])
+    x, y, z = p[0] + q[0] + r[0], p[1] + q[1] + r[1], p[2] + q[2] + r[2]
+    return third, (_point(x, y, z, p, n), _point(x, y, z, q, n), _point(x, y, z, r, n))
+
+
+@inlined
+def _point(x, y, z, corner, plane):
+    """Place a point two thirds of the way to a corner, from the sum of all three."""
+    x, y, z = SIXTH * x + 0.5 * corner[0], SIXTH * y + 0.5 * corner[1], SIXTH * z + 0.5 * corner[2]
+    return x, y, _below(x, y, z, plane)
+
+
+@inlined
+def _triangle(where, i, quad, plane, turn, speed, surfaces, law, work):
+    """Integrate the traction over the triangle of corners 0, i and i + 1 of a polygon."""
+    normal, axial, torque = surfaces[1][quad], 0.0, 0.0
+    mx, my, mz = normal[0], normal[1], normal[2]
+    third, points = _points(where, i, normal, plane, work)
+    for x, y, depth in points:
+        across, around = x * my - y * mx, turn * (x * x + y * y)
+        closing = -turn * across - speed * mz
+        pressure = law[0] * depth * max(1.0 + law[1] * closing, 0.0) * third
+        # The speed along the surface, by what is left of its square.
+        slip = math.sqrt(max(turn * around + speed * speed - closing * closing, 0.0))
+        rub = _rub(slip, law)
+        axial -= pressure * (mz - rub * (speed + closing * mz))
+        torque -= pressure * (across - rub * (around + closing * across))
     return axial, torque
 
 
@@ -291,40 +314,24 @@ def impact_friction_at(slip, law):
 
 
 @compiled
-def _impact(c, s, distance, turn, speed, surfaces, law, work):
+def _impact(turn, speed, surfaces, law, work):
     """Compute IMPACT's force and torque on the compliant dog from one dog of the opposite ring."""
-    normals = surfaces[1]
-    planes = normals.shape[0]
     volume, deepest = 0.0, 0.0
     px, py, nx, ny, nz = 0.0, 0.0, 0.0, 0.0, 0.0  # point and normal times the volume
-    for quad in range(planes):
-        if not _meets(quad, c, s, distance, surfaces, work):
-            continue
-        mx = c * normals[quad, 0] - s * normals[quad, 1]
-        my = -(s * normals[quad, 0] + c * normals[quad, 1])
-        mz = -normals[quad, 2]
-        for plane in range(planes):
-            along = mx * normals[plane, 0] + my * normals[plane, 1] + mz * normals[plane, 2]
-            if -along <= OPPOSED or not _is_least_somewhere(work, plane, planes):
-                continue
-            column, count, where = 3 + plane, 4, 0
-            for beyond in range(plane, plane + planes):
-                other = beyond % planes
-                if count > 2 and work[0, 4, 3 + other] > 0.0:
-                    count, where = _cut(work, where, count, 3 + other, column)
+    for quad in range(surfaces[1].shape[0]):
+        normal, planes = surfaces[1][quad], surfaces[1].shape[0]
+        for plane in range(planes if _meets(quad, surfaces, work) else 0):
+            count, where = _part(quad, plane, surfaces, work)
+            for i in range(count):
+                x, y, z = work[where, i, 0], work[where, i, 1], work[where, i, 2]
+                deepest = max(deepest, _below(x, y, z, work[3, plane]))
             for i in range(1, count - 1):
-                p, q, r = work[where, 0], work[where, i], work[where, i + 1]
-                deepest = max(deepest, p[column], q[column], r[column])
-                ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-                bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-                ux, uy, uz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
-                third = math.sqrt(ux * ux + uy * uy + uz * uz) / 6.0
-                for f0, f1, f2 in POINTS:
-                    part = third * (f0 * p[column] + f1 * q[column] + f2 * r[column])
+                third, points = _points(where, i, normal, plane, work)
+                for x, y, depth in points:
+                    part = third * depth
                     volume += part
-                    px += part * (f0 * p[0] + f1 * q[0] + f2 * r[0])
-                    py += part * (f0 * p[1] + f1 * q[1] + f2 * r[1])
-                    nx, ny, nz = nx + part * mx, ny + part * my, nz + part * mz
+                    px, py, nx = px + part * x, py + part * y, nx + part * normal[0]
+                    ny, nz = ny + part * normal[1], nz + part * normal[2]
     if volume <= 0.0:
         return 0.0, 0.0
     length = math.sqrt(nx * nx + ny * ny + nz * nz)
@@ -571,6 +578,19 @@ def _explicit(time, h, state, stages, trial, plain, knots, surfaces, law, work):
 
 
 @compiled
+def _grown(worst, most, error):
+    """Compute the growth of a step from the errors of this one and the last, over their tolerance.
+
+    Returns also how much the next step may grow, not at all after a refused one, and the error that
+    counts then.
+    """
+    if worst > 1.0:
+        return max(0.2, 0.9 * worst ** (-1.0 / 3.0)), 1.0, error
+    grown = 0.9 * max(worst, 1e-9) ** (GAIN - 1.0 / 3.0) * error**GAIN
+    return min(most, grown), MOST, max(worst, 0.01)
+
+
+@compiled
 def _worst(h, error, plain, tolerance):
     """Compute the largest error over its tolerance."""
     worst = 0.0
@@ -634,7 +654,7 @@ def advance(
     trial, slopes, matrix = np.empty(SIZE), np.zeros((SIZE + 1, SIZE)), np.empty((SIZE, SIZE))
     touch = rates(time, state, k1, plain, knots, surfaces, law, work)
     count, spent = 0, 1
-    age = KEPT  # of the slopes, in steps
+    age, most, error = KEPT, MOST, 1.0  # of the slopes, in steps; of the last step its error
     while time < until:
         if count >= times.shape[0]:
             return FULL, time, step, count, spent
@@ -670,7 +690,7 @@ def advance(
             return LOST, time, step, count, spent
         else:
             age = KEPT if age > 0 else 0
-        grown = min(5.0, max(0.1, 0.9 * worst ** (-1.0 / 3.0)))
+        grown, most, error = _grown(worst, most, error)
         if not last or grown < 1.0:
             step = min(h * grown, max_step)
         # Implicit steps where dogs stay in touch, and back where that gains nothing.
