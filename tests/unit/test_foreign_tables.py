@@ -170,9 +170,9 @@ REFUSED: dict[str, tuple[str, tuple[str, ...], list[str], tuple[str, ...]]] = {
                        ()),
     "hours": (OMEGA.replace("domega", "dn"), ("shift_time_s=t_shift:hours",),
               ["the unit of shift_time_s is 'hours'"], ()),
-    "angular": (OMEGA, ("mismatch_rpm=domega",), ["revolutions as well as radians", "rad/s"],
+    "angular": (OMEGA, ("mismatch_rpm=domega",), ["revolutions or radians", "rad/s"],
                 ("mismatch_rpm=domega:rad/s",)),
-    "1/s": (OMEGA.replace("domega", "Δω [1/s]"), (), ["revolutions as well as radians"],
+    "1/s": (OMEGA.replace("domega", "Δω [1/s]"), (), ["revolutions or radians"],
             ("mismatch_rpm=Δω:rad/s",)),
 }  # fmt: skip
 
