@@ -323,10 +323,9 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
     words = f"All {result['n_simulated_designs']} simulated designs with every column (CSV)"
     return [
         *(front_figure(result, variables, name) for name in others),
-        "No design beats one of the front, named by its number, in every objective. Bars are 95 % "
-        "intervals, at the new angles once confirmed; marks without bars have times of the search. "
-        "Point at a mark to read its design; designs far off lie outside the axes. "
-        f"Not simulated, as they fail a check: {barred} of {len(trials)} proposed designs.",
+        "No design beats one of the front, named by its number, in every objective. Bars: 95 % "
+        "intervals, at the new angles once confirmed; marks without bars: times of the search. "
+        f"Designs far off are not shown; {barred} of {len(trials)} fail a check without simulation.",
         Markup('<p class="note"><a href="designs.csv">{}</a></p>').format(words),
         margin_table(result),
     ]  # fmt: skip

@@ -207,10 +207,10 @@ class EngineAgreement(Record):
     def text(self) -> str:
         """The agreement as a clause."""
         return (
-            f"{self.outcome_same} of {self.shifts} shifts end as in Drake, the mean time "
-            f"deviates by {100 * self.mean_deviation:+z.2f} ± {100 * self.standard_error:.2f} %, "
-            f"a shift's time by {100 * self.median_deviation:.2f} % (median), at most "
-            f"{100 * self.worst_deviation:.1f} %"
+            f"{self.outcome_same} of {self.shifts} shifts end as in Drake; deviation of the mean "
+            f"time {100 * self.mean_deviation:+z.2f} ± {100 * self.standard_error:.2f} %, of single "
+            f"times {100 * self.median_deviation:.2f} % (median) and "
+            f"{100 * self.worst_deviation:.1f} % (largest)"
         )
 
 
