@@ -86,7 +86,7 @@ def summary(found: Diagnosis) -> str:
     gaps, points = found.held_out, sum(one.gap is not None for one in found.gaps)
     said = [
         f"Bench and simulation differ by {ms(gaps.baseline)} (root mean square over {points} "
-        f"operating point{'s' if points > 1 else ''}); chance alone gives {ms(gaps.chance)}.",
+        f"operating point{'s' if points > 1 else ''}); chance alone leaves {ms(gaps.chance)}.",
         _cause(found),
         _refuted(found),
         *_sizes(found),

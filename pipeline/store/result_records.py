@@ -208,8 +208,8 @@ class EngineAgreement(Record):
         """The agreement as a clause."""
         return (
             f"{self.outcome_same} of {self.shifts} shifts end as in Drake; deviation of the mean "
-            f"time {100 * self.mean_deviation:+z.2f} ± {100 * self.standard_error:.2f} %, of single "
-            f"times {100 * self.median_deviation:.2f} % (median) and "
+            f"time {100 * self.mean_deviation:+z.2f} ± {100 * self.standard_error:.2f} %, "
+            f"of single times {100 * self.median_deviation:.2f} % (median) and "
             f"{100 * self.worst_deviation:.1f} % (largest)"
         )
 
