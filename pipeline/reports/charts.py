@@ -35,7 +35,6 @@ MARKS: dict[str, Row] = {
     "chosen": {"color": BLUE, "size": 17, "symbol": "diamond", "line": EDGE | {"width": 1.5}},
     "prototype": {"color": ORANGE, "size": 18, "symbol": "star", "line": EDGE | {"width": 1}},
 }
-BARRED = ("front", "chosen", "prototype")  #: kinds with their errors
 #: Marks of what is drawn by operating point, in this order.
 SIDES: tuple[Row, ...] = (
     {"color": ORANGE, "size": 10, "symbol": "square-open", "line": {"width": 2}},
@@ -75,9 +74,7 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
     other = other or next((goal.name for goal in goals_of(result)[1:]), MARGIN)
     goals = goals_of(result, SIMULATED, other)
     lead, second = goals[0], next(goal for goal in goals if goal.name == other)
-    figure, kinds = go.Figure(), of_kinds(result)
-    named = sorted((row for kind in BARRED for row in kinds[kind]), key=lead.shown)
-    windows = [(goal, *_window(goal, named)) for goal in (lead, second)]
+    figure, named = go.Figure(), list[Row]()
     if len(result["objectives"]) == 2:  # what the front dominates lies right of and above it
         figure.add_scatter(
             x=[lead.shown(row) for row in result["front"]],
@@ -85,10 +82,10 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
             mode="lines", line={"color": BLUE, "shape": "hv", "width": 1.5},
             showlegend=False, hoverinfo="skip",
         )  # fmt: skip
-    for kind, every in kinds.items():
-        rows = [r for r in every if all(a <= goal.shown(r) <= b for goal, a, b in windows)]
-        bars: Row = {}
-        if kind in BARRED:
+    for kind, every in of_kinds(result).items():
+        rows, bars = [row for row in every if row[SIMULATED] is not None], {}
+        if kind in ("front", "chosen", "prototype"):
+            named += rows
             look = {"thickness": 1, "width": 3, "color": INK}
             bars = {
                 f"error_{way}": {"array": [1.96 * goal.error(row) for row in rows], **look}
@@ -110,9 +107,10 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
                 customdata=[row["trial"] for row in rows], name=kind, mode="markers",
                 marker=MARKS[kind], hoverinfo="text", hovertext=texts, **bars,
             )  # fmt: skip
+    named.sort(key=lead.shown)
     x, y = ([goal.shown(row) for row in named] for goal in (lead, second))
-    figure.update_xaxes(title=lead.title, range=windows[0][1:] if named else None)
-    figure.update_yaxes(title=second.title, range=windows[1][1:] if named else None)
+    figure.update_xaxes(title=lead.title, range=_window(lead, named))
+    figure.update_yaxes(title=second.title, range=_window(second, named))
     px = [PAPER[0] * one / ((max(x) - min(x)) or 1.0) / 1.4 for one in x]
     py = [-PAPER[1] * one / ((max(y) - min(y)) or 1.0) / 1.4 for one in y]
     taken = [complex(*place) for place in zip(px, py, strict=True)]
@@ -130,10 +128,12 @@ def front_figure(result: Row, variables: Sequence[str], other: str = "") -> go.F
     return styled(figure, 480)
 
 
-def _window(goal: Goal, rows: Sequence[Row]) -> tuple[float, float]:
-    """Return a range that shows rows and their bars with room on either side; endless for none."""
-    low = min((goal.shown(r) - 1.96 * goal.error(r) for r in rows), default=-math.inf)
-    high = max((goal.shown(r) + 1.96 * goal.error(r) for r in rows), default=math.inf)
+def _window(goal: Goal, rows: Sequence[Row]) -> tuple[float, float] | None:
+    """Return a range that shows rows and their bars with room on either side; None without any."""
+    if not rows:
+        return None
+    low = min(goal.shown(row) - 1.96 * goal.error(row) for row in rows)
+    high = max(goal.shown(row) + 1.96 * goal.error(row) for row in rows)
     room = 0.2 * (high - low) or 0.1 * abs(high) or 1.0
     return low - room, high + room
 

@@ -325,7 +325,7 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
         *(front_figure(result, variables, name) for name in others),
         "No design beats one of the front, named by its number, in every objective. Bars: 95 % "
         "intervals, at the new angles once confirmed; marks without bars: times of the search. "
-        f"Designs far off are not shown; {barred} of {len(trials)} failed before simulation.",
+        f"Designs far off lie outside; {barred} of {len(trials)} failed before simulation.",
         Markup('<p class="note"><a href="designs.csv">{}</a></p>').format(words),
         margin_table(result),
     ]  # fmt: skip
