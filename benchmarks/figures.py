@@ -222,7 +222,7 @@ def found() -> str:
          f"a named cause is right and complete in {field('named: the whole truth')} cases",
          f"90 % intervals hold the true size in {field('90 % intervals hold the sizes')}"),
     ]  # fmt: skip
-    return markdown(("question", "answer", "beware"), rows)
+    return markdown(("question", "answer", "limitation"), rows)
 
 
 def ordinary_drags() -> str:

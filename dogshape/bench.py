@@ -13,7 +13,7 @@ from dogshape.diagnosis.bench.comparison import Comparison as Compared
 from dogshape.diagnosis.report.wording import findings_record
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Figure, Frame, Result, Table, frame_of, tabulate
-from dogshape.pipeline.reports.text import time_text
+from dogshape.pipeline.reports.text import percent, time_text
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import BenchPoint
 from dogshape.running import Angles, in_radians, receiver
@@ -45,7 +45,7 @@ class Comparison(Result):
 
         found, relative = self.compared, self.compared.relative_rms
         engaged, tried, simulated = found.engaged
-        share = f"{engaged} of {tried}, {simulated:.0%} in the simulation" if tried else "not said"
+        share = f"{engaged} of {tried}, simulated {percent(simulated)}" if tried else "not said"
         error = found.numerical_error or 0.0
         return [
             tabulate(BenchPoint, self.rows),
@@ -53,7 +53,7 @@ class Comparison(Result):
             f"data: {found.bench.name}",
             f"operating points: {len(found.differences)}",
             f"root-mean-square gap: {time_text(found.rmse)}",
-            f"relative: {'-' if relative is None else f'{relative:.1%}'}",
+            f"relative: {'-' if relative is None else percent(relative)}",
             f"engaged: {share}",
             *([f"numerical error of the mean: {error * 1e3:.2g} ms"]
               if found.numerical_error is not None else []),

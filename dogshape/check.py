@@ -15,7 +15,7 @@ from dogshape.pipeline.record import Frame, Result, Table, frame_of
 from dogshape.pipeline.reports.text import (
     ENGINES,
     interval_text,
-    minus,
+    percent,
     quantile_words,
     time_text,
 )
@@ -79,7 +79,7 @@ class Checked(Result):
         weakest = smallest_margin(self.design.checks)
         (name, worst), own = weakest_within(self.config, self.design), weakest.margin
         worst, name = min((worst, name), (own, weakest.name))
-        return "no dog" if math.isinf(worst) else minus(f"{worst:.1%}, {name}")
+        return "no dog" if math.isinf(worst) else f"{percent(worst)}, {name}"
 
     @property
     def rows(self) -> list[CheckRow]:
@@ -103,7 +103,7 @@ class Checked(Result):
             "at its worst, and by root sum of squares (landing and times: nominal size alone)",
             f"feasible: {verdict}{open_ones}",
             *(f"{one.name}: {one.fault}; {one.remedy}" for one in self.design.faults),
-            minus(f"smallest margin: {weakest.margin:.1%}, {weakest.name}"),
+            f"smallest margin: {percent(weakest.margin)}, {weakest.name}",
             f"at worst-case tolerances: {self.worst_case}",
             *(f"{check.name}: worst at {check.ends}" for check in self.design.checks if check.ends),
             *(f"warning: {note}" for note in self.notes),
@@ -194,7 +194,7 @@ class Check(Checked):
             lines = [
                 f"expected shift time {_interval(found)} "
                 f"({f'{source} included' if self.shifts else 'surrogate'}); single shifts "
-                f"scatter by {time_text(found.sd)}, {found.engaged:.1%} engage where fewest do",
+                f"scatter by {time_text(found.sd)}, {100 * found.engaged:.1f} % engage at worst",
                 *_retries(found, self.config, self.shifts),
             ]
             times = quantile_words([one.to_dict() for one in self.quantiles])
@@ -260,7 +260,7 @@ def _retries(found: Expected | None, config: Setup, shifts: int = 0) -> list[str
         return [config.unseen_failures(shifts)] if shifts else []
     bare, error = found.without_retries
     return [
-        f"failed attempts are {found.retries / found.time:.0%} of it: without retries "
+        f"failed attempts are {percent(found.retries / found.time)} of it: without retries "
         f"{time_text(bare, 1.96 * error)}, retries "
         f"{time_text(found.retries, 1.96 * found.retries_error)} (95 %); {config.retry_text}"
     ]
@@ -314,7 +314,7 @@ def _guess(config: Setup, mix: Mix, named: str | Path | None, refusal: str) -> G
 def _expected(found: Expectation, mix: Mix) -> tuple[Expected | None, str]:
     """Give a simulated time with its interval, the engine's error in it, or why there is none."""
     if not found.engages:
-        few = f"{found.engaged:.0%} where fewest do"
+        few = f"{percent(found.engaged)} at the worst point"
         count = f"engages in {found.shifts - found.lost} of {found.shifts} shifts, in {few}"
         return None, f"{count}; {found.losses}"
     share, n, sd = np.array([(p.timed, p.n, p.sd) for p in found.points]).T

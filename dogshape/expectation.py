@@ -31,7 +31,14 @@ from dogshape.pipeline.record import (
     tabulate,
 )
 from dogshape.pipeline.reports.charts import shiftability_figure, times_by_point
-from dogshape.pipeline.reports.text import ENGINES, in_ms, interval_text, quantile_words, time_text
+from dogshape.pipeline.reports.text import (
+    ENGINES,
+    in_ms,
+    interval_text,
+    percent,
+    quantile_words,
+    time_text,
+)
 from dogshape.pipeline.simulate.evaluation import FIRST, expect_to, expectation_of
 from dogshape.pipeline.simulate.executor import Where
 from dogshape.pipeline.store.result_records import ExpectedTime, PointRow
@@ -98,7 +105,7 @@ class Expectation(Result):
         lost = mean.losses if mean.lost else self.config.unseen_failures(mean.shifts)
         if mean.lost and (bare := mean.mean_engaged) is not None:
             lost += f"; without their retries the mean is {in_ms(bare)} ms"
-            share = f"{1.0 - bare / mean.mean:.0%} of the time: {self.config.retry_text}"
+            share = f"{percent(1.0 - bare / mean.mean)} of the time: {self.config.retry_text}"
             lost += f", failed attempts are {share}" if mean.engages else ""
         if not mean.engages:
             count = f"engages in {mean.shifts - mean.lost} of {mean.shifts} shifts"

@@ -11,7 +11,7 @@ from typing import Any
 from dogshape.pipeline.config.study_file import Setup, load_study, require_variables
 from dogshape.pipeline.progress import Progress
 from dogshape.pipeline.record import Frame, Result, Table
-from dogshape.pipeline.reports.text import ENGINES, in_ms, time_text
+from dogshape.pipeline.reports.text import ENGINES, in_ms, percent, time_text
 from dogshape.pipeline.store.folder import StudyFolder, default_out, require_targets
 from dogshape.pipeline.train.training import fill, train
 from dogshape.running import receiver
@@ -43,9 +43,9 @@ class Fitted(Result):
         how = "references apart" if v.source == "references" else "designs held out in turn"
         rows = [
             (f"{v.n} {how}, expected time, s.e. {time_text(v.noise_s)}", f"{v.q2:.3f}",
-             in_ms(v.rmse_s), f"{v.coverage_95:.0%}"),
+             in_ms(v.rmse_s), percent(v.coverage_95)),
             ("single operating points", f"{v.q2_points:.3f}", in_ms(v.rmse_points_s),
-             f"{v.coverage_points:.0%}"),
+             percent(v.coverage_points)),
         ]  # fmt: skip
         judged = {"expected times": v.q2, "single operating points": v.q2_points}
         rank = f"rank correlation of {v.n_best} best designs {v.rank_best or 0.0:.2f}"

@@ -74,7 +74,7 @@ class Diagnosis(Result):
             "",
             gap_page.residual_table(found),
             "",
-            f"Monte Carlo error of the leading probability: {found.noise:.3f}",
+            f"Monte Carlo error of the leading probability: {100 * found.noise:.2g} %",
             *(f"own effect {name}: {chance(found.inclusion.get(name, 0.0))}" for name in own),
             "next test: {name}. {why}".format(**record["next_test"]),
             *([self.consequence.sentence] if self.consequence else []),
@@ -279,7 +279,7 @@ class Plan(Result):
             more = f" and {len(left) - SHOWN_RIVALS} more" if len(left) > SHOWN_RIVALS else ""
             rivals = ", ".join(left[:SHOWN_RIVALS]) or "-"
             whole = f"{len(others) - len(left)} of {len(others)}"
-            causes.append([names[truth], f"{apart[0]:.0%}", whole, f"{rivals}{more}"])
+            causes.append([names[truth], chance(apart[0]), whole, f"{rivals}{more}"])
         return [
             Table(("visit", "mismatch, 1/min", "force, N", "shifts", ""), visits),
             "",
@@ -290,7 +290,7 @@ class Plan(Result):
             "",
             f"{record['shifts']} shifts at {np.count_nonzero(plan.shifts)} of {len(plan.shifts)} "
             f"operating points, about {number(plan.hours)} h: chance to decide a pair of causes "
-            f"rightly {plan.worth:.1%}, {record['told_apart']:.0%} of pairs and strengths "
+            f"rightly {chance(plan.worth)}, {chance(record['told_apart'])} of pairs and strengths "
             "distinguished",
             "distinguished: expected odds of 4.5 : 1 and more for the true cause, over the "
             "strengths of the priors. Combinations of effects are not planned for.",

@@ -87,7 +87,7 @@ class Record(Section):
         if value is None or math.isnan(value):
             return "-"
         scaled = value if shown["scale"] == 1.0 else shown["scale"] * value
-        return f"{scaled:{shown['form']}}".replace("-", MINUS)
+        return f"{scaled:{shown['form']}}".replace("-", MINUS).replace("%", " %")
 
 
 def look_of(kind: type[BaseModel], name: str) -> dict[str, Any]:

@@ -49,9 +49,9 @@ def number(value: float) -> str:
 
 
 def refusal(quantity: str, value: float, unit: str, rule: str, remedy: str) -> str:
-    """Return the sentence ``quantity is value unit, but rule; remedy.``"""
+    """Return the sentence ``quantity is value unit, but rule; remedy``"""
     amount = f"{number(value)} {unit}".strip()
-    return f"{quantity} is {amount}, but {rule}; {remedy}."
+    return f"{quantity} is {amount}, but {rule}; {remedy}"
 
 
 def require_between(name: str, value: float, low: float, high: float, remedy: str) -> None:

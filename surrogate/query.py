@@ -78,7 +78,7 @@ def ask(surrogate: Surrogate, design: dict[str, float], mix: Mix, physics: Recor
         ))  # fmt: skip
     expected = surrogate.expected(x, mix)
     if expected.engaged < LEAST_ENGAGED:
-        few = f"about {expected.engaged:.0%} of the shifts engage where fewest do: no time"
+        few = f"about {100 * expected.engaged:.0f} % engage at the worst point: no time"
         return Answer(None, distance, warnings, few)
     return Answer(expected, distance, warnings)
 

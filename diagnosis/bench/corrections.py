@@ -150,9 +150,9 @@ class Finding:
     @property
     def sentence(self) -> str:
         """Finding, probable cause and remedy in a sentence."""
-        ways = [f"--correct {self.correction} takes it as that"] if self.way else []
+        ways = [f"--correct {self.correction} applies this correction"] if self.way else []
         if self.arguable:
-            ways.append(f"--correct {self.quantity}={GIVEN} takes it as it stands")
+            ways.append(f"--correct {self.quantity}={GIVEN} keeps the values")
         return self.with_remedy(self.remedy or ", or ".join(["correct the data set", *ways]))
 
     def with_remedy(self, remedy: str) -> str:

@@ -426,7 +426,7 @@ class TableReader:
         empty = np.array([cell.lower() in NOTHING for cell in column.cells])
         if (bad := np.isnan(values) & ~empty).any():
             rows = self._rows(column.cells, bad.tolist())
-            self._fault(match, f"must hold numbers, but {rows}; correct or empty the cells")
+            self._fault(match, f"must hold numbers, but has {rows}; correct or empty the cells")
         if empty.any() and quantity.filled:
             rows = ", ".join(map(str, np.array(self.table.rows)[empty][:MOST]))
             self._fault(match, f"is empty in row {rows}; fill the cells or remove the rows")
@@ -437,7 +437,7 @@ class TableReader:
         angular = re.search("omega|angular|winkel", plain_words(column.name))
         if (unit and np.isnan(unit.factor)) or (not unit and (column.strange or angular)):
             text = f"the unit '{unit.text if unit else column.strange or ''}', which is"
-            self._fault(match, f"has {text} unknown, or revolutions as well as radians; say "
+            self._fault(match, f"has {text} unknown or ambiguous (revolutions or radians); say "
                         f"{option}UNIT' with one of {quantity.units}")  # fmt: skip
         elif unit is None:
             # A recorder's clock may begin anywhere: the length of a trace decides.

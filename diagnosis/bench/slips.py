@@ -220,7 +220,7 @@ def nearly_same_points(_: Stand, sheet: Sheet) -> Findings:
         )
         many = f"{near.size} rows have" if near.size > 1 else "a row has"
         found = f"{many} nearly the set values of others: {one} and {other} differ by "
-        found += f"about {NEAR:.0%}"
+        found += f"about {100 * NEAR:.0f} %"
         looks = "measured in place of set values, each an operating point with errors of its own"
         yield Finding("points", found, looks, "joined", certain=True)
 

@@ -321,7 +321,7 @@ def _open(path: Path, module: str, reader: str, kind: str) -> Any:
     except ImportError as error:
         raise InputError(
             f"{library} cannot be loaded ({error}), but {kind} trace needs it; install it with: "
-            f"pip install -c constraints.txt '.[{extra}]', or export the trace as CSV."
+            f"pip install -c constraints.txt '.[{extra}]', or export the trace as CSV"
         ) from error
     try:
         return read(str(path))

@@ -292,7 +292,7 @@ def shift_plan(field: Field, count: int, seed: int = 1, most: int | None = None)
     least = (VISITS + 1) * LOT
     if not least <= count <= 1_000_000:
         rule = f"it must lie between {least} and 1000000: a reference point is visited {VISITS} "
-        rule += f"times with {LOT} shifts each, and {LOT} more are the least that say anything else"
+        rule += f"times with {LOT} shifts each, and {LOT} more are needed at another"
         raise InputError(refusal("number of shifts", count, "", rule, "plan more shifts"))
     # Where single shifts scatter least a drift shows first.
     engaging = np.where(field.baseline.engaged[0] > 0.5, field.baseline.sd[0], np.nan)

@@ -20,6 +20,7 @@ OPEN = 0.05  #: probability from which an open effect, or a reading of the recor
 LIKELY = 0.5  #: probability from which the size of an open effect is compared with its source
 MOST = 4  #: open effects in a sentence
 EXPLAINED = 0.1  #: share of the gap below which a reading at rest is refuted as its cause
+WIDE = 0.2  #: share of its larger end from which a range has two digits
 BEYOND = 1.5  #: times the usual size from which a size is called large
 #: Readings of a record by key and value, as the clause "where ...".
 READINGS = {
@@ -46,8 +47,9 @@ def quantity(name: str) -> str:
     return name.removesuffix(suffix_of(name)).replace("_", " ")
 
 
-def amount(name: str, *values: float, digits: int = 3) -> str:
+def amount(name: str, *values: float, digits: int = 0) -> str:
     """Return a value or range of a parameter with its unit; seconds become ms."""
+    digits = digits or 3 - (max(values) - min(values) > WIDE * max(map(abs, values)))
     factor, unit = (1e3, "ms") if suffix_of(name) == "_s" else (1.0, unit_of(name))
     shown = dict.fromkeys(short(factor * value, digits) for value in values)
     return f"{' to '.join(shown)} {unit}".rstrip()
@@ -55,7 +57,9 @@ def amount(name: str, *values: float, digits: int = 3) -> str:
 
 def described(name: str, value: Interval) -> str:
     """Return a parameter with mean, 90 % interval and unit."""
-    return f"{quantity(name)} {amount(name, value.mean)} ({amount(name, value.low, value.high)})"
+    ends = amount(name, value.low, value.high)
+    digits = 3 - (value.high - value.low > WIDE * abs(value.mean))
+    return f"{quantity(name)} {amount(name, value.mean, digits=digits)} ({ends})"
 
 
 def ms(seconds: float) -> str:
@@ -74,7 +78,7 @@ def headline_of(verdict: Verdict, effects: Mapping[str, Effect]) -> str:
         return "Unknown: no known effect explains the gap"
     if names:
         return f"Part of the cause: {names}; the rest is open"
-    return f"Open: most probable is {plain(verdict.credible[0], effects)}"
+    return f"Open: {plain(verdict.credible[0], effects)} is most probable"
 
 
 def summary(found: Diagnosis) -> str:
@@ -82,7 +86,7 @@ def summary(found: Diagnosis) -> str:
     gaps, points = found.held_out, sum(one.gap is not None for one in found.gaps)
     said = [
         f"Bench and simulation differ by {ms(gaps.baseline)} (root mean square over {points} "
-        f"operating point{'s' if points > 1 else ''}), chance alone by {ms(gaps.chance)}.",
+        f"operating point{'s' if points > 1 else ''}); chance alone leaves {ms(gaps.chance)}.",
         _cause(found),
         _refuted(found),
         *_sizes(found),
@@ -104,23 +108,22 @@ def _cause(found: Diagnosis) -> str:
 
     def sized(name: str) -> str:
         sizes = found.sizes.get(name, {})
-        # A number without a unit says what it is of.
+        # A number without a unit has its quantity before it.
         heads = {key: "" if unit_of(key) else f"{quantity(key)} " for key in sizes}
         words = ", ".join(heads[k] + amount(k, one.low, one.high) for k, one in sizes.items())
-        return f"{found.effects[name].plain} {words}".rstrip()
+        return f"{found.effects[name].plain} {'with ' * words[:1].isalpha()}{words}".rstrip()
 
     if verdict.kind == "none":
         return f"The gap without scatter is below {ms(found.margin_s)} with {chance(found.within)}."
     if verdict.kind == "unknown":
         return "No known effect, alone or with others, explains all of the data."
     parts = [(sized(n), p) for n, p in found.inclusion.items() if n not in causes]
-    alone = found.posterior.get(tuple(sorted(causes)), 0.0)
-    rest = [("nothing more" if causes else "no effect", alone)]
-    rest.append(("an unknown cause", found.posterior.get(UNKNOWN, 0.0)))
+    alone, unknown = (found.posterior.get(one, 0.0) for one in (tuple(sorted(causes)), UNKNOWN))
+    rest = [("nothing more" if causes else "no effect", alone), ("an unknown cause", unknown)]
     every = [*sorted(parts, key=lambda one: -one[1])[:MOST], *rest]
     beside = [f"{words} ({chance(p)})" for words, p in every if p > OPEN]
     if not causes:
-        return f"The cause is open. Parts and their probabilities: {listed(beside)}."
+        return f"The cause is open: {listed(beside, 'or')}."
     sizes = listed([sized(name) for name in causes])
     if any(found.sizes.get(name) for name in causes):
         sizes += " (90 % intervals over all plausible hypotheses)"

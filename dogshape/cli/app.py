@@ -78,7 +78,7 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def options(
     version: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="and exit")
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="versions")
     ] = False,
 ) -> None:
     """Simulate, search and check the shape of the dogs of a dog clutch."""

@@ -52,9 +52,9 @@ def _run() -> int:
 
         given = sys.argv[1:]
         if (nothing := _given_nothing(given)) is not None:
-            print(f"dogshape: {nothing} is given nothing; give a value", file=sys.stderr)
+            print(f"dogshape: {nothing} is empty; give a value", file=sys.stderr)
             return 2
-        return int(app(given or ["--help"], standalone_mode=False) or 0)
+        return int(app(given or ["--help"], prog_name="dogshape", standalone_mode=False) or 0)
     except KeyboardInterrupt:
         return 128 + signal.SIGINT
     except ModuleNotFoundError as error:
@@ -69,7 +69,8 @@ def _run() -> int:
         if message is None:
             raise
         sentence = _sentence(error, message().strip().rstrip("."))
-        print(f"dogshape: {sentence}; see 'dogshape --help'", file=sys.stderr)
+        verb = getattr(getattr(error, "ctx", None), "command_path", "dogshape")
+        print(f"dogshape: {sentence}; see '{verb} --help'", file=sys.stderr)
         return 2
 
 

@@ -61,7 +61,7 @@ StudyArg = Annotated[
 BenchArg = Annotated[str, Argument(metavar="BENCH_DIR", help="folder of a data set")]
 Sets = Annotated[
     list[str] | None,
-    Option("--set", metavar="KEY=VALUE", help="e.g. dog.count=18", callback=_warn_of_repeats),
+    Option("--set", metavar="KEY=VALUE", help="list: 'KEY=[1, 2]'", callback=_warn_of_repeats),
 ]
 Engine = Annotated[str | None, Option(help="drake or planar; default: the study's")]
 Json = Annotated[bool, Option("--json", help="print one JSON document")]

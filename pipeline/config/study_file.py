@@ -159,9 +159,10 @@ class Setup:
     @property
     def operating_text(self) -> str:
         """The operating points in words."""
-        axes = ((self.mismatches, "1/min"), (self.forces, "N at the sleeve"))
-        ranges = (f"{min(values):g} to {max(values):g} {unit}" for values, unit in axes)
-        return f"{len(self.points)} with {', '.join(ranges)}"
+        every = (self.mismatches, self.forces)
+        ends = (dict.fromkeys((f"{min(one):g}", f"{max(one):g}")) for one in every)
+        speed, force = map(" to ".join, ends)
+        return f"{len(self.points)} with {speed} 1/min, {force} N at the sleeve"
 
     @property
     def mechanism(self) -> Record:

@@ -201,7 +201,7 @@ def price_of(found: Diagnosis, study: str, means: Means, folder: Path) -> Conseq
     if cause is None or found.posterior[cause] < LEAST:
         raise InputError(
             f"--study is '{study}', but the diagnosis of {found.bench.name} has no effect above "
-            f"{LEAST:.0%}; leave --study out"
+            f"{100 * LEAST:.0f} %; leave --study out"
         )
     given, designs = studied(study)
     sizes = found.fits[cause].intervals

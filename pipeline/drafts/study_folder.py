@@ -385,8 +385,7 @@ def _following(text: str, given: Mapping[str, Any]) -> tuple[Values, list[str]]:
     follows = ", ".join(f"{key} {value}" for key, value in found.items() if value is not None)
     lacks = ", ".join(key for key, value in found.items() if value is None)
     said = [f"follows from your clutch: {follows}"] if follows else []
-    left = "left out, as of the other clutch; none, or not judged, until you give your own"
-    said += [f"{left}: {lacks}"] if lacks else []
+    said += [f"left out, absent or unchecked until given: {lacks}"] if lacks else []
     replaced = replaced_keys(given, tomllib.loads(texts[1]))
     said += [f"replaced by values of yours: {', '.join(replaced)}"] if replaced else []
     return found | dict.fromkeys(replaced), said

@@ -38,7 +38,7 @@ def load_cad() -> Any:
         return import_module("build123d")
     except ImportError as error:
         fault = f"STEP files need build123d, which cannot be loaded ({error})"
-        remedy = "install 'dogshape[cad]' with pip, and on Debian the packages libgl1 and libx11-6."
+        remedy = "install 'dogshape[cad]' with pip, and on Debian the packages libgl1 and libx11-6"
         raise InputError(f"{fault}; {remedy}") from error
 
 

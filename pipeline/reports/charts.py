@@ -49,8 +49,8 @@ BY_PLACE = itemgetter(*reversed(PLACE))  #: order of operating points, by force
 BESIDE = 3  #: panels of effects side by side
 ENTRIES = ("first try", "direct entry")
 ENTRY_NOTE = (
-    "First try: shifts that engage at it (Bóka 2010), not shown where all do; direct entry: those "
-    "that touch no face (Aljawabrah and Lovas 2024). An x marks angles at which not all engage."
+    "First try: share that engages without a retry (Bóka 2010), left out where all do. Direct "
+    "entry: share without a touch of faces (Aljawabrah and Lovas 2024). x: not all engage."
 )
 
 
@@ -181,8 +181,8 @@ def shiftability_figure(sides: Mapping[str, tuple[Sequence[Row], int]]) -> go.Fi
     figure = make_subplots(
         len(sides), len(widths) + 1, column_widths=[*widths, 1.0 - sum(widths)], shared_yaxes=True,
         horizontal_spacing=0.02, vertical_spacing=0.24 / len(sides), row_titles=[*sides],
-        column_titles=[*shown, f"{ENTRIES[1]}, by angle"],
-    )  # fmt: skip
+        column_titles=[*(one.replace(" ", "<br>") for one in shown), f"{ENTRIES[1]}, by angle"],
+    ).update_annotations(font_size=None)  # fmt: skip
     lines, look = 5, {"coloraxis": "coloraxis", "xgap": 1, "ygap": 1}
     hover = "%{y}, %{x}: %{z:.0f} %<extra></extra>"
     for place, (rows, count) in enumerate(sides.values(), start=1):

@@ -385,7 +385,7 @@ def provenance_of(study: Setup, result: Row | None) -> dict[str, str]:
     facts = {
         "command": command_of(study, verb) or f"dogshape {verb} FILE; {study.name} is in {file}",
         "simulated": simulated,
-        "operating points": study.operating_text,
+        "operating points": minus(study.operating_text),
         "load": f"{load.torque_Nm:g} N m, application factor {load.application_factor:g}",
         "contact": f"{contact.name}: friction {contact.static_friction:g} static, "
         f"{contact.dynamic_friction:g} dynamic, {normal}",

@@ -102,8 +102,7 @@ def publish(
         "Residuals",
         residual_table(found),
         cells_figure(cells_of(found)),
-        "Mean shift times with 95 % intervals. The leading hypothesis is fitted to all other "
-        "operating points.",
+        "Mean shift times with 95 % intervals.",
     )
     if consequence is not None:
         page.add("Design choice", choice_table(consequence), consequence.sentence)
@@ -166,7 +165,7 @@ def residual_table(found: Diagnosis) -> Table:
         "Held out: each point is predicted by a fit to all other points. Chance alone: scatter of "
         "the shifts and errors of the simulation."
     )
-    return Table(("root-mean-square gap", ""), rows, note=note)
+    return Table(("", "root-mean-square gap"), rows, note=note)
 
 
 def advice_table(found: Diagnosis) -> Table:

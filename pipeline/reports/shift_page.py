@@ -114,7 +114,7 @@ def write_animation(
     end = f"at {in_ms(float(result.trace.time[-1]))} ms"
     outcome = result.outcome.value.replace("_", " ").capitalize()
     where = (
-        f"at {point.mismatch / RPM:.4g} 1/min, {point.profile.force:.1f} N, relative angle "
+        f"at {point.mismatch / RPM:.4g} 1/min, {point.profile.force:.4g} N, relative angle "
         f"{result.relative_angle / DEG:.2f}°"
     )
     write_page(

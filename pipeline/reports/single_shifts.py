@@ -39,7 +39,7 @@ class Replay:
         """Time, or outcome, and the operating point of the shift."""
         time, row = self.shift["shift_time_s"], self.shift
         result = row["outcome"].replace("_", " ") if time is None else f"{time * 1e3:.1f} ms"
-        return minus(f"{result} at {row['mismatch_rpm']:.4g} 1/min, {row['force_N']:.1f} N")
+        return minus(f"{result} at {row['mismatch_rpm']:.4g} 1/min, {row['force_N']:.4g} N")
 
 
 def replays_of(folder: StudyFolder, study: Setup, rows: Sequence[Row]) -> list[Replay]:

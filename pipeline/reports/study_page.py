@@ -323,9 +323,9 @@ def front_parts(study: Setup, result: Row) -> list[Part]:
     words = f"All {result['n_simulated_designs']} simulated designs with every column (CSV)"
     return [
         *(front_figure(result, variables, name) for name in others),
-        "No design beats one of the front, named by its number, in every objective. Bars are 95 % "
-        "intervals. Point at a mark to read its design; designs far off lie outside the axes. "
-        f"{barred} of {len(trials)} proposed designs failed a check and were not simulated.",
+        "No design beats one of the front, named by its number, in every objective. Bars: 95 % "
+        "intervals, at the new angles once confirmed; marks without bars: times of the search. "
+        f"Designs far off lie outside; {barred} of {len(trials)} failed before simulation.",
         Markup('<p class="note"><a href="designs.csv">{}</a></p>').format(words),
         margin_table(result),
     ]  # fmt: skip
@@ -400,7 +400,7 @@ def life_table(stages: list[Row]) -> Table:
         [
             percent(one["life"]), f"{1e3 * one['crest_loss_mm']:.3g}", f"{one['chamfer_deg']:.4g}",
             f"{one.get('edge_radius_mm', 0.0):.3g}",
-            ms_with_error(one[SIMULATED], one["standard_error_s"]), f"{one['engaged']:.1%}",
+            ms_with_error(one[SIMULATED], one["standard_error_s"]), f"{100 * one['engaged']:.1f} %",
             margin_cell(one["weakest_check"], one["smallest_margin"]),
         ]
         for one in stages
@@ -418,7 +418,7 @@ def provenance_table(folder: StudyFolder, study: Setup, result: Row) -> Table:
     if fitted:
         judged = (
             f"Q² {fitted['q2']:.2f}, root-mean-square error {time_text(fitted['rmse_s'])}, "
-            f"{fitted['coverage_95']:.0%} within the 95 % interval, on {fitted['n']} designs "
+            f"{percent(fitted['coverage_95'])} within the 95 % interval, on {fitted['n']} designs "
             f"({fitted['source']})"
         )
         judged = judged if Validation(**fitted).useful else Bad(f"{judged}: useless")

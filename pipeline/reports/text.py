@@ -54,9 +54,9 @@ def in_ms(seconds: float | None) -> str:
 
 
 def with_error(shown: float, error: float, sign: str = "") -> str:
-    """Print a value and its standard error to a tenth, or to a hundredth where the error asks."""
-    places = 2 if 0.0 < error < 0.05 else 1
-    return minus(f"{shown:{sign}.{places}f} ± {error:.{places}f}")
+    """Print a value and its standard error to two digits of the error, at most to a hundredth."""
+    places = 2 if 0.0 < error < 0.05 else 1 if error < 9.95 else 0
+    return minus(f"{shown:{sign}z.{places}f} ± {error:.{places}f}")
 
 
 def ms_with_error(time: float | None, error: float | None, sign: str = "") -> str:
@@ -66,8 +66,8 @@ def ms_with_error(time: float | None, error: float | None, sign: str = "") -> st
 
 def percent(margin: float) -> str:
     """Print a margin in percent, with decimals where it is small."""
-    digits = 2 if 0.0 < abs(margin) < 0.001 else (1 if abs(margin) < 0.05 else 0)
-    return minus(f"{100 * margin:.{digits}f} %")
+    digits = 0 if not 5e-5 <= abs(margin) < 0.05 else 1 if abs(margin) >= 0.001 else 2
+    return minus(f"{100 * margin:z.{digits}f} %")
 
 
 def margin_cell(name: str, margin: float | None) -> str:

@@ -164,7 +164,7 @@ def _status(state: SearchState) -> str:
     if best is not None and best.estimates is not None:
         known = best.estimates[one.name]
         scale, unit = (1e3, "ms") if one.unit == "s" else (1.0, one.unit)
-        text += f", best {known.value * scale:.4g} {unit} ± {known.standard_error * scale:.2g}"
+        text += f", best {known.value * scale:.4g} ± {known.standard_error * scale:.2g} {unit}"
     return text
 
 

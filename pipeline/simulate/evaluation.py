@@ -279,7 +279,7 @@ def expect_to(
         if silent or late or (share <= precision and shifts >= ENOUGH):
             return found, blocks, rows
         few = ", from too few to trust" if share <= precision else ""
-        progress.say(f"standard error {share:.1%} from {shifts} shifts{few}; twice the angles")
+        progress.say(f"error {100 * share:.2g} % from {shifts} shifts{few}; twice the angles")
         count *= 2
         progress.rest(shifts)
 

@@ -39,7 +39,7 @@ def slips_of(study: Setup) -> list[str]:
     steady = replace(study.limits, strikes=())
     loaded = [c for c in strength_checks(dog, steady) if c.rule.group == "load"]
     if (used := max(check.utilisation for check in loaded)) < IDLE:
-        notes.append(f"the torque uses at most {used:.2%} of what the dogs bear; "
+        notes.append(f"the torque uses at most {100 * used:.2g} % of what the dogs bear; "
                      "is load.torque_Nm in N m?")  # fmt: skip
     for name in ("chamfer", "chamfer_back", "traction", "braking"):
         angle = getattr(dog, name) / DEG

@@ -62,7 +62,7 @@ class PointRow(Record):
         "standard error of `mean_s`", "s", head="s.e., ms", scale=1e3, form=".2f"
     )
     sd_s: float = key("standard deviation of the time of a shift", "s", head="sd, ms", **IN_MS)
-    engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form=".0%")
+    engaged: float = key("share of the shifts that engaged", SHARE, head="engaged", form="z.0%")
     n: int = key("number of shifts", head="n", form="d")
     held_dog_on_dog: int | None = key("shifts that friction held dog on dog", late=True)
     shiftability: Shiftability | None = key("how shifts enter; null without any", late=True)
@@ -130,7 +130,7 @@ class CheckRow(Record):
     limit: float = key("limit, in `unit`", head="limit")
     unit: str = key("unit of value and limit", head="unit")
     margin: float | None = key(
-        "distance to the limit over the limit; at least 0 passes", "1", head="margin", form=".0%"
+        "distance to the limit over the limit; at least 0 passes", "1", head="margin", form="z.0%"
     )
     passed: bool = key("whether the check passes", head="passed")
     group: str = key("kind of check: `make`, `load`, `lock`, `impact` or `tolerance`")
@@ -141,10 +141,10 @@ class CheckRow(Record):
     limit_key: str = key("key of the study file that sets the limit", head="limit set by")
     margin_worst_case: float | None = key(
         "margin at worst-case tolerances; null without tolerances or dog", "1", None,
-        head="worst case", form=".0%",
+        head="worst case", form="z.0%",
     )  # fmt: skip
     margin_root_sum_square: float | None = key(
-        "margin with tolerances as root of the sum of squares", "1", None, head="rss", form=".0%"
+        "margin with tolerances as root of the sum of squares", "1", None, head="rss", form="z.0%"
     )
     ends: str | None = key(
         "ends of ranges at which the margin is smallest; absent without ranges", "", None
@@ -207,10 +207,10 @@ class EngineAgreement(Record):
     def text(self) -> str:
         """The agreement as a clause."""
         return (
-            f"{self.outcome_same} of {self.shifts} shifts end as in Drake, the mean time "
-            f"deviates by {self.mean_deviation:+.2%} ± {self.standard_error:.2%} (s.e.), "
-            f"a shift's time by {self.median_deviation:.2%} (median), at most "
-            f"{self.worst_deviation:.1%}"
+            f"{self.outcome_same} of {self.shifts} shifts end as in Drake; deviation of the mean "
+            f"time {100 * self.mean_deviation:+z.2f} ± {100 * self.standard_error:.2f} %, "
+            f"of single times {100 * self.median_deviation:.2f} % (median) and "
+            f"{100 * self.worst_deviation:.1f} % (largest)"
         )
 
 
@@ -223,7 +223,7 @@ class BenchPoint(Record):
     simulated_s: float | None = key("mean of engaged shifts", "s", head="simulated, ms", **IN_MS)
     standard_error_s: float | None = key("s.e. of the difference", "s", head="s.e., ms", **IN_MS)
     z: float | None = key("bench less simulated over standard error", "1", head="z", form="+.1f")
-    engaged: float = key("simulated share that engaged", SHARE, head="engaged", form=".0%")
+    engaged: float = key("simulated share that engaged", SHARE, head="engaged", form="z.0%")
     n: int = key("simulated shifts", head="n", form="d")
 
     @classmethod

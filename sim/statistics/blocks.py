@@ -159,10 +159,10 @@ def run_block(block: Block) -> Iterator[Record]:
         if variant is not None:
             clutch, point = variant.clutch(clutch), variant.point(point)
         result = engage(clutch, point, angle)
-        record = {"key": key, **given, "outcome": result.outcome.value}
-        record["shift_time_s"] = result.shift_time
+        times = {"shift_time_s": result.shift_time}
         if clutch.mechanism.has_linkage:
-            record["actuator_time_s"] = result.actuator_time
+            times["actuator_time_s"] = result.actuator_time
+        record = {"key": key, **given, "outcome": result.outcome.value} | times
         record |= events_record(result) | loads_record(result)
         record |= {"steps": result.steps, "evaluations": result.evaluations}
         if result.outcome is Outcome.DIVERGED:

@@ -63,7 +63,7 @@ def require_makeable(dog: Dog, limits: ManufacturingLimits) -> None:
     """Raise GeometryError with the first rule that the dog breaks."""
     for check in manufacturing_checks(dog, limits):
         if not check.passed:
-            raise GeometryError(f"{check.fault} to be made; {check.remedy}.")
+            raise GeometryError(f"{check.fault} to be made; {check.remedy}")
 
 
 ANGLE, SHARE = "give an angle in degrees", "give a share of the height"

@@ -120,7 +120,7 @@ strength nowhere | there is no study at nowhere
 strength mq200_paper --set dog.heigth_mm=3 | did you mean 'dog.height_mm'?
 strength mq200_paper --set 'dog.count=15\ndog.height_mm=3' | more than one value
 shift ONE --force-N -469 | shift force is -469 N
-shift ONE --force-N 5000 | actuation.rise_s, or give --force-rise-s.
+shift ONE --force-N 5000 | actuation.rise_s, or give --force-rise-s
 shift ONE --html no/such/a.html | --html is no/such/a.html, but there is no folder no/such; make it
 shift ONE --html a.x --trace a.x | give two files
 expect mq200_paper --force-rise-s 0.1 | goes with one operating point
@@ -148,7 +148,7 @@ init study --out 'my clutch' | letters, digits
 check mq200_paper --mismatch-rpm 80 | needs --mismatch-rpm and --force-N
 check mq200_paper --surrogate none.json | there is no surrogate at
 check mq200_paper --designs none.csv | there is no table of designs at none.csv
-study mq200_paper --set operating.force_N=[99] | actuation.force_N and actuation.rise_s.
+study mq200_paper --set operating.force_N=[99] | actuation.force_N and actuation.rise_s
 study GOAL="['axial_length_mm']" | has none that needs a simulation
 study GOAL="['expected_shift_time']" | did you mean 'expected_shift_time_s'?
 study LIMIT.first_try_share=1.5 | is 1.5, but no share engaged in time at the first try is above 1;

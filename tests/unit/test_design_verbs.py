@@ -42,7 +42,7 @@ def test_a_design_that_fails_says_which_check(dogshape: Call) -> None:
     line = next(line for line in bad.out.splitlines() if "traction_release" in line)
     assert line.rstrip().endswith("NO")
     for words in (
-        "before its landing is simulated", "smallest margin: \N{MINUS SIGN}26.9%, traction_release",
+        "before its landing is simulated", "smallest margin: \N{MINUS SIGN}27 %, traction_release",
         "Jasny et al. 2019", "ISO 6336-3", "1.5 F/(b s)", "load.friction_release",
     ):  # fmt: skip
         assert words in bad.out

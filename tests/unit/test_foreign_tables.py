@@ -170,9 +170,9 @@ REFUSED: dict[str, tuple[str, tuple[str, ...], list[str], tuple[str, ...]]] = {
                        ()),
     "hours": (OMEGA.replace("domega", "dn"), ("shift_time_s=t_shift:hours",),
               ["the unit of shift_time_s is 'hours'"], ()),
-    "angular": (OMEGA, ("mismatch_rpm=domega",), ["revolutions as well as radians", "rad/s"],
+    "angular": (OMEGA, ("mismatch_rpm=domega",), ["revolutions or radians", "rad/s"],
                 ("mismatch_rpm=domega:rad/s",)),
-    "1/s": (OMEGA.replace("domega", "Δω [1/s]"), (), ["revolutions as well as radians"],
+    "1/s": (OMEGA.replace("domega", "Δω [1/s]"), (), ["revolutions or radians"],
             ("mismatch_rpm=Δω:rad/s",)),
 }  # fmt: skip
 
@@ -312,7 +312,7 @@ def test_set_values_stay_as_they_are(bench: Bench) -> None:
 def test_a_slip_is_settled_by_the_option_that_it_names(bench: Bench) -> None:
     text = f"mismatch_rpm,force_N,shift_time_s\n{POINTS}"
     said = bench.refused(text, words=["this looks like milliseconds"])
-    option = said.partition("or --set '")[2].partition("' takes it")[0]
+    option = said.partition("or --set '")[2].partition("' applies this")[0]
     assert bench.numbers(text, "--set", option) == PLAIN
 
 

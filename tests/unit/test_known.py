@@ -99,4 +99,4 @@ def test_a_clutch_of_which_few_shifts_engage_has_no_time(
     found = check_design(load_study("mq200_paper", flat))
     assert found.time_s is None
     assert found.to_dict()["engaged"] < 0.5
-    assert re.search(r"no shift time: engages in \d+ of 64 shifts, in \d+% where", repr(found))
+    assert re.search(r"no shift time: engages in \d+ of 64 shifts, in \d+ % at", repr(found))

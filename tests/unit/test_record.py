@@ -81,7 +81,7 @@ def test_checks_stand_in_groups_and_failed_ones_are_marked() -> None:
     table = check_table(rows, "name", "limit", "margin", "passed")
     assert [row[0] for row in table.rows] == ["can be made", "a", "carries the torque", "b"]
     assert set(table.looks.values()) == {"group"}
-    assert table.rows[1][1:] == ["\N{LESS-THAN OR EQUAL TO} 2", "50%", "yes"]
+    assert table.rows[1][1:] == ["\N{LESS-THAN OR EQUAL TO} 2", "50 %", "yes"]
     assert [isinstance(cell, Bad) for cell in table.rows[3]] == [False, False, True, True]
 
 

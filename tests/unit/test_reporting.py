@@ -131,8 +131,8 @@ def test_fastest_and_slowest_shift_of_a_design(
     rows = [{**own, "trial": 0, "prototype": True}]
     fast, slow = replays_of(folder, study, rows)
     assert (fast.words, slow.words) == (
-        "50.0 ms at 50 1/min, 469.0 N",
-        "blocked at 50 1/min, 469.0 N",
+        "50.0 ms at 50 1/min, 469 N",
+        "blocked at 50 1/min, 469 N",
     )
     assert fast.path.startswith("shifts/prototype-fastest-")
     assert replays_of(StudyFolder(tmp_path / "none"), study, rows) == []

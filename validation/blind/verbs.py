@@ -38,7 +38,7 @@ def make(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Write data of cases with known effects from two engines, and the sealed key.
+    """Write simulated data of known effects, and the sealed key.
 
     Example: dogshape blind make results/blind --small
     """
@@ -58,7 +58,7 @@ def make(
 
 @blind.command()
 def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
-    """Diagnose each case from its data alone; goes on where it was stopped.
+    """Diagnose each case from its data; continue a stopped run.
 
     Example: dogshape blind run results/blind
     """
@@ -71,7 +71,7 @@ def run(folder: Folder, jobs: Jobs = 0, json: Json = False) -> None:
 
 @blind.command()
 def score(folder: Folder, json: Json = False) -> None:
-    """Open the key and say how often the diagnosis was right, with intervals.
+    """Open the key and compute the share of right diagnoses.
 
     Example: dogshape blind score results/blind --json
     """

@@ -21,9 +21,9 @@ def gap(
     out: Annotated[Path | None, Option(help="for report.html, gap.json and cells.csv")] = None,
     bank: Bank = BANK,
     effects: Effects = None,
-    study: Annotated[str | None, Option(help="whose best designs get the cause")] = None,
-    write: Annotated[Path | None, Option(metavar="FILE", help="study with the cause")] = None,
-    base: Annotated[str | None, Option(help="with --write: study that takes it")] = None,
+    study: Annotated[str | None, Option(help="study: effect on its choice")] = None,
+    write: Annotated[Path | None, Option(metavar="FILE", help="calibrated study")] = None,
+    base: Annotated[str | None, Option(help="with --write: study to calibrate")] = None,
     causes: Annotated[str | None, Option(help="with --write: other effects, A,B")] = None,
     draws: Annotated[int, Option(min=1, max=100_000, help="with --write: draws")] = 200,
     engine: Annotated[str, Option(help="planar or drake, which takes hours")] = "planar",
@@ -31,7 +31,7 @@ def gap(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Identify the effects that make a bench differ from the simulation.
+    """Identify the cause of the gap between bench and simulation.
 
     Simulations of a clutch and its operating points take some minutes, once.
 
@@ -70,7 +70,7 @@ def gap(
 
 
 def gap_plan(
-    where: Annotated[str, Argument(metavar="BENCH_DIR|STUDY", help="has the points")],
+    where: Annotated[str, Argument(metavar="BENCH_DIR|STUDY", help="operating points")],
     shifts: Annotated[int, Option(help="shifts in all, at least 20")],
     points: Annotated[int | None, Option(min=1, help="operating points, at most")] = None,
     seed: Annotated[int, Option(min=0, help="of the random order")] = 1,
@@ -82,7 +82,7 @@ def gap_plan(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Plan the shifts of a bench: operating points, numbers, order, and causes they distinguish.
+    """Plan the shifts of a bench so that they distinguish causes.
 
     The order is random but for a reference point at the beginning, in the middle and at the end,
     so that a drift of the stand shows. Times of a data set are not used.
@@ -104,7 +104,7 @@ def gap_update(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Join new readings to the data of an earlier diagnosis, and compare both answers.
+    """Add new readings to a diagnosis, and compare both answers.
 
     Units, corrections and effects of your own are those of the earlier data. The folder keeps the
     earlier record as gap-0.json, gap-1.json and so on, and all updates in updates.json.

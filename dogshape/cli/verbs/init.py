@@ -21,11 +21,7 @@ if TYPE_CHECKING:
     from dogshape.pipeline.drafts.bench_folder import BenchDraft
     from dogshape.pipeline.record import Table
 
-init = typer.Typer(
-    name="init",
-    help="Begin a study or a bench of your own: a folder with commented files.",
-    **PLAIN,
-)
+init = typer.Typer(name="init", help="Begin a study or a bench: a commented folder.", **PLAIN)
 
 EMPTY = "record.empty_cells"
 RECORD = {
@@ -52,7 +48,7 @@ def study(
     force: Force = False,
     json: Json = False,
 ) -> None:
-    """Write a commented study file; in a terminal it asks for your clutch.
+    """Write a commented study file; a terminal asks for your clutch.
 
     Example: dogshape init study --out my_clutch --set dog.count=20 --set dog.height_mm=3.2
     """
@@ -131,9 +127,9 @@ def bench(
 ) -> None:
     """Write a bench folder from tables of any layout, or one to fill in.
 
-    Each quantity is printed as it was read, with the reason; so is what was left out. Cells that
-    can be read in two ways are asked about in a terminal, and refused without one. A column has a
-    unit, --column shift_time_s='t 90 %:ms', or is a formula, --column mismatch_rpm='n_out - n_in';
+    Each quantity is printed with its reading and the reason, then columns and rows left out.
+    Ambiguous cells are asked about in a terminal, and refused without one. A column has a unit,
+    --column shift_time_s='t 90 %:ms', or is a formula, --column mismatch_rpm='n_out - n_in';
     --column engaged=- leaves a quantity out. FILE.xlsx#SHEET is a sheet of a workbook.
 
     Example: dogshape init bench measured.csv --from mq200_stand --out my_bench

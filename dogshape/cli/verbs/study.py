@@ -94,7 +94,7 @@ def expect(
     cluster: Cluster = None,
     json: Json = False,
 ) -> None:
-    """Expected shift time over the relative angle.
+    """Compute the expected shift time over the relative angle.
 
     Example: dogshape expect mq200 --mismatch-rpm 50 --force-N 469 --angles 24
     """
@@ -129,7 +129,7 @@ def validate(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Simulate the operating points of a bench data set and compare.
+    """Compare a bench data set with the simulation.
 
     Example: dogshape validate mq200_adams
     """
@@ -147,10 +147,10 @@ def strength(
     jobs: Jobs = 0,
     json: Json = False,
 ) -> None:
-    """Strength, self-locking and manufacturability of one design.
+    """Check strength, self-locking and manufacture of a design.
 
-    The hardest landing is that of the study's operating points and angles, simulated in seconds by
-    the compiled engine; --no-simulation leaves it out.
+    The compiled engine simulates the hardest landing over operating points and angles in seconds;
+    --no-simulation leaves it out.
 
     Example: dogshape strength mq200 --set dog.height_mm=3.2
     """
@@ -177,11 +177,11 @@ def check(
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Quick check of one design, or predicted times of many.
+    """Check one design in seconds, or predict times of many.
 
     The compiled engine simulates one design in seconds, landing included, beside the surrogate's
-    prediction; --surrogate FILE answers at once, without the landing. A table is the surrogate's:
-    answers go beside it, into NAME-times.csv; status 1 if a row has no answer.
+    prediction; --surrogate FILE answers at once, without the landing. Designs of a table are
+    predicted by the surrogate, into NAME-times.csv beside it; status 1 if a row has no answer.
 
     Example: dogshape check mq200 --set dog.chamfer_deg=14 --set dog.count=18
     """
@@ -212,8 +212,8 @@ def study(
     cluster: Cluster = None,
     seed: Annotated[int | None, Option(min=0, help="of the search")] = None,
     storage: Annotated[str | None, Option(help="PostgreSQL that machines share")] = None,
-    resume: Annotated[bool, Option("--resume", help="go on if there is a study")] = False,
-    no_report: Annotated[bool, Option("--no-report", help="leave it out")] = False,
+    resume: Annotated[bool, Option("--resume", help="continue a stopped study")] = False,
+    no_report: Annotated[bool, Option("--no-report", help="without the report")] = False,
     engine: Engine = None,
     set_: Sets = None,
     json: Json = False,
@@ -238,10 +238,10 @@ def report(
     directory: Annotated[Path, Argument(metavar="DIR", help="folder of a study")],
     json: Json = False,
 ) -> None:
-    """Write the report again from what a study stored.
+    """Write the report again from the stored results of a study.
 
-    Animations of its fastest and slowest shifts that are missing are simulated again, and what
-    the surrogate says of each variable is worked out unless it is there.
+    Missing animations of the fastest and slowest shifts are simulated, and missing effects of the
+    variables are computed.
 
     Example: dogshape report results/mq200
     """
@@ -258,11 +258,11 @@ def fit(
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Fit the surrogate and judge it on designs that it has not seen.
+    """Fit the surrogate and judge it on designs outside the fit.
 
-    A folder of results is fitted as it is. For a study, designs that fill its space are
-    simulated first into results/NAME-space, and references apart to judge by, in the compiled
-    engine unless the study names another.
+    A folder of results is fitted as it is. For a study, space-filling designs are simulated first,
+    into results/NAME-space, and separate designs for the validation; by the compiled engine unless
+    the study names another.
 
     Example: dogshape fit results/mq200
     """
@@ -274,10 +274,10 @@ def compare(
     items: Annotated[list[str], Argument(metavar="A B ...", help="e.g. results/mq200#43, mq200")],
     json: Json = False,
 ) -> None:
-    """Compare designs, studies, folders of results or contact sets with the first one.
+    """Compare designs, studies, results or contact sets.
 
-    FOLDER#N and STUDY#N are designs. Without #N it is the chosen one, or the study's own.
-    Differences are to the first item, with the error of independent means.
+    FOLDER#N and STUDY#N are designs, without #N the chosen one, or the study's own. Differences
+    are to the first item, with the error of independent means.
 
     Example: dogshape compare mq200#19 mq200#43 mq200#0
     """
@@ -296,7 +296,7 @@ def export(
     set_: Sets = None,
     json: Json = False,
 ) -> None:
-    """Geometry for CAD and print, drawing and data sheet of a design.
+    """Write geometry, drawing and data sheet of a design.
 
     The data sheet has dimensions, times, margins and provenance: those of the search for
     results/mq200#33 or mq200#33; any other dog is simulated in seconds, as by check.
@@ -361,7 +361,7 @@ def app(
     browser: Annotated[bool, Option(help="open the page in the browser")] = True,
     set_: Sets = None,
 ) -> None:
-    """Live page in the browser: sliders, section, times, checks.
+    """Open the live page: sliders, section, times and checks.
 
     The server listens on this machine only. The surrogate predicts at once ('dogshape fit'), the
     compiled engine simulates in seconds, landing included.
