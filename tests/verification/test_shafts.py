@@ -120,8 +120,13 @@ def test_stiff_shafts_are_rigid_ones(engine: str) -> None:
 def test_engines_agree_on_shafts(mismatch: float) -> None:
     drake, planar = (_shift(GIVING, mismatch, engine) for engine in ("drake", "planar"))
     assert planar.shift_time == pytest.approx(drake.shift_time, rel=5e-3)
+    # Torque still rises where a shift ends, and an engine ends its trace up to a step later.
+    times = np.linspace(0.0, min(e.trace.time[-1] for e in (drake, planar)), 10_001)
     for name in ("input_torque", "output_torque"):
-        one, other = (np.abs(getattr(e.trace, name)).max() for e in (drake, planar))
+        one, other = (
+            np.abs(np.interp(times, e.trace.time, getattr(e.trace, name))).max()
+            for e in (drake, planar)
+        )
         assert other == pytest.approx(one, rel=0.02), name
 
 
