@@ -50,10 +50,8 @@ from dogshape.sim.errors import DogshapeError
 from dogshape.sim.setting import Setting
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.mechanism import SLIP
-from dogshape.sim.shift.planar import FIRST_STEP, FREE_SIZE, free_motion
+from dogshape.sim.shift.planar import FIRST_STEP, free_flight
 
-PART = 100  #: steps between which a loaded linkage is examined
-LAST = 0.99  #: share of the time-out after which a ring at rest makes no mark
 CREEP = 1.8  #: error of a held start, over the creep of the smooth law by the speed at the mark
 #: Numbers of a clutch that act along the shaft without contact.
 AXIAL = [
@@ -97,64 +95,18 @@ def fly(settings: Sequence[Setting], gap: float, force: float) -> tuple[Array, A
     times, creep = np.zeros((2, len(settings), SIZE))
     rings = np.zeros((len(settings), ways.size))
     for k, setting in enumerate(settings):
-        knots = setting.point.profile.knots
-        time, way, speed, ring, rest = _motion(setting, knots, float(ways[-1]))
+        clutch, knots = setting.clutch, setting.point.profile.knots
+        time, states, rest = free_flight(clutch, setting.point.profile, float(ways[-1]))
+        there = clutch.mechanism.has_linkage and setting.sensor == "actuator"
+        place, rate = (ACTUATOR, ACTUATOR_RATE) if there else (RING, RING_RATE)
+        way, speed = states[:, place], states[:, rate]
         found = [kernel.crossing(time, way, speed, level) for level in ways]
         found += [kernel.crossing(knots[0], knots[1], knots[2], level) for level in forces]
-        times[k] = np.fmin(found, setting.clutch.timeout)  # NaN for never
+        times[k] = np.fmin(found, clutch.timeout)  # NaN for never
         marks = times[k, : ways.size]
-        rings[k] = np.interp(marks, time, ring)
+        rings[k] = np.interp(marks, time, states[:, RING])
         creep[k, : ways.size] = CREEP * SLIP * rest / np.fmax(np.interp(marks, time, speed), SLIP)
     return times, creep, rings
-
-
-def _motion(setting: Setting, knots: Array, way: float) -> tuple[Array, Array, Array, Array, float]:
-    """Integrate a flight: times, displacement, speed, way of the ring, (n,), and time held, s."""
-    clutch, mechanism = setting.clutch, setting.clutch.mechanism
-    linked, numbers = mechanism.has_linkage, np.zeros(kernel.NUMBERS)
-    numbers[AXIAL] = clutch.numbers[AXIAL]
-    numbers[[kernel.SLIDING, kernel.OUTPUT, kernel.RADIUS, kernel.TURN_SPEED]] = 1.0
-    numbers[kernel.REBOUND], numbers[kernel.WAY] = 1e9, 1.02 * way
-    numbers[kernel.USED] = kernel.LINKED_SIZE if linked else kernel.PLAIN_SIZE
-    time, states = np.zeros(1), np.zeros((1, kernel.SIZE))
-    if mechanism.friction > 0.0 and mechanism.resistance(0.0, 0.0, 0.0) == 0.0:
-        time, states = _held(setting, knots, numbers)
-    rest = float(time[-1])
-    if rest >= LAST * clutch.timeout:
-        rest = 0.0  # never let go
-    else:
-        more = free_motion(rest, states[-1], clutch.timeout, numbers, knots)
-        time, states = np.append(time[:-1], more[0]), np.concatenate([states[:-1], more[1]])
-    there = linked and setting.sensor == "actuator"
-    place, rate = (ACTUATOR, ACTUATOR_RATE) if there else (RING, RING_RATE)
-    return time, states[:, place], states[:, rate], states[:, RING], rest
-
-
-def _held(setting: Setting, knots: Array, numbers: Array) -> tuple[Array, Array]:
-    """Load ring and linkage until the force on the ring exceeds friction: times and states."""
-    mechanism, end = setting.clutch.mechanism, LAST * setting.clutch.timeout
-    friction = mechanism.friction
-    if not mechanism.has_linkage:
-        loose = kernel.crossing(knots[0], knots[1], knots[2], friction)
-        return np.array([0.0, end if np.isnan(loose) else loose]), np.zeros((2, kernel.SIZE))
-    heavy = numbers.copy()
-    heavy[kernel.SLEEVE], heavy[kernel.FRICTION], heavy[kernel.DETENT] = 1e12, 0.0, 0.0
-    linkage = float(heavy[kernel.STIFF]), float(heavy[kernel.LOSS])
-    time, states, last = np.zeros(1), np.zeros((1, kernel.SIZE)), 0
-    for _ in range(FREE_SIZE // PART):
-        more = free_motion(float(time[-1]), states[-1], end, heavy, knots, size=PART)
-        time, states = np.append(time, more[0][1:]), np.concatenate([states, more[1][1:]])
-        pull = mechanism.pull(states[:, ACTUATOR], states[:, ACTUATOR_RATE], *linkage)
-        last = int(np.argmax(pull >= friction))
-        if last > 0 or time[-1] >= end:
-            break
-    states[:, [RING, RING_RATE]] = 0.0
-    if last == 0:
-        return np.append(time, end), np.concatenate([states, states[-1:]])
-    share = (friction - pull[last - 1]) / (pull[last] - pull[last - 1])
-    for part in (time, states):
-        part[last] = part[last - 1] + share * (part[last] - part[last - 1])
-    return time[: last + 1], states[: last + 1]
 
 
 class _Grid(NamedTuple):

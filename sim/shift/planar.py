@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from dogshape.sim import kernel
 from dogshape.sim.shift.actuation import ForceProfile
 from dogshape.sim.shift.clutch import Clutch, OperatingPoint
-from dogshape.sim.shift.conclusion import Run, failure_of, states_held
+from dogshape.sim.shift.conclusion import LATEST_RELEASE, Run, failure_of, states_held
 from dogshape.sim.shift.geometry import Dog
 from dogshape.sim.shift.mesh import rigid_dog, stacked, touching_planes, touching_quads
 
@@ -104,31 +104,28 @@ class PlanarClutch:
         return Run(whole, there, why == kernel.HELD, failure, spent)
 
 
-def free_motion(
-    now: float,
-    state: Floats,
-    until: float,
-    numbers: Floats,
-    knots: Floats,
-    *,
-    size: int = FREE_SIZE,
-) -> tuple[Floats, Floats]:
-    """Integrate up to ``size`` steps without dogs: times, (n,), and states from the first on."""
-    times, states = np.empty(size + 1), np.empty((size + 1, kernel.SIZE))
-    times[0], states[0] = now, state
+def free_flight(clutch: Clutch, profile: ForceProfile, way: float) -> tuple[Floats, Floats, float]:
+    """Integrate the motion of the ring over a way in m without dogs, to the time-out at most.
+
+    Times in s, (n,), states, (n, 12), and the time for which friction holds the ring, s: 0 where
+    it never lets go.
+    """
+    held, begun = states_held(clutch, OperatingPoint(0.0, profile), 0.0)
+    rest, numbers = float(held[-1]), clutch.numbers.copy()
+    if rest >= LATEST_RELEASE * clutch.timeout:
+        return held, begun, 0.0
+    numbers[kernel.WAY], numbers[kernel.REBOUND] = 1.02 * way, 1e9
+    times, states = np.empty(FREE_SIZE), np.empty((FREE_SIZE, kernel.SIZE))
     *_, made, _ = kernel.advance(
-        now, FIRST_STEP, states[0].copy(), NO_LOOK, until, numbers, knots, NO_DOGS, NO_LAW,
-        FREE_ERROR, FREE_STEP, np.zeros(2), times[1:], states[1:],
+        rest, FIRST_STEP, begun[-1].copy(), NO_LOOK, clutch.timeout, numbers, profile.knots,
+        NO_DOGS, NO_LAW, FREE_ERROR, FREE_STEP, np.zeros(2), times, states,
     )  # fmt: skip
-    return times[: made + 1], states[: made + 1]
+    return np.append(held, times[:made]), np.concatenate([begun, states[:made]]), rest
 
 
-@lru_cache(maxsize=512)
+@lru_cache(maxsize=512)  # operating points share forces
 def touch_time(clutch: Clutch, profile: ForceProfile) -> float:
     """Compute the time until the axial gap is closed, s; the time-out where it stays open."""
-    held, begun = states_held(clutch, OperatingPoint(0.0, profile), 0.0)
-    numbers, gap = clutch.numbers.copy(), clutch.dog.axial_gap
-    numbers[kernel.WAY], numbers[kernel.REBOUND] = 1.02 * gap, 1e9
-    times, states = free_motion(float(held[-1]), begun[-1], clutch.timeout, numbers, profile.knots)
+    times, states, _ = free_flight(clutch, profile, gap := clutch.dog.axial_gap)
     found = kernel.crossing(times, states[:, 1], states[:, 4], gap)
     return clutch.timeout if math.isnan(found) else float(found)
