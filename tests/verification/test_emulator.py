@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,12 +10,20 @@ import pytest
 from sklearn.gaussian_process import GaussianProcessRegressor
 from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
+from dogshape.diagnosis.bench.bench_data import load_bench
 from dogshape.diagnosis.likelihood.likelihood import Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.emulator import AMPLITUDES, LENGTHS, Emulator, Kernel
-from dogshape.diagnosis.prediction.model import _two_modes
+from dogshape.diagnosis.prediction.model import Model, _two_modes, build_models, timely
 from dogshape.diagnosis.settings import USUAL
 from dogshape.diagnosis.terms import NONE, Array
+from dogshape.sim.effects import load
+from dogshape.sim.setting import angle_weights
+from dogshape.sim.shift.conclusion import engage
+from dogshape.sim.shift.planar import PlanarClutch, touch_time
+from dogshape.sim.statistics.blocks import Block
+from dogshape.sim.statistics.shift_records import Record
+from tests.made_up import RECORD, few_cells
 from tests.verification.test_likelihood import world
 
 NOISE = 0.05
@@ -70,6 +79,58 @@ def test_one_chaotic_level_does_not_bend_the_others() -> None:
     off[4] += 4.0 * NOISE
     mean, _, _ = _fitted(off, X[:1]).at(X, np.zeros((9, 0)), 1)
     assert abs(mean[:, 0] - line).max() < 1.3 * NOISE
+
+
+def _compiled(blocks: Sequence[Block]) -> list[list[Record]]:
+    every = [
+        [engage(PlanarClutch(one.clutch), one.point, angle) for angle in one.angles]
+        for one in blocks
+    ]
+    return [[{"outcome": e.outcome.value, "shift_time_s": e.shift_time} for e in row]
+            for row in every]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def simulated() -> Model:
+    bench = few_cells(load_bench("mq200_adams"), [(50.0, 235.2), (149.0, 235.2), (249.0, 641.5)])
+    bench = replace(bench, clutch=bench.clutch.with_engine("planar"), record=RECORD)
+    names = ("sleeve_friction", "actuation_lag", "relative_angle", "actuation_delay")
+    every = load(None)
+    return build_models(bench, {name: every[name] for name in names}, USUAL, _compiled)["sleeve"]
+
+
+@pytest.mark.parametrize("force", [180.0, 520.0])
+def test_the_gap_closes_as_in_closed_form(simulated: Model, force: float) -> None:
+    clutch, profile = simulated.setting.clutch, simulated.setting.point.profile
+    profile = replace(profile, force=force)
+    found = touch_time(clutch, profile)
+    exact = profile.free_flight_time(clutch.dog.axial_gap, clutch.rings.mass)
+    assert found == pytest.approx(exact, rel=1e-4)
+    held = replace(clutch, mechanism=replace(clutch.mechanism, friction=force + 1.0))
+    assert touch_time(held, profile) == clutch.timeout
+
+
+@pytest.mark.parametrize(("effect", "share"), [("sleeve_friction", 0.5), ("actuation_lag", 0.7)])
+@pytest.mark.parametrize("centre", [0.2, 0.7])
+def test_uneven_angles_move_by_the_turn_before_the_touch(
+    simulated: Model, effect: str, share: float, centre: float
+) -> None:
+    """A longer flight and uneven angles together, against 48 shifts with both at each point."""
+    hypothesis = effect, "relative_angle"
+    space = simulated.space(hypothesis)
+    own, concentration, _ = space.parameters
+    p = simulated.predict(hypothesis, np.array([[share, concentration.share(6.0), centre]]))
+    for k, setting in enumerate(simulated.settings):
+        changed = space.effects[0].apply(setting, {own.name: own.at(share)})
+        angles = simulated.simulated.angles[k]
+        weights = angle_weights(angles / setting.clutch.dog.pitch_angle, 6.0, centre)
+        times = [
+            engage(PlanarClutch(changed.clutch), changed.point, angle).shift_time
+            for angle in angles
+        ]
+        (soon,) = timely(np.array([times], dtype=float), simulated.far[k : k + 1])
+        exact = np.average(soon[known := np.isfinite(soon)], weights=weights[known])
+        assert p.mean[0, k] == pytest.approx(exact, abs=2.5 * np.hypot(p.error, p.common)[0, k])
 
 
 def test_two_modes_have_the_moments_of_all_times() -> None:
