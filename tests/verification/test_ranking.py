@@ -5,6 +5,8 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +16,7 @@ from scipy.stats import kstest
 from benchmarks.self_consistency import answer, cause_of, in_set
 from dogshape.diagnosis.inference.fit import Sample, fit, left_out, refined, screened, widened
 from dogshape.diagnosis.inference.ranking import Ranking, _Search, _unlisted, log_prior
-from dogshape.diagnosis.inference.verdict import unseen
+from dogshape.diagnosis.inference.verdict import Within, decide, unseen
 from dogshape.diagnosis.likelihood.likelihood import NODES, WEIGHTS, Likelihood
 from dogshape.diagnosis.likelihood.observed import observe
 from dogshape.diagnosis.prediction.flights import Flights
@@ -197,3 +199,15 @@ def test_an_effect_that_only_traces_show_is_not_taken_as_absent() -> None:
     unshown = Ranking(likelihood, nothing, {}, {}, 0.0)
     assert unseen(unshown, one, {NONE}) == {NONE: 1.0}
     assert unseen(replace(unshown, more=traces), one, {NONE}) == {}
+
+
+@pytest.mark.parametrize(("left", "inside", "kind"), [
+    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, Within(0.7, 0.9), "none"),
+    ({NONE: 0.85, LAG: 0.1, UNKNOWN: 0.05}, Within(0.7, 0.5), "ambiguous"),  # it would not show
+    ({MASS: 0.5, UNKNOWN: 0.35, LAG: 0.1, NONE: 0.05}, Within(0.1, 0.9), "unknown"),
+    ({LAG: 0.85, UNKNOWN: 0.1, NONE: 0.05}, Within(0.1, 0.9), "effect"),
+])  # fmt: skip
+def test_verdict(left: dict[Hypothesis, float], inside: Within, kind: str) -> None:
+    """The added mass fails its predictive check."""
+    fits: Any = {h: SimpleNamespace(p=0.001 if h == MASS else 0.5) for h in left if h != UNKNOWN}
+    assert decide(left, fits, inside, USUAL).kind == kind
