@@ -54,7 +54,7 @@ def test_kept_margins_are_those_of_today(kept: Kept) -> None:
 
 
 def test_kept_times_are_simulated_again(kept: Kept) -> None:
-    """Where single angles matter least, so that no machine's rounding does."""
+    """Where single angles matter least, within the error of most shifts at the default steps."""
     study, result, row = kept
     points = result["confirmation"]["best"]["points"]
     place = min(range(len(points)), key=lambda k: points[k]["sd_s"] / points[k]["mean_s"])
@@ -63,7 +63,7 @@ def test_kept_times_are_simulated_again(kept: Kept) -> None:
     block = evaluation.design_blocks(study.working, params, new_angles(study.working), seed)[place]
     rows = scratch_executor(1).run([block])
     mean = evaluation.expectation_of(study.working, [block.point], rows).mean
-    assert mean == pytest.approx(points[place]["mean_s"], rel=1e-4)
+    assert mean == pytest.approx(points[place]["mean_s"], rel=6e-4)
 
 
 KEPT = kept_result()
