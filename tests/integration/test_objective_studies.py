@@ -131,8 +131,8 @@ def test_shape_and_control_are_searched_together(tmp_path: Path) -> None:
     assert forces == pytest.approx([315.5 * best["force_factor"]] * 3)
     life = record["life"]
     assert [row["crest_loss_mm"] for row in life] == [0.0, 0.05, 0.1]
-    time = confirmed["best"]["expected_shift_time_s"]
-    assert life[0]["expected_shift_time_s"] == pytest.approx(time, rel=0.1)
+    time, error = confirmed["best"]["expected_shift_time_s"], life[0]["standard_error_s"]
+    assert life[0]["expected_shift_time_s"] == pytest.approx(time, abs=2.0 * error)
     assert '<section id="life">' in (out / "report.html").read_text()
     # The surrogate is over both; designs that are operated differently meet at the same points.
     assert record["surrogate"] is not None
