@@ -6,7 +6,7 @@ at the same angles are interpolated over the effect's parameters. Of several eff
 time *T* until the gap is closed multiply, and those of the time *E* from there on,
 
 .. math:: \mu = T_0 \prod_e \frac{T_e}{T_0} + E_0 e^{\sum_e z_e}, \qquad
-          z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = \mu \sum_{e<f} |z_e z_f|,
+          z_e = \ln \frac{E_e}{E_0}, \qquad \Delta = 0.7\,\mu \sum_{e<f} |z_e z_f|,
 
 where :math:`\Delta` is the standard error of an operating point and that of all in common. A dead
 time adds itself exactly. Relative angles that are not uniform are weights on the baseline's angles,
