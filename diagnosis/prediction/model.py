@@ -18,7 +18,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -147,9 +147,7 @@ class Model:
     nuisances: Mapping[str, Effect]  #: integrated under every hypothesis
     law: float  #: error of an effect's law, as a share of the change that it makes
     turned: Model | None = None  #: of the reversed sense of rotation, where that is a hypothesis
-    _curves: dict[str, Callable[[Array, Array | float], Changes]] = field(
-        default_factory=dict, init=False
-    )
+    _curves: dict[str, Callable[[Array], Changes]] = field(default_factory=dict, init=False)
     _recent: dict[object, Changes] = field(default_factory=dict, init=False)
 
     @property
@@ -242,12 +240,14 @@ class Model:
         )
         modes, rest = np.ones((3, count, self.cells)), np.zeros((count, self.cells, MOMENTS - 1))
         for name in sorted(hypothesis, key=lambda name: name in self._readings):
-            turn = (pace + slip) * free * np.exp(flight) - pace * free
+            reads, turn = name in self._readings, 0.0
+            if reads:
+                turn = (pace + slip) * free * np.exp(flight) - pace * free
             change = self.changes(name, values[:, space.columns(name)], turn)
             log = change.moments[..., 0]
             left = base * np.exp(log) - free * np.exp(change.flight)
             part = np.log(np.maximum(left, LEAST_PART * base) / after)
-            crossed += COMBINED[name in self._readings] * abs(part) * beside
+            crossed += COMBINED[reads] * abs(part) * beside
             beside += abs(part)
             log_after += part
             logs += log
@@ -316,12 +316,13 @@ class Model:
             if len(self._recent) >= RECENT:
                 self._recent.clear()
             effect = self.effects.get(name) or self.nuisances[name]
-            if name not in self._curves:
-                self._curves[name] = partial(self._read, effect) if reads else self._curve(effect)
-            self._recent[key] = self._curves[name](values, turn)
+            if not reads and name not in self._curves:
+                self._curves[name] = self._curve(effect)
+            found = self._read(effect, values, turn) if reads else self._curves[name](values)
+            self._recent[key] = found
         return self._recent[key]
 
-    def _curve(self, effect: Effect) -> Callable[[Array, Array | float], Changes]:
+    def _curve(self, effect: Effect) -> Callable[[Array], Changes]:
         """Fit the changes by an effect over its levels, moment by moment."""
         places = self.simulated.of((effect.name,))
         x = self._coordinates(effect, np.array([self.simulated.levels[k].values for k in places]))
@@ -341,7 +342,7 @@ class Model:
         added = [(delay, time**-0.5 - free**-0.5, slip - pace) for delay, (time, slip) in pairs]
         exact = fitted.exact(np.array(added).reshape(len(rows), -1))
 
-        def changes(values: Array, _: Array | float) -> Changes:
+        def changes(values: Array) -> Changes:
             at = np.clip((self._coordinates(effect, values) - low) / wide, 0.0, 1.0)
             moments, error, found = fitted.at(at, exact, MOMENTS)
             delay, root, slip = found.reshape(-1, 3, self.cells).swapaxes(0, 1)
